@@ -1,0 +1,1 @@
+"""What carries messages and time: bytes, clock, links, bus, log, viewer."""

@@ -1,0 +1,178 @@
+"""The messages a vehicle sends: poses on the wire, and what it reports about itself to the log.
+
+These dataclasses are a boundary, so every field carries its unit. Frames: "east/north" is the
+local tangent plane at the scenario's origin (WGS84), yaw is counter-clockwise from east, left is
+positive for lateral error, curvature and steering. `heading_deg` is a compass course (clockwise
+from north). Instants are integer nanoseconds of Unix time, on the run's schedule.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Mode = Literal["path", "composite", "lead", "predecessor", "coast", "straight"]
+"""What a vehicle steers along: its own path (the lead), the composite of both sources, one source
+only, the last trajectory extrapolated, or straight ahead (nothing heard yet)."""
+
+Outcome = Literal["delivered", "dropped"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GpsPose:
+    """One measurement of a GNSS receiver, as broadcast to the convoy."""
+
+    vehicle: str
+    seq: int
+    measured_at_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    heading_deg: float
+    speed_mps: float
+    yaw_rate_radps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruePose:
+    """The state of the simulated car, which only the log and the viewer may see."""
+
+    vehicle: str
+    seq: int
+    true_at_ns: int
+    east_m: float
+    north_m: float
+    yaw_rad: float
+    speed_mps: float
+    lateral_speed_mps: float
+    yaw_rate_radps: float
+    steering_rad: float
+    distance_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompositeTrajectory:
+    """The arc spline a vehicle steers along and the received samples it was fitted to.
+
+    Piece i starts at (piece_east_m[i], piece_north_m[i]) with piece_yaw_rad[i] and bends with
+    piece_curvature_per_m[i] over piece_length_m[i]. `sample_source[j]` names where sample j came
+    from: 0 lead, 1 predecessor.
+    """
+
+    vehicle: str
+    seq: int
+    decided_at_ns: int
+    mode: Mode
+    piece_east_m: tuple[float, ...]
+    piece_north_m: tuple[float, ...]
+    piece_yaw_rad: tuple[float, ...]
+    piece_curvature_per_m: tuple[float, ...]
+    piece_length_m: tuple[float, ...]
+    sample_east_m: tuple[float, ...]
+    sample_north_m: tuple[float, ...]
+    sample_source: tuple[int, ...]
+    residual_m_rms: float
+    residual_m_max: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracking:
+    """Errors of a vehicle against the trajectory it steers along, as it estimates them."""
+
+    vehicle: str
+    seq: int
+    decided_at_ns: int
+    mode: Mode
+    reason: str
+    lateral_error_m: float
+    heading_error_rad: float
+    yaw_rate_error_radps: float
+    curvature_per_m: float
+    gap_m: float
+    lead_age_s: float
+    predecessor_age_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """What a vehicle asks of its steering and drive."""
+
+    vehicle: str
+    seq: int
+    decided_at_ns: int
+    steering_rad: float
+    feedforward_rad: float
+    feedback_rad: float
+    acceleration_mps2: float
+    target_speed_mps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkVerdict:
+    """What the directed link sender → vehicle did to message `pose_seq`, and why.
+
+    `late` means that the message physically came after the tick that should have heard it.
+    """
+
+    vehicle: str
+    seq: int
+    sender: str
+    pose_seq: int
+    measured_at_ns: int
+    outcome: Outcome
+    reason: str
+    visible_at_ns: int
+    heard_at_ns: int
+    late: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """How a vehicle's process is doing; counters run from the start. The last one says `final`."""
+
+    vehicle: str
+    seq: int
+    reported_at_ns: int
+    ticks: int
+    late_ticks: int
+    lateness_ms_max: float
+    heard: int
+    dropped: int
+    late_messages: int
+    rejected_messages: int
+    published: int
+    memory_bytes: int
+    cpu_ratio: float
+    final: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogText:
+    """One line of text for the log."""
+
+    vehicle: str
+    seq: int
+    logged_at_ns: int
+    level: Literal["debug", "info", "warning", "error", "fatal"]
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunStart:
+    """The one instant at which every vehicle of a run starts its schedule."""
+
+    vehicle: str
+    seq: int
+    start_at_ns: int
+    run_id: str
+
+
+Message = (
+    GpsPose
+    | TruePose
+    | CompositeTrajectory
+    | Tracking
+    | Command
+    | LinkVerdict
+    | Health
+    | LogText
+    | RunStart
+)
