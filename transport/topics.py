@@ -31,6 +31,7 @@ _ROWS = (
     Topic("health", messages.Health, "reported_at_ns", "1 Hz", True, 4096, False),
     Topic("log", messages.LogText, "logged_at_ns", "event", True, 4096, False),
     Topic("start", messages.RunStart, "start_at_ns", "event", True, 16, True),
+    Topic("end", messages.RunEnd, "end_at_ns", "event", True, 16, True),
 )
 TOPICS: Mapping[str, Topic] = {row.name: row for row in _ROWS}
 TOPIC_OF: Mapping[type[messages.Message], Topic] = {row.message: row for row in _ROWS}

@@ -165,6 +165,16 @@ class RunStart:
     run_id: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEnd:
+    """The run is over and its log is complete; an empty reason means as planned."""
+
+    vehicle: str
+    seq: int
+    end_at_ns: int
+    reason: str
+
+
 Message = (
     GpsPose
     | TruePose
@@ -175,4 +185,5 @@ Message = (
     | Health
     | LogText
     | RunStart
+    | RunEnd
 )
