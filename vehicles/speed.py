@@ -1,0 +1,116 @@
+"""How fast to go: a given speed over time, or keeping the gap to what is ahead. SI units."""
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+
+GAP_STIFFNESS = 1.0
+"""Acceleration asked per metre of gap error (1/s²)."""
+
+PREDECESSOR_DAMPING = 1.5
+"""Acceleration asked per m/s that the predecessor is faster (1/s)."""
+
+LEAD_DAMPING = 1.5
+"""Acceleration asked per m/s that the lead is faster (1/s)."""
+
+CATCH_UP_DISTANCE = 5.0
+"""A gap that is too large by more than this (m) does not make the vehicle hurry more."""
+
+
+class SpeedProfile:
+    """Speed (m/s) over time (s), piecewise linear, constant before the first and after the last."""
+
+    def __init__(self, times: Sequence[float], speeds: Sequence[float]) -> None:
+        if len(times) != len(speeds) or not times:
+            raise ValueError("a speed profile needs as many speeds as times, at least one")
+        if not all(map(math.isfinite, (*times, *speeds))) or min(speeds) < 0.0:
+            raise ValueError("times and speeds must be finite numbers, speeds not negative")
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise ValueError("the times of a speed profile must increase")
+        self._times = tuple(map(float, times))
+        self._speeds = tuple(map(float, speeds))
+
+    def at(self, seconds: float) -> tuple[float, float]:
+        """Speed (m/s) and acceleration (m/s²); at a corner, the acceleration that follows it."""
+        times, speeds = self._times, self._speeds
+        index = bisect_right(times, seconds) - 1
+        if index < 0:
+            return speeds[0], 0.0
+        if index == len(times) - 1:
+            return speeds[-1], 0.0
+        slope = (speeds[index + 1] - speeds[index]) / (times[index + 1] - times[index])
+        return speeds[index] + slope * (seconds - times[index]), slope
+
+
+@dataclass(frozen=True, slots=True)
+class GapPolicy:
+    """The gap to keep (m): `standstill` (m) plus `headway` (s) times speed.
+
+    A headway of 0 keeps a constant distance.
+    """
+
+    standstill: float
+    headway: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_not_negative(self)
+
+    def desired(self, speed: float) -> float:
+        """Gap to keep (m) at `speed` (m/s)."""
+        return self.standstill + self.headway * speed
+
+
+@dataclass(frozen=True, slots=True)
+class GapLimits:
+    """What gap keeping may ask of the drive (m/s², both positive).
+
+    2 m/s² is brisk driving; 6 m/s² is hard braking on a dry road with some grip in reserve, twice
+    what a lead should use, so that followers can make good their delay.
+    """
+
+    acceleration: float = 2.0
+    deceleration: float = 6.0
+
+    def __post_init__(self) -> None:
+        _require_not_negative(self)
+
+
+def gap_acceleration(
+    *,
+    gap: float,
+    own_speed: float,
+    predecessor_speed: float,
+    lead_speed: float,
+    policy: GapPolicy,
+    limits: GapLimits,
+) -> float:
+    """Acceleration (m/s²) that keeps the gap, from what was heard of predecessor and lead.
+
+    a = k_p (gap - desired) + k_v (v_pred - v) + k_l (v_lead - v). With a constant distance, errors
+    pass from one vehicle to the next as (k_v s + k_p) / (s² + (k_v + k_l) s + k_p), which nowhere
+    exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p; without the lead's speed (k_l = 0) it always does
+    somewhere (Swaroop and Hedrick, 1996). The constants here leave margin for the delay of a
+    radio. With a headway the error is that of the gap at the present speed.
+
+    `gap` (m) is that of now: extrapolate a heard position by its speed and age. A lead speed of
+    NaN (nothing heard) counts as the predecessor's; the constant distance is then not string
+    stable. Speeds in m/s. The result is within `limits`.
+    """
+    if math.isnan(lead_speed):
+        lead_speed = predecessor_speed
+    error = min(gap - policy.desired(own_speed), CATCH_UP_DISTANCE)
+    wanted = (
+        GAP_STIFFNESS * error
+        + PREDECESSOR_DAMPING * (predecessor_speed - own_speed)
+        + LEAD_DAMPING * (lead_speed - own_speed)
+    )
+    return min(max(wanted, -limits.deceleration), limits.acceleration)
+
+
+def _require_not_negative(values: GapPolicy | GapLimits) -> None:
+    for field in fields(values):
+        value = getattr(values, field.name)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{field.name} must be a number of at least 0, not {value}")
