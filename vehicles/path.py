@@ -1,0 +1,217 @@
+"""A path that a vehicle can drive: place, direction and bend as functions of the way along it.
+
+World frame: east-north, yaw counter-clockwise from east; lateral offset and curvature are positive
+to the left. SI units.
+"""
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+SAMPLING = 0.25
+"""Longest way (m) between two samples of a path."""
+
+WINDOW = 5.0
+"""Projection looks this far (m) along the path to either side of where the vehicle was."""
+
+_CORNER = 1e-3
+"""Before its curvature changes at a corner between segments, a path has a sample this close (m)."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathPoint:
+    """Station (m along the path), position (m), yaw (rad, unwrapped), curvature (1/m)."""
+
+    station: float
+    east: float
+    north: float
+    yaw: float
+    curvature: float
+
+
+@dataclass(frozen=True, slots=True)
+class PathProjection:
+    """Foot of a point on the path: its station (m), yaw (rad, unwrapped) and curvature (1/m).
+
+    `lateral` (m) is the point's distance from it, positive to the left.
+    """
+
+    station: float
+    lateral: float
+    yaw: float
+    curvature: float
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A stretch of constant curvature: length (m), curvature (1/m, left positive, 0 straight)."""
+
+    length: float
+    curvature: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Samples of a path, each array of shape (n,), n >= 2.
+
+    station (m, strictly increasing), east and north (m), yaw (rad, unwrapped) and curvature (1/m).
+    Between samples position is a cubic through both ends and their directions, yaw and curvature
+    are linear. Before its first and after its last sample a path goes on straight. The arrays
+    become read-only.
+    """
+
+    station: FloatArray
+    east: FloatArray
+    north: FloatArray
+    yaw: FloatArray
+    curvature: FloatArray
+    _rows: tuple[tuple[float, float, float, float, float], ...] = field(init=False, repr=False)
+    _stations: list[float] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        arrays = (self.station, self.east, self.north, self.yaw, self.curvature)
+        if len({array.shape for array in arrays}) != 1 or self.station.ndim != 1:
+            raise ValueError("the arrays of a path must be of one length")
+        if self.station.size < 2 or not all(np.isfinite(array).all() for array in arrays):
+            raise ValueError("a path needs at least two samples, all finite")
+        if not (np.diff(self.station) > 0.0).all():
+            raise ValueError("the stations of a path must increase")
+        for array in arrays:
+            array.setflags(write=False)
+        # Single values are read far faster from tuples than from arrays.
+        rows = zip(*(array.tolist() for array in arrays), strict=True)
+        object.__setattr__(self, "_rows", tuple(rows))
+        object.__setattr__(self, "_stations", self.station.tolist())
+
+    @property
+    def length(self) -> float:
+        """Way from the first sample to the last (m)."""
+        return self._stations[-1] - self._stations[0]
+
+    def at(self, station: float) -> PathPoint:
+        """Point at `station` (m)."""
+        index = bisect_right(self._stations, station) - 1
+        if index < 0:
+            return _straight_on(self._rows[0], station)
+        if index >= len(self._rows) - 1:
+            return _straight_on(self._rows[-1], station)
+        return _between(self._rows[index], self._rows[index + 1], station)
+
+    def project(
+        self, east: float, north: float, near: float | None, window: float = WINDOW
+    ) -> PathProjection:
+        """Foot of (east, north) in metres on the path, sought within `window` (m) of `near` (m).
+
+        So a path that crosses itself, or runs over the same ground again, is followed in order. A
+        `near` of None seeks along the whole path and takes the first of equally close places.
+        """
+        low, high = (-math.inf, math.inf) if near is None else (near - window, near + window)
+        station = min(max(self._nearest_sample(east, north, low, high), low), high)
+        point = self.at(station)
+        for _ in range(8):  # each step squares the error; two or three are usual
+            cos, sin = math.cos(point.yaw), math.sin(point.yaw)
+            lateral = (north - point.north) * cos - (east - point.east) * sin
+            along = (east - point.east) * cos + (north - point.north) * sin
+            # Beyond the centre of curvature there is no foot; the floor keeps the step finite.
+            along /= max(1.0 - point.curvature * lateral, 0.2)
+            target = min(max(station + along, low), high)
+            if abs(target - station) < 1e-9:
+                break
+            station, point = target, self.at(target)
+        return PathProjection(station, lateral, point.yaw, point.curvature)
+
+    def _nearest_sample(self, east: float, north: float, low: float, high: float) -> float:
+        first = max(0, bisect_left(self._stations, low) - 1)
+        last = min(len(self._stations), bisect_right(self._stations, high) + 1)
+        if first >= last:  # the window lies beyond an end
+            return low if first else high
+        aside, ahead = self.east[first:last] - east, self.north[first:last] - north
+        return self._stations[first + int(np.argmin(aside * aside + ahead * ahead))]
+
+
+_Row = tuple[float, float, float, float, float]
+
+
+def _straight_on(row: _Row, station: float) -> PathPoint:
+    """Point on the straight that leaves an end of the path."""
+    start, east, north, yaw, curvature = row
+    way = station - start
+    return PathPoint(
+        station,
+        east + way * math.cos(yaw),
+        north + way * math.sin(yaw),
+        yaw,
+        curvature if way == 0.0 else 0.0,
+    )
+
+
+def _between(left: _Row, right: _Row, station: float) -> PathPoint:
+    """Point between two neighbouring samples: cubic Hermite position, linear yaw and curvature."""
+    start, east, north, yaw, curvature = left
+    end, next_east, next_north, next_yaw, next_curvature = right
+    step = end - start
+    share = (station - start) / step
+    rest = 1.0 - share
+    weight = share * share * (3.0 - 2.0 * share)
+    leaving, arriving = share * rest * rest * step, -share * share * rest * step
+    return PathPoint(
+        station,
+        east
+        + weight * (next_east - east)
+        + leaving * math.cos(yaw)
+        + arriving * math.cos(next_yaw),
+        north
+        + weight * (next_north - north)
+        + leaving * math.sin(yaw)
+        + arriving * math.sin(next_yaw),
+        yaw + share * (next_yaw - yaw),
+        curvature + share * (next_curvature - curvature),
+    )
+
+
+def path_from_segments(
+    segments: Sequence[Segment], east: float = 0.0, north: float = 0.0, yaw: float = 0.0
+) -> Path:
+    """Straights and arcs one after another from (east, north), metres, in direction `yaw` (rad).
+
+    Samples lie exactly on them. Where the curvature changes, it changes within the last
+    millimetre before the corner.
+    """
+    if not segments:
+        raise ValueError("a path needs at least one segment")
+    start: _Row = (0.0, east, north, yaw, segments[0].curvature)
+    rows: list[_Row] = []
+    for segment in segments:
+        if not (math.isfinite(segment.curvature) and 2 * _CORNER < segment.length < math.inf):
+            raise ValueError(f"not a segment of a path: {segment}")
+        rows += (_along(start, segment.curvature, way) for way in _ways(segment.length))
+        start = _along(start, segment.curvature, segment.length)
+    rows.append(start)
+    return Path(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _ways(length: float) -> Iterator[float]:
+    """Ways from a segment's start at which it is sampled; its end belongs to the next one."""
+    count = math.ceil(length / SAMPLING)
+    yield from (length * index / count for index in range(count))
+    yield length - _CORNER
+
+
+def _along(start: _Row, curvature: float, way: float) -> _Row:
+    """Sample `way` (m) along the arc that leaves `start` with `curvature` (1/m)."""
+    station, east, north, yaw, _ = start
+    half = 0.5 * curvature * way
+    chord = way * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    return (
+        station + way,
+        east + chord * math.cos(yaw + half),
+        north + chord * math.sin(yaw + half),
+        yaw + 2.0 * half,
+        curvature,
+    )
