@@ -1,0 +1,92 @@
+"""TOML in and out: overrides put into a parsed file, and tables written back as text."""
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+Raw = dict[str, Any]
+"""A parsed TOML table, not yet validated."""
+
+
+class OverrideError(ValueError):
+    """An override that cannot be applied, with its reason."""
+
+
+def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
+    """Key parts and value of `key.path=value`; a value that is not TOML is taken as a text."""
+    key, equals, value = text.partition("=")
+    parts = tuple(re.sub(r"\[(\d+)\]", r".\1", key.strip()).split("."))
+    if not equals or not all(parts):
+        raise OverrideError(f"given {json.dumps(text)}, allowed key=value, such as seed=7")
+    try:
+        return parts, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return parts, value.strip()
+
+
+def override(table: Raw, parts: Sequence[str], value: object) -> None:
+    """Set `table[parts[0]][parts[1]]...` to `value`; tables and the next list entry are made."""
+    here: Any = table
+    for depth, part in enumerate(parts):
+        last = depth == len(parts) - 1
+        if isinstance(here, list):
+            index = _index(here, parts[: depth + 1])
+            here[index] = value if last else here[index]
+            here = here[index]
+        elif isinstance(here, dict):
+            here[part] = value if last else here.get(part, {})
+            here = here[part]
+        else:
+            raise OverrideError(f"{'.'.join(parts[:depth])} is a value, it has no key {part}")
+
+
+def _index(entries: list[Any], parts: Sequence[str]) -> int:
+    if not parts[-1].isdecimal() or int(parts[-1]) > len(entries):
+        allowed = f"0 to {len(entries)}"
+        raise OverrideError(f"given index {parts[-1]} of {'.'.join(parts[:-1])}, allowed {allowed}")
+    if int(parts[-1]) == len(entries):
+        entries.append({})
+    return int(parts[-1])
+
+
+def to_toml(table: Mapping[str, Any], prefix: str = "") -> str:
+    """`table` as TOML text that parses to equal values; None is left out."""
+    table = {key: value for key, value in table.items() if value is not None}
+    lines = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if not _is_table(v)]
+    text = "".join(f"{line}\n" for line in lines)
+    for key, value in table.items():
+        name = f"{prefix}{_key(key)}"
+        if isinstance(value, Mapping):
+            text += f"\n[{name}]\n{to_toml(value, f'{name}.')}"
+        elif _is_table(value):
+            text += "".join(f"\n[[{name}]]\n{to_toml(entry, f'{name}.')}" for entry in value)
+    return text
+
+
+def _is_table(value: object) -> bool:
+    if isinstance(value, Mapping):
+        return True
+    return isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _text(key)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, datetime):
+        return value.isoformat()
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_value(entry) for entry in value)}]"
+    return repr(value)
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
