@@ -1,0 +1,47 @@
+"""What can be read of a log's file: all of it, or all up to where its recorder was killed."""
+
+import mmap
+import struct
+from pathlib import Path
+
+MAGIC = b"\x89MCAP0\r\n"
+"""An MCAP file begins and ends with these bytes (MCAP specification, section Magic)."""
+_HEAD = struct.Struct("<BQ")  # what each record begins with: opcode, length of the rest
+_FOOTER = 0x02
+_OPCODES = range(0x01, 0x10)
+
+
+class LogError(Exception):
+    """A log that cannot be written or read: one line that says what, where and what is right."""
+
+
+def map_log(path: Path) -> tuple[mmap.mmap, bool]:
+    """Map the complete records of an MCAP file, and say whether the file breaks off after them.
+
+    Raises LogError if there is no such file or it is no MCAP.
+    """
+    try:
+        with path.open("rb") as file:
+            whole = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            if whole[: len(MAGIC)] != MAGIC:
+                raise LogError(f"{path}: is not an MCAP log (run.mcap in a run's folder is one)")
+            end, truncated = _measure(whole)
+            return mmap.mmap(file.fileno(), end, access=mmap.ACCESS_READ), truncated
+    except ValueError as error:  # nothing to map
+        raise LogError(f"{path}: is empty, not an MCAP log") from error
+    except OSError as error:
+        raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
+
+
+def _measure(whole: mmap.mmap) -> tuple[int, bool]:
+    """Find where the last complete record ends, and whether the log breaks off there."""
+    at, size = len(MAGIC), len(whole)
+    while at + _HEAD.size <= size:
+        opcode, length = _HEAD.unpack_from(whole, at)
+        after = at + _HEAD.size + length
+        if opcode not in _OPCODES or after > size:
+            break
+        at = after
+        if opcode == _FOOTER and whole[at:] == MAGIC:
+            return size, False
+    return at, True

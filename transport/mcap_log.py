@@ -1,0 +1,326 @@
+"""The log of a run: one MCAP file, written as it happens, read back as messages.
+
+Our own Protobuf messages stand untouched under `/convoy/<vehicle>/<topic>`, the standard Foxglove
+messages of `transport/foxglove.py` beside them; the scenario, versions and summary are metadata
+and attachments. A log is enough: whatever reviews or measures a run reads this file alone.
+"""
+
+import contextlib
+import os
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self, cast
+
+from mcap import records
+from mcap.exceptions import EndOfFile, McapError
+from mcap.reader import SeekingReader
+from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.writer import Writer
+
+from transport.codec import PROTOBUF, RefusedMessageError, decode
+from transport.foxglove import Twin, descriptor_set, twins
+from transport.log_file import LogError, map_log
+from transport.topics import TOPICS, Topic, instant, key
+from vehicles.messages import Message
+
+__all__ = ["LogError", "LogReader", "LogWriter", "library_name", "repair"]
+
+SEQUENCE_MASK = 0xFFFF_FFFF
+"""MCAP holds sequence numbers in 32 bits; our own message has all of them."""
+
+
+def library_name() -> str:
+    """Name what writes the log, with the versions on which its bytes depend."""
+    parts = ("convoy-emulator", "mcap", "protobuf", "zstandard")
+    return " ".join(f"{part} {version(part)}" for part in parts)
+
+
+class _Channel:
+    """Where one topic of one vehicle goes: its own channel and those of its twins."""
+
+    __slots__ = ("due", "identifier", "twins")
+
+    def __init__(self, identifier: int, beside: tuple[tuple[Twin, int], ...]) -> None:
+        self.identifier = identifier
+        self.twins = beside
+        self.due = 0  # instant from which the next rate-limited twin is written
+
+
+class LogWriter:
+    """Writes the log of one run to `path`; the same calls give the same bytes.
+
+    Nothing here reads a clock. A kill loses what was written after the last `flush()`: on a wall
+    clock call that at least twice a second; in virtual time `close()` is enough. Chunks hold one
+    mebibyte, so memory stays small either way. Not for use by several threads at once.
+    """
+
+    def __init__(self, path: Path, *, library: str | None = None) -> None:
+        try:
+            self._file = path.open("wb")
+        except OSError as error:
+            raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
+        self._writer = Writer(self._file)
+        self._writer.start(profile="", library=library or library_name())
+        self._file.flush()  # even a log without a message is recognised as one
+        self._twins = twins()
+        self._channels: dict[tuple[str, str], _Channel] = {}
+        self._schemas: dict[str, int] = {}
+        self._log_time = 0
+
+    def write(  # noqa: PLR0917 (one record of a log; called for each of very many)
+        self,
+        topic: Topic,
+        vehicle: str,
+        data: bytes,
+        log_time: int,
+        publish_time: int | None = None,
+        message: Message | None = None,
+    ) -> None:
+        """Log the bytes `data` of one message, and its standard twins.
+
+        `log_time` is when it was recorded (ns); one that lies before the last is raised to it, so
+        the log is in order. `publish_time` is when it was sent, by default when it was valid.
+        `message` is `data` decoded; without it the bytes are decoded here, and refused with
+        RefusedMessageError if they are none of `topic`.
+        """
+        if message is None:
+            message = decode(topic, data)
+        valid_at = instant(message)
+        if publish_time is None:
+            publish_time = valid_at
+        publish_time = max(publish_time, 0)  # MCAP's instants are unsigned
+        self._log_time = log_time = max(self._log_time, log_time)
+        channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
+        sequence = message.seq & SEQUENCE_MASK
+        add = self._writer.add_message
+        add(channel.identifier, log_time, data, publish_time, sequence)
+        for twin, identifier in channel.twins:
+            if twin.period_ns:
+                if valid_at < channel.due:
+                    continue
+                channel.due = valid_at + twin.period_ns
+            add(identifier, log_time, twin.make(message), publish_time, sequence)
+
+    def _open(self, topic: Topic, vehicle: str) -> _Channel:
+        origin = key(vehicle, topic)
+        own = self._register(f"/{origin}", PROTOBUF[topic.message], {"zenoh_key": origin})
+        beside = tuple(
+            (twin, self._register(f"/convoy/{vehicle}/{twin.name}", twin.schema, {"of": origin}))
+            for twin in self._twins.get(topic.message, ())
+        )
+        channel = self._channels[vehicle, topic.name] = _Channel(own, beside)
+        return channel
+
+    def _register(self, topic: str, message_class: Any, metadata: dict[str, str]) -> int:
+        name = message_class.DESCRIPTOR.full_name
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(
+                name=name, encoding="protobuf", data=descriptor_set(message_class)
+            )
+        return self._writer.register_channel(
+            topic=topic,
+            message_encoding="protobuf",
+            schema_id=self._schemas[name],
+            metadata=metadata,
+        )
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Put a file into the log, as of the last message."""
+        self._writer.add_attachment(0, self._log_time, name, media_type, data)
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Put named text values into the log; a later record of one name stands for the earlier."""
+        self._writer.add_metadata(name, dict(values))
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def close(self) -> None:
+        """Complete the log with its index and summary; closing twice is harmless."""
+        if self._file.closed:
+            return
+        with contextlib.closing(self._file):
+            self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class _Records:
+    """The complete records of an MCAP file, which may end in the middle of one."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._bytes, self.truncated = map_log(path)
+
+    def __iter__(self) -> Iterator[records.McapRecord]:
+        """Give the records of the data section, those in chunks one by one."""
+        self._bytes.seek(0)
+        stream = StreamReader(cast("IO[bytes]", self._bytes), validate_crcs=True)
+        try:
+            for record in stream.records:
+                if isinstance(record, records.DataEnd):
+                    return
+                yield record
+        except EndOfFile:
+            return  # a truncated log ends after its last complete record
+        except (CRCValidationError, McapError) as error:
+            raise LogError(f"{self.path}: the log is damaged: {error}") from error
+
+    def channels(self) -> tuple[dict[int, records.Channel], Mapping[int, int]]:
+        """Return the channels by number and the number of messages of each."""
+        if not self.truncated:
+            found = SeekingReader(cast("IO[bytes]", self._bytes)).get_summary()
+            if found and found.statistics:
+                return found.channels, found.statistics.channel_message_counts
+        channels: dict[int, records.Channel] = {}
+        counts: Counter[int] = Counter()
+        for record in self:
+            if isinstance(record, records.Channel):
+                channels[record.id] = record
+            elif isinstance(record, records.Message):
+                counts[record.channel_id] += 1
+        return channels, counts
+
+
+class LogReader:
+    """Reads the messages of a run back from its log, also from one that breaks off.
+
+    `truncated` says that the log was not completed (its recorder was killed): everything up to
+    the last `flush()` is still there, and `repair` makes it a complete log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._records = _Records(path)
+        self.truncated = self._records.truncated
+        channels, counts = self._records.channels()
+        self._sources = {number: _source(channel.topic) for number, channel in channels.items()}
+        self.counts: dict[tuple[str, str], int] = {
+            (source[0], source[1].name): counts.get(number, 0)
+            for number, source in self._sources.items()
+            if source
+        }
+        """Number of messages of each (vehicle, topic)."""
+        if not self.counts:
+            raise LogError(
+                f"{path}: holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
+                f"with a topic of {', '.join(TOPICS)}"
+            )
+        self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
+
+    def messages(
+        self, topics: Collection[str] | None = None, vehicles: Collection[str] | None = None
+    ) -> Iterator[tuple[int, str, Message]]:
+        """Give (log time in ns, vehicle, message) in the order of the log.
+
+        `topics` and `vehicles` name what is wanted, by default all of them.
+        """
+        wanted = {
+            number: source
+            for number, source in self._sources.items()
+            if source
+            and (vehicles is None or source[0] in vehicles)
+            and (topics is None or source[1].name in topics)
+        }
+        for record in self._records:
+            if isinstance(record, records.Message) and record.channel_id in wanted:
+                vehicle, topic = wanted[record.channel_id]
+                try:
+                    message = decode(topic, record.data)
+                except RefusedMessageError as error:
+                    raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
+                yield record.log_time, vehicle, message
+
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Return the named text values of the log."""
+        return {r.name: r.metadata for r in self._records if isinstance(r, records.Metadata)}
+
+    def attachments(self) -> dict[str, bytes]:
+        """Return the files in the log by name."""
+        return {r.name: r.data for r in self._records if isinstance(r, records.Attachment)}
+
+
+def _source(channel: str) -> tuple[str, Topic] | None:
+    """Split `/convoy/<vehicle>/<topic>`; None for a channel that is none of ours."""
+    match channel.split("/"):
+        case ["", "convoy", vehicle, name] if name in TOPICS:
+            return vehicle, TOPICS[name]
+    return None
+
+
+def repair(path: Path) -> bool:
+    """Make a log that breaks off a complete one, with every record that can be read.
+
+    Rewrites it beside and then puts it in place in one step; a complete log stays untouched. The
+    metadata `repaired` say how many messages were kept. Returns whether there was something to
+    do. Raises LogError if the file is no MCAP log.
+    """
+    broken = _Records(path)
+    if not broken.truncated:
+        return False
+    beside = path.with_name(path.name + ".repaired")
+    try:
+        with beside.open("wb") as file:
+            _copy(broken, Writer(file))
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+    return True
+
+
+def _copy(broken: _Records, writer: Writer) -> None:
+    """Write all records again and complete them with an index and a summary."""
+    kept = 0
+    schemas: dict[int, int] = {}
+    channels: dict[int, int] = {}
+    for record in broken:
+        match record:
+            case records.Header():
+                writer.start(record.profile, record.library)
+            case records.Schema():
+                schemas[record.id] = writer.register_schema(
+                    record.name, record.encoding, record.data
+                )
+            case records.Channel():
+                channels[record.id] = writer.register_channel(
+                    record.topic,
+                    record.message_encoding,
+                    schemas[record.schema_id],
+                    record.metadata,
+                )
+            case records.Message():
+                kept += 1
+                writer.add_message(
+                    channels[record.channel_id],
+                    record.log_time,
+                    record.data,
+                    record.publish_time,
+                    record.sequence,
+                )
+            case records.Attachment():
+                writer.add_attachment(
+                    record.create_time,
+                    record.log_time,
+                    record.name,
+                    record.media_type,
+                    record.data,
+                )
+            case records.Metadata():
+                writer.add_metadata(record.name, record.metadata)
+    writer.add_metadata("repaired", {"messages": str(kept)})
+    writer.finish()  # type: ignore[no-untyped-call]
