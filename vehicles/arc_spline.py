@@ -1,0 +1,113 @@
+"""A path of straight lines and circular arcs with a continuous tangent, and the way onto it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan2, cos, inf, sin, sqrt
+
+from vehicles.geodesy import wrap_angle
+
+
+@dataclass(frozen=True, slots=True)
+class PathPose:
+    """A place on a path: world position (m), yaw of the tangent (rad), signed curvature (1/m)."""
+
+    east: float
+    north: float
+    yaw: float
+    curvature: float
+
+
+@dataclass(frozen=True, slots=True)
+class Foot:
+    """Where a point projects to on a path.
+
+    Station (m) from the path's start, lateral offset of the point (m, left of the path positive),
+    yaw of the tangent (rad) and signed curvature (1/m) there.
+    """
+
+    station: float
+    lateral: float
+    yaw: float
+    curvature: float
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One line or arc: start (m), yaw there (rad), signed curvature (1/m), length (m)."""
+
+    east: float
+    north: float
+    yaw: float
+    curvature: float
+    length: float
+
+    def at(self, station: float) -> PathPose:
+        """Place `station` (m) after the start; the piece extends beyond both of its ends."""
+        turn = self.curvature * station
+        chord = 2.0 * sin(turn / 2.0) / self.curvature if self.curvature else station
+        direction = self.yaw + turn / 2.0
+        return PathPose(
+            self.east + chord * cos(direction),
+            self.north + chord * sin(direction),
+            wrap_angle(self.yaw + turn),
+            self.curvature,
+        )
+
+    def project(self, east: float, north: float) -> Foot:
+        """Nearest point of the extended piece.
+
+        With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ: the arc turned by
+        atan2(w, u) to get there and the offset is e = (1 − hypot(u, w))/κ, written so that it
+        holds for either sign of κ and for a line.
+        """
+        forward, left = cos(self.yaw), sin(self.yaw)
+        off_east, off_north = east - self.east, north - self.north
+        xi = off_east * forward + off_north * left
+        eta = off_north * forward - off_east * left
+        kappa = self.curvature
+        u, w = 1.0 - kappa * eta, kappa * xi
+        turn = atan2(w, u)
+        lateral = (2.0 * eta - kappa * (xi * xi + eta * eta)) / (1.0 + sqrt(u * u + w * w))
+        station = turn / kappa if kappa else xi
+        return Foot(station, lateral, wrap_angle(self.yaw + turn), kappa)
+
+
+class ArcSpline:
+    """Pieces in order of travel, each beginning where the one before ends, with its tangent."""
+
+    __slots__ = ("pieces",)
+
+    def __init__(self, pieces: Sequence[Piece]) -> None:
+        """Raise ValueError without at least one piece."""
+        if not pieces:
+            raise ValueError("an arc spline has at least one piece")
+        self.pieces = tuple(pieces)
+
+    @property
+    def length(self) -> float:
+        """Sum of the pieces' lengths (m)."""
+        return sum(piece.length for piece in self.pieces)
+
+    def at(self, station: float) -> PathPose:
+        """Place at `station` (m); the end pieces extend the path beyond both ends."""
+        for piece in self.pieces[:-1]:
+            if station <= piece.length:
+                return piece.at(station)
+            station -= piece.length
+        return self.pieces[-1].at(station)
+
+    def project(self, east: float, north: float) -> Foot:
+        """Nearest point of the path, extended beyond both ends by the end pieces."""
+        best, nearest, start, last = None, inf, 0.0, len(self.pieces) - 1
+        for index, piece in enumerate(self.pieces):
+            foot = piece.project(east, north)
+            low = -inf if index == 0 else 0.0
+            high = inf if index == last else piece.length
+            beyond = max(low - foot.station, foot.station - high, 0.0)
+            away = abs(foot.lateral) + beyond
+            if best is None or away < nearest:
+                nearest = away
+                best = Foot(start + foot.station, foot.lateral, foot.yaw, foot.curvature)
+            start += piece.length
+        assert best is not None  # noqa: S101 - there is at least one piece
+        return best

@@ -1,0 +1,133 @@
+"""From tracking errors to a steering command: the paper's law, an alternative, a user's own."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from math import atan2, sin
+from typing import NamedTuple, Protocol
+
+from vehicles.parameters import VehicleParameters
+from vehicles.tracking import TrackingErrors
+
+
+class Gains(NamedTuple):
+    """Feedback gains k_e (rad/m), k_θ (rad/rad) and k_ω (s), paper, Section III-D."""
+
+    lateral: float
+    heading: float
+    yaw_rate: float
+
+
+NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
+"""The paper's nominal gains (Section V)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringCommand:
+    """Front wheel angle asked for and its two parts before the limit (rad, left positive)."""
+
+    steering: float
+    feedforward: float
+    feedback: float
+
+
+class LateralController(Protocol):
+    """What steers a vehicle. A user's own class needs this one method.
+
+    `load_controller` builds it as `Class(parameters, gains)`. The controller may keep a state; it
+    is called at every control instant, and has no clock of its own.
+    """
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """Steering for `errors` against the trajectory at `speed` (m/s)."""
+        ...
+
+
+def limited(feedforward: float, feedback: float, limit: float) -> SteeringCommand:
+    """Sum of both parts (rad), held within ±`limit` (rad)."""
+    return SteeringCommand(min(max(feedforward + feedback, -limit), limit), feedforward, feedback)
+
+
+class FeedforwardFeedback:
+    """The paper's law: δ = δ_ff + δ_fb (Sections III-C and III-D)."""
+
+    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
+        """`parameters` are what the controller believes of its car."""
+        self._parameters = parameters
+        self._gains = gains
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """δ_ff = (a+b)/R + K_sg v²/R and δ_fb = −k_e e_lat − k_θ θ̃ − k_ω dθ̃/dt."""
+        car, gains = self._parameters, self._gains
+        feedforward = (car.wheelbase + car.steer_gradient * speed * speed) * errors.curvature
+        feedback = (
+            -gains.lateral * errors.lateral
+            - gains.heading * errors.heading
+            - gains.yaw_rate * errors.yaw_rate
+        )
+        return limited(feedforward, feedback, car.steering_limit)
+
+
+class Stanley:
+    """The law of the robot Stanley, to compare the paper's against.
+
+    G. M. Hoffmann, C. J. Tomlin, M. Montemerlo, S. Thrun, "Autonomous automobile trajectory
+    tracking for off-road driving", American Control Conference 2007; S. Thrun et al., "Stanley: the
+    robot that won the DARPA Grand Challenge", Journal of Field Robotics 23(9), 2006. It looks at
+    the front axle: wheels along the path there, plus the arctangent of its lateral error over
+    speed, plus yaw damping, plus the slip angle that the front tyres need on a steady curve. The
+    paper's gains are ignored.
+    """
+
+    CROSS_TRACK = 2.5
+    """Rate at which the front axle's lateral error decays (1/s)."""
+    SOFTENING = 1.0
+    """Keeps the arctangent gentle near standstill (m/s)."""
+    DAMPING = 0.06
+    """Share of the yaw-rate error taken back (s)."""
+
+    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
+        """`parameters` are what the controller believes of its car."""
+        self._parameters = parameters
+        car = parameters
+        self._slip = (
+            car.mass * car.rear_axle_distance / (car.wheelbase * car.front_cornering_stiffness)
+        )
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """Bring the front axle back to the path.
+
+        The path at the front axle is taken from its curvature at the centre of gravity: it has
+        turned by κa and lies aside by κa²/2. The feedforward is all that stems from κ.
+        """
+        ahead, kappa = self._parameters.front_axle_distance, errors.curvature
+        front = errors.lateral + ahead * sin(errors.heading) - 0.5 * kappa * ahead * ahead
+        feedforward = (ahead + self._slip * speed * speed) * kappa
+        feedback = (
+            -errors.heading
+            - atan2(self.CROSS_TRACK * front, self.SOFTENING + abs(speed))
+            - self.DAMPING * errors.yaw_rate
+        )
+        return limited(feedforward, feedback, self._parameters.steering_limit)
+
+
+def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> LateralController:
+    """Build the controller class of a dotted name such as `vehicles.steering.Stanley`.
+
+    Raises ValueError if there is no such class, or if it cannot steer.
+    """
+    module_name, _, class_name = name.rpartition(".")
+    if not module_name or not class_name:
+        raise ValueError(f"controller {name!r}: give a dotted name, package.module.Class")
+    try:
+        factory = getattr(import_module(module_name), class_name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"controller {name!r}: {error}") from error
+    if not callable(getattr(factory, "steer", None)):
+        raise ValueError(  # noqa: TRY004 - a wrong name in a scenario is a wrong value
+            f"controller {name!r}: not a class with a method steer(errors, speed)"
+        )
+    try:
+        controller: LateralController = factory(parameters, gains)
+    except TypeError as error:
+        raise ValueError(f"controller {name!r}: cannot be built: {error}") from error
+    return controller

@@ -1,0 +1,65 @@
+"""Errors of a car against the trajectory it steers along (paper, "Computation of Feedback Errors").
+
+The paper's `e_lat = R − distance` holds on left turns only, and its `y = mx + c` fails for roads
+that run north; the signed form of `ArcSpline.project` holds for both turns and every heading.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from vehicles.geodesy import wrap_angle
+from vehicles.trajectory import ArcSpline
+
+
+class PoseLike(Protocol):
+    """Where a car is (m, yaw in rad) and how it moves (m/s, rad/s)."""
+
+    @property
+    def east(self) -> float:
+        """East coordinate (m)."""
+        ...
+
+    @property
+    def north(self) -> float:
+        """North coordinate (m)."""
+        ...
+
+    @property
+    def yaw(self) -> float:
+        """Heading, counter-clockwise from east (rad)."""
+        ...
+
+    @property
+    def speed(self) -> float:
+        """Forward speed (m/s)."""
+        ...
+
+    @property
+    def yaw_rate(self) -> float:
+        """Rate of turn, counter-clockwise (rad/s)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingErrors:
+    """e_lat (m, left of the path positive), θ̃ (rad), dθ̃/dt (rad/s), path curvature (1/m)."""
+
+    lateral: float
+    heading: float
+    yaw_rate: float
+    curvature: float
+
+
+def track(spline: ArcSpline, pose: PoseLike) -> TrackingErrors:
+    """Errors of `pose` against the nearest point of `spline`.
+
+    Heading error θ̃ = θ − θ_R in (−π, π]; yaw-rate error dθ/dt − v/R with signed R, which is the
+    paper's dθ/dt on a straight line.
+    """
+    foot = spline.project(pose.east, pose.north)
+    return TrackingErrors(
+        lateral=foot.lateral,
+        heading=wrap_angle(pose.yaw - foot.yaw),
+        yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
+        curvature=foot.curvature,
+    )

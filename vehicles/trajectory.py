@@ -1,0 +1,176 @@
+"""The composite trajectory: one arc spline through what was heard of lead and predecessor.
+
+Paper, Section "Target Trajectory Construction". Where its recipe fails, this departs from it:
+tangent and curvature come from the fit (a lead and a predecessor sample can lie side by side, and
+the line through them points anywhere), the pieces are chosen on all samples at once (`arc_fit`),
+and samples just behind the ego are kept, so that its own place is not extrapolated.
+"""
+
+from dataclasses import dataclass
+from math import isfinite, sqrt
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.arc_fit import Curve, FitSettings, fit_curve
+from vehicles.arc_spline import ArcSpline, Foot, PathPose, Piece
+from vehicles.trace import Window
+
+__all__ = [
+    "ArcSpline",
+    "Fit",
+    "FitSettings",
+    "Foot",
+    "Fusion",
+    "PathPose",
+    "Piece",
+    "fit_composite",
+    "fuse",
+]
+
+Floats = NDArray[np.float64]
+Fusion = Literal["composite", "predecessor", "blend"]
+LEAD, PREDECESSOR = 0, 1
+_sum = np.add.reduce
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A trajectory, the samples it was fitted to (world, m; in order of station) and how well.
+
+    `source` is 0 for lead, 1 for predecessor; `station` (m) is relative to the ego's projection;
+    residuals (m) are those of the samples used, `outliers` the number left out as jumps.
+    """
+
+    spline: ArcSpline
+    east: Floats
+    north: Floats
+    station: Floats
+    source: NDArray[np.int8]
+    residual_rms: float
+    residual_max: float
+    outliers: int
+
+
+class _Merged(NamedTuple):
+    east: Floats
+    north: Floats
+    station: Floats
+    weight: Floats
+    source: NDArray[np.int8]
+
+    def where(self, chosen: NDArray[np.bool_]) -> "_Merged":
+        """Only the samples where `chosen` is True."""
+        return _Merged(
+            self.east[chosen],
+            self.north[chosen],
+            self.station[chosen],
+            self.weight[chosen],
+            self.source[chosen],
+        )
+
+
+def fit_composite(
+    lead: Window | None,
+    predecessor: Window | None,
+    *,
+    alpha: float,
+    settings: FitSettings,
+) -> Fit | None:
+    """Line, arc, line→arc or arc→line of the fewest pieces that explains the samples.
+
+    Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (the paper's
+    J, with e the distance from the curve); a source alone gets all the weight. A sample that has
+    jumped out of the tolerance is left out, once. None if the samples support no trajectory.
+    """
+    merged = _merge(lead, predecessor, alpha)
+    curve = None if merged is None else _curve(merged, settings)
+    if merged is None or curve is None:
+        return None
+    outliers = 0
+    near = _near(np.abs(curve.offsets), settings.tolerance)
+    if near is not None:
+        kept = merged.where(near)
+        again = _curve(kept, settings)
+        if again is not None:
+            outliers = len(merged.station) - len(kept.station)
+            merged, curve = kept, again
+    mean_square = float(_sum(merged.weight * curve.offsets * curve.offsets))
+    return Fit(
+        spline=curve.spline,
+        east=merged.east,
+        north=merged.north,
+        station=merged.station,
+        source=merged.source,
+        residual_rms=sqrt(mean_square / float(_sum(merged.weight))),
+        residual_max=float(np.abs(curve.offsets).max()),
+        outliers=outliers,
+    )
+
+
+def fuse(
+    fusion: Fusion,
+    lead: Window | None,
+    predecessor: Window | None,
+    *,
+    alpha: float,
+    settings: FitSettings,
+) -> tuple[tuple[float, Fit], ...]:
+    """Trajectories to steer along, each with its share of the command; empty if there is none.
+
+    `composite` is one trajectory through both sources (the paper), `predecessor` one without lead
+    data, `blend` one trajectory per source, whose commands are to be blended. `alpha` in [0, 1] is
+    the predecessor's weight; a source alone gets all of it.
+    """
+    if fusion != "blend":
+        heard = lead if fusion == "composite" else None
+        fit = fit_composite(heard, predecessor, alpha=alpha, settings=settings)
+        return () if fit is None else ((1.0, fit),)
+    of_lead = fit_composite(lead, None, alpha=alpha, settings=settings)
+    of_predecessor = fit_composite(None, predecessor, alpha=alpha, settings=settings)
+    if of_lead is None or of_predecessor is None:
+        return tuple((1.0, fit) for fit in (of_lead, of_predecessor) if fit is not None)
+    shares = ((1.0 - alpha, of_lead), (alpha, of_predecessor))
+    return tuple((share, fit) for share, fit in shares if share > 0.0)
+
+
+def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Merged | None:
+    """Put the samples of both sources in order of station, with weights; None without any."""
+    heard = [
+        (window, weight, source)
+        for window, weight, source in ((lead, 1.0 - alpha, LEAD), (predecessor, alpha, PREDECESSOR))
+        if window is not None and len(window.station)
+    ]
+    if len(heard) == 1:
+        heard = [(heard[0][0], 1.0, heard[0][2])]
+    heard = [one for one in heard if one[1] > 0.0]
+    if not heard:
+        return None
+    station = np.concatenate([window.station for window, _, _ in heard])
+    east = np.concatenate([window.east for window, _, _ in heard])
+    north = np.concatenate([window.north for window, _, _ in heard])
+    if not isfinite(float(_sum(station)) + float(_sum(east)) + float(_sum(north))):
+        return None
+    lengths = [len(window.station) for window, _, _ in heard]
+    weight = np.repeat([weight for _, weight, _ in heard], lengths)
+    source = np.repeat(np.array([source for _, _, source in heard], dtype=np.int8), lengths)
+    order = station.argsort(kind="stable")
+    return _Merged(east[order], north[order], station[order], weight[order], source[order])
+
+
+def _curve(merged: _Merged, settings: FitSettings) -> Curve | None:
+    return fit_curve(merged.east, merged.north, merged.station, merged.weight, settings)
+
+
+def _near(distance: Floats, tolerance: float) -> NDArray[np.bool_] | None:
+    """Which samples to keep if some have jumped and enough are left, else None.
+
+    A jump drags the curve with it, so what is far is measured against the median distance.
+    """
+    if float(distance.max()) <= tolerance:
+        return None
+    median = float(np.sort(distance)[len(distance) // 2])
+    near = distance <= max(tolerance, 4.0 * median)
+    left = int(np.count_nonzero(near))
+    return near if max(3.0, 0.6 * len(distance)) <= left < len(distance) else None
