@@ -1,7 +1,9 @@
 """Bytes from messages and back: Protobuf, with every refusal named."""
 
+from collections.abc import Callable
 from dataclasses import fields
-from typing import Any
+from operator import attrgetter
+from typing import Any, Literal, get_args, get_origin
 
 from google.protobuf.message import DecodeError
 
@@ -14,36 +16,68 @@ MAX_BYTES = 16_384
 
 
 class RefusedMessageError(ValueError):
-    """Bytes that are not a valid message of the topic they came on."""
+    """Bytes that are not a valid message of the topic they came on; `reason` is one short word."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason = reason
 
 
-_NAMES = {t.message: tuple(f.name for f in fields(t.message)) for t in TOPICS.values()}
-_TUPLES = {
-    t.message: tuple(f.name for f in fields(t.message) if str(f.type).startswith("tuple"))
-    for t in TOPICS.values()
-}
-PROTOBUF: dict[type[Message], Any] = {
-    t.message: getattr(convoy_pb2, t.message.__name__) for t in TOPICS.values()
-}
+class _Form:
+    """How one message class maps to its Protobuf message: field by field, by name."""
+
+    def __init__(self, message: type[Message]) -> None:
+        self.message: Callable[..., Message] = message
+        self.protobuf: Any = getattr(convoy_pb2, message.__name__)
+        self.names = tuple(f.name for f in fields(message))
+        self.values: Callable[[object], tuple[Any, ...]] = attrgetter(*self.names)
+        self.words = {
+            f.name: frozenset(get_args(f.type))
+            for f in fields(message)
+            if get_origin(f.type) is Literal
+        }
+        self.lists = [f.name for f in fields(message) if get_origin(f.type) is tuple]
+        # Lists whose names begin alike (piece_…, sample_…) are columns of one table.
+        self.columns = [
+            (one, other)
+            for one, other in zip(self.lists, self.lists[1:], strict=False)
+            if one.partition("_")[0] == other.partition("_")[0]
+        ]
+
+
+_FORMS = {topic.message: _Form(topic.message) for topic in TOPICS.values()}
+PROTOBUF: dict[type[Message], Any] = {kind: form.protobuf for kind, form in _FORMS.items()}
 
 
 def encode(message: Message) -> bytes:
     """Serialise `message` as the Protobuf message of the same name."""
-    kind = type(message)
-    values = {name: getattr(message, name) for name in _NAMES[kind]}
-    data: bytes = PROTOBUF[kind](**values).SerializeToString(deterministic=True)
+    form = _FORMS[type(message)]
+    parsed = form.protobuf(**dict(zip(form.names, form.values(message), strict=True)))
+    data: bytes = parsed.SerializeToString(deterministic=True)
     return data
 
 
 def decode(topic: Topic, data: bytes) -> Message:
-    """Read the message of `topic` from `data`; raises RefusedMessageError with the reason."""
+    """Read the message of `topic` from `data`; raises RefusedMessageError with the reason.
+
+    Fields that are not in the schema are passed over, as Protobuf means it.
+    """
     if len(data) > MAX_BYTES:
-        raise RefusedMessageError(f"oversized: {len(data)} bytes, at most {MAX_BYTES}")
+        raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_BYTES}")
+    form = _FORMS[topic.message]
     try:
-        parsed = PROTOBUF[topic.message].FromString(data)
+        parsed = form.protobuf.FromString(data)
     except DecodeError as error:
-        raise RefusedMessageError("not a Protobuf message of this topic") from error
-    values = {name: getattr(parsed, name) for name in _NAMES[topic.message]}
-    for name in _TUPLES[topic.message]:
+        raise RefusedMessageError("garbage", f"not a {topic.message.__name__}") from error
+    values = dict(zip(form.names, form.values(parsed), strict=True))
+    if not values["vehicle"]:
+        raise RefusedMessageError("garbage", "no vehicle is named")
+    for name, words in form.words.items():
+        if values[name] not in words:
+            raise RefusedMessageError("garbage", f"{name} is {values[name]!r}")
+    for name in form.lists:
         values[name] = tuple(values[name])
-    return topic.message(**values)
+    for one, other in form.columns:
+        if len(values[one]) != len(values[other]):
+            raise RefusedMessageError("garbage", f"{one} and {other} differ in length")
+    return form.message(**values)

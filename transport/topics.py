@@ -3,7 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from vehicles import messages
+from vehicles.messages import (
+    Command,
+    CompositeTrajectory,
+    GpsPose,
+    Health,
+    LinkVerdict,
+    LogText,
+    Message,
+    RunEnd,
+    RunStart,
+    Tracking,
+    TruePose,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -11,7 +23,7 @@ class Topic:
     """One row: what is published under `convoy/<vehicle>/<name>`."""
 
     name: str
-    message: type[messages.Message]
+    message: type[Message]
     instant: str  # the message's field that says when it was valid
     rate: str  # what sets its rate
     logged: bool
@@ -20,21 +32,23 @@ class Topic:
     on_change: bool = False
 
 
+# fmt: off
 _ROWS = (
-    #     name         message                       instant           rate       logged queue urgent
-    Topic("gps", messages.GpsPose, "measured_at_ns", "gnss", True, 4096, True),
-    Topic("truth", messages.TruePose, "true_at_ns", "control", True, 65536, False),
-    Topic("trajectory", messages.CompositeTrajectory, "decided_at_ns", "control", True, 65536, False),
-    Topic("tracking", messages.Tracking, "decided_at_ns", "control", True, 65536, False),
-    Topic("command", messages.Command, "decided_at_ns", "control", True, 65536, False),
-    Topic("verdict", messages.LinkVerdict, "heard_at_ns", "gnss", True, 65536, False),
-    Topic("health", messages.Health, "reported_at_ns", "1 Hz", True, 4096, False),
-    Topic("log", messages.LogText, "logged_at_ns", "event", True, 4096, False),
-    Topic("start", messages.RunStart, "start_at_ns", "event", True, 16, True),
-    Topic("end", messages.RunEnd, "end_at_ns", "event", True, 16, True),
+    #     name          message              instant           rate       logged queue  urgent
+    Topic("gps",        GpsPose,             "measured_at_ns", "gnss",    True,  4096,  True),
+    Topic("truth",      TruePose,            "true_at_ns",     "control", True,  65536, False),
+    Topic("trajectory", CompositeTrajectory, "decided_at_ns",  "control", True,  65536, False),
+    Topic("tracking",   Tracking,            "decided_at_ns",  "control", True,  65536, False),
+    Topic("command",    Command,             "decided_at_ns",  "control", True,  65536, False),
+    Topic("verdict",    LinkVerdict,         "heard_at_ns",    "gnss",    True,  65536, False),
+    Topic("health",     Health,              "reported_at_ns", "1 Hz",    True,  4096,  False),
+    Topic("log",        LogText,             "logged_at_ns",   "event",   True,  4096,  False),
+    Topic("start",      RunStart,            "start_at_ns",    "event",   True,  16,    True),
+    Topic("end",        RunEnd,              "end_at_ns",      "event",   True,  16,    True),
 )
+# fmt: on
 TOPICS: Mapping[str, Topic] = {row.name: row for row in _ROWS}
-TOPIC_OF: Mapping[type[messages.Message], Topic] = {row.message: row for row in _ROWS}
+TOPIC_OF: Mapping[type[Message], Topic] = {row.message: row for row in _ROWS}
 CONDUCTOR = "run"
 """Publishes the start instant under `convoy/run/start`; no vehicle may have this name."""
 
@@ -49,7 +63,7 @@ def alive_key(vehicle: str) -> str:
     return f"convoy/{vehicle}/@alive"
 
 
-def instant(message: messages.Message) -> int:
-    """The instant at which `message` was valid, in nanoseconds."""
+def instant(message: Message) -> int:
+    """Return the instant at which `message` was valid, in nanoseconds."""
     at: int = getattr(message, TOPIC_OF[type(message)].instant)
     return at

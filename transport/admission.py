@@ -1,0 +1,64 @@
+"""Which received poses can be true: everything else is refused before it can do harm."""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import cast
+
+from transport.clock import NS_PER_S
+from transport.codec import RefusedMessageError, decode
+from transport.topics import TOPICS, key
+from vehicles.messages import GpsPose
+
+GPS = TOPICS["gps"]
+LONGEST_POSE_BYTES = 512
+"""A pose with a name of 400 letters still fits."""
+HORIZON_NS = 60 * NS_PER_S
+"""Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
+a vehicle that was held up hears, when it goes on, what the others sent meanwhile."""
+
+_LARGEST = {
+    "latitude_deg": 90.0,
+    "longitude_deg": 360.0,
+    "altitude_m": 1e5,
+    "heading_deg": 360.0,
+    "speed_mps": 200.0,
+    "yaw_rate_radps": 100.0,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Admission:
+    """What is known beforehand of the poses of a run: since when and how often each is measured.
+
+    `start_at` (ns) is the run's first instant, `rate_hz` the GNSS rate of the senders.
+    """
+
+    start_at: int
+    rate_hz: float
+
+    def admit(self, sender_key: str, data: bytes, now: int) -> GpsPose:
+        """Read the pose that came under `sender_key`, at a tick of instant `now` (ns).
+
+        Raises RefusedMessageError with a one-word reason.
+        """
+        if len(data) > LONGEST_POSE_BYTES:
+            raise RefusedMessageError("oversized", f"more than {LONGEST_POSE_BYTES} bytes")
+        pose = cast("GpsPose", decode(GPS, data))
+        if key(pose.vehicle, GPS) != sender_key:
+            raise RefusedMessageError("foreign", f"{pose.vehicle!r} under {sender_key}")
+        for name, largest in _LARGEST.items():
+            value = getattr(pose, name)
+            if not (isfinite(value) and abs(value) <= largest):
+                raise RefusedMessageError("absurd", f"{name} is {value}")
+        self._check_schedule(pose, now)
+        return pose
+
+    def _check_schedule(self, pose: GpsPose, now: int) -> None:
+        elapsed = pose.measured_at_ns - self.start_at
+        if elapsed < 0 or pose.measured_at_ns < now - HORIZON_NS:
+            raise RefusedMessageError("past", f"measured at {pose.measured_at_ns}")
+        if pose.measured_at_ns > now + HORIZON_NS:
+            raise RefusedMessageError("future", f"measured at {pose.measured_at_ns}")
+        # One more than the schedule has by then, for roundings.
+        if pose.seq > elapsed * self.rate_hz / NS_PER_S + 1:
+            raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")

@@ -1,0 +1,109 @@
+"""Clocks and the schedule of a run: what time it is, when a step is due, how late it began.
+
+Instants are integer nanoseconds of Unix time, spans float seconds. A node is given scheduled
+instants, never a reading of the clock.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from heapq import merge
+from itertools import count, groupby, takewhile
+from threading import Event
+from typing import Protocol
+
+NS_PER_S = 1_000_000_000
+LATE_SHARE_OF_PERIOD = 0.5
+"""A tick is late when it begins more than this share of a control period after its instant."""
+_LONGEST_SLEEP_NS = 50_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One step of the schedule, at instant `at` (ns) and `span_s` seconds before the next."""
+
+    at: int
+    span_s: float
+
+
+class Clock(Protocol):
+    """What a node waits on; the same node runs on wall and on virtual time."""
+
+    def now(self) -> int:
+        """Return the present instant in ns."""
+
+    def wait_until(self, at: int) -> int:
+        """Wait for instant `at` and return by how many ns it has passed.
+
+        Returns early, with a negative number, once the clock's stop event is set.
+        """
+
+
+class WallClock:
+    """Unix time, read once and carried on by the monotonic clock.
+
+    Setting the system's clock while a run is on moves nothing.
+    """
+
+    def __init__(self, stop: Event | None = None) -> None:
+        self._stop = stop or Event()
+        self._offset = time.time_ns() - time.monotonic_ns()
+
+    def now(self) -> int:
+        """Return the present instant in ns."""
+        return time.monotonic_ns() + self._offset
+
+    def wait_until(self, at: int) -> int:
+        """Sleep until `at`; return the lateness in ns, negative when stopped before."""
+        # Sleeping in slices, not Event.wait(): a signal handler may then set the event from the
+        # very thread that waits, which could deadlock on the event's own lock.
+        while (remaining := at - self.now()) > 0 and not self._stop.is_set():
+            time.sleep(min(remaining, _LONGEST_SLEEP_NS) / NS_PER_S)
+        return -remaining
+
+
+class VirtualClock:
+    """Jumps to whatever instant is waited for, so nothing is ever late."""
+
+    def __init__(self, start_at: int) -> None:
+        self._now = start_at
+
+    def now(self) -> int:
+        """Return the present instant in ns."""
+        return self._now
+
+    def wait_until(self, at: int) -> int:
+        """Jump to `at` if it lies ahead; return 0, or by how many ns it has passed already."""
+        self._now = max(self._now, at)
+        return self._now - at
+
+
+def instant(start_at: int, k: int, rate_hz: float) -> int:
+    """Return the k-th instant (from 0) of a periodic event, in ns, rounded to the nearest."""
+    return start_at + round(k * NS_PER_S / rate_hz)
+
+
+def instants(start_at: int, end_at: int, rate_hz: float) -> Iterator[int]:
+    """Yield the instants of a periodic event from `start_at` on, before `end_at`.
+
+    A duration that is a whole number of periods has duration x rate of them: the end itself, where
+    the next one would lie, does not belong.
+    """
+    return takewhile(lambda at: at < end_at, (instant(start_at, k, rate_hz) for k in count()))
+
+
+def ticks(start_at: int, end_at: int, *rates_hz: float) -> Iterator[Tick]:
+    """Yield the union of the instants of all rates; the last span reaches to `end_at`."""
+    each = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
+    before: int | None = None
+    for at, _ in groupby(merge(*each)):
+        if before is not None:
+            yield Tick(before, (at - before) / NS_PER_S)
+        before = at
+    if before is not None:
+        yield Tick(before, (end_at - before) / NS_PER_S)
+
+
+def late_after(control_rate_hz: float) -> int:
+    """Return the lateness in ns above which a tick counts as late (10 ms at 50 Hz)."""
+    return round(LATE_SHARE_OF_PERIOD * NS_PER_S / control_rate_hz)
