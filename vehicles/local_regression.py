@@ -1,0 +1,88 @@
+"""Local cubic regression (Cleveland, 1979), in O(points in reach) per place.
+
+At every place a cubic is fitted to the points within reach, each weighted by (1 - u²)³ of its
+distance u from there (in units of the reach), and its value there is the smoothed one. Cubics keep
+curves of slowly changing bend where they are: a circle of radius R moves by 0.0009 reach⁴ / R³
+towards its centre. This kernel rather than another, since the bend of the smoothed curve is wanted:
+at equal bias it passes on 12 % less noise to the second derivative than the usual (1 - |u|³)³, and
+44 % less to the third.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+NEIGHBOURS = 7
+"""A local cubic (4 unknowns) rests on at least so many points."""
+
+_CHUNK = 256  # places smoothed at once: bounds the memory
+
+
+def local_cubic(t: FloatArray, values: FloatArray, at: FloatArray, reach: float) -> FloatArray:
+    """Smooth `values` (k, n) given at `t` (n,): shape (k, m), at places `at` (m,).
+
+    `t` increases strictly, n >= NEIGHBOURS; `at` is evenly spaced, as good as. Near an end of `t`,
+    where points lie on one side only, the kernel keeps its width by reaching further to the other
+    side; where points are sparse it reaches for NEIGHBOURS of them. It widens gradually, or else
+    the smoothed curve would have a corner where it begins to.
+    """
+    reaches = _reaches(t, at, reach)
+    chunks = [slice(k, k + _CHUNK) for k in range(0, at.size, _CHUNK)]
+    return np.concatenate([_fit(t, values, at[c], reaches[c]) for c in chunks], axis=1)
+
+
+def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
+    """Reach of the kernel at each place."""
+    short = np.maximum(0.0, reach - (at - t[0])) + np.maximum(0.0, reach - (t[-1] - at))
+    right = np.searchsorted(t, at)
+    nearest = np.full(at.shape, np.inf)
+    for shift in range(NEIGHBOURS + 1):
+        first = np.clip(right - shift, 0, t.size - NEIGHBOURS)
+        span = np.maximum(at - t[first], t[first + NEIGHBOURS - 1] - at)
+        nearest = np.minimum(nearest, span)
+    needed = np.maximum(reach + short, nearest)
+    return _envelope(needed, math.ceil(0.25 * reach / (at[1] - at[0])))
+
+
+def _envelope(needed: FloatArray, cells: int) -> FloatArray:
+    """Smooth curve that is nowhere below `needed`: its maximum within 2 `cells`, averaged."""
+    highest = np.pad(needed, 2 * cells, mode="edge")
+    highest = np.max(np.lib.stride_tricks.sliding_window_view(highest, 4 * cells + 1), axis=1)
+    for _ in range(2):
+        sums = np.cumsum(np.pad(highest, (cells + 1, cells), mode="edge"))
+        highest = (sums[2 * cells + 1 :] - sums[: -2 * cells - 1]) / (2 * cells + 1)
+    return np.asarray(highest)
+
+
+def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray) -> FloatArray:
+    """Weighted least squares in polynomials orthogonal under each kernel (Forsythe, 1957).
+
+    Their three-term recurrence needs no linear solver and keeps its digits at the ends, where the
+    kernel is lopsided. Row i of every table belongs to at[i], its columns to the points in reach.
+    """
+    first = np.searchsorted(t, at - reaches)
+    last = np.searchsorted(t, at + reaches, side="right")
+    index = first[:, None] + np.arange(int(np.max(last - first)))
+    inside = index < last[:, None]
+    index = np.minimum(index, t.size - 1)
+    u = (t[index] - at[:, None]) / reaches[:, None]
+    fall = 1.0 - np.minimum(u * u, 1.0)
+    weight = np.where(inside, fall * fall * fall, 0.0)
+    reached = values[:, index]
+    smoothed = np.zeros((values.shape[0], at.size))
+    polynomial, previous = np.ones_like(u), np.zeros_like(u)
+    here, here_before, ratio = np.ones(at.size), np.zeros(at.size), np.zeros(at.size)
+    norm = np.sum(weight, axis=1)
+    for _ in range(4):
+        weighted = weight * polynomial
+        smoothed += np.sum(weighted * reached, axis=2) / norm * here
+        shift = np.sum(weighted * polynomial * u, axis=1) / norm
+        following = (u - shift[:, None]) * polynomial - ratio[:, None] * previous
+        here, here_before = -shift * here - ratio * here_before, here  # the same at u = 0
+        polynomial, previous = following, polynomial
+        norm, norm_before = np.sum(weight * polynomial * polynomial, axis=1), norm
+        ratio = norm / norm_before
+    return smoothed
