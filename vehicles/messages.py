@@ -14,6 +14,7 @@ Mode = Literal["path", "composite", "lead", "predecessor", "coast", "straight"]
 only, the last trajectory extrapolated, or straight ahead (nothing heard yet)."""
 
 Outcome = Literal["delivered", "dropped"]
+Level = Literal["debug", "info", "warning", "error", "fatal"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +152,7 @@ class LogText:
     vehicle: str
     seq: int
     logged_at_ns: int
-    level: Literal["debug", "info", "warning", "error", "fatal"]
+    level: Level
     text: str
 
 

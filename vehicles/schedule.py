@@ -1,0 +1,28 @@
+"""Instants of a periodic schedule, in integer nanoseconds."""
+
+from dataclasses import dataclass
+
+SECOND = 1_000_000_000
+"""Nanoseconds in a second."""
+
+
+def instant(start_at: int, k: int, rate_hz: float) -> int:
+    """k-th instant (ns, from 0) of a schedule of `rate_hz` that starts at `start_at` (ns)."""
+    return start_at + round(k * SECOND / rate_hz)
+
+
+@dataclass(frozen=True, slots=True)
+class Cadence:
+    """A periodic schedule: which instants belong to it."""
+
+    start_at: int
+    rate_hz: float
+
+    def index(self, now: int) -> int | None:
+        """Number of the instant `now` (ns) in the schedule, None if it is not one of it."""
+        k = round((now - self.start_at) * self.rate_hz / SECOND)
+        return k if k >= 0 and instant(self.start_at, k, self.rate_hz) == now else None
+
+    def due(self, now: int) -> bool:
+        """Whether `now` (ns) is one of the instants."""
+        return self.index(now) is not None
