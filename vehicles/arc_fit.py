@@ -6,16 +6,25 @@ has to pay for itself in squared residuals, measured against the noise.
 """
 
 from dataclasses import dataclass
-from math import atan2, hypot, inf
+from math import atan2, cos, hypot, inf, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.arc_shapes import Samples, Shape, best_joined, line_and_arc, offsets, refined
+from vehicles.arc_join import Joined, best_joined, refined
+from vehicles.arc_shapes import (
+    Centred,
+    Samples,
+    Shape,
+    best_arc,
+    best_line,
+    centred,
+    offsets,
+    summed,
+)
 from vehicles.arc_spline import ArcSpline, Piece
 
 Floats = NDArray[np.float64]
-_sum = np.add.reduce
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +49,9 @@ class FitSettings:
     noise_floor: float = 2e-4
     evidence: float = 6.0
     join_evidence: float = 12.0
-    joins: int = 10
+    joins: int = 12
     piece_min: float = 2.0
+    passes: int = 2
     span_min: float = 1.0
 
     def ahead(self, speed: float) -> float:
@@ -69,23 +79,18 @@ def fit_curve(
     None where the samples do not determine a curve: fewer than three distinct ones, or travel
     shorter than `span_min`.
     """
-    if len(station) < 3 or station[-1] - station[0] < settings.span_min:
+    count = len(station)
+    if count < 3 or not station.item(-1) - station.item(0) >= settings.span_min:
         return None
-    if len(set(station.tolist())) < 3:
+    early, middle, late = count // 4, count // 2, (3 * count) // 4
+    origin_east, origin_north = east.item(middle), north.item(middle)
+    ux, uy = east.item(late) - east.item(early), north.item(late) - north.item(early)
+    chord = hypot(ux, uy)
+    if not 0.0 < chord < inf:
         return None
-    total = float(_sum(weight))
-    weight = weight * (total / float(_sum(weight * weight)))
-    total = float(_sum(weight))
-    origin_east = float(east[0]) + float(_sum(weight * (east - east[0]))) / total
-    origin_north = float(north[0]) + float(_sum(weight * (north - north[0]))) / total
+    ux, uy = ux / chord, uy / chord
     dx, dy = east - origin_east, north - origin_north
-    along = weight * (station - float(_sum(weight * station)) / total)
-    ux, uy = float(_sum(along * dx)), float(_sum(along * dy))
-    norm = hypot(ux, uy)
-    if not 0.0 < norm < inf:
-        return None
-    ux, uy = ux / norm, uy / norm
-    samples = Samples(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
+    samples = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
     shape = _chosen(samples, settings)
     if shape is None:
         return None
@@ -95,19 +100,14 @@ def fit_curve(
 
 def _chosen(samples: Samples, settings: FitSettings) -> Shape | None:
     """Choose the shape of the fewest unknowns that explains the samples."""
-    count = float(_sum(samples.weight))
-    line, arc = line_and_arc(samples)
-    if arc is None:
-        return line
-    first, last = float(samples.station[0]), float(samples.station[-1])
-    joined = None
-    if count > 5.0 and last - first > 3.0 * settings.piece_min:
-        low, high = first + settings.piece_min, last - settings.piece_min
-        step = (high - low) / (settings.joins - 1)
-        joins = low + step * np.arange(settings.joins, dtype=np.float64)
-        joined = best_joined(samples, joins)
-    best = joined if joined is not None and joined.misfit < arc.misfit else arc
-    spare = count - best.freedom
+    through = centred(samples)
+    arc = None if through is None else best_arc(samples, through)
+    if through is None or arc is None:
+        return None
+    line = best_line(through)
+    joined = _joined(samples, through, settings)
+    best = joined.shape if joined is not None and joined.shape.misfit < arc.misfit else arc
+    spare = through.weight - best.freedom
     noise = settings.position_noise**2
     if spare >= 1.0:
         noise = min(max(best.misfit / spare, settings.noise_floor**2), noise)
@@ -116,9 +116,21 @@ def _chosen(samples: Samples, settings: FitSettings) -> Shape | None:
         shape, score = arc, arc.misfit + settings.evidence * noise
     if joined is not None:
         price = (settings.evidence + settings.join_evidence) * noise
-        if joined.misfit + price < score:
-            shape = refined(joined, samples)
+        if joined.shape.misfit + price < score:
+            shape = refined(joined, samples, settings.passes, settings.piece_min)
     return shape
+
+
+def _joined(samples: Samples, line: Centred, settings: FitSettings) -> Joined | None:
+    """Try joins at samples at least `piece_min` and three samples away from both ends."""
+    station = samples.station
+    low = int(station.searchsorted(station.item(0) + settings.piece_min))
+    high = int(station.searchsorted(station.item(-1) - settings.piece_min, "right"))
+    low, high = max(low, 2), min(high, len(station) - 3)
+    if high - low < 2:
+        return None
+    stride = max(1, -(-(high - low) // settings.joins))
+    return best_joined(samples, line, slice(low, high, stride))
 
 
 def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, float]) -> ArcSpline:
@@ -127,19 +139,24 @@ def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, fl
     east = origin_east + shape.x * ux - shape.y * uy
     north = origin_north + shape.x * uy + shape.y * ux
     yaw = atan2(uy, ux) + shape.angle
-    ends = []
-    for curvature, k in ((shape.before, 0), (shape.after, -1)):
-        local = Piece(shape.x, shape.y, shape.angle, curvature, 0.0)
-        ends.append(local.project(float(samples.x[k]), float(samples.y[k])).station)
-    start, end = ends
-    if shape.before == shape.after:
-        begin = Piece(east, north, yaw, shape.after, 0.0).at(start)
-        piece = Piece(begin.east, begin.north, begin.yaw, shape.after, end - start)
-        return ArcSpline((piece,))
+    start = _station(shape, shape.before, samples.x.item(0), samples.y.item(0))
+    end = _station(shape, shape.after, samples.x.item(-1), samples.y.item(-1))
     begin = Piece(east, north, yaw, shape.before, 0.0).at(start)
+    if shape.before == shape.after:
+        return ArcSpline((Piece(begin.east, begin.north, begin.yaw, shape.after, end - start),))
     return ArcSpline(
         (
             Piece(begin.east, begin.north, begin.yaw, shape.before, -start),
             Piece(east, north, yaw, shape.after, end),
         )
     )
+
+
+def _station(shape: Shape, curvature: float, x: float, y: float) -> float:
+    """Arc length (m) from the shape's join to the projection of (x, y) on its piece."""
+    ux, uy = cos(shape.angle), sin(shape.angle)
+    dx, dy = x - shape.x, y - shape.y
+    xi = dx * ux + dy * uy
+    if curvature == 0.0:
+        return xi
+    return atan2(curvature * xi, 1.0 - curvature * (dy * ux - dx * uy)) / curvature

@@ -7,22 +7,27 @@ curvature κ is the set of points q with
 
 the paper's e(x, y) divided by −2R: exact for every circle, a line for κ = 0, and linear in offset,
 slope and κ once P is given. On the curve its gradient has length one, so E is the distance to first
-order and the least-squares fit is not biased towards small circles as with e(x, y) itself.
-Coordinates are centred at the samples and turned along them, which makes the equations well
-conditioned (far from the origin the paper's are not). A join is tried on a small grid: given the
-join, a line→arc is this very equation with κ = 0 before it. The best is refined by two
-Gauss–Newton passes on all four unknowns. All sums are elementwise, so results do not depend on a
-linear-algebra library.
+order, and the fit does not prefer small circles as one with e(x, y) itself does. Coordinates are
+centred at the samples and turned along them (far from the origin the paper's equations are
+ill-conditioned).
+
+E is a combination of (x² + y², x, y, 1) for every κ, P and u. The sums of the products of these
+four over the first k samples, for every k, are therefore all that is needed of the samples:
+`Samples.sums`. All is elementwise arithmetic, so that no result depends on a linear-algebra
+library. Curves with a join are in `arc_join`.
 """
 
-from math import atan, cos, hypot, inf, sin, sqrt
+from math import atan, cos, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-_sum = np.add.reduce
+SQUARE, X, Y, ONE = range(4)
+"""Rows and columns of `Samples.sums`: x² + y², x, y, 1."""
+DETERMINED = 1e-9
+"""Relative spread below which the samples do not determine an unknown."""
 
 
 class Shape(NamedTuple):
@@ -45,166 +50,92 @@ class Shape(NamedTuple):
 class Samples(NamedTuple):
     """Samples in the local frame, in order of travel.
 
-    x along the travel, y left, both centred (m); station (m); weights, scaled so that their sum
-    is the number of equally weighted samples that would say as much.
+    x along the travel, y left (m); station (m). `sums[i, j, k]` is the weighted sum over the first
+    k + 1 samples of the product of the i-th and j-th of (x² + y², x, y, 1).
     """
 
     x: Floats
     y: Floats
     station: Floats
-    weight: Floats
+    sums: Floats
+
+
+class Centred(NamedTuple):
+    """Moments about the weighted mean: weight, means, and the line's slope and misfit."""
+
+    weight: float
+    mean_x: float
+    mean_y: float
+    xx: float
+    slope: float
+    misfit: float
+
+
+def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> Samples:
+    """Add up the products of (x² + y², x, y, 1) along the samples."""
+    rows = np.empty((4, len(x)))
+    np.add(x * x, y * y, out=rows[SQUARE])
+    rows[X], rows[Y], rows[ONE] = x, y, 1.0
+    return Samples(x, y, station, np.add.accumulate((rows * weight)[:, None, :] * rows, 2))
 
 
 def offsets(shape: Shape, samples: Samples) -> Floats:
-    """Distance of each sample from the curve (m, left positive)."""
+    """Distance of each sample from the curve (m, left positive), to first order."""
     ux, uy = cos(shape.angle), sin(shape.angle)
     dx, dy = samples.x - shape.x, samples.y - shape.y
-    xi, eta = dx * ux + dy * uy, dy * ux - dx * uy
-    kappa = np.where(xi > 0.0, shape.after, shape.before)
-    algebraic = eta - 0.5 * kappa * (xi * xi + eta * eta)
-    radicand = np.maximum(1.0 - 2.0 * kappa * algebraic, 0.0)
-    return 2.0 * algebraic / (1.0 + np.sqrt(radicand))
+    eta = dy * ux - dx * uy
+    if shape.before == shape.after == 0.0:
+        return eta
+    square = dx * dx + dy * dy
+    if shape.before == shape.after:
+        return eta - 0.5 * shape.after * square
+    ahead = dx * ux + dy * uy > 0.0
+    bent = ahead if shape.before == 0.0 else ~ahead
+    return eta - 0.5 * (shape.before + shape.after) * square * bent
 
 
-def line_and_arc(samples: Samples) -> tuple[Shape, Shape | None]:
-    """Best line and best arc; None instead of an arc that the samples do not determine."""
-    x, y, _, weight = samples
-    sum_w = float(_sum(weight))
-    wx = weight * x
-    sum_xx = float(_sum(wx * x))
-    slope = float(_sum(wx * y)) / sum_xx
-    rest = y - slope * x
-    w_rest = weight * rest
-    misfit = float(_sum(w_rest * rest))
-    line = Shape(0.0, 0.0, atan(slope), 0.0, 0.0, misfit / (1.0 + slope * slope), 2)
-    phi = x * x + y * y
-    w_phi = weight * phi
-    sum_p, sum_xp, sum_pp = float(_sum(w_phi)), float(_sum(w_phi * x)), float(_sum(w_phi * phi))
-    spread = sum_pp - sum_p * sum_p / sum_w - sum_xp * sum_xp / sum_xx
-    if spread <= 1e-9 * sum_pp:
-        return line, None
-    cross = float(_sum(w_rest * phi))
+def centred(samples: Samples) -> Centred | None:
+    """Line through the samples; None if they do not determine one."""
+    total = samples.sums[:, :, -1].tolist()
+    weight = total[ONE][ONE]
+    mean_x, mean_y = total[X][ONE] / weight, total[Y][ONE] / weight
+    xx = total[X][X] - weight * mean_x * mean_x
+    if not xx > DETERMINED * total[X][X]:
+        return None
+    xy = total[X][Y] - weight * mean_x * mean_y
+    yy = total[Y][Y] - weight * mean_y * mean_y
+    slope = xy / xx
+    return Centred(weight, mean_x, mean_y, xx, slope, max(yy - slope * xy, 0.0))
+
+
+def best_line(line: Centred) -> Shape:
+    """Give the line of least squares."""
+    misfit = line.misfit / (1.0 + line.slope * line.slope)
+    return Shape(line.mean_x, line.mean_y, atan(line.slope), 0.0, 0.0, misfit, 2)
+
+
+def best_arc(samples: Samples, line: Centred) -> Shape | None:
+    """Fit the arc of least squares; None unless three distinct samples determine it."""
+    total = samples.sums[:, :, -1].tolist()
+    row = total[SQUARE]
+    cross_x = row[X] - line.mean_x * row[ONE]
+    cross = row[Y] - line.mean_y * row[ONE] - line.slope * cross_x
+    spread = row[SQUARE] - row[ONE] * row[ONE] / line.weight - cross_x * cross_x / line.xx
+    if not spread > DETERMINED * row[SQUARE]:
+        return None
     half = cross / spread
-    tilt = slope - half * sum_xp / sum_xx
-    offset = -half * sum_p / sum_w
-    return line, _arc(offset, tilt, half, max(misfit - half * cross, 0.0))
+    slope = line.slope - half * cross_x / line.xx
+    offset = line.mean_y - slope * line.mean_x - half * row[ONE] / line.weight
+    return _arc(offset, slope, half, max(line.misfit - half * cross, 0.0))
 
 
 def _arc(offset: float, slope: float, half: float, misfit: float) -> Shape | None:
     """Convert the circle y = offset + slope x + half (x² + y²) to a shape at the origin."""
     square = 1.0 + slope * slope - 4.0 * half * offset
-    if square <= 0.0:
+    if not square > 0.0:
         return None
     gradient = sqrt(square)
     kappa, algebraic = 2.0 * half / gradient, -offset / gradient
     away = 2.0 * algebraic / (1.0 + sqrt(max(1.0 - 2.0 * kappa * algebraic, 0.0)))
     angle = atan(slope)
     return Shape(away * sin(angle), -away * cos(angle), angle, kappa, kappa, misfit / square, 3)
-
-
-def best_joined(samples: Samples, joins: Floats) -> Shape | None:
-    """Best line→arc or arc→line with its join at one of the stations `joins` (m)."""
-    x, y, station, weight = samples
-    count = len(joins)
-    sum_w = float(_sum(weight))
-    wx = weight * x
-    sum_xx = float(_sum(wx * x))
-    slope = float(_sum(wx * y)) / sum_xx
-    rest = y - slope * x
-    join_x, join_y = np.interp(joins, station, x), np.interp(joins, station, y)
-    dx, dy = x - join_x[:, None], y - join_y[:, None]
-    phi = np.empty((2 * count, len(x)))
-    whole = dx * dx + dy * dy
-    np.multiply(whole, station > joins[:, None], out=phi[:count])
-    np.subtract(whole, phi[:count], out=phi[count:])
-    w_phi = weight * phi
-    sum_p, sum_xp = _sum(w_phi, 1), _sum(w_phi * x, 1)
-    cross, sum_pp = _sum(w_phi * rest, 1), _sum(w_phi * phi, 1)
-    spread = sum_pp - sum_p * sum_p / sum_w - sum_xp * sum_xp / sum_xx
-    sound = spread > 1e-9 * sum_pp
-    half = np.where(sound, cross, 0.0) / np.where(sound, spread, 1.0)
-    tilt = slope - half * sum_xp / sum_xx
-    misfit = (float(_sum(weight * rest * rest)) - half * cross) / (1.0 + tilt * tilt)
-    best = int(np.argmin(np.where(sound, misfit, inf)))
-    if not sound[best]:
-        return None
-    k, a, h = best % count, float(tilt[best]), float(half[best])
-    px = float(join_x[k])
-    py = a * px - h * float(sum_p[best]) / sum_w
-    kappa = 2.0 * h / hypot(1.0, a)
-    before, after = (0.0, kappa) if best < count else (kappa, 0.0)
-    return Shape(px, py, atan(a), before, after, max(float(misfit[best]), 0.0), 4)
-
-
-def refined(shape: Shape, samples: Samples, passes: int = 2) -> Shape:
-    """Improve a two-piece `shape` by Gauss–Newton passes on offset, angle, curvature and join.
-
-    The join stays within the samples, and the result is never worse than what was given.
-    """
-    first, last = float(samples.x[0]), float(samples.x[-1])
-    moved = shape
-    for _ in range(passes):
-        step = _step(moved, samples)
-        if step is None:
-            break
-        left, turn, bend, along = step
-        reach = 0.25 * (last - first)
-        along = min(max(along, -reach), reach)
-        ux, uy = cos(moved.angle), sin(moved.angle)
-        moved = moved._replace(
-            x=moved.x + along * ux - left * uy,
-            y=moved.y + along * uy + left * ux,
-            angle=moved.angle + turn,
-            before=moved.before + bend if moved.before else 0.0,
-            after=moved.after + bend if moved.after else 0.0,
-        )
-        if not first < moved.x < last:
-            return shape
-    rest = offsets(moved, samples)
-    misfit = float(_sum(samples.weight * rest * rest))
-    return moved._replace(misfit=misfit) if misfit < shape.misfit else shape
-
-
-def _step(shape: Shape, samples: Samples) -> list[float] | None:
-    """Gauss–Newton step (left m, turn rad, bend 1/m, along m).
-
-    With (ξ, η) in the frame of P, E changes by −(1 − κη) per shift of P to the left, by −ξ per
-    turn of u, by −(ξ² + η²)/2 per curvature and by κξ per shift of P along u.
-    """
-    ux, uy = cos(shape.angle), sin(shape.angle)
-    dx, dy = samples.x - shape.x, samples.y - shape.y
-    xi, eta = dx * ux + dy * uy, dy * ux - dx * uy
-    bent = xi > 0.0 if shape.before == 0.0 else xi <= 0.0
-    kappa = (shape.after + shape.before) * bent
-    half_square = 0.5 * (xi * xi + eta * eta)
-    rows = np.empty((5, len(xi)))
-    rows[0] = 1.0 - kappa * eta
-    rows[1] = xi
-    rows[2] = half_square * bent
-    rows[3] = -kappa * xi
-    rows[4] = eta - kappa * half_square
-    sums = _sum((rows * samples.weight)[:, None, :] * rows, 2).tolist()
-    return solved(sums[:4])
-
-
-def solved(rows: list[list[float]]) -> list[float] | None:
-    """Solve a symmetric positive system whose `rows` end with the right-hand side.
-
-    By elimination; None if it is singular.
-    """
-    size = len(rows)
-    rows = [list(row) for row in rows]
-    scale = [row[k] for k, row in enumerate(rows)]
-    for k, pivot_row in enumerate(rows):
-        if not pivot_row[k] > 1e-12 * scale[k]:
-            return None
-        for row in rows[k + 1 :]:
-            factor = row[k] / pivot_row[k]
-            for column in range(k + 1, size + 1):
-                row[column] -= factor * pivot_row[column]
-    solution = [0.0] * size
-    for k in range(size - 1, -1, -1):
-        row = rows[k]
-        known = sum(row[column] * solution[column] for column in range(k + 1, size))
-        solution[k] = (row[size] - known) / row[k]
-    return solution

@@ -7,7 +7,7 @@ and samples just behind the ego are kept, so that its own place is not extrapola
 """
 
 from dataclasses import dataclass
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -89,23 +89,27 @@ def fit_composite(
     if merged is None or curve is None:
         return None
     outliers = 0
-    near = _near(np.abs(curve.offsets), settings.tolerance)
+    size = np.abs(curve.offsets)
+    largest = float(size.max())
+    near = _near(size, settings.tolerance) if largest > settings.tolerance else None
     if near is not None:
         kept = merged.where(near)
         again = _curve(kept, settings)
         if again is not None:
             outliers = len(merged.station) - len(kept.station)
             merged, curve = kept, again
-    mean_square = float(_sum(merged.weight * curve.offsets * curve.offsets))
+            size = np.abs(curve.offsets)
+            largest = float(size.max())
+    mean_square = float(_sum(merged.weight * size * size)) / float(_sum(merged.weight))
     return Fit(
-        spline=curve.spline,
-        east=merged.east,
-        north=merged.north,
-        station=merged.station,
-        source=merged.source,
-        residual_rms=sqrt(mean_square / float(_sum(merged.weight))),
-        residual_max=float(np.abs(curve.offsets).max()),
-        outliers=outliers,
+        curve.spline,
+        merged.east,
+        merged.north,
+        merged.station,
+        merged.source,
+        sqrt(mean_square),
+        largest,
+        outliers,
     )
 
 
@@ -136,41 +140,50 @@ def fuse(
 
 
 def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Merged | None:
-    """Put the samples of both sources in order of station, with weights; None without any."""
-    heard = [
-        (window, weight, source)
-        for window, weight, source in ((lead, 1.0 - alpha, LEAD), (predecessor, alpha, PREDECESSOR))
-        if window is not None and len(window.station)
-    ]
-    if len(heard) == 1:
-        heard = [(heard[0][0], 1.0, heard[0][2])]
-    heard = [one for one in heard if one[1] > 0.0]
-    if not heard:
-        return None
-    station = np.concatenate([window.station for window, _, _ in heard])
-    east = np.concatenate([window.east for window, _, _ in heard])
-    north = np.concatenate([window.north for window, _, _ in heard])
-    if not isfinite(float(_sum(station)) + float(_sum(east)) + float(_sum(north))):
-        return None
-    lengths = [len(window.station) for window, _, _ in heard]
-    weight = np.repeat([weight for _, weight, _ in heard], lengths)
-    source = np.repeat(np.array([source for _, _, source in heard], dtype=np.int8), lengths)
+    """Put the samples of both sources in order of station, with weights; None without any.
+
+    Weights are scaled to add up to the number of equally weighted samples that say as much.
+    """
+    leads = 0 if lead is None else len(lead.station)
+    predecessors = 0 if predecessor is None else len(predecessor.station)
+    if lead is None or not leads or (alpha >= 1.0 and predecessors):
+        return None if predecessor is None else _alone(predecessor, PREDECESSOR)
+    if predecessor is None or not predecessors or alpha <= 0.0:
+        return _alone(lead, LEAD)
+    total = (1.0 - alpha) * leads + alpha * predecessors
+    scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
+    weight = np.full(leads + predecessors, scale * alpha)
+    weight[:leads] = scale * (1.0 - alpha)
+    source = np.full(leads + predecessors, PREDECESSOR, dtype=np.int8)
+    source[:leads] = LEAD
+    station = np.concatenate((lead.station, predecessor.station))
+    east = np.concatenate((lead.east, predecessor.east))
+    north = np.concatenate((lead.north, predecessor.north))
     order = station.argsort(kind="stable")
     return _Merged(east[order], north[order], station[order], weight[order], source[order])
+
+
+def _alone(window: Window, source: int) -> _Merged:
+    count = len(window.station)
+    return _Merged(
+        window.east,
+        window.north,
+        window.station,
+        np.ones(count),
+        np.full(count, source, dtype=np.int8),
+    )
 
 
 def _curve(merged: _Merged, settings: FitSettings) -> Curve | None:
     return fit_curve(merged.east, merged.north, merged.station, merged.weight, settings)
 
 
-def _near(distance: Floats, tolerance: float) -> NDArray[np.bool_] | None:
-    """Which samples to keep if some have jumped and enough are left, else None.
+def _near(size: Floats, tolerance: float) -> NDArray[np.bool_] | None:
+    """Choose the samples to keep if some have jumped and enough are left, else None.
 
     A jump drags the curve with it, so what is far is measured against the median distance.
     """
-    if float(distance.max()) <= tolerance:
-        return None
-    median = float(np.sort(distance)[len(distance) // 2])
-    near = distance <= max(tolerance, 4.0 * median)
+    median = float(np.sort(size)[len(size) // 2])
+    near = size <= max(tolerance, 4.0 * median)
     left = int(np.count_nonzero(near))
-    return near if max(3.0, 0.6 * len(distance)) <= left < len(distance) else None
+    return near if max(3.0, 0.6 * len(size)) <= left < len(size) else None

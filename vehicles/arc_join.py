@@ -1,0 +1,188 @@
+"""Least squares for a line and an arc with one tangent at the join (see `arc_shapes`).
+
+Given the join P on the curve, line→arc and arc→line are linear in offset, slope and curvature: the
+equation of the arc with κ = 0 on one side. So joins are tried at some of the samples, and the best
+one is refined by Gauss–Newton passes on all four unknowns.
+"""
+
+from math import atan, cos, hypot, sin
+from typing import NamedTuple
+
+import numpy as np
+
+from vehicles.arc_shapes import DETERMINED, ONE, SQUARE, Centred, Samples, Shape, X, Y
+
+SINGULAR = 1e-12
+"""Least share of a diagonal that elimination may leave."""
+
+
+class Joined(NamedTuple):
+    """A line→arc or arc→line, and the station of its join (m)."""
+
+    shape: Shape
+    station: float
+
+
+def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
+    """Best line→arc or arc→line with its join near one of the samples `joins`.
+
+    Each join is tried with the arc after it and with the arc before it.
+    """
+    x, y = samples.x[joins], samples.y[joins]
+    count = len(x)
+    before = samples.sums[:, :, joins]
+    bent = np.empty((4, 4, 2 * count))
+    np.subtract(samples.sums[:, :, -1:], before, out=bent[:, :, :count])
+    bent[:, :, count:] = before
+    x, y = np.concatenate((x, x)), np.concatenate((y, y))
+    twice_x, twice_y, square = -2.0 * x, -2.0 * y, x * x + y * y
+    # φ = |q − P|² is a combination of the four, and so are the sums of its products.
+    sums = bent[SQUARE] + twice_x * bent[X] + twice_y * bent[Y] + square * bent[ONE]
+    square = sums[SQUARE] + twice_x * sums[X] + twice_y * sums[Y] + square * sums[ONE]
+    cross_x = sums[X] - line.mean_x * sums[ONE]
+    cross = sums[Y] - line.mean_y * sums[ONE] - line.slope * cross_x
+    spread = square - sums[ONE] * sums[ONE] / line.weight - cross_x * cross_x / line.xx
+    half = cross / np.maximum(spread, DETERMINED * square)
+    gain = half * cross
+    best = int(gain.argmax())
+    after = best < count
+    h, px = half.item(best), x.item(best)
+    slope = line.slope - h * cross_x.item(best) / line.xx
+    offset = line.mean_y - slope * line.mean_x - h * sums.item(ONE, best) / line.weight
+    kappa = 2.0 * h / hypot(1.0, slope)
+    misfit = max(line.misfit - gain.item(best), 0.0) / (1.0 + slope * slope)
+    k = best if after else best - count
+    station = samples.station[joins]
+    shift = 0.0
+    if 0 < k < count - 1:
+        low, top, high = gain[best - 1 : best + 2].tolist()
+        bend = 2.0 * top - low - high
+        if bend > 0.0:  # top of the parabola through three joins
+            shift = 0.25 * (high - low) / bend * (station.item(k + 1) - station.item(k - 1))
+    shape = Shape(
+        px + shift,
+        offset + slope * (px + shift),
+        atan(slope),
+        0.0 if after else kappa,
+        kappa if after else 0.0,
+        misfit,
+        4,
+    )
+    return Joined(shape, station.item(k) + shift)
+
+
+def refined(joined: Joined, samples: Samples, passes: int, margin: float) -> Shape:
+    """Improve a joined shape by Gauss–Newton passes on offset, angle, curvature and join.
+
+    The join stays `margin` (m) within the samples.
+    """
+    shape, station = joined
+    first, last = samples.station.item(0) + margin, samples.station.item(-1) - margin
+    whole = samples.sums[:, :, -1]
+    total = whole.tolist()
+    for _ in range(passes):
+        split = int(samples.station.searchsorted(station, "right"))
+        sums = samples.sums[:, :, split - 1]
+        bent = (sums if shape.before else whole - sums).tolist()
+        step = solved(_normal_equations(shape, bent, total))
+        if step is None:
+            break
+        left, turn, bend, along = step
+        station += along
+        if not first <= station <= last:
+            break
+        ux, uy = cos(shape.angle), sin(shape.angle)
+        shape = Shape(
+            shape.x + along * ux - left * uy,
+            shape.y + along * uy + left * ux,
+            shape.angle + turn,
+            shape.before + bend if shape.before else 0.0,
+            shape.after + bend if shape.after else 0.0,
+            shape.misfit,
+            4,
+        )
+    return shape
+
+
+def _normal_equations(
+    shape: Shape, bent: list[list[float]], total: list[list[float]]
+) -> list[list[float]]:
+    """Equations of the Gauss–Newton step, each with its right-hand side.
+
+    With (ξ, η) in the frame of P, ρ = ξ² + η², E falls by 1 − κη per shift of P to the left, by ξ
+    per turn of u, by ρ/2 per curvature and by −κξ per shift of P along u; on the line by 1, ξ, 0
+    and 0. `bent` are the sums over the arc's samples, `total` over all.
+    """
+    ux, uy = cos(shape.angle), sin(shape.angle)
+    px, py = shape.x, shape.y
+    k = shape.before + shape.after
+    half = 0.5 * k
+    rho = (1.0, -2.0 * px, -2.0 * py, px * px + py * py)
+    xi = (0.0, ux, uy, -(ux * px + uy * py))
+    eta = (0.0, -uy, ux, uy * px - ux * py)
+    of_rho, of_xi, of_eta = _times(bent, rho), _times(bent, xi), _times(bent, eta)
+    all_xi, all_eta = _times(total, xi), _times(total, eta)
+    rr, rx, ry = _dot(rho, of_rho), _dot(rho, of_xi), _dot(rho, of_eta)
+    xx, xy, yy = _dot(xi, of_xi), _dot(xi, of_eta), _dot(eta, of_eta)
+    square = of_rho[ONE] - k * ry
+    left_turn = all_xi[ONE] - k * xy
+    left_left = total[ONE][ONE] - k * (2.0 * of_eta[ONE] - k * yy)
+    left_along = -k * (of_xi[ONE] - k * xy)
+    turn_turn, turn_rest = _dot(xi, all_xi), _dot(xi, all_eta) - half * rx
+    return [
+        [left_left, left_turn, 0.5 * square, left_along, all_eta[ONE] - k * yy - half * square],
+        [left_turn, turn_turn, 0.5 * rx, -k * xx, turn_rest],
+        [0.5 * square, 0.5 * rx, 0.25 * rr, -half * rx, 0.5 * (ry - half * rr)],
+        [left_along, -k * xx, -half * rx, k * k * xx, -k * (xy - half * rx)],
+    ]
+
+
+Vector = tuple[float, float, float, float]
+
+
+def _times(matrix: list[list[float]], vector: Vector) -> Vector:
+    a, b, c, d = vector
+    m0, m1, m2, m3 = matrix
+    return (
+        a * m0[0] + b * m0[1] + c * m0[2] + d * m0[3],
+        a * m1[0] + b * m1[1] + c * m1[2] + d * m1[3],
+        a * m2[0] + b * m2[1] + c * m2[2] + d * m2[3],
+        a * m3[0] + b * m3[1] + c * m3[2] + d * m3[3],
+    )
+
+
+def _dot(one: Vector, other: Vector) -> float:
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2] + one[3] * other[3]
+
+
+def solved(rows: list[list[float]]) -> tuple[float, float, float, float] | None:
+    """Solve four symmetric positive equations by elimination; None if they are singular.
+
+    Each row ends with its right-hand side.
+    """
+    (a0, b0, c0, d0, e0), (_, b1, c1, d1, e1), (_, _, c2, d2, e2), (_, _, _, d3, e3) = rows
+    if not a0 > 0.0:
+        return None
+    floor_b, floor_c, floor_d = SINGULAR * b1, SINGULAR * c2, SINGULAR * d3
+    factor = b0 / a0
+    b1, c1, d1, e1 = b1 - factor * b0, c1 - factor * c0, d1 - factor * d0, e1 - factor * e0
+    factor = c0 / a0
+    c2, d2, e2 = c2 - factor * c0, d2 - factor * d0, e2 - factor * e0
+    factor = d0 / a0
+    d3, e3 = d3 - factor * d0, e3 - factor * e0
+    if not b1 > floor_b:
+        return None
+    factor = c1 / b1
+    c2, d2, e2 = c2 - factor * c1, d2 - factor * d1, e2 - factor * e1
+    factor = d1 / b1
+    d3, e3 = d3 - factor * d1, e3 - factor * e1
+    if not c2 > floor_c:
+        return None
+    factor = d2 / c2
+    d3, e3 = d3 - factor * d2, e3 - factor * e2
+    if not d3 > floor_d:
+        return None
+    w = e3 / d3
+    z = (e2 - d2 * w) / c2
+    y = (e1 - c1 * z - d1 * w) / b1
+    return (e0 - b0 * y - c0 * z - d0 * w) / a0, y, z, w
