@@ -43,6 +43,14 @@ class ScenarioError(ValueError):
         super().__init__("\n".join(self.lines))
 
 
+class Refused(ValueError):  # noqa: N818 - one problem on its way to a ScenarioError
+    """A problem that only a look at several keys shows: its key and the rest of the line."""
+
+    def __init__(self, key: str, why: str) -> None:
+        self.key, self.why = key, why
+        super().__init__(f"{key}: {why}")
+
+
 def shown(value: object) -> str:
     """`value` about as a file would write it, cut to a readable length."""
     if isinstance(value, Mapping):

@@ -13,7 +13,10 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, StringConstrai
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 """Names become part of a key expression on the bus, so they keep to letters, digits, _ and -."""
 
-CONTROLLERS = ("feedforward_feedback", "stanley")
+CONTROLLERS = {
+    "feedforward_feedback": "vehicles.steering.FeedforwardFeedback",
+    "stanley": "vehicles.steering.Stanley",
+}
 """Controllers that ship; any other is the dotted name of the user's own class."""
 
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
@@ -32,7 +35,7 @@ class Table(BaseModel):
 class OriginTable(Table):
     """Where the east-north plane touches the earth (WGS84)."""
 
-    latitude_deg: float = Field(default=30.6380, ge=-89, le=89)
+    latitude_deg: float = Field(default=30.6380, ge=-90, le=90)
     longitude_deg: float = Field(default=-96.4810, ge=-180, le=180)
     altitude_m: float = Field(default=80.0, ge=-500, le=10_000)
 
@@ -61,7 +64,7 @@ class GainsTable(Table):
 class SteeringTable(Table):
     """How a vehicle makes its trajectory from what it heard, and steers along it."""
 
-    controller: str = CONTROLLERS[0]
+    controller: str = "feedforward_feedback"
     fusion: Literal["composite", "predecessor", "blend"] = "composite"
     alpha_ratio: Ratio = 0.5
     preview_s: float = Field(default=0.8, ge=0.1, le=10)
@@ -82,8 +85,8 @@ class GnssTable(Table):
     rate_hz: float = Field(default=20.0, gt=0, le=100)
     position_noise_m: float = Field(default=0.02, ge=0, le=100)
     heading_noise_deg: float = Field(default=0.1, ge=0, le=45)
-    speed_noise_mps: float = Field(default=0.02, ge=0, le=10)
-    yaw_rate_noise_radps: float = Field(default=0.001, ge=0, le=1)
+    speed_noise_mps: float = Field(default=0.03, ge=0, le=10)
+    yaw_rate_noise_radps: float = Field(default=0.00175, ge=0, le=1)
 
 
 class ProfilePoint(Table):
@@ -93,23 +96,34 @@ class ProfilePoint(Table):
     speed_mps: Speed
 
 
+class GapTable(Table):
+    """Gap keeping: `standstill_m + headway_s * speed` to the vehicle ahead, and its limits.
+
+    Followers brake harder than their lead, to make good what they hear late.
+    """
+
+    standstill_m: float = Field(default=8.0, gt=0, le=1000)
+    headway_s: float = Field(default=0.5, ge=0, le=10)
+    acceleration_mps2_max: float = Field(default=2.0, gt=0, le=10)
+    braking_mps2_max: float = Field(default=6.0, gt=0, le=12)
+
+
 class SpeedTable(Table):
     """How fast the convoy goes.
 
-    The lead drives one set speed, a profile, or the speed recorded in the trace; set speeds are
-    lowered in curves to keep the lateral acceleration. The others do the same at the same time
-    (as in the paper), or keep `standstill_m + headway_s * speed` behind the vehicle ahead.
+    The lead drives one set speed, a profile, or the speed recorded in its trace. Before curves,
+    set speeds and profiles are lowered to keep the lateral acceleration. The others drive the
+    same speed at the same time (as in the paper), or keep their gap.
     """
 
     lead: Literal["set", "profile", "recorded"] = "set"
     set_mps: float = Field(default=20.0, gt=0, le=100)
     profile: Annotated[tuple[ProfilePoint, ...], Field(strict=False)] = ()
     followers: Literal["same", "gap"] = "same"
-    standstill_m: float = Field(default=8.0, gt=0, le=1000)
-    headway_s: float = Field(default=0.5, ge=0, le=10)
     lateral_acceleration_mps2_max: float = Field(default=3.0, gt=0, le=20)
-    acceleration_mps2_max: float = Field(default=2.0, gt=0, le=10)
-    braking_mps2_max: float = Field(default=4.0, gt=0, le=12)
+    acceleration_mps2_max: float = Field(default=1.5, gt=0, le=10)
+    braking_mps2_max: float = Field(default=2.5, gt=0, le=12)
+    gap: GapTable = GapTable()
 
 
 class Segment(Table):

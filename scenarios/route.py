@@ -1,0 +1,177 @@
+"""What the convoy drives: the path, where each vehicle starts on it, and the lead's speed."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scenarios.lead_speed import Limits, SpeedPlan, recorded, slowed
+from scenarios.refusal import Refused
+from scenarios.schema import PointsPath, ScenarioTables, Segment, SegmentsPath, SpeedTable
+from vehicles import path as paths
+from vehicles.geodesy import yaw_from_heading
+from vehicles.path import Path, path_from_segments
+from vehicles.smoothing import SmoothedPath, smooth_path
+from vehicles.speed import SpeedProfile
+
+if TYPE_CHECKING:
+    from scenarios.scenario import Scenario
+
+DEFAULT_GAP = 15.0
+"""Metres between two vehicles at the start where nothing else says so (half a second at 30 m/s)."""
+
+RUN_UP = 10.0
+"""The straight before the path reaches this far (m) behind the last vehicle."""
+
+LONGEST = 86_400.0
+"""No run lasts longer than a day (s)."""
+
+SPEED_RATIOS = (0.8, 1.25)
+"""Recorded speeds that cover the path less exactly than this are not in m/s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Route:
+    """A drivable path, the lead's place on it at the start, and its speed over time.
+
+    `start` (m) is the lead's first station: the path begins with a straight for the vehicles
+    behind it. `gaps` (m) are those to the vehicle ahead, 0 for the lead. `smoothed` says how far
+    the path lies from recorded points, None where it is made of segments. `speed_ratio` is what
+    recorded speeds were multiplied by to cover the path.
+    """
+
+    path: Path
+    start: float
+    gaps: tuple[float, ...]
+    plan: SpeedPlan
+    profile: SpeedProfile
+    smoothed: SmoothedPath | None
+    speed_ratio: float
+
+    def start_station(self, place: int) -> float:
+        """Station (m) on the path at which the vehicle at `place` (0 is the lead) starts."""
+        return self.start - sum(self.gaps[: place + 1])
+
+    @property
+    def length(self) -> float:
+        """Way (m) from the lead's start to the end of the path."""
+        return self.path.length - self.start
+
+
+def route_of(scenario: "Scenario") -> Route:
+    """Return the route of a scenario, which is planned once."""
+    return scenario.route
+
+
+def vehicle_names(tables: ScenarioTables) -> tuple[str, ...]:
+    """Return the names given, or v1, v2, ..."""
+    convoy = tables.convoy
+    return convoy.names or tuple(f"v{place}" for place in range(1, convoy.vehicles + 1))
+
+
+def gaps_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:
+    """Return each vehicle's gap at the start (m): its own, the convoy's, or the policy's."""
+    kept = tables.speed.gap
+    usual = tables.convoy.gap_m
+    if usual is None:
+        by_policy = kept.standstill_m + kept.headway_s * speed
+        usual = by_policy if tables.speed.followers == "gap" else DEFAULT_GAP
+    own = [tables.vehicle.get(name) for name in vehicle_names(tables)[1:]]
+    return (0.0, *(usual if t is None or t.gap_m is None else t.gap_m for t in own))
+
+
+def plan_route(tables: ScenarioTables) -> Route:
+    """Make path and speed of a scenario whose trace has been read; raises Refused."""
+    fastest = _first_speed_at_most(tables)
+    lead_in = sum(gaps_at(tables, fastest)) + RUN_UP
+    path, smoothed = _path(tables, lead_in)
+    start = smoothed.start if smoothed else lead_in
+    plan, ratio = _speed(tables, path, start, smoothed)
+    return Route(
+        path=path,
+        start=start,
+        gaps=gaps_at(tables, plan.at(0.0)),
+        plan=plan,
+        profile=SpeedProfile(plan.times, plan.speeds),
+        smoothed=smoothed,
+        speed_ratio=ratio,
+    )
+
+
+def _first_speed_at_most(tables: ScenarioTables) -> float:
+    speed = tables.speed
+    if speed.lead == "profile":
+        return speed.profile[0].speed_mps
+    if speed.lead == "recorded" and isinstance(tables.path, PointsPath):
+        return max(tables.path.speed_mps, default=speed.set_mps)
+    return speed.set_mps
+
+
+def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, SmoothedPath | None]:
+    table = tables.path
+    if isinstance(table, SegmentsPath):
+        yaw = yaw_from_heading(table.heading_deg)
+        laps = [paths.Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
+        east, north = -lead_in * math.cos(yaw), -lead_in * math.sin(yaw)
+        return path_from_segments([paths.Segment(lead_in, 0.0), *laps], east, north, yaw), None
+    if not isinstance(table, PointsPath):
+        raise Refused("path.file", "has not been read")
+    try:
+        smoothed = smooth_path(
+            table.east_m,
+            table.north_m,
+            table.smoothing_m,
+            closed=table.closed,
+            laps=table.laps,
+            lead_in=lead_in,
+        )
+    except ValueError as error:
+        raise Refused(f"path ({table.source})" if table.source else "path", str(error)) from error
+    return smoothed.path, smoothed
+
+
+def curvature(segment: Segment) -> float:
+    """Curvature (1/m, left positive) of a segment, however it is given."""
+    if segment.radius_m is not None:
+        return (1.0 if segment.turn == "left" else -1.0) / segment.radius_m
+    return segment.curvature_per_m or 0.0
+
+
+def _speed(
+    tables: ScenarioTables, path: Path, start: float, smoothed: SmoothedPath | None
+) -> tuple[SpeedPlan, float]:
+    if tables.speed.lead == "recorded":
+        return _recorded(tables, smoothed)
+    table = tables.speed
+    plan = SpeedPlan((0.0,), (table.set_mps,))
+    if table.lead == "profile":
+        times = tuple(point.at_s for point in table.profile)
+        plan = SpeedPlan(times, tuple(point.speed_mps for point in table.profile))
+    return slowed(plan, path, start, _limits(table), tables.duration_s or LONGEST), 1.0
+
+
+def _limits(table: SpeedTable) -> Limits:
+    return Limits(
+        lateral=table.lateral_acceleration_mps2_max,
+        acceleration=table.acceleration_mps2_max,
+        braking=table.braking_mps2_max,
+    )
+
+
+def _recorded(tables: ScenarioTables, smoothed: SmoothedPath | None) -> tuple[SpeedPlan, float]:
+    table = tables.path
+    if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
+        raise Refused("speed.lead", 'given "recorded", allowed only for a trace with times')
+    if table.closed:
+        raise Refused("speed.lead", 'given "recorded", allowed only with path.closed = false')
+    plan, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
+    if not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
+        times = f"{1.0 / ratio:.2f} times" if ratio > 0.0 else "not"
+        raise Refused(
+            f"path ({table.source})", f"recorded speeds are {times} what its points need: m/s?"
+        )
+    return plan, ratio
+
+
+def longest_run(route: Route) -> float:
+    """Time (s) until the lead reaches the end of its path, rounded down to a tenth."""
+    return math.floor(10.0 * min(route.plan.time_to(route.length), LONGEST) + 1e-6) / 10.0
