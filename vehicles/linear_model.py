@@ -158,7 +158,7 @@ def heading_numerator(parameters: VehicleParameters, speed: float) -> Array:
 
 def feedback_numerator(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
     """N(s) of H(s) = N / Delta_o, from steering command to feedback; shape (4,), section IV.B."""
-    heading = np.polymul([gains.yaw_rate, gains.heading], heading_numerator(parameters, speed))
+    heading = np.convolve([gains.yaw_rate, gains.heading], heading_numerator(parameters, speed))
     return np.asarray(
         np.polyadd(gains.lateral * lateral_numerator(parameters, speed), heading), dtype=np.float64
     )

@@ -54,7 +54,7 @@ def spectral_abscissa(coefficients: Array) -> Array:
 def squared_magnitude(polynomial: Array) -> Array:
     """|p(j w)|² as a polynomial in x = w²: p(s) p(-s) has even powers only, and s² = -x."""
     powers = np.arange(len(polynomial))[::-1]
-    product = np.polymul(polynomial, polynomial * (-1.0) ** powers)[::2]
+    product = np.convolve(polynomial, polynomial * (-1.0) ** powers)[::2]
     return np.asarray(product * (-1.0) ** powers)
 
 

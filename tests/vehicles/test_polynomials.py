@@ -2,7 +2,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from vehicles.polynomials import (
@@ -45,6 +45,7 @@ def test_a_root_on_the_axis_is_not_hurwitz(boundary: list[float]) -> None:
 
 
 @given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=7), st.floats(0.0, 5.0))
+@example([0.0, 1.0], 1.0)
 def test_squared_magnitude(coefficients: list[float], frequency: float) -> None:
     polynomial = np.array(coefficients)
     direct = abs(np.polyval(polynomial, 1j * frequency)) ** 2
