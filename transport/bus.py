@@ -1,5 +1,6 @@
 """What carries bytes between the processes of a convoy, whichever way."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from types import TracebackType
 from typing import Protocol, Self
@@ -12,6 +13,25 @@ AliveHandler = Callable[[str, bool], None]
 
 class BusError(Exception):
     """The bus could not do what was asked: one line with what, where, and what would be right."""
+
+
+class Closing(ABC):
+    """Closes itself at the end of a `with`, also when that ends by an exception."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of everything; a second time changes nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
 
 
 class Bus(Protocol):

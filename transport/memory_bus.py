@@ -1,9 +1,6 @@
 """A bus within one process: synchronous and deterministic, for virtual time and for tests."""
 
-from types import TracebackType
-from typing import Self
-
-from transport.bus import AliveHandler, Handler
+from transport.bus import AliveHandler, Closing, Handler
 
 
 def matches(key_expression: str, key: str) -> bool:
@@ -72,7 +69,7 @@ class MemoryNetwork:
             handler(vehicle, alive)
 
 
-class MemoryBus:
+class MemoryBus(Closing):
     """One member of a `MemoryNetwork`; without one it is a network of its own."""
 
     def __init__(self, network: MemoryNetwork | None = None) -> None:
@@ -97,14 +94,3 @@ class MemoryBus:
     def close(self) -> None:
         """Leave the network."""
         self._network.leave(self)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -8,64 +8,31 @@ import json
 import logging
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Literal, Self
 
 import zenoh
 
-from transport.bus import AliveHandler, BusError, Handler
+from transport.bus import AliveHandler, BusError, Closing, Handler
 from transport.topics import TOPICS, alive_key
+from transport.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, MEMBER_DEFAULTS, ZenohOptions
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+__all__ = ["DEFAULT_ENDPOINT", "Router", "ZenohBus", "ZenohOptions", "open_bus", "open_router"]
+
 FLUSH_S = 1.0
 """At most so long does closing wait until what was published has reached the router."""
 
+_SLICE_S = 1.0
 _SETTLE_S = 0.005
 """A lost router shows in `connected()` within 3 ms of the deaths it feigns (measured)."""
 
 logger = logging.getLogger(__name__)
 _SOURCE_LINE = re.compile(r" at /\S+?\.rs:\d+\.?")
-
-# Where neither the user's file nor a flag says otherwise. Each value is JSON5 text.
-_DEFAULTS = {
-    "mode": '"client"',
-    # A convoy never finds another one on the same network by accident.
-    "scouting/multicast/enabled": "false",
-    # Two peers that know each other by gossip open one link, not two.
-    "scouting/gossip/autoconnect_strategy": '{peer: {to_peer: "greater-zid"}}',
-    # Poses are small; shared memory would leave files in /dev/shm behind.
-    "transport/shared_memory/enabled": "false",
-    # How soon the others learn that this process froze; a death they learn at once.
-    "transport/link/tx/lease": "2000",
-    # Back within 0.3 s after a router is (the default waits up to 4 s).
-    "connect/retry": "{period_init_ms: 100, period_max_ms: 500, period_increase_factor: 1.5}",
-}
+_INNER = re.compile(r'(?:Str\(|msg: )"(.*?)"[,)]')
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ZenohOptions:
-    """How to join, in Zenoh's usual terms (the flags of its own tools).
-
-    mode               client (of a router) or peer; None leaves it to `config`, else client
-    connect, listen    endpoints such as tcp/127.0.0.1:7447; empty leaves them to `config`
-    config             a Zenoh configuration file (JSON5)
-    cfg                settings KEY:VALUE, the value in JSON5; they go over everything else
-    connect_timeout_s  how long to try to reach a router before giving up
-    """
-
-    mode: Literal["client", "peer"] | None = None
-    connect: tuple[str, ...] = ()
-    listen: tuple[str, ...] = ()
-    config: Path | None = None
-    cfg: tuple[str, ...] = ()
-    connect_timeout_s: float = 5.0
-
-
-class ZenohBus:
+class ZenohBus(Closing):
     """A session of one process; open it with `open_bus` and close it with `with`.
 
     An unclosed session would keep the interpreter from exiting, also after an exception.
@@ -147,25 +114,16 @@ class ZenohBus:
         """Wait until the router has what was published, then leave."""
         if self._session.is_closed():
             return
-        # Closing at once drops what still waits to be sent. A query that nobody answers queues
-        # behind it and comes back when the router has read them all.
-        with _one_line("cannot flush"):
-            nobody = f"convoy/@flush/{self.zid}"
+        # Closing drops what still waits in the queue. A query that nobody answers waits behind it
+        # and comes back when the router has read it all.
+        nobody = f"convoy/@flush/{self.zid}"
+        try:
             list(self._session.get(nobody, priority=zenoh.Priority.DATA, timeout=FLUSH_S))
+        except zenoh.ZError:
+            logger.debug("nothing to flush to")
         self._publishers.clear()
         self._kept.clear()
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _declare(self, key: str, *, urgent: bool) -> zenoh.Publisher:
         topic = TOPICS.get(key.rpartition("/")[2])
@@ -182,7 +140,7 @@ class ZenohBus:
             )
 
 
-class Router:
+class Router(Closing):
     """A Zenoh router in this process, until closed; `endpoints` are those it listens on."""
 
     def __init__(self, session: zenoh.Session, endpoints: tuple[str, ...]) -> None:
@@ -190,35 +148,43 @@ class Router:
         self.endpoints = endpoints
         self.zid = str(session.zid())
 
+    def occupied(self) -> bool:
+        """Say whether anyone is linked to this router."""
+        return bool(self._session.info.transports())
+
     def close(self) -> None:
         """Stop routing."""
         if not self._session.is_closed():
             self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
 
 def open_bus(options: ZenohOptions) -> ZenohBus:
     """Join the convoy's network; raises BusError with one line that says what is wrong."""
-    config = _configure(options)
-    endpoints = config.get_json("connect/endpoints")
-    if config.get_json("mode") == '"client"':
-        if endpoints == "[]":
-            raise BusError(f"a client needs a router to connect to, such as {DEFAULT_ENDPOINT}")
-        # A peer that finds nobody goes on trying; the others may come later.
-        _insert(config, "connect/timeout_ms", str(round(options.connect_timeout_s * 1000)))
+    config = _configure(options, DEFAULTS | MEMBER_DEFAULTS)
     zenoh.init_log_from_env_or("error")
-    with _one_line(f"cannot join through {endpoints}; is a router running there?"):
-        return ZenohBus(zenoh.open(config))
+    if config.get_json("mode") != '"client"':
+        # A peer that finds nobody opens all the same: the others may come later.
+        with _one_line("cannot open a peer"):
+            return ZenohBus(zenoh.open(config))
+    endpoints = config.get_json("connect/endpoints").strip("[]").replace('"', "")
+    if not endpoints:
+        raise BusError(f"a client needs a router to connect to, such as {DEFAULT_ENDPOINT}")
+    patience = f"{options.connect_timeout_s:g} s"
+    with _one_line(f"cannot join through {endpoints} within {patience}; is a router there?"):
+        return ZenohBus(_patiently(config, options.connect_timeout_s))
+
+
+def _patiently(config: zenoh.Config, timeout_s: float) -> zenoh.Session:
+    """Open a client, in slices of time, so that signals are heard in between."""
+    give_up_at = time.monotonic() + timeout_s
+    while True:
+        left_s = min(give_up_at - time.monotonic(), _SLICE_S)
+        config.insert_json5("connect/timeout_ms", str(max(1, round(left_s * 1000))))
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError:
+            if time.monotonic() >= give_up_at:
+                raise
 
 
 def open_router(
@@ -228,8 +194,9 @@ def open_router(
     cfg: tuple[str, ...] = (),
 ) -> Router:
     """Start a router; port 0 picks a free one. Raises BusError, for one when a port is taken."""
-    options = ZenohOptions(listen=listen, config=config, cfg=("scouting/delay:0", *cfg))
-    chosen = _configure(options)
+    options = ZenohOptions(listen=listen, config=config, cfg=cfg)
+    # Nobody is scouted for, so there is no use in waiting half a second for answers.
+    chosen = _configure(options, DEFAULTS | {"scouting/delay": "0"})
     _insert(chosen, "mode", '"router"')
     ask = any(endpoint.endswith(":0") for endpoint in listen)
     if ask:
@@ -247,12 +214,12 @@ def _locators(session: zenoh.Session) -> tuple[str, ...]:
     raise BusError("the router does not say where it listens")
 
 
-def _configure(options: ZenohOptions) -> zenoh.Config:
+def _configure(options: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
     given, pristine = zenoh.Config(), zenoh.Config()
     if options.config is not None:
         with _one_line(f"cannot read {options.config}"):
             given = zenoh.Config.from_file(options.config)
-    for setting, value in _DEFAULTS.items():
+    for setting, value in defaults.items():
         if given.get_json(setting) == pristine.get_json(setting):
             _insert(given, setting, value)
     if options.mode is not None:
@@ -279,5 +246,7 @@ def _one_line(what: str) -> Iterator[None]:
     try:
         yield
     except zenoh.ZError as error:
-        why = " ".join(_SOURCE_LINE.sub("", str(error)).split())
+        text = " ".join(_SOURCE_LINE.sub("", str(error)).split())
+        inner = _INNER.search(text)
+        why = inner[1] if inner else text
         raise BusError(f"{what}: {why}") from None
