@@ -1,0 +1,160 @@
+"""What the picture of a convoy looks like: where things stand in it, colours, views and layout.
+
+Entities are named by quantity first and vehicle last, because a view takes in whole branches:
+
+    world/                  east, north in metres, as in the messages
+      plan, convoy          what the two plan views look from: north up, and riding along
+      road/…                the lead's path and its distance marks
+      driven/<vehicle>      where it drove
+      trajectory/<vehicle>  what it steers along
+      samples/<vehicle>     the received samples this was fitted to
+      cars/<vehicle>/…      the car
+    plots/<quantity>/<vehicle>
+    links/<vehicle>/from_<sender>, mode/<vehicle>, log/<vehicle>
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+TIMELINE = "run_time"
+"""Time since the start of the run; `time` is the instant itself."""
+
+COLOURS = (
+    (0xFF, 0xFF, 0xFF),
+    (0xE6, 0x9F, 0x00),
+    (0x56, 0xB4, 0xE9),
+    (0x1F, 0xC0, 0x8F),
+    (0xF0, 0xE4, 0x42),
+    (0xD5, 0x5E, 0x00),
+    (0xCC, 0x79, 0xA7),
+    (0x7D, 0x8C, 0xFF),
+)
+"""Of the lead and those behind it, told apart with any colour vision (after Okabe and Ito)."""
+ROAD = (0x6A, 0x6A, 0x6A)
+
+LINK_STATES = {
+    "ok": (0x2F, 0x7D, 0x5B),
+    "loss": (0xE8, 0x5D, 0x04),
+    "late": (0xF0, 0xE4, 0x42),
+    "silent": (0x9A, 0x4D, 0xC4),
+}
+"""Of a directed link: the last message was heard, dropped, late, or none came for a while."""
+MODES = {
+    "path": (0x9A, 0x9A, 0x9A),
+    "composite": (0x2F, 0x7D, 0x5B),
+    "lead": (0x56, 0xB4, 0xE9),
+    "predecessor": (0xE6, 0x9F, 0x00),
+    "coast": (0xD5, 0x5E, 0x00),
+    "straight": (0xCC, 0x79, 0xA7),
+}
+"""Of what a vehicle steers along."""
+PLOTS = {
+    "cross_track": "Cross-track error to the lead's path (m, left positive)",
+    "tracking": "Error as the vehicle sees it (m)",
+    "steering": "Steering (deg, left positive)",
+    "speed": "Speed (m/s)",
+    "gap": "Gap to the vehicle ahead (m)",
+    "age": "Age of the newest sample (s)",
+}
+
+
+def colour_of(index: int) -> tuple[int, int, int]:
+    """Colour of the vehicle at place `index` of the convoy; beyond eight they come again."""
+    return COLOURS[index % len(COLOURS)]
+
+
+def blueprint(vehicles: Sequence[str], *, gap_m: float, flat: bool) -> rrb.Blueprint:
+    """Lay out the picture of `vehicles`, lead first, that drive about `gap_m` apart.
+
+    `flat` says that the road needs little height on the screen.
+    """
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(
+                _convoy_view(vehicles, gap_m),
+                _plan_view(vehicles),
+                rrb.TextLogView(name="Log", origin="log"),
+                row_shares=[4, 2, 2] if flat else [3, 4, 2],
+            ),
+            rrb.Vertical(
+                rrb.Tabs(_plot("cross_track"), _plot("tracking")),
+                _plot("steering"),
+                rrb.Tabs(_plot("gap"), _plot("speed"), _plot("age")),
+                rrb.Tabs(
+                    _states("links", "Links: what was heard"), _states("mode", "Steers along")
+                ),
+                row_shares=[3, 2, 2, 3],
+            ),
+            column_shares=[5, 4],
+        ),
+        rrb.TimePanel(timeline=TIMELINE, expanded=False),
+        rrb.SelectionPanel(expanded=False),
+        rrb.BlueprintPanel(expanded=False),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _convoy_view(vehicles: Sequence[str], gap_m: float) -> rrb.Spatial2DView:
+    """Ride along with the middle of the convoy, the direction of travel to the right."""
+    ahead = middle(len(vehicles)) * gap_m
+    behind = (len(vehicles) - 1) * gap_m - ahead
+    return rrb.Spatial2DView(
+        name="Convoy (driving to the right)",
+        origin="world/convoy",
+        contents=["/world/**", *(f"- /world/cars/{name}/dot" for name in vehicles)],
+        visual_bounds=rrb.VisualBounds2D(x_range=[-behind - 10, ahead + 30], y_range=[-10, 10]),
+        overrides=_all_until_now(vehicles),
+    )
+
+
+def _plan_view(vehicles: Sequence[str]) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        name="Plan (north up)",
+        origin="world/plan",
+        contents=[
+            "/world/**",
+            "- /world/road/marks",
+            "- /world/samples/**",
+            *(f"- /world/cars/{name}/name" for name in vehicles[1:]),
+        ],
+        overrides=_all_until_now(vehicles),
+    )
+
+
+def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
+    """Driven paths are logged piece by piece: show all pieces up to the time cursor."""
+    ranges = [
+        rr.VisibleTimeRange(
+            timeline,
+            start=rr.TimeRangeBoundary.infinite(),
+            end=rr.TimeRangeBoundary.cursor_relative(),
+        )
+        for timeline in (TIMELINE, "time")
+    ]
+    return {f"world/driven/{name}": rrb.VisibleTimeRanges(ranges) for name in vehicles}
+
+
+def roughly_flat(east: Sequence[float], north: Sequence[float]) -> bool:
+    """Whether a path (m) is at least four times as wide as it is high, north up."""
+    return max(east) - min(east) >= 4.0 * (max(north) - min(north))
+
+
+def middle(count: int) -> int:
+    """Place in the convoy of the vehicle that the view rides along with."""
+    return count // 2
+
+
+def _plot(quantity: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        name=PLOTS[quantity],
+        origin=f"plots/{quantity}",
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=quantity == "cross_track"),
+    )
+
+
+def _states(origin: str, name: str) -> rrb.StateTimelineView:
+    return rrb.StateTimelineView(name=name, origin=origin)

@@ -1,0 +1,146 @@
+"""Rerun's own programs beside us: the web page and the native viewer, on this machine only."""
+
+import importlib.util
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+START_S = 20.0
+"""A program that does not listen after this time is given up."""
+STOP_S = 2.0
+POLL_S = 0.05
+_DIE_WITH_US = """
+import ctypes, os, sys
+libc = ctypes.CDLL(None)
+if hasattr(libc, "prctl"):
+    libc.prctl(1, 9)
+if os.getppid() == int(sys.argv[1]):
+    os.execv(sys.argv[2], sys.argv[2:])
+"""
+# PR_SET_PDEATHSIG (1) outlives exec: the kernel sends SIGKILL (9) when whoever started the program
+# is gone, however it ended. Set in the new process itself, because a process with threads, which
+# we are, must run no Python between fork and exec.
+
+
+class ViewerError(Exception):
+    """A viewer that cannot be shown: one line that says why and what else would do."""
+
+
+def program() -> Path:
+    """Find Rerun's binary: its `rerun` command is a wrapper whose child outlives it."""
+    found = importlib.util.find_spec("rerun_cli")
+    for folder in (found.submodule_search_locations or []) if found else []:
+        binary = Path(folder) / "rerun"
+        if binary.exists():
+            return binary
+    raise ViewerError("Rerun's viewer is not installed here: save=PATH writes a recording instead")
+
+
+def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Popen[bytes]":
+    """Serve the page that shows `data_url` on `address`; it ends with us, even by SIGKILL.
+
+    Call it from a thread that lives as long as the page is wanted, as the main thread does.
+    """
+    flags = ["--serve-web", "--bind", address, "--web-viewer-port", str(port), data_url]
+    leash = [sys.executable, "-I", "-S", "-c", _DIE_WITH_US, str(os.getpid())]
+    page = _start([*leash, str(program()), *flags])
+    _await(page, address, port)
+    return page
+
+
+def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
+    """Open the native viewer, which takes data on `port` of 127.0.0.1 and stays when we end."""
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise ViewerError(
+            "no display here for Rerun's viewer: serve shows it in a browser, "
+            "save=PATH writes a recording"
+        )
+    flags = ["--port", str(port), "--bind", "127.0.0.1", "--expect-data-soon"]
+    viewer = _start([str(program()), *flags])
+    _await(viewer, "127.0.0.1", port)
+    return viewer
+
+
+def stop(process: "subprocess.Popen[bytes]") -> None:
+    """End a program, and see to it that it has ended."""
+    process.terminate()
+    try:
+        process.wait(STOP_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def free_port(address: str, preferred: int) -> int:
+    """Return `preferred` if nobody listens there, else some port that is free."""
+    for port in (preferred, 0):
+        try:
+            return _bound(address, port)
+        except OSError:
+            continue
+    raise ViewerError(f"no free port on {address}")
+
+
+def take_port(address: str, port: int) -> int:
+    """Return `port`, which was asked for, or say that it cannot be had."""
+    try:
+        return _bound(address, port)
+    except OSError as error:
+        raise ViewerError(f"{address}:{port} cannot be listened on: {error.strerror}") from error
+
+
+def _bound(address: str, port: int) -> int:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((address, port))
+        bound: int = probe.getsockname()[1]
+        return bound
+
+
+def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
+    """Start a program in a session of its own, so that Ctrl-C is for us to pass on or not.
+
+    With CI in its environment Rerun sends no usage statistics, and no file of the user's changes.
+    """
+    return subprocess.Popen(  # noqa: S603 - our own command line, no shell
+        command,
+        env={**os.environ, "CI": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+def _await(process: "subprocess.Popen[bytes]", address: str, port: int) -> None:
+    """Wait until a program listens, or say that it does not."""
+    deadline = time.monotonic() + START_S
+    while time.monotonic() < deadline and process.poll() is None:
+        if is_heard(address, port):
+            return
+        time.sleep(POLL_S)
+    stop(process)
+    raise ViewerError(
+        f"Rerun's viewer did not start (exit code {process.returncode}): save=PATH writes a "
+        "recording instead"
+    )
+
+
+def is_heard(address: str, port: int) -> bool:
+    """Whether somebody listens there."""
+    try:
+        with socket.create_connection((reachable(address), port), timeout=1.0):
+            return True
+    except OSError:
+        return False
+
+
+def reachable(address: str) -> str:
+    """Return the address under which this machine itself reaches a server bound to `address`."""
+    return "127.0.0.1" if address == "0.0.0.0" else address  # noqa: S104 - compared, not bound
