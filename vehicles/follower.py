@@ -1,4 +1,4 @@
-"""A follower fuses what it heard of lead and predecessor into one trajectory and steers along it."""
+"""A follower fuses what it heard of lead and predecessor and steers along the result."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -55,9 +55,7 @@ class Follower:
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
         self._settings = settings
         self._traces = {name: Trace() for name in (lead, predecessor)}
-        self._sources = (
-            (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
-        )
+        self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
         self._along: tuple[tuple[float, Fit], ...] = ()
         self._decision: Decision | None = None
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from vehicles.decision import Decision
 from vehicles.dynamics import Actuation
 from vehicles.estimation import Pose, PoseEstimator
+from vehicles.geodesy import wrap_angle
 from vehicles.gnss import Fix
 from vehicles.messages import GpsPose
 from vehicles.path import Path
@@ -13,7 +14,6 @@ from vehicles.schedule import Cadence
 from vehicles.speed_law import Convoy, SpeedLaw
 from vehicles.steering import LateralController
 from vehicles.tracking import TrackingErrors
-from vehicles.geodesy import wrap_angle
 
 
 class Leader:

@@ -14,8 +14,11 @@ PROFILE_CORRECTION = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Convoy:
-    """What a follower knows of the vehicles ahead, NaN where it heard nothing: gap to the
-    predecessor along its trace, extrapolated to now (m), and the speeds heard last (m/s)."""
+    """What a follower knows of the vehicles ahead, NaN where it heard nothing.
+
+    The gap to the predecessor (m) is along its trace, extrapolated to now; speeds (m/s) are
+    those heard last.
+    """
 
     gap: float = nan
     predecessor_speed: float = nan

@@ -1,0 +1,138 @@
+"""Puts one vehicle together from what the scenario says of it."""
+
+from collections.abc import Iterator
+from math import cos, radians, sin
+
+import numpy as np
+
+from scenarios.node import Node
+from scenarios.outbox import Outbox
+from scenarios.probe import Probe
+from scenarios.scenario import Scenario
+from transport.bus import Bus
+from transport.clock import Tick, ticks
+from transport.inbox import Inbox
+from vehicles.decision import Driver
+from vehicles.dynamics import Body
+from vehicles.estimation import PoseEstimator
+from vehicles.follower import Follower
+from vehicles.geodesy import LocalPlane
+from vehicles.gnss import GnssNoise, GnssReceiver
+from vehicles.leader import Leader
+from vehicles.schedule import SECOND, Cadence
+from vehicles.speed_law import GapKeeping, ProfileSpeed, SpeedLaw
+from vehicles.steering import Gains, LateralController, load_controller
+from vehicles.trajectory import FitSettings
+
+
+class Kit:
+    """All parts of one vehicle, ready to be put together once the start instant is known."""
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        """Raises ScenarioError if `scenario` has no vehicle called `name`."""
+        self.name = name
+        self._scenario = scenario
+        self._setup = scenario.vehicle(name)
+        self._plane = LocalPlane(scenario.origin)
+        self._route = scenario.route
+        self.duration_ns = round(scenario.duration_s * SECOND)
+        self.control_rate_hz = scenario.control_rate_hz
+
+    def ticks(self, start_at: int) -> Iterator[Tick]:
+        """The vehicle's schedule from `start_at` (ns) to the end of the run."""
+        end_at = start_at + self.duration_ns
+        return ticks(start_at, end_at, self.control_rate_hz, self._setup.gnss.rate_hz)
+
+    def node(self, start_at: int, bus: Bus, probe: Probe) -> Node:
+        """The vehicle as a node that starts at `start_at` (ns) and publishes on `bus`."""
+        scenario, setup = self._scenario, self._setup
+        inbox = Inbox(
+            self.name,
+            scenario.links_into(self.name),
+            seed=scenario.seed,
+            start_at=start_at,
+            source_rate_hz=scenario.tables.gnss.rate_hz,
+        )
+        return Node(
+            body=self._body(),
+            parameters=setup.parameters,
+            gnss=self._receiver(start_at),
+            driver=self._driver(start_at),
+            inbox=inbox,
+            outbox=Outbox(
+                vehicle=self.name,
+                bus=bus,
+                plane=self._plane,
+                inbox=inbox,
+                probe=probe,
+                start_at=start_at,
+            ),
+        )
+
+    def _body(self) -> Body:
+        """The car where the scenario puts it: on the path, its gap behind the one ahead."""
+        setup = self._setup
+        place = self._route.path.at(self._route.start_station(setup.place))
+        aside = setup.lateral_offset_m
+        return Body(
+            east=place.east - aside * sin(place.yaw),
+            north=place.north + aside * cos(place.yaw),
+            yaw=place.yaw + setup.heading_offset_rad,
+            speed=self._route.profile.at(0.0)[0],
+        )
+
+    def _receiver(self, start_at: int) -> GnssReceiver:
+        table = self._setup.gnss
+        noise = GnssNoise(
+            position=table.position_noise_m,
+            heading=radians(table.heading_noise_deg),
+            speed=table.speed_noise_mps,
+            yaw_rate=table.yaw_rate_noise_radps,
+        )
+        # Each receiver has its own stream, so that one vehicle more changes nobody else's noise.
+        random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
+        return GnssReceiver(noise, table.rate_hz, start_at, random)
+
+    def _driver(self, start_at: int) -> Driver:
+        setup = self._setup
+        control = Cadence(start_at, self.control_rate_hz)
+        estimator = PoseEstimator(setup.assumed_parameters)
+        if setup.predecessor is None:
+            return Leader(
+                estimator=estimator,
+                controller=self._controller(),
+                speed_law=self._profile(start_at),
+                control=control,
+                path=self._route.path,
+                station=self._route.start_station(0),
+            )
+        steering = setup.steering
+        return Follower(
+            estimator=estimator,
+            controller=self._controller(),
+            speed_law=self._speed_law(start_at),
+            control=control,
+            plane=self._plane,
+            lead=setup.lead,
+            predecessor=setup.predecessor,
+            alpha=steering.alpha_ratio,
+            fusion=steering.fusion,
+            settings=FitSettings(preview_time=steering.preview_s, tolerance=steering.tolerance_m),
+        )
+
+    def _controller(self) -> LateralController:
+        steering = self._setup.steering
+        gains = Gains(
+            steering.gains.lateral_rad_per_m,
+            steering.gains.heading_rad_per_rad,
+            steering.gains.yaw_rate_s,
+        )
+        return load_controller(self._setup.controller, self._setup.assumed_parameters, gains)
+
+    def _profile(self, start_at: int) -> SpeedLaw:
+        return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)
+
+    def _speed_law(self, start_at: int) -> SpeedLaw:
+        if self._scenario.tables.speed.followers == "same":
+            return self._profile(start_at)
+        return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)

@@ -1,0 +1,133 @@
+"""When a run starts and when it is over, decided from what is present and what was heard."""
+
+from collections.abc import Sequence
+from enum import Enum, auto
+
+from vehicles.messages import Health, Message
+from vehicles.schedule import SECOND
+
+DEATH_AFTER_NS = SECOND // 2
+"""A vehicle is dead when its token has been gone for this long while the router was there."""
+ROUTER_LOST_AFTER_NS = 5 * SECOND
+"""The run ends when the router has been out of reach for this long."""
+LAST_WORDS_NS = 3 * SECOND
+"""How long past the end the last messages of a vehicle are waited for."""
+LEAD_TIME_NS = SECOND // 2
+"""From the announcement to the start: time for everyone to hear it and get ready."""
+
+
+class Phase(Enum):
+    """Where a run stands."""
+
+    GATHERING = auto()
+    RUNNING = auto()
+    OVER = auto()
+
+
+class Conductor:
+    """Gathers the vehicles, sets the start, and knows the end. Instants are ns of Unix time."""
+
+    def __init__(
+        self,
+        vehicles: Sequence[str],
+        *,
+        duration_ns: int,
+        goes_on_without_the_dead: bool,
+        gather_until: int,
+    ) -> None:
+        """All of `vehicles` must be present by `gather_until`."""
+        self.phase = Phase.GATHERING
+        self.reason = ""
+        self.start_at = 0
+        self._vehicles = tuple(vehicles)
+        self._duration_ns = duration_ns
+        self._goes_on = goes_on_without_the_dead
+        self._gather_until = gather_until
+        self._alive: set[str] = set()
+        self._gone_since: dict[str, int] = {}
+        self._dead: set[str] = set()
+        self._finished: set[str] = set()
+        self._router_lost_at: int | None = None
+
+    @property
+    def end_at(self) -> int:
+        """Planned end of the run (ns), once it has started."""
+        return self.start_at + self._duration_ns
+
+    def presence(self, vehicle: str, *, alive: bool, at: int) -> None:
+        """A vehicle came or went."""
+        if vehicle not in self._vehicles:
+            return
+        if alive:
+            self._alive.add(vehicle)
+            self._gone_since.pop(vehicle, None)
+        else:
+            self._alive.discard(vehicle)
+            self._gone_since.setdefault(vehicle, at)
+
+    def listen(self, _at: int, message: Message) -> None:
+        """Learn from a recorded message who has finished."""
+        if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
+            self._finished.add(message.vehicle)
+
+    def missing(self) -> list[str]:
+        """Vehicles that are not present."""
+        return [name for name in self._vehicles if name not in self._alive]
+
+    def advance(self, now: int, *, connected: bool) -> list[str]:
+        """Move on to `now`; returns what happened, a line each, for the log and the user."""
+        if self.phase is Phase.GATHERING:
+            return self._gather(now)
+        if self.phase is Phase.RUNNING:
+            return self._run(now, connected=connected)
+        return []
+
+    def stop(self, reason: str) -> None:
+        """End the run now; the first reason stays."""
+        if self.phase is not Phase.OVER:
+            self.phase = Phase.OVER
+            self.reason = reason
+
+    def _gather(self, now: int) -> list[str]:
+        missing = self.missing()
+        if not missing:
+            self.phase = Phase.RUNNING
+            self.start_at = now + LEAD_TIME_NS
+            return [f"all {len(self._vehicles)} vehicles are present"]
+        if now > self._gather_until:
+            self.stop(f"not present in time: {', '.join(missing)}")
+        return []
+
+    def _run(self, now: int, *, connected: bool) -> list[str]:
+        said: list[str] = []
+        if not connected:
+            self._router_lost_at = self._router_lost_at or now
+            if now - self._router_lost_at > ROUTER_LOST_AFTER_NS:
+                self.stop("the router is gone")
+            return said
+        if self._router_lost_at is not None:
+            outage = (now - self._router_lost_at) / SECOND
+            said.append(f"the router was out of reach for {outage:.1f} s")
+            self._router_lost_at = None
+            self._gone_since = dict.fromkeys(self._gone_since, now)
+        said += self._count_the_dead(now)
+        if self._finished | self._dead >= set(self._vehicles):
+            self.stop("")
+        elif now > self.end_at + LAST_WORDS_NS:
+            self.stop(
+                f"no last words from {', '.join(sorted(set(self._vehicles) - self._finished))}"
+            )
+        return said
+
+    def _count_the_dead(self, now: int) -> list[str]:
+        said: list[str] = []
+        for name, since in self._gone_since.items():
+            if name in self._finished | self._dead or now - since < DEATH_AFTER_NS:
+                continue
+            self._dead.add(name)
+            line = f"{name} died {(since - self.start_at) / SECOND:.1f} s after the start"
+            if self._goes_on:
+                said.append(f"{line}; the convoy goes on without it")
+            else:
+                self.stop(line)
+        return said

@@ -1,0 +1,31 @@
+"""How commands fail: one clear line for each problem, an exit code, no traceback."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import click
+
+from scenarios.refusal import ScenarioError
+from transport.bus import BusError
+from transport.log_file import LogError
+
+EXIT_FAILED = 1
+"""The run did not end as planned."""
+EXIT_BAD_INPUT = 2
+"""What was given cannot be used."""
+
+
+@contextmanager
+def clear_errors() -> Iterator[None]:
+    """Turn the errors that a user can do something about into lines and an exit code."""
+    try:
+        yield
+    except (ScenarioError, BusError, LogError) as error:
+        for line in str(error).splitlines():
+            click.echo(line, err=True)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        click.echo(f"{where}{(error.strerror or str(error)).lower()}", err=True)
+    else:
+        return
+    raise SystemExit(EXIT_BAD_INPUT)

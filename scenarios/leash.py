@@ -1,0 +1,59 @@
+"""How a process learns that it should stop: a signal, or the end of the one that started it."""
+
+import os
+import signal
+from threading import Event, Thread
+from types import FrameType
+
+
+class Stop:
+    """Whether the process was asked to stop, why, and with which exit code it shall end.
+
+    Loops look at it; nobody waits on the event, so a signal handler may set it.
+    """
+
+    def __init__(self) -> None:
+        self.event = Event()
+        self.orphaned = False
+        self.reason = ""
+        self.exit_code = 0
+
+    @property
+    def asked(self) -> bool:
+        """Whether anyone asked."""
+        return self.event.is_set()
+
+    def ask(self, reason: str, exit_code: int) -> None:
+        """Ask to stop; the first reason stays."""
+        if not self.asked:
+            self.reason = reason
+            self.exit_code = exit_code
+            self.event.set()
+
+
+def stop_on_signals() -> Stop:
+    """SIGINT and SIGTERM ask to stop, with the shell's exit codes 130 and 143."""
+    stop = Stop()
+
+    def ask(number: int, _frame: FrameType | None) -> None:
+        stop.ask(signal.Signals(number).name, 128 + number)
+
+    signal.signal(signal.SIGINT, ask)
+    signal.signal(signal.SIGTERM, ask)
+    return stop
+
+
+def hold_leash(stop: Stop) -> None:
+    """Stop when standard input ends: the launcher holds its other end and never writes to it.
+
+    A launcher that is killed with SIGKILL cannot tell its children, but its pipes close.
+    """
+
+    def wait() -> None:
+        # Not through sys.stdin: its lock, held by this thread, would abort the interpreter's exit.
+        while os.read(0, 1024):
+            pass
+        stop.orphaned = True
+        stop.ask("the death of the launcher", 1)
+
+    Thread(target=wait, name="leash", daemon=True).start()

@@ -1,0 +1,130 @@
+"""What a vehicle says: its pose to the convoy, everything else to the log."""
+
+from collections import Counter
+
+from scenarios.probe import Probe
+from transport.bus import Bus
+from transport.codec import encode
+from transport.inbox import Inbox
+from transport.topics import TOPIC_OF, Topic, key
+from vehicles import messages
+from vehicles.decision import Decision
+from vehicles.dynamics import Body
+from vehicles.geodesy import LocalPlane
+from vehicles.gnss import Fix, to_message
+from vehicles.messages import Message
+from vehicles.schedule import Cadence
+
+
+class Outbox:
+    """Numbers, encodes and publishes the messages of one vehicle."""
+
+    def __init__(
+        self,
+        *,
+        vehicle: str,
+        bus: Bus,
+        plane: LocalPlane,
+        inbox: Inbox,
+        probe: Probe,
+        start_at: int,
+    ) -> None:
+        """`probe` tells of the process; health goes out once a second from `start_at` (ns) on."""
+        self._vehicle = vehicle
+        self._bus = bus
+        self._plane = plane
+        self._inbox = inbox
+        self._probe = probe
+        self._pulse = Cadence(start_at, 1.0)
+        self._places: dict[type[Message], tuple[str, Topic]] = {
+            kind: (key(vehicle, topic), topic) for kind, topic in TOPIC_OF.items()
+        }
+        self._next: Counter[type[Message]] = Counter()
+        self._ticks = 0
+        self._late_ticks = 0
+        self._mode = ""
+
+    def publish(self, now: int, body: Body, fix: Fix | None, decision: Decision) -> None:
+        """Publish what came about at tick `now` (ns)."""
+        self._ticks += 1
+        if fix is not None:
+            self._send(to_message(fix, self._vehicle, self._plane))
+        for verdict in self._inbox.verdicts():
+            self._send(verdict)
+        if decision.fresh:
+            self._publish_truth(now, body)
+            self._publish_decision(now, decision)
+        if self._pulse.due(now):
+            self.publish_health(now)
+
+    def say(self, now: int, text: str, level: messages.Level = "info") -> None:
+        """Publish a line of text for the log."""
+        self._send(
+            messages.LogText(
+                vehicle=self._vehicle,
+                seq=self._next[messages.LogText],
+                logged_at_ns=now,
+                level=level,
+                text=text,
+            )
+        )
+
+    def publish_health(self, now: int, *, final: bool = False) -> None:
+        """Publish the counters; the last ones of a run are `final`."""
+        usage = self._probe.read()
+        for reason, count in self._inbox.rejections():
+            self.say(now, f"{count} messages refused: {reason}", "warning")
+        if usage.late_ticks > self._late_ticks:
+            late = usage.late_ticks - self._late_ticks
+            worst = usage.lateness_ms_max
+            self.say(now, f"{late} ticks came late, the worst so far {worst:.1f} ms", "warning")
+            self._late_ticks = usage.late_ticks
+        self._send(
+            messages.Health(
+                vehicle=self._vehicle,
+                seq=self._next[messages.Health],
+                reported_at_ns=now,
+                ticks=self._ticks,
+                late_ticks=usage.late_ticks,
+                lateness_ms_max=usage.lateness_ms_max,
+                heard=self._inbox.heard,
+                dropped=self._inbox.dropped,
+                late_messages=self._inbox.late,
+                rejected_messages=self._inbox.rejected.total() + self._inbox.overflow,
+                published=sum(self._next.values()),
+                memory_bytes=usage.memory_bytes,
+                cpu_ratio=usage.cpu_ratio,
+                final=final,
+            )
+        )
+
+    def _publish_truth(self, now: int, body: Body) -> None:
+        self._send(
+            messages.TruePose(
+                vehicle=self._vehicle,
+                seq=self._next[messages.TruePose],
+                true_at_ns=now,
+                east_m=body.east,
+                north_m=body.north,
+                yaw_rad=body.yaw,
+                speed_mps=body.speed,
+                lateral_speed_mps=body.lateral_speed,
+                yaw_rate_radps=body.yaw_rate,
+                steering_rad=body.steering,
+                distance_m=body.distance,
+            )
+        )
+
+    def _publish_decision(self, now: int, decision: Decision) -> None:
+        for message in decision.messages(self._vehicle, self._next[messages.Tracking], now):
+            self._send(message)
+        if decision.mode != self._mode:
+            self._mode = decision.mode
+            why = f" ({decision.reason})" if decision.reason else ""
+            self.say(now, f"steers along: {decision.mode}{why}")
+
+    def _send(self, message: Message) -> None:
+        kind = type(message)
+        where, topic = self._places[kind]
+        self._next[kind] += 1
+        self._bus.publish(where, encode(message), urgent=topic.urgent)

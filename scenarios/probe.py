@@ -1,0 +1,59 @@
+"""How a process is doing: memory, processor time, lateness. In virtual time all of it is zero."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import psutil
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """One reading: resident memory, share of one core since the start, ticks that came late."""
+
+    memory_bytes: int = 0
+    cpu_ratio: float = 0.0
+    late_ticks: int = 0
+    lateness_ms_max: float = 0.0
+
+
+class Probe(Protocol):
+    """Something that can be read."""
+
+    def read(self) -> Usage:
+        """Read it now."""
+        ...
+
+
+class NoProbe:
+    """Virtual time has no process of its own per vehicle, and nothing is ever late."""
+
+    def read(self) -> Usage:
+        """Nothing used, nothing late."""
+        return Usage()
+
+
+class ProcessProbe:
+    """Reads this process, and counts the ticks of its loop that came late."""
+
+    def __init__(self, late_after_ns: int) -> None:
+        """A tick that begins more than `late_after_ns` after its instant is late."""
+        self._late_after_ns = late_after_ns
+        self._process = psutil.Process()
+        self._process.cpu_percent()
+        self._late_ticks = 0
+        self._lateness_ns_max = 0
+
+    def tick_began(self, lateness_ns: int) -> None:
+        """Count one tick."""
+        self._late_ticks += lateness_ns > self._late_after_ns
+        self._lateness_ns_max = max(self._lateness_ns_max, lateness_ns)
+
+    def read(self) -> Usage:
+        """Memory now, share of one core since the last reading, lateness since the start."""
+        with self._process.oneshot():
+            return Usage(
+                memory_bytes=self._process.memory_info().rss,
+                cpu_ratio=self._process.cpu_percent() / 100.0,
+                late_ticks=self._late_ticks,
+                lateness_ms_max=self._lateness_ns_max * 1e-6,
+            )

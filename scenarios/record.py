@@ -1,0 +1,121 @@
+"""`convoy record`: gathers the convoy, starts it, writes its log and ends it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from scenarios.conductor import Conductor, Phase
+from scenarios.leash import Stop
+from scenarios.recorder import Listener
+from scenarios.run_log import RunLog
+from scenarios.scenario import Scenario
+from transport.clock import WallClock
+from transport.topics import CONDUCTOR, TOPICS, key
+from transport.zenoh_bus import ZenohBus
+from vehicles.schedule import SECOND
+
+POLL_S = 0.02
+FLUSH_NS = SECOND * 2 // 5
+"""Between two flushes of the log; a kill loses at most half a second."""
+ANNOUNCE_NS = SECOND // 4
+"""Between two announcements of the start, which late ears need."""
+EVERYTHING = "convoy/**"
+GATHER_S = 30.0
+Arrival = tuple[int, str, bytes]
+
+
+@dataclass(slots=True)
+class Chores:
+    """What is done every so often, each with the instant (ns) when it is due next."""
+
+    due: dict[str, int] = field(default_factory=dict)
+
+    def are_due(self, name: str, now: int, period_ns: int) -> bool:
+        """Whether the chore `name` is due; if so the next is due a period later."""
+        if now < self.due.get(name, 0):
+            return False
+        self.due[name] = now + period_ns
+        return True
+
+
+class Recording:
+    """The loop of the recorder's process: arrivals into the log, time to the conductor."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        bus: ZenohBus,
+        folder: Path,
+        stop: Stop,
+        *,
+        gather_s: float = GATHER_S,
+        listeners: Sequence[Listener] = (),
+    ) -> None:
+        """Open the log in `folder` and listen to everything of the convoy."""
+        self._clock = WallClock()
+        self._bus = bus
+        self._stop = stop
+        self._conductor = Conductor(
+            scenario.vehicle_names,
+            duration_ns=round(scenario.duration_s * SECOND),
+            goes_on_without_the_dead=scenario.goes_on_without_the_dead,
+            gather_until=self._clock.now() + round(gather_s * SECOND),
+        )
+        self._run = RunLog(
+            scenario,
+            folder,
+            clock="wall",
+            run_id=folder.name,
+            listeners=(self._conductor.listen, *listeners),
+        )
+        self._chores = Chores()
+        self._own: list[bytes] = []
+        self._arrivals: SimpleQueue[Arrival] = SimpleQueue()
+        self._presences: SimpleQueue[tuple[str, bool]] = SimpleQueue()
+        bus.subscribe(EVERYTHING, self._arrive)
+        bus.watch(lambda vehicle, alive: self._presences.put((vehicle, alive)))
+
+    def carry_on(self) -> dict[str, Any]:
+        """Record until the run is over, complete the log, tell everyone; returns the summary."""
+        while self._conductor.phase is not Phase.OVER:
+            self._record_arrivals()
+            self._conduct()
+        self._record_arrivals()
+        summary, end = self._run.close(self._clock.now(), self._conductor.reason)
+        self._bus.publish(key(CONDUCTOR, TOPICS["end"]), end, urgent=True)
+        return summary
+
+    def _arrive(self, heard_key: str, data: bytes) -> None:
+        self._arrivals.put((self._clock.now(), heard_key, data))
+
+    def _record_arrivals(self) -> None:
+        """Record all that waits; without anything, wait a moment for something."""
+        try:
+            at, heard_key, data = self._arrivals.get(timeout=POLL_S)
+            while True:
+                if data not in self._own:
+                    self._run.recorder.accept(heard_key, data, at)
+                at, heard_key, data = self._arrivals.get_nowait()
+        except Empty:
+            return
+
+    def _conduct(self) -> None:
+        now = self._clock.now()
+        while not self._presences.empty():
+            vehicle, alive = self._presences.get()
+            self._conductor.presence(vehicle, alive=alive, at=now)
+        if self._stop.asked:
+            self._conductor.stop(f"stopped by {self._stop.reason}")
+        for line in self._conductor.advance(now, connected=self._bus.connected()):
+            self._run.recorder.say(now, line)
+        if self._conductor.phase is Phase.RUNNING:
+            if not self._own:
+                self._own.append(self._run.start(now, self._conductor.start_at))
+            if self._chores.are_due("announce", now, ANNOUNCE_NS):
+                self._bus.publish(key(CONDUCTOR, TOPICS["start"]), self._own[0], urgent=True)
+            if self._chores.are_due("health", now, SECOND):
+                self._run.recorder.report_health(now)
+        if self._chores.are_due("flush", now, FLUSH_NS):
+            self._run.flush()

@@ -1,0 +1,100 @@
+"""Takes every message of a run off the bus: into the log, the figures and the picture."""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
+
+from scenarios.metrics import Metrics
+from transport.codec import RefusedMessageError, decode, encode
+from transport.mcap_log import LogWriter
+from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
+from vehicles.messages import Health, LogText, Message
+
+Listener = Callable[[int, Message], None]
+"""Gets the instant of reception (ns) and each accepted message: viewer, progress, conductor."""
+
+
+class Recorder:
+    """Writes the messages of known vehicles; anything else on their keys is only counted."""
+
+    def __init__(
+        self,
+        *,
+        vehicles: Sequence[str],
+        writer: LogWriter,
+        metrics: Metrics,
+        listeners: Sequence[Listener] = (),
+    ) -> None:
+        """`listeners` see each message after it has been written."""
+        self._topics: dict[str, tuple[str, Topic]] = {
+            key(vehicle, topic): (vehicle, topic)
+            for vehicle in (*vehicles, CONDUCTOR)
+            for topic in TOPICS.values()
+        }
+        self._writer = writer
+        self._metrics = metrics
+        self._listeners = listeners
+        self._seen: defaultdict[str, set[int]] = defaultdict(set)
+        self._next: Counter[type[Message]] = Counter()
+        self.recorded = 0
+        self.rejected: Counter[str] = Counter()
+
+    def accept(self, key_expression: str, data: bytes, at: int) -> None:
+        """Take one message received at instant `at` (ns)."""
+        found = self._topics.get(key_expression)
+        if found is None:
+            self.rejected["unknown key"] += 1
+            return
+        vehicle, topic = found
+        try:
+            message = decode(topic, data)
+        except RefusedMessageError:
+            self.rejected["malformed"] += 1
+            return
+        seen = self._seen[key_expression]
+        if message.vehicle != vehicle:
+            self.rejected["vehicle does not match key"] += 1
+        elif message.seq in seen:
+            self.rejected["repeated"] += 1
+        else:
+            seen.add(message.seq)
+            self._record(topic, vehicle, data, at, message)
+
+    def say(self, at: int, text: str, level: str = "info") -> None:
+        """Write a line of the run's own into the log."""
+        self.put(LogText, at, logged_at_ns=at, level=level, text=text)
+
+    def report_health(self, at: int, *, final: bool = False) -> None:
+        """Write the recorder's own counters into the log."""
+        self.put(
+            Health,
+            at,
+            reported_at_ns=at,
+            ticks=0,
+            late_ticks=0,
+            lateness_ms_max=0.0,
+            heard=self.recorded,
+            dropped=0,
+            late_messages=0,
+            rejected_messages=self.rejected.total(),
+            published=0,
+            memory_bytes=0,
+            cpu_ratio=0.0,
+            final=final,
+        )
+
+    def put(self, kind: type[Message], at: int, **fields: object) -> bytes:
+        """Write a message of the run's own (vehicle `run`) and return its bytes for publishing."""
+        message = kind(vehicle=CONDUCTOR, seq=self._next[kind], **fields)  # type: ignore[arg-type]
+        self._next[kind] += 1
+        topic = TOPIC_OF[kind]
+        data = encode(message)
+        self._seen[key(CONDUCTOR, topic)].add(message.seq)
+        self._record(topic, CONDUCTOR, data, at, message)
+        return data
+
+    def _record(self, topic: Topic, vehicle: str, data: bytes, at: int, message: Message) -> None:
+        self._writer.write(topic, vehicle, data, at, instant(message), message)
+        self.recorded += 1
+        self._metrics.add(message)
+        for listener in self._listeners:
+            listener(at, message)

@@ -1,0 +1,34 @@
+"""`convoy router`: the Zenoh router of a convoy as a process of its own."""
+
+import time
+
+import click
+
+from scenarios.leash import hold_leash, stop_on_signals
+from transport.zenoh_bus import DEFAULT_ENDPOINT, ZenohOptions, open_router
+
+LISTENING = "listening on "
+"""What the first line of output begins with; the endpoints follow."""
+POLL_S = 0.05
+AFTER_THE_LAUNCHER_S = 2.0
+"""How long a router outlives its launcher, so that the recorder still gets the last messages."""
+
+
+def route(options: ZenohOptions, *, until_empty: bool, leash: bool) -> int:
+    """Route until asked to stop, or until all who came have left; returns the exit code."""
+    stop = stop_on_signals()
+    listen = options.listen or (DEFAULT_ENDPOINT,)
+    with open_router(listen, config=options.config, cfg=options.cfg) as router:
+        click.echo(f"{LISTENING}{', '.join(router.endpoints)}")
+        if leash:
+            hold_leash(stop)
+        came = False
+        while not stop.asked:
+            time.sleep(POLL_S)
+            present = router.occupied()
+            came = came or present
+            if until_empty and came and not present:
+                return 0
+        if stop.orphaned:
+            time.sleep(AFTER_THE_LAUNCHER_S)
+    return stop.exit_code

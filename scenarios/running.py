@@ -1,0 +1,102 @@
+"""What the commands `run` and `record` do: prepare the folder, run, show, sum up."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from scenarios.failure import EXIT_FAILED
+from scenarios.launcher import Launch, launch
+from scenarios.leash import Stop, stop_on_signals
+from scenarios.progress import Progress
+from scenarios.record import Recording
+from scenarios.recorder import Listener
+from scenarios.refusal import ScenarioError
+from scenarios.report import print_summary
+from scenarios.run_log import LOG_NAME
+from scenarios.scenario import Scenario, load_scenario
+from scenarios.summary import summary_of
+from scenarios.virtual import run_virtual
+from transport.zenoh_bus import ZenohOptions, open_bus
+
+
+def run_scenario(
+    name: str,
+    overrides: Sequence[str],
+    seed: int | None,
+    *,
+    clock: str,
+    out: Path | None,
+    rerun: str,
+    quiet: bool,
+) -> int:
+    """`convoy run`: returns the exit code."""
+    scenario = load_scenario(name, overrides, seed)
+    folder = run_folder(scenario, out)
+    stop = stop_on_signals()
+    if clock == "virtual":
+        with listeners(scenario, rerun, quiet=quiet) as ears:
+            summary = run_virtual(scenario, folder, stop, listeners=ears)
+        show(summary, folder, quiet=quiet)
+        return stop.exit_code
+    again = [name, *(f"--set={text}" for text in overrides)]
+    if seed is not None:
+        again.append(f"--seed={seed}")
+    recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
+    fate = launch(Launch(scenario, again, folder, recorder_flags), stop)
+    if fate.reason:
+        console = Console(stderr=True)
+        console.print(f"[bold red]{fate.reason}[/]", highlight=False)
+    if fate.repaired:
+        show(summary_of(folder / LOG_NAME), folder, quiet=quiet)
+    return fate.exit_code
+
+
+def record_run(
+    scenario: Scenario,
+    options: ZenohOptions,
+    stop: Stop,
+    *,
+    out: Path | None,
+    rerun: str,
+    quiet: bool,
+    gather_s: float,
+) -> int:
+    """`convoy record`: returns the exit code."""
+    folder = run_folder(scenario, out)
+    with listeners(scenario, rerun, quiet=quiet) as ears, open_bus(options) as bus:
+        recording = Recording(scenario, bus, folder, stop, gather_s=gather_s, listeners=ears)
+        summary = recording.carry_on()
+    show(summary, folder, quiet=quiet)
+    if stop.asked:
+        return stop.exit_code
+    return EXIT_FAILED if summary["reason"] else 0
+
+
+def run_folder(scenario: Scenario, out: Path | None) -> Path:
+    """Folder of a new run; a log that is there already is never overwritten."""
+    started = datetime.now(tz=UTC).astimezone().strftime("%Y%m%d-%H%M%S")
+    folder = out or Path("runs") / f"{started}-{scenario.name}"
+    if (folder / LOG_NAME).exists():
+        raise ScenarioError([f"{folder / LOG_NAME}: exists; give another folder by --out"])
+    return folder
+
+
+@contextmanager
+def listeners(scenario: Scenario, rerun: str, *, quiet: bool) -> Iterator[list[Listener]]:
+    """Everyone who looks on while a run is recorded: the progress line and the viewer."""
+    with ExitStack() as stack:
+        found: list[Listener] = []
+        if not quiet:
+            progress = Progress(scenario.vehicle_names, scenario.duration_s)
+            found.append(stack.enter_context(progress).listen)
+        yield found
+
+
+def show(summary: dict[str, Any], folder: Path, *, quiet: bool) -> None:
+    """Print the tables of a run."""
+    if not quiet:
+        print_summary(summary, folder / LOG_NAME, Console())

@@ -1,0 +1,96 @@
+"""`convoy vehicle`: one vehicle as a process of its own, over Zenoh, on the wall clock."""
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+
+from scenarios.assembly import Kit
+from scenarios.leash import Stop, hold_leash, stop_on_signals
+from scenarios.probe import ProcessProbe
+from scenarios.scenario import load_scenario
+from transport.bus import Bus
+from transport.clock import Tick, WallClock, late_after
+from transport.codec import RefusedMessageError, decode
+from transport.topics import CONDUCTOR, TOPICS, key
+from transport.zenoh_bus import ZenohOptions, open_bus
+from vehicles.messages import RunEnd, RunStart
+
+POLL_S = 0.01
+END_S = 8.0
+"""How long a vehicle that has finished waits for the recorder to say that the log is complete."""
+
+
+def be_vehicle(
+    scenario: str,
+    overrides: Sequence[str],
+    seed: int | None,
+    *,
+    name: str,
+    options: ZenohOptions,
+    leash: bool,
+) -> int:
+    """Be vehicle `name` of `scenario` for one run; returns the exit code."""
+    stop = stop_on_signals()
+    if leash:
+        hold_leash(stop)
+    kit = Kit(load_scenario(scenario, overrides, seed), name)
+    with open_bus(options) as bus:
+        drive(kit, bus, stop)
+    return stop.exit_code
+
+
+class Conducted:
+    """What the conductor announced: when the run starts, and that it is over."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.start: RunStart | None = None
+        self.end: RunEnd | None = None
+        for name in ("start", "end"):
+            bus.subscribe(key(CONDUCTOR, TOPICS[name]), self._hear)
+
+    def _hear(self, heard_key: str, data: bytes) -> None:
+        try:
+            message = decode(TOPICS[heard_key.rsplit("/", 1)[-1]], data)
+        except RefusedMessageError:
+            return
+        if isinstance(message, RunStart):
+            self.start = self.start or message
+        elif isinstance(message, RunEnd):
+            self.end = message
+
+
+def drive(kit: Kit, bus: Bus, stop: Stop) -> None:
+    """Announce the vehicle, wait for the start, drive to the end, tell how it went."""
+    conducted = Conducted(bus)
+    bus.announce(kit.name)
+    while conducted.start is None and not stop.asked:
+        time.sleep(POLL_S)
+    if conducted.start is None:
+        return
+    start_at = conducted.start.start_at_ns
+    end_at = start_at + kit.duration_ns
+    clock = WallClock(stop.event)
+    probe = ProcessProbe(late_after(kit.control_rate_hz))
+    node = kit.node(start_at, bus, probe)
+    for sender_key in node.inbox.keys:
+        bus.subscribe(sender_key, node.inbox.on_bytes)
+    for tick in punctual(kit.ticks(start_at), clock, probe):
+        if stop.asked or conducted.end is not None:
+            break
+        node.step(tick)
+    else:
+        clock.wait_until(end_at)
+    node.outbox.publish_health(min(clock.now(), end_at), final=True)
+    _wait_for_end(conducted, stop)
+
+
+def punctual(ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe) -> Iterator[Tick]:
+    """Yield each tick at its instant; after a delay the missed ones follow one by one, at once."""
+    for tick in ticks:
+        probe.tick_began(clock.wait_until(tick.at))
+        yield tick
+
+
+def _wait_for_end(conducted: Conducted, stop: Stop) -> None:
+    deadline = time.monotonic() + END_S
+    while conducted.end is None and not stop.asked and time.monotonic() < deadline:
+        time.sleep(POLL_S)
