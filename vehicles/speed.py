@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 
-GAP_STIFFNESS = 1.0
-"""Acceleration asked per metre of gap error (1/s²)."""
+GAP_STIFFNESS = 3.0
+"""k_p, acceleration asked per metre of gap error (1/s²)."""
 
-PREDECESSOR_DAMPING = 1.5
-"""Acceleration asked per m/s that the predecessor is faster (1/s)."""
+DAMPING = 4.0
+"""k_v + k_l, acceleration asked per m/s of speed difference to predecessor and lead (1/s)."""
 
-LEAD_DAMPING = 1.5
-"""Acceleration asked per m/s that the lead is faster (1/s)."""
+LEAD_SHARE = 0.5
+"""Share of the damping that counts from the lead, k_l, at constant distance."""
+
+STABLE_HEADWAY = 0.35
+"""Headway (s) from which on the lead's speed is not needed, and is not used."""
 
 CATCH_UP_DISTANCE = 5.0
 """A gap that is too large by more than this (m) does not make the vehicle hurry more."""
@@ -86,26 +89,28 @@ def gap_acceleration(
     policy: GapPolicy,
     limits: GapLimits,
 ) -> float:
-    """Acceleration (m/s²) that keeps the gap, from what was heard of predecessor and lead.
+    """Decide the acceleration (m/s²) that keeps the gap, from what was heard of those ahead.
 
-    a = k_p (gap - desired) + k_v (v_pred - v) + k_l (v_lead - v). With a constant distance, errors
-    pass from one vehicle to the next as (k_v s + k_p) / (s² + (k_v + k_l) s + k_p), which nowhere
-    exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p; without the lead's speed (k_l = 0) it always does
-    somewhere (Swaroop and Hedrick, 1996). The constants here leave margin for the delay of a
-    radio. With a headway the error is that of the gap at the present speed.
+    a = k_p (gap - desired) + k_v (v_pred - v) + k_l (v_lead - v). At constant distance errors pass
+    from one vehicle to the next as (k_v s + k_p) / (s² + (k_v + k_l) s + k_p), which nowhere
+    exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p: here 12 >= 6, the margin being for the delay of a
+    radio. Without the lead's speed (k_l = 0) it does somewhere (Swaroop and Hedrick, 1996).
+
+    With a headway h the predecessor alone suffices, if k_p h² + 2 k_v h >= 2 (h >= 0.23 s here),
+    and the lead's speed would do harm: in steady braking the i-th vehicle is i h a faster than the
+    lead, so errors would grow with i. Its share therefore fades out towards STABLE_HEADWAY.
 
     `gap` (m) is that of now: extrapolate a heard position by its speed and age. A lead speed of
-    NaN (nothing heard) counts as the predecessor's; the constant distance is then not string
-    stable. Speeds in m/s. The result is within `limits`.
+    NaN (nothing heard) counts as the predecessor's. Nothing is known of accelerations: while all
+    brake at b, gaps are off by (1 - (k_v + k_l) h) b / k_p, at constant distance 1 m too short for
+    b = 3 m/s², and stay so if the convoy stops. Speeds in m/s; the result is within `limits`.
     """
     if math.isnan(lead_speed):
         lead_speed = predecessor_speed
+    share = LEAD_SHARE * max(0.0, 1.0 - policy.headway / STABLE_HEADWAY)
+    ahead = predecessor_speed + share * (lead_speed - predecessor_speed)
     error = min(gap - policy.desired(own_speed), CATCH_UP_DISTANCE)
-    wanted = (
-        GAP_STIFFNESS * error
-        + PREDECESSOR_DAMPING * (predecessor_speed - own_speed)
-        + LEAD_DAMPING * (lead_speed - own_speed)
-    )
+    wanted = GAP_STIFFNESS * error + DAMPING * (ahead - own_speed)
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
