@@ -83,7 +83,7 @@ def certify(
 ) -> SpeedCertificate:
     """Certificate over [slowest, fastest] (m/s) with a tuned Q; section IV.A, see the module.
 
-    A narrower interval gives larger bounds. Takes some 0.1 s, and the result is remembered.
+    A narrower interval gives larger bounds. Takes some 50 ms, and the result is remembered.
     """
     if not is_stable_over(parameters, gains, slowest, fastest):
         return SpeedCertificate(parameters, gains, slowest, fastest, UNIT_WEIGHTS, holds=False)
@@ -179,8 +179,8 @@ def tuned_weights(
             unknowns,
             args=(changes, energies, power),
             jac=True,
-            method="L-BFGS-B",
-            options={"ftol": 1e-7},
+            method="BFGS",
+            options={"gtol": 1e-4},
         ).x
     logarithms = unknowns[:6] - unknowns[:6].mean()
     return tuple(float(f"{weight:.3g}") for weight in np.exp(logarithms))
