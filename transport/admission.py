@@ -6,7 +6,7 @@ from typing import cast
 
 from transport.clock import NS_PER_S
 from transport.codec import RefusedMessageError, decode
-from transport.topics import TOPICS, key
+from transport.topics import TOPICS
 from vehicles.messages import GpsPose
 
 GPS = TOPICS["gps"]
@@ -28,24 +28,25 @@ _LARGEST = {
 
 @dataclass(frozen=True, slots=True)
 class Admission:
-    """What is known beforehand of the poses of a run: since when and how often each is measured.
+    """What is known beforehand of a sender's poses: whose they are, since when and how often.
 
-    `start_at` (ns) is the run's first instant, `rate_hz` the GNSS rate of the senders.
+    `start_at` (ns) is the run's first instant, `rate_hz` the sender's GNSS rate.
     """
 
+    sender: str
     start_at: int
     rate_hz: float
 
-    def admit(self, sender_key: str, data: bytes, now: int) -> GpsPose:
-        """Read the pose that came under `sender_key`, at a tick of instant `now` (ns).
+    def admit(self, data: bytes, now: int) -> GpsPose:
+        """Read a pose that came under the sender's key, at a tick of instant `now` (ns).
 
         Raises RefusedMessageError with a one-word reason.
         """
         if len(data) > LONGEST_POSE_BYTES:
             raise RefusedMessageError("oversized", f"more than {LONGEST_POSE_BYTES} bytes")
         pose = cast("GpsPose", decode(GPS, data))
-        if key(pose.vehicle, GPS) != sender_key:
-            raise RefusedMessageError("foreign", f"{pose.vehicle!r} under {sender_key}")
+        if pose.vehicle != self.sender:
+            raise RefusedMessageError("foreign", f"{pose.vehicle!r} in the name of {self.sender}")
         for name, largest in _LARGEST.items():
             value = getattr(pose, name)
             if not (isfinite(value) and abs(value) <= largest):

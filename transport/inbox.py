@@ -17,62 +17,48 @@ WINDOW = 8192
 
 
 @dataclass(slots=True)
-class LinkCount:
-    """What became of one sender's messages, beside the rule that was asked for.
+class HeardLink:
+    """One sender's link: the rule asked for and what became of its messages so far.
 
-    delivered, dropped (by reason), late and delay_ns_sum count the verdicts that were put out so
-    far; late ones are among delivered or dropped. `arrived` counts distinct messages that came,
-    `missing` those that a later one came without.
+    `delivered`, `dropped` (by reason) and `late` count verdicts put out; a late message is among
+    the delivered or the dropped as well.
     """
 
-    sender: str
     rule: LinkRule
-    arrived: int = 0
-    missing: int = 0
-    duplicates: int = 0
+    admission: Admission
     delivered: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     late: int = 0
-    delay_ns_sum: int = 0
+    _newest: int = -1
+    _seen: set[int] = field(default_factory=set)
 
-    @property
-    def loss_ratio(self) -> float:
-        """Share lost of the messages that the link's rate let onto it; 0 when there were none."""
-        lost = self.dropped["loss"]
-        carried = self.delivered + lost
-        return lost / carried if carried else 0.0
-
-    @property
-    def delay_ms_mean(self) -> float:
-        """Mean time from measurement to the instant of becoming visible; 0 with none delivered."""
-        return self.delay_ns_sum / self.delivered / 1e6 if self.delivered else 0.0
-
-
-class _Sequence:
-    """Which sequence numbers of one sender have come: the newest `WINDOW` of them, at most."""
-
-    def __init__(self) -> None:
-        self.newest = -1
-        self._seen: set[int] = set()
-
-    def add(self, seq: int) -> bool:
-        """Note `seq`; False when it came before. Raises RefusedMessageError when too far back."""
-        if seq <= self.newest - WINDOW:
-            raise RefusedMessageError("past", f"number {seq} lies far behind {self.newest}")
+    def check_new(self, seq: int) -> None:
+        """Note that `seq` came; raises RefusedMessageError if it did before or is far behind."""
+        if seq <= self._newest - WINDOW:
+            raise RefusedMessageError("past", f"number {seq} is far behind {self._newest}")
         if seq in self._seen:
-            return False
+            raise RefusedMessageError("duplicate", f"number {seq} came before")
         self._seen.add(seq)
-        self.newest = max(self.newest, seq)
+        self._newest = max(self._newest, seq)
         if len(self._seen) >= 2 * WINDOW:
-            self._seen = {one for one in self._seen if one > self.newest - WINDOW}
-        return True
+            self._seen = {one for one in self._seen if one > self._newest - WINDOW}
 
 
 class Inbox:
     """The ear of one vehicle: a rule per sender it listens to.
 
-    `start_at` (ns) and `source_rate_hz` are the schedule on which all senders measure. Only
-    `on_bytes` may be called from another thread.
+    All senders measure from `start_at` (ns) on, at `source_rate_hz`, one rate for all or one for
+    each. Messages are judged and handed over in `take` alone, in the thread that calls it; only
+    `on_bytes` may be called from another.
+
+    A message is late if it came after the tick that should have judged it. `heard`, `dropped` and
+    `late` count messages; `rejected` counts, by reason, those that no link had to judge; `overflow`
+    counts those that newer ones pushed out before a tick took them. The reasons:
+
+    garbage, oversized   not a pose           foreign    under another vehicle's key
+    unknown              not listened to      absurd     numbers that no vehicle measures
+    past, future         not of this run      sequence   numbered ahead of the schedule
+    duplicate            came before
     """
 
     def __init__(
@@ -82,28 +68,32 @@ class Inbox:
         *,
         seed: int,
         start_at: int,
-        source_rate_hz: float,
+        source_rate_hz: float | Mapping[str, float],
     ) -> None:
         self.receiver = receiver
-        self.links = {sender: LinkCount(sender, rule) for sender, rule in links.items()}
+        self.links: dict[str, HeardLink] = {}
+        for sender, rule in links.items():
+            if isinstance(source_rate_hz, Mapping):
+                rate_hz = source_rate_hz[sender]
+            else:
+                rate_hz = source_rate_hz
+            self.links[sender] = HeardLink(rule, Admission(sender, start_at, rate_hz))
         self.rejected: Counter[str] = Counter()
         self.overflow = 0
         self._seed = seed
-        self._source_rate_hz = source_rate_hz
-        self._admission = Admission(start_at, source_rate_hz)
-        self._heard_until = start_at - 1
+        self._taken_until = start_at - 1
         self._arrived: deque[tuple[str, bytes]] = deque(maxlen=GPS.queue)
         self._lock = Lock()
-        self._sequences = {sender: _Sequence() for sender in links}
+        self._senders = {key(sender, GPS): sender for sender in links}
         self._waiting: list[tuple[int, str, int, Verdict, GpsPose, bool]] = []
         self._verdicts: list[LinkVerdict] = []
         self._verdict_seq = 0
-        self._rejected_before: Counter[str] = Counter()
+        self._reported: Counter[str] = Counter()
 
     @property
     def keys(self) -> list[str]:
         """The keys to subscribe to."""
-        return [key(sender, GPS) for sender in self.links]
+        return list(self._senders)
 
     @property
     def heard(self) -> int:
@@ -137,10 +127,10 @@ class Inbox:
             arrived, self._arrived = self._arrived, deque(maxlen=GPS.queue)
         for sender_key, data in arrived:
             try:
-                self._judge(self._admission.admit(sender_key, data, now))
+                self._judge(sender_key, data, now)
             except RefusedMessageError as refusal:
                 self.rejected[refusal.reason] += 1
-        self._heard_until = now
+        self._taken_until = now
         return self._hand_over(now)
 
     def verdicts(self) -> list[LinkVerdict]:
@@ -149,33 +139,30 @@ class Inbox:
         return out
 
     def rejections(self) -> list[tuple[str, int]]:
-        """Return what was rejected since the last call: (reason, count), overflow among them."""
+        """Return what was rejected since the last call, overflow too: (reason, count)."""
         now = self.rejected + Counter(overflow=self.overflow)
-        new = now - self._rejected_before
-        self._rejected_before = now
+        new = now - self._reported
+        self._reported = now
         return sorted(new.items())
 
-    def _judge(self, pose: GpsPose) -> None:
-        link = self.links.get(pose.vehicle)
-        if link is None:
-            raise RefusedMessageError("unknown", f"{self.receiver} does not listen to it")
-        sequence = self._sequences[pose.vehicle]
-        if not sequence.add(pose.seq):
-            link.duplicates += 1
-            return
-        link.arrived += 1
-        link.missing = sequence.newest + 1 - link.arrived
+    def _judge(self, sender_key: str, data: bytes, now: int) -> None:
+        sender = self._senders.get(sender_key)
+        if sender is None:
+            raise RefusedMessageError("unknown", f"{self.receiver} does not listen to {sender_key}")
+        link = self.links[sender]
+        pose = link.admission.admit(data, now)
+        link.check_new(pose.seq)
         judged = verdict(
             link.rule,
-            source_rate_hz=self._source_rate_hz,
+            source_rate_hz=link.admission.rate_hz,
             seed=self._seed,
-            sender=pose.vehicle,
+            sender=sender,
             receiver=self.receiver,
             seq=pose.seq,
             measured_at=pose.measured_at_ns,
         )
-        late = judged.visible_at <= self._heard_until
-        heappush(self._waiting, (judged.visible_at, pose.vehicle, pose.seq, judged, pose, late))
+        late = judged.visible_at <= self._taken_until
+        heappush(self._waiting, (judged.visible_at, sender, pose.seq, judged, pose, late))
 
     def _hand_over(self, now: int) -> list[GpsPose]:
         heard: list[GpsPose] = []
@@ -185,16 +172,13 @@ class Inbox:
             link.late += late
             if judged.outcome == "delivered":
                 link.delivered += 1
-                link.delay_ns_sum += judged.visible_at - pose.measured_at_ns
                 heard.append(pose)
             else:
                 link.dropped[judged.reason] += 1
-            self._verdicts.append(self._verdict_message(judged, pose, now, late=late))
+            self._verdicts.append(self._message(judged, pose, now, late=late))
         return heard
 
-    def _verdict_message(
-        self, judged: Verdict, pose: GpsPose, now: int, *, late: bool
-    ) -> LinkVerdict:
+    def _message(self, judged: Verdict, pose: GpsPose, now: int, *, late: bool) -> LinkVerdict:
         seq, self._verdict_seq = self._verdict_seq, self._verdict_seq + 1
         return LinkVerdict(
             vehicle=self.receiver,
