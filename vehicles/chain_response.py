@@ -1,0 +1,136 @@
+"""What a convoy's errors do in time: a simulated chain of linear loops, and norms of signals."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.linear_model import (
+    closed_loop_at,
+    feedback_row,
+    open_loop,
+    steering_input,
+)
+from vehicles.parameters import VehicleParameters
+from vehicles.steering import Gains
+from vehicles.string_stability import Actuation
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+SETTLING = 14.0
+"""Time to settle before measuring, in time constants of the slowest root."""
+
+STEP_PER_RATE = 0.2
+"""Integration step, in units of the fastest rate."""
+
+
+def simulated_propagation(
+    parameters: VehicleParameters,
+    gains: Gains,
+    speed: float,
+    frequencies: Array,
+    actuation: Actuation = "second order",
+) -> ComplexArray:
+    """Second follower's e_lat over the first's, measured on a simulated chain; shape (n,).
+
+    Lead, two followers, feedback on x_i - x_(i-1) (section IV.B); the lead swings sideways at each
+    frequency (rad/s). Integrated in time (Runge-Kutta, order 4), and once settled the sine of each
+    car is read off by least squares. Agrees with `string_stability.propagation` within 1e-3; the
+    first follower's own ratio to the lead is not G, as the lead's heading does not follow suit.
+    """
+    matrix, column, row = _loop(parameters, gains, speed, actuation)
+    eigenvalues = np.linalg.eigvals(matrix)
+    if eigenvalues.real.max() >= 0.0:
+        raise ValueError("the loop is not stable: nothing settles")
+    frequencies = np.asarray(frequencies, dtype=np.float64)
+    step = STEP_PER_RATE / max(float(np.abs(eigenvalues).max()), float(frequencies.max()))
+    settled = SETTLING / -float(eigenvalues.real.max())
+    count = int(np.ceil((settled + 2.0 * np.pi / frequencies.min()) / step))
+    first = int(settled / step)
+    states = np.zeros((2, len(matrix), len(frequencies)))
+    record = np.zeros((2, count - first, len(frequencies)))
+
+    def rates(at: float, now: Array) -> Array:
+        followed = np.stack([gains.lateral * np.sin(frequencies * at), row @ now[0]])
+        return np.asarray(matrix @ now + column[:, None] * followed[:, None, :])
+
+    for index in range(count):
+        if index >= first:
+            record[:, index - first] = states[:, 0]
+        states = _runge_kutta(rates, index * step, states, step)
+    times = step * np.arange(first, count, dtype=np.float64)
+    front, back = (_amplitudes(signal, times, frequencies) for signal in record)
+    return back / front
+
+
+def _loop(
+    parameters: VehicleParameters, gains: Gains, speed: float, actuation: Actuation
+) -> tuple[Array, Array, Array]:
+    """Give the closed loop, its steering input and feedback row: six states, four if instant."""
+    row = feedback_row(gains)
+    if actuation == "second order":
+        return closed_loop_at(parameters, gains, speed), steering_input(parameters), row
+    constant, inverse_speed = open_loop(parameters)
+    steered = constant[:4, 4]
+    frozen = constant[:4, :4] + inverse_speed[:4, :4] / speed
+    return frozen - np.outer(steered, row[:4]), steered, row[:4]
+
+
+def _runge_kutta(
+    rates: Callable[[float, Array], Array], at: float, states: Array, step: float
+) -> Array:
+    """One classical step of order 4."""
+    k1 = rates(at, states)
+    k2 = rates(at + 0.5 * step, states + 0.5 * step * k1)
+    k3 = rates(at + 0.5 * step, states + 0.5 * step * k2)
+    k4 = rates(at + step, states + step * k3)
+    return states + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+def _amplitudes(signal: Array, times: Array, frequencies: Array) -> ComplexArray:
+    """Complex amplitude a of Re(a exp(j w t)) in each column of the signal, by least squares."""
+    found = np.zeros(len(frequencies), dtype=np.complex128)
+    for index, frequency in enumerate(frequencies):
+        angle = frequency * times
+        basis = np.column_stack([np.cos(angle), -np.sin(angle)])
+        real, imaginary = np.linalg.lstsq(basis, signal[:, index], rcond=None)[0]
+        found[index] = complex(real, imaginary)
+    return found
+
+
+def l2_norm(values: Array, at: Array) -> float:
+    """Square root of the integral of values² over `at` (seconds or metres, rising), trapezoidal."""
+    values, at = np.asarray(values), np.asarray(at)
+    return float(np.sqrt(np.trapezoid(values * values, at)))
+
+
+def tracking_norm(lateral: Array, heading: Array) -> float:
+    """L-infinity norm of (e_lat in m, theta~ in rad) over a run: Definition 1 of section IV.B.
+
+    The largest absolute value of either component at any time. It mixes metres and radians, as the
+    paper's does; on a lane change the metres decide.
+    """
+    return max(float(np.abs(lateral).max()), float(np.abs(heading).max()))
+
+
+def amplifications(norms: Sequence[float]) -> tuple[float, ...]:
+    """Ratio of each vehicle's norm to the one's before; infinite after a norm of zero.
+
+    `norms` front to back. One entry fewer than vehicles.
+    """
+    return tuple(behind / ahead if ahead > 0.0 else np.inf for ahead, behind in pairwise(norms))
+
+
+def head_to_tail(norms: Sequence[float]) -> float:
+    """Ratio of the last vehicle's norm to the first's; the product of `amplifications`."""
+    return norms[-1] / norms[0] if norms[0] > 0.0 else np.inf
+
+
+def is_string_stable(norms: Sequence[float], slack: float = 0.0) -> bool:
+    """Definition 1 of section IV.B: norms of the followers, first to last, do not increase.
+
+    `slack` is a relative tolerance for measured convoys.
+    """
+    return all(ratio <= 1.0 + slack for ratio in amplifications(norms))
