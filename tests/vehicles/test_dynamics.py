@@ -1,5 +1,4 @@
 import math
-from collections.abc import Callable
 from dataclasses import astuple, replace
 from itertools import pairwise
 
@@ -7,42 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
+from tests.vehicles.driving import TICK, apart, drive, steer
 from vehicles.dynamics import WALKING_PACE, Actuation, Body, advance
 from vehicles.parameters import LINCOLN_MKZ as CAR
-
-TICK = 0.02
-
-
-def drive(
-    body: Body,
-    command: Callable[[float], Actuation],
-    duration: float,
-    *,
-    tick: float = TICK,
-    substeps: int | None = None,
-) -> list[Body]:
-    bodies = [body]
-    for k in range(round(duration / tick)):
-        bodies.append(advance(bodies[-1], command(k * tick), tick, CAR, substeps=substeps))
-    return bodies
-
-
-def steer(angle: float, acceleration: float = 0.0) -> Callable[[float], Actuation]:
-    return lambda _: Actuation(angle, acceleration)
-
-
-def lane_change(seconds: float) -> Actuation:
-    """Steering of a lane change at 30 m/s on arcs of 300 m: left, right, left."""
-    bend = (CAR.wheelbase + CAR.steer_gradient * 30.0**2) / 300.0
-    sign = 1 if seconds < 1.0 else -1 if seconds < 3.0 else 1 if seconds < 4.0 else 0
-    return Actuation(sign * bend, 0.0)
-
-
-def apart(left: Body, right: Body) -> float:
-    return math.hypot(left.east - right.east, left.north - right.north)
 
 
 def steady_yaw_rate(speed: float, steering: float) -> float:
@@ -124,84 +91,6 @@ def test_mirror_symmetry_and_rotation_invariance(
     assert astuple(replace(rotated, east=0.0, north=0.0, yaw=0.0)) == pytest.approx(
         astuple(replace(moved, east=0.0, north=0.0, yaw=0.0)), abs=1e-9
     )
-
-
-def lateral_matrix(speed: float) -> np.ndarray:
-    """Eqs. (1), (2), (4) as a linear system in (v_y, r, delta, delta', command)."""
-    m, i = CAR.mass, CAR.yaw_inertia
-    cf, cr = CAR.front_cornering_stiffness, CAR.rear_cornering_stiffness
-    a, b = CAR.front_axle_distance, CAR.rear_axle_distance
-    w, z = CAR.steering_frequency, CAR.steering_damping
-    c = a * cf - b * cr
-    return np.array(
-        [
-            [-(cf + cr) / (m * speed), -c / (m * speed) - speed, cf / m, 0.0, 0.0],
-            [-c / (i * speed), -(a * a * cf + b * b * cr) / (i * speed), a * cf / i, 0.0, 0.0],
-            [0.0, 0.0, 0.0, 1.0, 0.0],
-            [0.0, 0.0, -w * w, -2.0 * z * w, w * w],
-            [0.0, 0.0, 0.0, 0.0, 0.0],
-        ]
-    )
-
-
-@pytest.mark.parametrize("speed", [2.0, 3.0, 10.0, 30.0, 40.0])
-def test_at_constant_speed_it_is_the_matrix_exponential(speed: float) -> None:
-    bodies = drive(Body(0.0, 0.0, 0.0, speed), steer(0.05), 1.0)
-    exact = expm(lateral_matrix(speed) * TICK)
-    state = np.array([0.0, 0.0, 0.0, 0.0, 0.05])
-    for body in bodies[1:]:
-        state = exact @ state
-        assert (body.lateral_speed, body.yaw_rate) == pytest.approx(tuple(state[:2]), abs=2e-5)
-        assert body.steering == pytest.approx(state[2], abs=2e-6)
-        assert body.steering_rate == pytest.approx(state[3], abs=5e-5)
-
-
-@pytest.mark.parametrize(("speed", "acceleration"), [(30.0, 0.0), (30.0, -3.0), (5.0, 2.0)])
-def test_path_agrees_with_an_adaptive_solver_to_a_thousandth_of_a_millimetre(
-    speed: float, acceleration: float
-) -> None:
-    def slope(_: float, y: np.ndarray, command: float) -> list[float]:
-        matrix = lateral_matrix(y[3])
-        lateral, yaw_rate, steering, rate, _ = matrix @ [y[4], y[5], y[6], y[7], command]
-        cos, sin = math.cos(y[2]), math.sin(y[2])
-        return [
-            *(y[3] * cos - y[4] * sin, y[3] * sin + y[4] * cos, y[5], acceleration),
-            *(lateral, yaw_rate, steering, rate, math.hypot(y[3], y[4])),
-        ]
-
-    body = Body(0.0, 0.0, 0.3, speed)
-    exact = np.array(astuple(body))
-    for k in range(200):
-        command = Actuation(lane_change(k * TICK).steering, acceleration)
-        body = advance(body, command, TICK, CAR)
-        exact = solve_ivp(
-            slope, (0.0, TICK), exact, "DOP853", args=(command.steering,), rtol=1e-11, atol=1e-12
-        ).y[:, -1]
-        assert math.hypot(body.east - exact[0], body.north - exact[1]) < 1e-6
-    assert body.speed == pytest.approx(exact[3])
-    assert body.distance == pytest.approx(exact[8], abs=1e-5)
-
-
-@pytest.mark.parametrize("speed", [30.0, 8.0, 3.0])
-def test_halving_the_step_moves_the_lane_change_by_under_a_tenth_of_a_millimetre(
-    speed: float,
-) -> None:
-    whole = drive(Body(0.0, 0.0, 0.0, speed), lane_change, 5.0)
-    halved: list[Body] = [whole[0]]
-    for k in range(250):
-        middle = advance(halved[-1], lane_change(k * TICK), TICK / 2, CAR)
-        halved.append(advance(middle, lane_change(k * TICK), TICK / 2, CAR))
-    assert max(map(apart, whole, halved)) < 1e-6
-
-
-@pytest.mark.parametrize(("speed", "acceleration"), [(30.0, 0.0), (12.0, -2.0), (1.0, 0.5)])
-def test_convergence_is_of_order_four(speed: float, acceleration: float) -> None:
-    start = Body(0.0, 0.0, 0.0, speed)
-    command = Actuation(0.1, acceleration)
-    exact = advance(start, command, 0.4, CAR, substeps=4096)
-    errors = [apart(advance(start, command, 0.4, CAR, substeps=n), exact) for n in (64, 128, 256)]
-    for coarse, fine in pairwise(errors):
-        assert 3.6 < math.log2(coarse / fine) < 4.6
 
 
 @pytest.mark.parametrize("acceleration", [0.5, 2.0, -0.5, -3.0])
