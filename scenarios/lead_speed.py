@@ -78,32 +78,36 @@ def slowed(plan: SpeedPlan, path: Path, start: float, limits: Limits, until: flo
     fastest, sharpest = max(plan.speeds), float(np.max(np.abs(path.curvature)))
     if fastest * fastest * sharpest <= limits.lateral:
         return plan
-    allowed = _allowed(path, limits)
-    stations: list[float] = path.station.tolist()
-    station, speed, index, at = start, 0.0, bisect_right(stations, start), 0.0
-    speed = min(plan.at(0.0), allowed[min(index, len(allowed) - 1)])
-    speeds = [speed]
-    while index < len(stations) and at < until and not _standing(plan, at, speed):
-        at = len(speeds) * STEP
+    cap = _Cap(path, limits)
+    station, at = start, 0.0
+    speeds = [min(plan.at(0.0), cap.at(start))]
+    while station < cap.end and at < until and not _standing(plan, at, speeds[-1]):
+        speed, at = speeds[-1], len(speeds) * STEP
         climb = max(limits.acceleration * STEP, plan.at(at) - plan.at(at - STEP))
-        ahead = station + speed * STEP
-        while index < len(stations) and stations[index] <= ahead:
-            index += 1
-        faster = min(plan.at(at), speed + climb, allowed[min(index, len(allowed) - 1)])
-        station += 0.5 * (speed + faster) * STEP
-        speed = faster
-        speeds.append(speed)
+        speeds.append(min(plan.at(at), speed + climb, cap.at(station + speed * STEP)))
+        station += 0.5 * (speed + speeds[-1]) * STEP
     return SpeedPlan(tuple(k * STEP for k in range(len(speeds))), tuple(speeds))
 
 
-def _allowed(path: Path, limits: Limits) -> list[float]:
-    """Highest speed (m/s) at each sample from which all that follows can be kept."""
-    sharp = np.maximum(np.abs(path.curvature), 1e-9)
-    squares: list[float] = (limits.lateral / sharp).tolist()
-    steps: list[float] = np.diff(path.station).tolist()
-    for k in range(len(steps) - 1, -1, -1):
-        squares[k] = min(squares[k], squares[k + 1] + 2.0 * limits.braking * steps[k])
-    return [math.sqrt(square) for square in squares]
+class _Cap:
+    """Highest speed at each station from which all that follows on the path can be kept."""
+
+    def __init__(self, path: Path, limits: Limits) -> None:
+        sharp = np.maximum(np.abs(path.curvature), 1e-9)
+        squares: list[float] = (limits.lateral / sharp).tolist()
+        steps: list[float] = np.diff(path.station).tolist()
+        for k in range(len(steps) - 1, -1, -1):
+            squares[k] = min(squares[k], squares[k + 1] + 2.0 * limits.braking * steps[k])
+        self._stations: list[float] = path.station.tolist()
+        self._squares = squares
+        self.end = self._stations[-1]
+
+    def at(self, station: float) -> float:
+        """Speed (m/s) at `station` (m); its square is linear in between, as under braking."""
+        k = min(max(bisect_right(self._stations, station), 1), len(self._stations) - 1)
+        (s0, s1), (q0, q1) = self._stations[k - 1 : k + 1], self._squares[k - 1 : k + 1]
+        share = min(max((station - s0) / (s1 - s0), 0.0), 1.0)
+        return math.sqrt(q0 + share * (q1 - q0))
 
 
 def _standing(plan: SpeedPlan, at: float, speed: float) -> bool:

@@ -1,8 +1,11 @@
 """What the convoy drives: the path, where each vehicle starts on it, and the lead's speed."""
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from scenarios.lead_speed import Limits, SpeedPlan, recorded, slowed
 from scenarios.refusal import Refused
@@ -24,6 +27,15 @@ RUN_UP = 10.0
 
 LONGEST = 86_400.0
 """No run lasts longer than a day (s)."""
+
+SPARSE_REACH = 7.0
+"""Where points are sparse, smoothing may reach over so many of their distances."""
+
+STRAIGHT = 1e-6
+"""Curvature (1/m) below which a path counts as straight."""
+
+WALKING = 1.0
+"""Speed (m/s) at which the lead comes up to a record that begins standing or slower."""
 
 SPEED_RATIOS = (0.8, 1.25)
 """Recorded speeds that cover the path less exactly than this are not in m/s."""
@@ -83,8 +95,7 @@ def plan_route(tables: ScenarioTables) -> Route:
     """Make path and speed of a scenario whose trace has been read; raises Refused."""
     fastest = _first_speed_at_most(tables)
     lead_in = sum(gaps_at(tables, fastest)) + RUN_UP
-    path, smoothed = _path(tables, lead_in)
-    start = smoothed.start if smoothed else lead_in
+    path, start, smoothed = _path(tables, lead_in)
     plan, ratio = _speed(tables, path, start, smoothed)
     return Route(
         path=path,
@@ -106,27 +117,39 @@ def _first_speed_at_most(tables: ScenarioTables) -> float:
     return speed.set_mps
 
 
-def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, SmoothedPath | None]:
+def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, SmoothedPath | None]:
+    """Path with a straight of at least `lead_in` m before the station at which the lead starts."""
     table = tables.path
     if isinstance(table, SegmentsPath):
         yaw = yaw_from_heading(table.heading_deg)
         laps = [paths.Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
         east, north = -lead_in * math.cos(yaw), -lead_in * math.sin(yaw)
-        return path_from_segments([paths.Segment(lead_in, 0.0), *laps], east, north, yaw), None
+        path = path_from_segments([paths.Segment(lead_in, 0.0), *laps], east, north, yaw)
+        return path, lead_in, None
     if not isinstance(table, PointsPath):
         raise Refused("path.file", "has not been read")
+    smoothed = _smoothed(table, lead_in)
+    # The smoothing bends the end of the straight. The lead starts before that: so all start
+    # straight ahead and without errors, and the run-in is part of what the lead has driven.
+    bent = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
+    first_bend = float(smoothed.path.station[bent[0]]) if bent.size else math.inf
+    return smoothed.path, min(max(first_bend, lead_in), smoothed.start), smoothed
+
+
+def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
+    steps = zip(itertools.pairwise(table.east_m), itertools.pairwise(table.north_m), strict=True)
+    longest = max(math.hypot(e1 - e0, n1 - n0) for (e0, e1), (n0, n1) in steps)
     try:
-        smoothed = smooth_path(
+        return smooth_path(
             table.east_m,
             table.north_m,
             table.smoothing_m,
             closed=table.closed,
             laps=table.laps,
-            lead_in=lead_in,
+            lead_in=lead_in + max(table.smoothing_m, SPARSE_REACH * longest),
         )
     except ValueError as error:
         raise Refused(f"path ({table.source})" if table.source else "path", str(error)) from error
-    return smoothed.path, smoothed
 
 
 def curvature(segment: Segment) -> float:
@@ -140,7 +163,7 @@ def _speed(
     tables: ScenarioTables, path: Path, start: float, smoothed: SmoothedPath | None
 ) -> tuple[SpeedPlan, float]:
     if tables.speed.lead == "recorded":
-        return _recorded(tables, smoothed)
+        return _recorded(tables, start, smoothed)
     table = tables.speed
     plan = SpeedPlan((0.0,), (table.set_mps,))
     if table.lead == "profile":
@@ -157,7 +180,9 @@ def _limits(table: SpeedTable) -> Limits:
     )
 
 
-def _recorded(tables: ScenarioTables, smoothed: SmoothedPath | None) -> tuple[SpeedPlan, float]:
+def _recorded(
+    tables: ScenarioTables, start: float, smoothed: SmoothedPath | None
+) -> tuple[SpeedPlan, float]:
     table = tables.path
     if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
         raise Refused("speed.lead", 'given "recorded", allowed only for a trace with times')
@@ -169,7 +194,16 @@ def _recorded(tables: ScenarioTables, smoothed: SmoothedPath | None) -> tuple[Sp
         raise Refused(
             f"path ({table.source})", f"recorded speeds are {times} what its points need: m/s?"
         )
-    return plan, ratio
+    return led_in(plan, smoothed.start - start), ratio
+
+
+def led_in(plan: SpeedPlan, way: float) -> SpeedPlan:
+    """Put `way` (m) before a plan: at its first speed, or slowing to it from walking pace."""
+    if way <= 0.0:
+        return plan
+    first = max(plan.speeds[0], WALKING)
+    span = 2.0 * way / (first + plan.speeds[0])
+    return SpeedPlan((0.0, *(span + time for time in plan.times)), (first, *plan.speeds))
 
 
 def longest_run(route: Route) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from scenarios import checks
+from scenarios import contradictions
 from scenarios.refusal import Refused, ScenarioError, refusals, shown
 from scenarios.route import Route, longest_run, plan_route, vehicle_names
 from scenarios.scenario_files import library, parse, read_text, template
@@ -108,7 +108,7 @@ class Scenario:
         for sender in self.vehicle(receiver).hears:
             link = self.tables.links
             for entry in self.tables.link:
-                if checks.touches(entry, sender, receiver):
+                if contradictions.touches(entry, sender, receiver):
                     link = overlay(link, entry)
             found[sender] = LinkRule(**link.model_dump())
         return found
@@ -156,12 +156,12 @@ def scenario_from_text(
         tables = ScenarioTables.model_validate(raw)
     except ValidationError as error:
         raise refuse(refusals(error)) from error
-    problems = list(checks.contradictions(tables)) or list(checks.controllers(tables))
+    problems = list(contradictions.between_keys(tables)) or list(contradictions.controllers(tables))
     if problems:
         raise refuse(problems)
     try:
         scenario = Scenario(with_points(tables, folder or Path()))
-        problems = list(checks.on_the_road(scenario.tables, scenario.route))
+        problems = list(contradictions.on_the_road(scenario.tables, scenario.route))
     except Refused as error:
         raise refuse([(error.key, error.why)]) from error
     if problems:

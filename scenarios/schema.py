@@ -150,7 +150,7 @@ class SegmentsPath(Table):
 class SmoothedPathTable(Table):
     """How points become a drivable path: half the width of the smoothing window, and laps."""
 
-    smoothing_m: float = Field(default=5.0, gt=0, le=500)
+    smoothing_m: float = Field(default=8.0, gt=0, le=500)
     closed: bool = False
     laps: Laps = 1
 
@@ -175,6 +175,7 @@ class PointsPath(SmoothedPathTable):
     kind: Literal["points"]
     source: str = ""
     skipped_lines: int = Field(default=0, ge=0)
+    skipped_first: str = ""
     east_m: Numbers
     north_m: Numbers
     time_s: Numbers = ()

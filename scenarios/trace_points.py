@@ -32,6 +32,7 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
         kind="points",
         source=table.file,
         skipped_lines=len(trace.skipped),
+        skipped_first=trace.skipped[0] if trace.skipped else "",
         east_m=trace.east_m,
         north_m=trace.north_m,
         time_s=trace.time_s,

@@ -17,7 +17,7 @@ Problem = tuple[str, str]
 """Key, and what is wrong with it."""
 
 
-def contradictions(tables: ScenarioTables) -> Iterator[Problem]:
+def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     """Give every key that does not fit the others, before the path is made."""
     yield from _names(tables)
     yield from _links(tables)
