@@ -6,6 +6,7 @@ Each command imports what it needs when it runs, so that a vehicle process stays
 
 import os
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -202,6 +203,39 @@ def new(file: Path | None) -> None:
             with file.open("x", encoding="utf-8") as target:
                 target.write(template())
             click.echo(f"wrote {file}; try it: convoy run {file}")
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  convoy review runs/20260101-120000-lane_change/run.mcap
+  convoy review run.mcap --rerun serve           in the browser
+  convoy review run.mcap --rerun save=run.rrd    for later
+"""
+)
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option(
+    "--rerun",
+    default="spawn",
+    show_default=True,
+    metavar="spawn|serve|connect=URL|save=PATH",
+    help="Where to show it.",
+)
+def review(log: Path, *, rerun: str) -> None:
+    """Show a recorded LOG in Rerun, with the picture of a live run."""
+    from scenarios import review as reviewing
+    from scenarios.leash import stop_on_signals
+    from transport.rerun_view import parse_rerun_option
+
+    def wait(where: str) -> None:
+        click.echo(f"look here: {where}\nCtrl-C ends it")
+        stop = stop_on_signals()
+        while not stop.asked:
+            time.sleep(0.1)
+
+    with clear_errors():
+        count = reviewing.review(log, parse_rerun_option(rerun), wait=wait)
+        click.echo(f"{count} messages drawn")
 
 
 @cli.command(epilog="Example: convoy report runs/20260101-120000-lane_change/run.mcap")

@@ -47,6 +47,7 @@ class Conductor:
         self._gone_since: dict[str, int] = {}
         self._dead: set[str] = set()
         self._finished: set[str] = set()
+        self._early: set[str] = set()
         self._router_lost_at: int | None = None
 
     @property
@@ -69,10 +70,16 @@ class Conductor:
         """Learn from a recorded message who has finished."""
         if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
             self._finished.add(message.vehicle)
+            if message.reported_at_ns < self.end_at:
+                self._early.add(message.vehicle)
 
     def missing(self) -> list[str]:
         """Vehicles that are not present."""
         return [name for name in self._vehicles if name not in self._alive]
+
+    def awaits_last_words(self) -> bool:
+        """Whether a vehicle that is present has not said its last words."""
+        return bool(self._alive - self._finished)
 
     def advance(self, now: int, *, connected: bool) -> list[str]:
         """Move on to `now`; returns what happened, a line each, for the log and the user."""
@@ -111,7 +118,9 @@ class Conductor:
             self._router_lost_at = None
             self._gone_since = dict.fromkeys(self._gone_since, now)
         said += self._count_the_dead(now)
-        if self._finished | self._dead >= set(self._vehicles):
+        if self._early:
+            self.stop(f"left before the end: {', '.join(sorted(self._early))}")
+        elif self._finished | self._dead >= set(self._vehicles):
             self.stop("")
         elif now > self.end_at + LAST_WORDS_NS:
             self.stop(

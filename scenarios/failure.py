@@ -8,6 +8,7 @@ import click
 from scenarios.refusal import ScenarioError
 from transport.bus import BusError
 from transport.log_file import LogError
+from transport.viewer_process import ViewerError
 
 EXIT_FAILED = 1
 """The run did not end as planned."""
@@ -20,7 +21,7 @@ def clear_errors() -> Iterator[None]:
     """Turn the errors that a user can do something about into lines and an exit code."""
     try:
         yield
-    except (ScenarioError, BusError, LogError) as error:
+    except (ScenarioError, BusError, LogError, ViewerError) as error:
         for line in str(error).splitlines():
             click.echo(line, err=True)
     except OSError as error:

@@ -72,7 +72,7 @@ def _watch(plan: Launch, supervisor: Supervisor, recorder: Child, stop: Stop, fa
     go_on = plan.scenario.goes_on_without_the_dead
     while not fate.reason:
         if stop.asked:
-            fate.fail(f"stopped by {stop.reason}", stop.exit_code)
+            fate.fail(stop.reason, stop.exit_code)
         for child in supervisor.ended():
             if child is recorder and child.exit_code == 0:
                 return
@@ -85,6 +85,7 @@ def _watch(plan: Launch, supervisor: Supervisor, recorder: Child, stop: Stop, fa
 
 def _wind_up(plan: Launch, supervisor: Supervisor, fate: Fate) -> None:
     """Stop what still runs: the vehicles first, so that the recorder gets their last words."""
+    supervisor.tell("recorder", fate.reason)
     names = [child.name for child in supervisor.children]
     supervisor.stop([name for name in names if name in plan.scenario.vehicle_names], grace_s=1.0)
     supervisor.stop(["recorder"], grace_s=2.5)

@@ -36,7 +36,7 @@ def stop_on_signals() -> Stop:
     stop = Stop()
 
     def ask(number: int, _frame: FrameType | None) -> None:
-        stop.ask(signal.Signals(number).name, 128 + number)
+        stop.ask(f"stopped by {signal.Signals(number).name}", 128 + number)
 
     signal.signal(signal.SIGINT, ask)
     signal.signal(signal.SIGTERM, ask)
@@ -44,16 +44,15 @@ def stop_on_signals() -> Stop:
 
 
 def hold_leash(stop: Stop) -> None:
-    """Stop when standard input ends: the launcher holds its other end and never writes to it.
+    """Stop when the launcher, at the other end of standard input, says why or is gone.
 
     A launcher that is killed with SIGKILL cannot tell its children, but its pipes close.
     """
 
     def wait() -> None:
         # Not through sys.stdin: its lock, held by this thread, would abort the interpreter's exit.
-        while os.read(0, 1024):
-            pass
-        stop.orphaned = True
-        stop.ask("the death of the launcher", 1)
+        reason = os.read(0, 1024)
+        stop.orphaned = not reason
+        stop.ask(reason.decode() if reason else "the launcher is gone", 1)
 
     Thread(target=wait, name="leash", daemon=True).start()

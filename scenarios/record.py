@@ -22,7 +22,9 @@ FLUSH_NS = SECOND * 2 // 5
 ANNOUNCE_NS = SECOND // 4
 """Between two announcements of the start, which late ears need."""
 EVERYTHING = "convoy/**"
-GATHER_S = 30.0
+GATHER_S = 60.0
+LAST_WORDS_NS = SECOND
+"""How long the recorder of a run that ends early waits for what the vehicles still say."""
 Arrival = tuple[int, str, bytes]
 
 
@@ -82,10 +84,22 @@ class Recording:
         while self._conductor.phase is not Phase.OVER:
             self._record_arrivals()
             self._conduct()
-        self._record_arrivals()
-        summary, end = self._run.close(self._clock.now(), self._conductor.reason)
-        self._bus.publish(key(CONDUCTOR, TOPICS["end"]), end, urgent=True)
+        end = self._run.end(self._clock.now(), self._conductor.reason)
+        self._own.append(end)
+        if self._conductor.reason:
+            self._announce("end", end)
+            self._await_last_words()
+        summary = self._run.close(self._clock.now())
+        self._announce("end", end)  # the log is complete: now everyone may go
         return summary
+
+    def _await_last_words(self) -> None:
+        until = self._clock.now() + LAST_WORDS_NS
+        while self._clock.now() < until and self._conductor.awaits_last_words():
+            self._record_arrivals()
+
+    def _announce(self, topic: str, data: bytes) -> None:
+        self._bus.publish(key(CONDUCTOR, TOPICS[topic]), data, urgent=True)
 
     def _arrive(self, heard_key: str, data: bytes) -> None:
         self._arrivals.put((self._clock.now(), heard_key, data))
@@ -107,14 +121,14 @@ class Recording:
             vehicle, alive = self._presences.get()
             self._conductor.presence(vehicle, alive=alive, at=now)
         if self._stop.asked:
-            self._conductor.stop(f"stopped by {self._stop.reason}")
+            self._conductor.stop(self._stop.reason)
         for line in self._conductor.advance(now, connected=self._bus.connected()):
             self._run.recorder.say(now, line)
         if self._conductor.phase is Phase.RUNNING:
             if not self._own:
                 self._own.append(self._run.start(now, self._conductor.start_at))
             if self._chores.are_due("announce", now, ANNOUNCE_NS):
-                self._bus.publish(key(CONDUCTOR, TOPICS["start"]), self._own[0], urgent=True)
+                self._announce("start", self._own[0])
             if self._chores.are_due("health", now, SECOND):
                 self._run.recorder.report_health(now)
         if self._chores.are_due("flush", now, FLUSH_NS):

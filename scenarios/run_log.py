@@ -51,6 +51,8 @@ class RunLog:
             listeners=listeners,
         )
         self._start_at: int | None = None
+        self._end_at = 0
+        self._reason = ""
 
     def flush(self) -> None:
         """Bring what was written so far to the file."""
@@ -61,26 +63,27 @@ class RunLog:
         self._start_at = start_at
         return self.recorder.put(RunStart, at, start_at_ns=start_at, run_id=self._about["run_id"])
 
-    def close(self, at: int, reason: str) -> tuple[dict[str, Any], bytes]:
-        """Complete the log at instant `at` (ns); an empty `reason` means the run ended as planned.
+    def end(self, at: int, reason: str) -> bytes:
+        """Log that the run is over; an empty `reason` means as planned.
 
-        Returns the summary and the announcement of the end for the bus.
+        Returns the announcement for the bus. What still comes can be recorded until `close`.
         """
+        self._end_at, self._reason = at, reason
+        return self.recorder.put(RunEnd, at, end_at_ns=at, reason=reason)
+
+    def close(self, at: int) -> dict[str, Any]:
+        """Complete the log at instant `at` (ns) and write the summary, which is returned."""
         self.recorder.report_health(at, final=True)
-        end = self.recorder.put(RunEnd, at, end_at_ns=at, reason=reason)
-        summary = self._summary(at, reason)
+        summary = summarise(
+            self._about,
+            self._scenario,
+            self.metrics,
+            ran_ns=0 if self._start_at is None else max(self._end_at - self._start_at, 0),
+            reason=self._reason,
+            rejected=self.recorder.rejected,
+        )
         text = json.dumps(summary, indent=2) + "\n"
         self._writer.attach(SUMMARY_NAME, "application/json", text.encode())
         self._writer.close()
         (self._folder / SUMMARY_NAME).write_text(text, encoding="utf-8")
-        return summary, end
-
-    def _summary(self, at: int, reason: str) -> dict[str, Any]:
-        return summarise(
-            self._about,
-            self._scenario,
-            self.metrics,
-            ran_ns=0 if self._start_at is None else max(at - self._start_at, 0),
-            reason=reason,
-            rejected=self.recorder.rejected,
-        )
+        return summary

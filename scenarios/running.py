@@ -16,10 +16,12 @@ from scenarios.record import Recording
 from scenarios.recorder import Listener
 from scenarios.refusal import ScenarioError
 from scenarios.report import print_summary
+from scenarios.review import open_view
 from scenarios.run_log import LOG_NAME
 from scenarios.scenario import Scenario, load_scenario
 from scenarios.summary import summary_of
 from scenarios.virtual import run_virtual
+from transport.rerun_view import parse_rerun_option
 from transport.zenoh_bus import ZenohOptions, open_bus
 
 
@@ -35,10 +37,11 @@ def run_scenario(
 ) -> int:
     """`convoy run`: returns the exit code."""
     scenario = load_scenario(name, overrides, seed)
+    parse_rerun_option(rerun)  # refused here, in one line, rather than by the recorder
     folder = run_folder(scenario, out)
     stop = stop_on_signals()
     if clock == "virtual":
-        with listeners(scenario, rerun, quiet=quiet) as ears:
+        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears:
             summary = run_virtual(scenario, folder, stop, listeners=ears)
         show(summary, folder, quiet=quiet)
         return stop.exit_code
@@ -67,7 +70,10 @@ def record_run(
 ) -> int:
     """`convoy record`: returns the exit code."""
     folder = run_folder(scenario, out)
-    with listeners(scenario, rerun, quiet=quiet) as ears, open_bus(options) as bus:
+    with (
+        listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears,
+        open_bus(options) as bus,
+    ):
         recording = Recording(scenario, bus, folder, stop, gather_s=gather_s, listeners=ears)
         summary = recording.carry_on()
     show(summary, folder, quiet=quiet)
@@ -86,10 +92,15 @@ def run_folder(scenario: Scenario, out: Path | None) -> Path:
 
 
 @contextmanager
-def listeners(scenario: Scenario, rerun: str, *, quiet: bool) -> Iterator[list[Listener]]:
-    """Everyone who looks on while a run is recorded: the progress line and the viewer."""
+def listeners(
+    scenario: Scenario, rerun: str, *, run_id: str, quiet: bool
+) -> Iterator[list[Listener]]:
+    """Everyone who looks on while a run is recorded: the viewer and the progress line."""
     with ExitStack() as stack:
-        found: list[Listener] = []
+        view = stack.enter_context(open_view(parse_rerun_option(rerun), scenario, run_id))
+        found: list[Listener] = [view.draw]
+        if view.where and not quiet:
+            Console(stderr=True).print(f"watch it: {view.where}", soft_wrap=True, highlight=False)
         if not quiet:
             progress = Progress(scenario.vehicle_names, scenario.duration_s)
             found.append(stack.enter_context(progress).listen)

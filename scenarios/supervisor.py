@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from scenarios.router import LISTENING
@@ -39,8 +40,8 @@ class Supervisor:
     """Owns the children of a run.
 
     Each is a session of its own, so that a Ctrl-C in the terminal reaches only the launcher, and
-    holds the read end of a pipe that nobody writes to: when the launcher dies, however it dies,
-    the pipe ends and the child stops by itself.
+    holds the read end of a pipe: when the launcher dies, however it dies, the pipe ends and the
+    child stops by itself.
     """
 
     def __init__(self) -> None:
@@ -72,6 +73,14 @@ class Supervisor:
         if not said.startswith(LISTENING):
             raise BusError("the router did not start")
         return said.removeprefix(LISTENING).strip()
+
+    def tell(self, name: str, reason: str) -> None:
+        """Tell a child why it shall stop; nothing happens if it has ended."""
+        for child in self.children:
+            if child.name == name and child.process.stdin:
+                with suppress(OSError):
+                    child.process.stdin.write(reason.encode())
+                    child.process.stdin.flush()
 
     def ended(self) -> list[Child]:
         """Children that have ended, taken out of the ones that are watched."""

@@ -51,8 +51,8 @@ def run_virtual(
         clock.wait_until(end_at)
     for node in nodes:
         node.outbox.publish_health(clock.now(), final=True)
-    summary, _ = run.close(clock.now(), f"stopped by {stop.reason}" if stop.asked else "")
-    return summary
+    run.end(clock.now(), stop.reason)
+    return run.close(clock.now())
 
 
 def _in_turn(
