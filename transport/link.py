@@ -5,10 +5,10 @@ which messages came, on other links or on whether `seq - 1` arrived. So a run on
 a run in virtual time judge alike.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import blake2b
 from math import isfinite
 from typing import Protocol
@@ -65,7 +65,12 @@ class Verdict:
 
 
 class Effect(Protocol):
-    """One impairment of a link; delays of several effects add up, any drop wins."""
+    """One impairment of a link; delays of several effects add up, any drop wins.
+
+    A verdict must not depend on which messages came before. An effect with memory, such as a
+    Gilbert–Elliott chain, has to be a function of `seq` all the same: its state at `seq` follows
+    from the keyed draws of all numbers up to it, those that never came included.
+    """
 
     def judge(self, uniform: Uniform, seq: int) -> int | str:
         """Return the delay that this effect adds, in ns, or the word for why it drops `seq`."""
@@ -141,6 +146,18 @@ def keyed_uniform(seed: int, sender: str, receiver: str, seq: int, purpose: str)
     return (drawn + 0.5) / _STEPS
 
 
+def combine(chain: Iterable[Effect], uniform: Uniform, seq: int, measured_at: int) -> Verdict:
+    """Let each effect judge message `seq`: delays add up, the first that drops names the reason."""
+    delay, reason = 0, ""
+    for effect in chain:
+        judged = effect.judge(uniform, seq)
+        if isinstance(judged, str):
+            reason = reason or judged
+        else:
+            delay += judged
+    return Verdict("dropped" if reason else "delivered", reason, measured_at + delay)
+
+
 def verdict(
     rule: LinkRule,
     *,
@@ -152,15 +169,5 @@ def verdict(
     measured_at: int,
 ) -> Verdict:
     """Judge message `seq` of `sender`, measured at `measured_at` (ns), on its way to `receiver`."""
-
-    def uniform(purpose: str) -> float:
-        return keyed_uniform(seed, sender, receiver, seq, purpose)
-
-    delay, reason = 0, ""
-    for effect in effects(rule, source_rate_hz):
-        judged = effect.judge(uniform, seq)
-        if isinstance(judged, str):
-            reason = reason or judged
-        else:
-            delay += judged
-    return Verdict("dropped" if reason else "delivered", reason, measured_at + delay)
+    uniform = partial(keyed_uniform, seed, sender, receiver, seq)
+    return combine(effects(rule, source_rate_hz), uniform, seq, measured_at)

@@ -27,7 +27,7 @@ class MemoryNetwork:
     def __init__(self) -> None:
         self._subscriptions: list[tuple[object, str, Handler]] = []
         self._watchers: list[tuple[object, AliveHandler]] = []
-        self._alive: dict[str, object] = {}
+        self._alive: dict[str, list[object]] = {}
         self._routes: dict[str, tuple[Handler, ...]] = {}
 
     def publish(self, key: str, data: bytes) -> None:
@@ -46,8 +46,10 @@ class MemoryNetwork:
 
     def announce(self, member: object, vehicle: str) -> None:
         """Note that `vehicle` lives as long as `member` does."""
-        self._alive[vehicle] = member
-        self._tell(vehicle, alive=True)
+        owners = self._alive.setdefault(vehicle, [])
+        owners.append(member)
+        if len(owners) == 1:
+            self._tell(vehicle, alive=True)
 
     def watch(self, member: object, handler: AliveHandler) -> None:
         """Tell `handler` who is alive and of every change."""
@@ -60,9 +62,11 @@ class MemoryNetwork:
         self._subscriptions = [row for row in self._subscriptions if row[0] is not member]
         self._watchers = [row for row in self._watchers if row[0] is not member]
         self._routes.clear()
-        for vehicle in [name for name, owner in self._alive.items() if owner is member]:
-            del self._alive[vehicle]
-            self._tell(vehicle, alive=False)
+        for vehicle, owners in list(self._alive.items()):
+            owners[:] = [owner for owner in owners if owner is not member]
+            if not owners:
+                del self._alive[vehicle]
+                self._tell(vehicle, alive=False)
 
     def _tell(self, vehicle: str, *, alive: bool) -> None:
         for _, handler in tuple(self._watchers):

@@ -1,0 +1,133 @@
+"""Clocks and schedules: instants to the nanosecond, punctual waking, no step of the wall clock."""
+
+import time
+from fractions import Fraction
+from itertools import pairwise
+from threading import Event, Timer
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transport.clock import (
+    NS_PER_S,
+    Tick,
+    VirtualClock,
+    WallClock,
+    instant,
+    instants,
+    late_after,
+    ticks,
+)
+from vehicles import schedule
+
+START = 1_790_000_000 * NS_PER_S + 123_456_789
+MS = 1_000_000
+
+rates = st.one_of(st.integers(1, 500).map(float), st.floats(0.5, 200.0))
+
+
+def test_control_and_gnss_instants_interleave() -> None:
+    found = [(tick.at - START) // MS for tick in ticks(START, START + 200 * MS, 50.0, 20.0)]
+    assert found == [0, 20, 40, 50, 60, 80, 100, 120, 140, 150, 160, 180]
+
+
+def test_spans_reach_to_the_next_tick_and_the_last_one_to_the_end() -> None:
+    run = list(ticks(START, START + 95 * MS, 50.0, 20.0))
+    assert [tick.span_s for tick in run] == [0.020, 0.020, 0.010, 0.010, 0.020, 0.015]
+
+
+def test_a_single_instant() -> None:
+    assert list(ticks(START, START + 1, 50.0, 20.0)) == [Tick(START, 1e-9)]
+
+
+def test_nothing_is_due_in_no_time() -> None:
+    assert list(ticks(START, START, 50.0, 20.0)) == []
+
+
+@given(rate_hz=st.integers(1, 200), seconds=st.integers(1, 20))
+def test_a_duration_has_rate_times_seconds_instants(rate_hz: int, seconds: int) -> None:
+    assert len(list(instants(START, START + seconds * NS_PER_S, rate_hz))) == rate_hz * seconds
+
+
+@given(k=st.integers(0, 500 * 7200), rate_hz=st.integers(1, 500))
+def test_instants_are_the_nearest_nanosecond(k: int, rate_hz: int) -> None:
+    assert instant(START, k, rate_hz) - START == round(Fraction(k * NS_PER_S, rate_hz))
+
+
+@given(k=st.integers(0, 10**6), rate_hz=rates)
+def test_vehicles_reckon_the_same_instants(k: int, rate_hz: float) -> None:
+    assert instant(START, k, rate_hz) == schedule.instant(START, k, rate_hz)
+
+
+@given(each=st.lists(rates, min_size=1, max_size=3), duration=st.integers(1, 2 * NS_PER_S))
+def test_ticks_are_the_union_in_order_without_gap(each: list[float], duration: int) -> None:
+    end = START + duration
+    run = list(ticks(START, end, *each))
+    assert [tick.at for tick in run] == sorted(
+        {at for rate_hz in each for at in instants(START, end, rate_hz)}
+    )
+    assert all(before.at < after.at for before, after in pairwise(run))
+    assert sum(round(tick.span_s * NS_PER_S) for tick in run) == duration
+
+
+def test_virtual_clock_jumps() -> None:
+    clock = VirtualClock(START)
+    began = time.monotonic()
+    assert clock.now() == START
+    assert clock.wait_until(START + 3600 * NS_PER_S) == 0
+    assert clock.now() == START + 3600 * NS_PER_S
+    assert time.monotonic() - began < 1.0
+
+
+def test_virtual_clock_never_goes_back() -> None:
+    clock = VirtualClock(START)
+    assert clock.wait_until(START - 5) == 5
+    assert clock.now() == START
+
+
+def test_wall_clock_is_unix_time() -> None:
+    assert abs(WallClock().now() - time.time_ns()) < 50 * MS
+
+
+def test_a_step_of_the_system_clock_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = WallClock()
+    before = clock.now()
+    monkeypatch.setattr(time, "time_ns", lambda: before + 3600 * NS_PER_S)
+    monkeypatch.setattr(time, "time", lambda: 0.0)
+    assert 0 <= clock.now() - before < NS_PER_S
+
+
+def test_wall_clock_wakes_after_the_instant_and_soon() -> None:
+    clock = WallClock()
+    start = clock.now()
+    lateness = [clock.wait_until(tick.at) for tick in ticks(start, start + 400 * MS, 50.0)]
+    assert min(lateness) >= 0
+    assert sorted(lateness)[len(lateness) // 2] < late_after(50.0)
+
+
+def test_wall_clock_does_not_drift() -> None:
+    # Each wait ends at its own instant: lateness of one does not add to the next.
+    clock = WallClock()
+    start = clock.now()
+    for tick in ticks(start, start + 300 * MS, 100.0):
+        clock.wait_until(tick.at)
+    assert 290 * MS <= clock.now() - start < 390 * MS
+
+
+def test_an_instant_that_has_passed_is_not_waited_for() -> None:
+    clock = WallClock()
+    assert clock.wait_until(clock.now() - 7 * MS) >= 7 * MS
+
+
+def test_waiting_ends_when_asked_to_stop() -> None:
+    stop = Event()
+    clock = WallClock(stop)
+    Timer(0.05, stop.set).start()
+    began = time.monotonic()
+    assert clock.wait_until(clock.now() + 60 * NS_PER_S) < -50 * NS_PER_S
+    assert time.monotonic() - began < 5.0
+
+
+def test_half_a_control_period_is_late() -> None:
+    assert late_after(50.0) == 10 * MS
