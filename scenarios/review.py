@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from scenarios.refusal import ScenarioError
 from scenarios.scenario import Scenario, scenario_from_text
 from transport.mcap_log import LogError, LogReader
 from transport.rerun_view import RerunOption, RerunView
@@ -36,33 +37,44 @@ def widest_gap(scenario: Scenario) -> float:
     return max(gaps) or USUAL_GAP_M
 
 
-def review(log: Path, option: RerunOption, *, wait: Callable[[str], None]) -> int:
+def review(
+    log: Path, option: RerunOption, *, say: Callable[[str], None], wait: Callable[[], None]
+) -> int:
     """Draw the run recorded in `log`; returns the number of messages drawn.
 
-    The log alone is enough: the road is that of the scenario inside it, or is left out if there
-    is none. While the picture is served from here, `wait` is called with where to look, and
-    must return when nobody looks any more. Raises LogError or ViewerError.
+    The log alone is enough. `say` is called with lines for a person: where to look, and what is
+    wrong with the log. While the picture is served from here, `wait` is called once all is drawn,
+    and must return when nobody looks any more. Raises LogError or ViewerError.
     """
     reader = LogReader(log)
-    with _open(reader, option) as view:
+    if reader.truncated:
+        say(f"{log}: breaks off; what was written before is shown")
+    with _open(reader, option, say) as view:
+        say(view.where)
         count = 0
         for now, _, message in reader.messages():
             view.draw(now, message)
             count += 1
         if option.sink == "serve":
-            wait(view.where)
+            wait()
     return count
 
 
-def _open(reader: LogReader, option: RerunOption) -> RerunView:
-    starts = reader.messages(topics=("start",))
-    run_id = next((m.run_id for _, _, m in starts if isinstance(m, RunStart)), reader.path.stem)
+def _open(reader: LogReader, option: RerunOption, say: Callable[[str], None]) -> RerunView:
+    starts = (message for _, _, message in reader.messages(topics=("start",)))
+    run_id = next((m.run_id for m in starts if isinstance(m, RunStart)), reader.path.stem)
     text = reader.attachments().get(SCENARIO_FILE)
     if text is not None:
-        scenario = scenario_from_text(text.decode(), label=str(reader.path))
-        return open_view(option, scenario, run_id)
+        try:
+            return open_view(option, scenario_from_text(text.decode(), label="scenario"), run_id)
+        except ScenarioError as error:  # written by another version: its road cannot be drawn
+            say(f"{reader.path}: the road is left out: {error}")
+    return RerunView(option, run_id=run_id, vehicles=_in_order(reader))
+
+
+def _in_order(reader: LogReader) -> list[str]:
+    """Names of the vehicles; first the one that listens to nobody, which leads."""
     vehicles = [name for name in reader.vehicles if name != CONDUCTOR]
     if not vehicles:
         raise LogError(f"{reader.path}: holds no vehicle's messages")
-    vehicles.sort(key=lambda name: (reader.counts.get((name, "verdict"), 0) > 0, name))
-    return RerunView(option, run_id=run_id, vehicles=vehicles)
+    return sorted(vehicles, key=lambda name: (reader.counts.get((name, "verdict"), 0) > 0, name))

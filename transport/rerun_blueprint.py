@@ -18,7 +18,10 @@ from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint import encodings
 
+Road = tuple[Sequence[float], Sequence[float]]
+"""East and north of the lead's path, m."""
 TIMELINE = "run_time"
 """Time since the start of the run; `time` is the instant itself."""
 
@@ -66,18 +69,15 @@ def colour_of(index: int) -> tuple[int, int, int]:
     return COLOURS[index % len(COLOURS)]
 
 
-def blueprint(vehicles: Sequence[str], *, gap_m: float, flat: bool) -> rrb.Blueprint:
-    """Lay out the picture of `vehicles`, lead first, that drive about `gap_m` apart.
-
-    `flat` says that the road needs little height on the screen.
-    """
+def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
+    """Lay out the picture of `vehicles`, lead first, that drive about `gap_m` apart on `road`."""
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
                 _convoy_view(vehicles, gap_m),
-                _plan_view(vehicles),
-                rrb.TextLogView(name="Log", origin="log"),
-                row_shares=[4, 2, 2] if flat else [3, 4, 2],
+                _plan_view(vehicles, gap_m, road),
+                _log_view(),
+                row_shares=[4, 2, 2] if road and _is_flat(road) else [3, 4, 2],
             ),
             rrb.Vertical(
                 rrb.Tabs(_plot("cross_track"), _plot("tracking")),
@@ -86,7 +86,7 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, flat: bool) -> rrb.Bluep
                 rrb.Tabs(
                     _states("links", "Links: what was heard"), _states("mode", "Steers along")
                 ),
-                row_shares=[3, 2, 2, 3],
+                row_shares=[7, 5, 5, 7],
             ),
             column_shares=[5, 4],
         ),
@@ -111,7 +111,9 @@ def _convoy_view(vehicles: Sequence[str], gap_m: float) -> rrb.Spatial2DView:
     )
 
 
-def _plan_view(vehicles: Sequence[str]) -> rrb.Spatial2DView:
+def _plan_view(vehicles: Sequence[str], gap_m: float, road: Road | None) -> rrb.Spatial2DView:
+    """Show where on the road the convoy is; names only where there is room for them."""
+    unnamed = vehicles[1:] if road and gap_m < 0.04 * _extent(road) else ()
     return rrb.Spatial2DView(
         name="Plan (north up)",
         origin="world/plan",
@@ -119,9 +121,47 @@ def _plan_view(vehicles: Sequence[str]) -> rrb.Spatial2DView:
             "/world/**",
             "- /world/road/marks",
             "- /world/samples/**",
-            *(f"- /world/cars/{name}/name" for name in vehicles[1:]),
+            *(f"- /world/cars/{name}/name" for name in unnamed),
         ],
+        visual_bounds=_bounds(road) if road else None,
         overrides=_all_until_now(vehicles),
+    )
+
+
+def _bounds(road: Road) -> rrb.VisualBounds2D:
+    """Show the whole road with a margin; the second axis of a picture points down."""
+    east, north = road
+    margin = 0.04 * _extent(road)
+    return rrb.VisualBounds2D(
+        x_range=[min(east) - margin, max(east) + margin],
+        y_range=[-max(north) - margin, -min(north) + margin],
+    )
+
+
+def _extent(road: Road) -> float:
+    """Width or height of a road (m), whichever is more."""
+    east, north = road
+    return max(max(east) - min(east), max(north) - min(north))
+
+
+def _is_flat(road: Road) -> bool:
+    """Whether a road is so much wider than high, north up, that little height will do."""
+    east, north = road
+    return max(east) - min(east) >= 4.0 * (max(north) - min(north))
+
+
+def _log_view() -> rrb.TextLogView:
+    """Text with its time and level; the text itself says whose it is."""
+    return rrb.TextLogView(
+        name="Log",
+        origin="log",
+        columns=rrb.TextLogColumns(
+            timeline_columns=[encodings.TimelineColumn(TIMELINE)],
+            text_log_columns=[
+                encodings.TextLogColumn(encodings.TextLogColumnKind.LogLevel),
+                encodings.TextLogColumn(encodings.TextLogColumnKind.Body),
+            ],
+        ),
     )
 
 
@@ -136,11 +176,6 @@ def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
         for timeline in (TIMELINE, "time")
     ]
     return {f"world/driven/{name}": rrb.VisibleTimeRanges(ranges) for name in vehicles}
-
-
-def roughly_flat(east: Sequence[float], north: Sequence[float]) -> bool:
-    """Whether a path (m) is at least four times as wide as it is high, north up."""
-    return max(east) - min(east) >= 4.0 * (max(north) - min(north))
 
 
 def middle(count: int) -> int:

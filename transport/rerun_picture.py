@@ -10,7 +10,7 @@ import rerun as rr
 
 from transport.arcs import points_along
 from transport.beside import BesideLead
-from transport.rerun_blueprint import TIMELINE, blueprint, colour_of, middle, roughly_flat
+from transport.rerun_blueprint import TIMELINE, Road, blueprint, colour_of, middle
 from transport.rerun_shapes import car, marks_beside, name_tag, state_style, strip, turn_about
 from transport.topics import instant
 from vehicles.messages import (
@@ -57,7 +57,7 @@ class Picture:
         *,
         gap_m: float,
         car_m: tuple[float, float],
-        path: tuple[Sequence[float], Sequence[float]] | None = None,
+        path: Road | None = None,
     ) -> None:
         self._recording = recording
         self._car_m = car_m
@@ -81,8 +81,7 @@ class Picture:
             LinkVerdict: self._verdict,
             LogText: self._text,
         }
-        flat = path is not None and roughly_flat(*path)
-        recording.send_blueprint(blueprint(vehicles, gap_m=gap_m, flat=flat))
+        recording.send_blueprint(blueprint(vehicles, gap_m=gap_m, road=path))
         recording.log("world/plan", turn_about(0.0, 0.0, 0.0), static=True)
         for name in vehicles:
             self._place(name)
@@ -187,7 +186,7 @@ class Picture:
 
     def _text(self, line: LogText) -> None:
         self._at(line.logged_at_ns)
-        text = rr.TextLog(line.text, level=_LEVELS.get(line.level, "INFO"))
+        text = rr.TextLog(f"{line.vehicle}: {line.text}", level=_LEVELS.get(line.level, "INFO"))
         self._recording.log(f"log/{line.vehicle}", text)
 
     def _road(self, east: Sequence[float], north: Sequence[float]) -> None:
@@ -210,7 +209,9 @@ class Picture:
         dot = rr.Points2D(
             [[0.0, 0.0]], colors=[colour], radii=rr.Radius.ui_points(5.0), draw_order=21
         )
-        parts = {"body": car(*self._car_m, colour), "dot": dot, "name": name_tag(vehicle, colour)}
+        is_lead = self._places[vehicle] == 0 and vehicle != "lead"
+        tag = f"{vehicle} (lead)" if is_lead else vehicle
+        parts = {"body": car(*self._car_m, colour), "dot": dot, "name": name_tag(tag, colour)}
         for part, shape in parts.items():
             self._recording.log(f"world/cars/{vehicle}/{part}", shape, static=True)
 
