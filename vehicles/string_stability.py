@@ -168,6 +168,26 @@ def amplified_band(transfer: Transfer) -> list[tuple[float, float]]:
     return [(a, b) for a, b, over in zip(edges, ends, above, strict=True) if over]
 
 
+def maximum_gain(transfer: Transfer) -> float:
+    """Gain in L-infinity: how much the largest value of a signal may grow from car to car.
+
+    The norm of the paper's Definition 1 (section IV.B), of which the H-infinity norm is a lower
+    bound. The integral of the impulse response's magnitude, by its partial fractions (simple poles)
+    and the trapezoidal rule; within 1e-4. The transfer function must be stable and fall off.
+    """
+    poles = np.roots(transfer.denominator)
+    residues = np.polyval(transfer.numerator, poles) / np.polyval(
+        np.polyder(transfer.denominator), poles
+    )
+    span = 25.0 / -float(poles.real.max())
+    count = int(np.ceil(400.0 * span * float(np.abs(poles).max()) / (2.0 * np.pi)))
+    times = np.linspace(0.0, span, min(count, 400_000))
+    response = sum(
+        (residue * np.exp(pole * times)).real for pole, residue in zip(poles, residues, strict=True)
+    )
+    return float(np.trapezoid(np.abs(response), times))
+
+
 def low_frequency_growth(parameters: VehicleParameters, gains: Gains, speed: float) -> float:
     """Find the c (s²) of |G(j w)| = 1 + c w² + O(w^3) for small w: R(0) / N(0), section IV.B.
 

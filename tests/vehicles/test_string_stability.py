@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
+from scipy.signal import impulse, lsim
 
 from tests.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.gains import abscissa
@@ -16,10 +17,12 @@ from vehicles.parameters import Loading, VehicleParameters
 from vehicles.steering import NOMINAL_GAINS, Gains
 from vehicles.string_stability import (
     Actuation,
+    Transfer,
     amplified_band,
     chain,
     largest_weight,
     low_frequency_growth,
+    maximum_gain,
     peak,
     propagation,
     trace_propagation,
@@ -119,8 +122,8 @@ def test_attenuation_is_paid_for_by_amplification(speed: float, actuation: Actua
     assert np.roots(transfer.numerator).real.max() < 0.0
     frequencies = np.geomspace(1e-4, 1e6, 200_001)
     integrand = np.log(np.abs(transfer.at(frequencies))) / frequencies
-    integral = np.trapezoid(integrand, np.log(frequencies))
-    assert abs(integral) < 1e-3 * np.trapezoid(np.abs(integrand), np.log(frequencies))
+    integral = float(np.trapezoid(integrand, np.log(frequencies)))
+    assert abs(integral) < 1e-3 * float(np.trapezoid(np.abs(integrand), np.log(frequencies)))
 
 
 def test_an_oversteering_car_beyond_its_critical_speed_is_the_exception() -> None:
@@ -215,6 +218,28 @@ def test_largest_weight_is_where_the_chain_stops_contracting() -> None:
     assert (1.001 * alpha * magnitudes).max() > 1.0
     assert alpha == pytest.approx(0.4989, abs=1e-4)
     assert largest_weight(propagation(CAR, NOMINAL_GAINS, 30.0, "instantaneous")) > 0.85
+
+
+def test_maximum_gain_of_known_systems() -> None:
+    lag = Transfer(np.array([3.0]), np.array([1.0, 3.0]))
+    assert maximum_gain(lag) == pytest.approx(1.0, rel=1e-4)
+    zeta, wn = 0.2, 5.0  # overshoot y of the step, then undershoots: sum of a geometric series
+    ringing = Transfer(np.array([wn**2]), np.array([1.0, 2 * zeta * wn, wn**2]))
+    overshoot = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
+    assert maximum_gain(ringing) == pytest.approx((1 + overshoot) / (1 - overshoot), rel=1e-4)
+
+
+@pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
+def test_maximum_gain_by_driving_the_worst_signal(speed: float) -> None:
+    """At least the gain in L2, and reached by an input with the impulse response's sign."""
+    transfer = propagation(CAR, NOMINAL_GAINS, speed)
+    gain = maximum_gain(transfer)
+    assert gain > peak(transfer).magnitude
+    times = np.linspace(0.0, 25.0, 25_001)
+    _, response = impulse((transfer.numerator, transfer.denominator), T=times)
+    worst = np.sign(response[::-1])
+    _, output, _ = lsim((transfer.numerator, transfer.denominator), worst, times)
+    assert np.abs(output).max() == pytest.approx(gain, rel=0.01)
 
 
 def test_figures_of_the_nominal_loop() -> None:
