@@ -37,6 +37,7 @@ class _Form:
             if get_origin(f.type) is Literal
         }
         self.lists = [f.name for f in fields(message) if get_origin(f.type) is tuple]
+        self.single = tuple(name for name in self.names if name not in self.lists)
         # Lists whose names begin alike (piece_…, sample_…) are columns of one table.
         self.columns = [
             (one, other)
@@ -69,6 +70,9 @@ def decode(topic: Topic, data: bytes) -> Message:
         parsed = form.protobuf.FromString(data)
     except DecodeError as error:
         raise RefusedMessageError("garbage", f"not a {topic.message.__name__}") from error
+    # Cut between two fields, or written by another program, bytes can still be valid Protobuf.
+    if not all(map(parsed.HasField, form.single)):
+        raise RefusedMessageError("garbage", f"not a whole {topic.message.__name__}")
     values = dict(zip(form.names, form.values(parsed), strict=True))
     if not values["vehicle"]:
         raise RefusedMessageError("garbage", "no vehicle is named")

@@ -3,6 +3,8 @@
 isort:skip_file
 The messages of the convoy emulator, on the wire and in the log. Fields mirror
 vehicles/messages.py by name, which also says what they mean. Numbers never change meaning.
+A single value is "optional" so that a zero is told from a value that is not there: every one
+has to be there, or the message was cut or is none of ours.
 """
 
 from collections import abc as _abc
@@ -13,10 +15,10 @@ import builtins as _builtins
 import sys
 import typing as _typing
 
-if sys.version_info >= (3, 11):
-    from typing import TypeAlias as _TypeAlias, Never as _Never
+if sys.version_info >= (3, 10):
+    from typing import TypeAlias as _TypeAlias
 else:
-    from typing_extensions import TypeAlias as _TypeAlias, Never as _Never
+    from typing_extensions import TypeAlias as _TypeAlias
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -45,21 +47,56 @@ class GpsPose(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        measured_at_ns: _builtins.int = ...,
-        latitude_deg: _builtins.float = ...,
-        longitude_deg: _builtins.float = ...,
-        altitude_m: _builtins.float = ...,
-        heading_deg: _builtins.float = ...,
-        speed_mps: _builtins.float = ...,
-        yaw_rate_radps: _builtins.float = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        measured_at_ns: _builtins.int | None = ...,
+        latitude_deg: _builtins.float | None = ...,
+        longitude_deg: _builtins.float | None = ...,
+        altitude_m: _builtins.float | None = ...,
+        heading_deg: _builtins.float | None = ...,
+        speed_mps: _builtins.float | None = ...,
+        yaw_rate_radps: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["altitude_m", b"altitude_m", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__altitude_m: _TypeAlias = _typing.Literal["altitude_m"]  # noqa: Y015
+    _WhichOneofArgType__altitude_m: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m"]  # noqa: Y015
+    _WhichOneofReturnType__heading_deg: _TypeAlias = _typing.Literal["heading_deg"]  # noqa: Y015
+    _WhichOneofArgType__heading_deg: _TypeAlias = _typing.Literal["_heading_deg", b"_heading_deg"]  # noqa: Y015
+    _WhichOneofReturnType__latitude_deg: _TypeAlias = _typing.Literal["latitude_deg"]  # noqa: Y015
+    _WhichOneofArgType__latitude_deg: _TypeAlias = _typing.Literal["_latitude_deg", b"_latitude_deg"]  # noqa: Y015
+    _WhichOneofReturnType__longitude_deg: _TypeAlias = _typing.Literal["longitude_deg"]  # noqa: Y015
+    _WhichOneofArgType__longitude_deg: _TypeAlias = _typing.Literal["_longitude_deg", b"_longitude_deg"]  # noqa: Y015
+    _WhichOneofReturnType__measured_at_ns: _TypeAlias = _typing.Literal["measured_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__measured_at_ns: _TypeAlias = _typing.Literal["_measured_at_ns", b"_measured_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__speed_mps: _TypeAlias = _typing.Literal["speed_mps"]  # noqa: Y015
+    _WhichOneofArgType__speed_mps: _TypeAlias = _typing.Literal["_speed_mps", b"_speed_mps"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    _WhichOneofReturnType__yaw_rate_radps: _TypeAlias = _typing.Literal["yaw_rate_radps"]  # noqa: Y015
+    _WhichOneofArgType__yaw_rate_radps: _TypeAlias = _typing.Literal["_yaw_rate_radps", b"_yaw_rate_radps"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__altitude_m) -> _WhichOneofReturnType__altitude_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__heading_deg) -> _WhichOneofReturnType__heading_deg | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__latitude_deg) -> _WhichOneofReturnType__latitude_deg | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__longitude_deg) -> _WhichOneofReturnType__longitude_deg | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__measured_at_ns) -> _WhichOneofReturnType__measured_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__speed_mps) -> _WhichOneofReturnType__speed_mps | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__yaw_rate_radps) -> _WhichOneofReturnType__yaw_rate_radps | None: ...
 
 Global___GpsPose: _TypeAlias = GpsPose  # noqa: Y015
 
@@ -92,23 +129,66 @@ class TruePose(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        true_at_ns: _builtins.int = ...,
-        east_m: _builtins.float = ...,
-        north_m: _builtins.float = ...,
-        yaw_rad: _builtins.float = ...,
-        speed_mps: _builtins.float = ...,
-        lateral_speed_mps: _builtins.float = ...,
-        yaw_rate_radps: _builtins.float = ...,
-        steering_rad: _builtins.float = ...,
-        distance_m: _builtins.float = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        true_at_ns: _builtins.int | None = ...,
+        east_m: _builtins.float | None = ...,
+        north_m: _builtins.float | None = ...,
+        yaw_rad: _builtins.float | None = ...,
+        speed_mps: _builtins.float | None = ...,
+        lateral_speed_mps: _builtins.float | None = ...,
+        yaw_rate_radps: _builtins.float | None = ...,
+        steering_rad: _builtins.float | None = ...,
+        distance_m: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_distance_m", b"_distance_m", "_east_m", b"_east_m", "_lateral_speed_mps", b"_lateral_speed_mps", "_north_m", b"_north_m", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_steering_rad", b"_steering_rad", "_true_at_ns", b"_true_at_ns", "_vehicle", b"_vehicle", "_yaw_rad", b"_yaw_rad", "_yaw_rate_radps", b"_yaw_rate_radps", "distance_m", b"distance_m", "east_m", b"east_m", "lateral_speed_mps", b"lateral_speed_mps", "north_m", b"north_m", "seq", b"seq", "speed_mps", b"speed_mps", "steering_rad", b"steering_rad", "true_at_ns", b"true_at_ns", "vehicle", b"vehicle", "yaw_rad", b"yaw_rad", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["distance_m", b"distance_m", "east_m", b"east_m", "lateral_speed_mps", b"lateral_speed_mps", "north_m", b"north_m", "seq", b"seq", "speed_mps", b"speed_mps", "steering_rad", b"steering_rad", "true_at_ns", b"true_at_ns", "vehicle", b"vehicle", "yaw_rad", b"yaw_rad", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_distance_m", b"_distance_m", "_east_m", b"_east_m", "_lateral_speed_mps", b"_lateral_speed_mps", "_north_m", b"_north_m", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_steering_rad", b"_steering_rad", "_true_at_ns", b"_true_at_ns", "_vehicle", b"_vehicle", "_yaw_rad", b"_yaw_rad", "_yaw_rate_radps", b"_yaw_rate_radps", "distance_m", b"distance_m", "east_m", b"east_m", "lateral_speed_mps", b"lateral_speed_mps", "north_m", b"north_m", "seq", b"seq", "speed_mps", b"speed_mps", "steering_rad", b"steering_rad", "true_at_ns", b"true_at_ns", "vehicle", b"vehicle", "yaw_rad", b"yaw_rad", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__distance_m: _TypeAlias = _typing.Literal["distance_m"]  # noqa: Y015
+    _WhichOneofArgType__distance_m: _TypeAlias = _typing.Literal["_distance_m", b"_distance_m"]  # noqa: Y015
+    _WhichOneofReturnType__east_m: _TypeAlias = _typing.Literal["east_m"]  # noqa: Y015
+    _WhichOneofArgType__east_m: _TypeAlias = _typing.Literal["_east_m", b"_east_m"]  # noqa: Y015
+    _WhichOneofReturnType__lateral_speed_mps: _TypeAlias = _typing.Literal["lateral_speed_mps"]  # noqa: Y015
+    _WhichOneofArgType__lateral_speed_mps: _TypeAlias = _typing.Literal["_lateral_speed_mps", b"_lateral_speed_mps"]  # noqa: Y015
+    _WhichOneofReturnType__north_m: _TypeAlias = _typing.Literal["north_m"]  # noqa: Y015
+    _WhichOneofArgType__north_m: _TypeAlias = _typing.Literal["_north_m", b"_north_m"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__speed_mps: _TypeAlias = _typing.Literal["speed_mps"]  # noqa: Y015
+    _WhichOneofArgType__speed_mps: _TypeAlias = _typing.Literal["_speed_mps", b"_speed_mps"]  # noqa: Y015
+    _WhichOneofReturnType__steering_rad: _TypeAlias = _typing.Literal["steering_rad"]  # noqa: Y015
+    _WhichOneofArgType__steering_rad: _TypeAlias = _typing.Literal["_steering_rad", b"_steering_rad"]  # noqa: Y015
+    _WhichOneofReturnType__true_at_ns: _TypeAlias = _typing.Literal["true_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__true_at_ns: _TypeAlias = _typing.Literal["_true_at_ns", b"_true_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    _WhichOneofReturnType__yaw_rad: _TypeAlias = _typing.Literal["yaw_rad"]  # noqa: Y015
+    _WhichOneofArgType__yaw_rad: _TypeAlias = _typing.Literal["_yaw_rad", b"_yaw_rad"]  # noqa: Y015
+    _WhichOneofReturnType__yaw_rate_radps: _TypeAlias = _typing.Literal["yaw_rate_radps"]  # noqa: Y015
+    _WhichOneofArgType__yaw_rate_radps: _TypeAlias = _typing.Literal["_yaw_rate_radps", b"_yaw_rate_radps"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__distance_m) -> _WhichOneofReturnType__distance_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__east_m) -> _WhichOneofReturnType__east_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lateral_speed_mps) -> _WhichOneofReturnType__lateral_speed_mps | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__north_m) -> _WhichOneofReturnType__north_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__speed_mps) -> _WhichOneofReturnType__speed_mps | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__steering_rad) -> _WhichOneofReturnType__steering_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__true_at_ns) -> _WhichOneofReturnType__true_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__yaw_rad) -> _WhichOneofReturnType__yaw_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__yaw_rate_radps) -> _WhichOneofReturnType__yaw_rate_radps | None: ...
 
 Global___TruePose: _TypeAlias = TruePose  # noqa: Y015
 
@@ -155,10 +235,10 @@ class CompositeTrajectory(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        decided_at_ns: _builtins.int = ...,
-        mode: _builtins.str = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        decided_at_ns: _builtins.int | None = ...,
+        mode: _builtins.str | None = ...,
         piece_east_m: _abc.Iterable[_builtins.float] | None = ...,
         piece_north_m: _abc.Iterable[_builtins.float] | None = ...,
         piece_yaw_rad: _abc.Iterable[_builtins.float] | None = ...,
@@ -167,14 +247,37 @@ class CompositeTrajectory(_message.Message):
         sample_east_m: _abc.Iterable[_builtins.float] | None = ...,
         sample_north_m: _abc.Iterable[_builtins.float] | None = ...,
         sample_source: _abc.Iterable[_builtins.int] | None = ...,
-        residual_m_rms: _builtins.float = ...,
-        residual_m_max: _builtins.float = ...,
+        residual_m_rms: _builtins.float | None = ...,
+        residual_m_max: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns", "_mode", b"_mode", "_residual_m_max", b"_residual_m_max", "_residual_m_rms", b"_residual_m_rms", "_seq", b"_seq", "_vehicle", b"_vehicle", "decided_at_ns", b"decided_at_ns", "mode", b"mode", "residual_m_max", b"residual_m_max", "residual_m_rms", b"residual_m_rms", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["decided_at_ns", b"decided_at_ns", "mode", b"mode", "piece_curvature_per_m", b"piece_curvature_per_m", "piece_east_m", b"piece_east_m", "piece_length_m", b"piece_length_m", "piece_north_m", b"piece_north_m", "piece_yaw_rad", b"piece_yaw_rad", "residual_m_max", b"residual_m_max", "residual_m_rms", b"residual_m_rms", "sample_east_m", b"sample_east_m", "sample_north_m", b"sample_north_m", "sample_source", b"sample_source", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns", "_mode", b"_mode", "_residual_m_max", b"_residual_m_max", "_residual_m_rms", b"_residual_m_rms", "_seq", b"_seq", "_vehicle", b"_vehicle", "decided_at_ns", b"decided_at_ns", "mode", b"mode", "piece_curvature_per_m", b"piece_curvature_per_m", "piece_east_m", b"piece_east_m", "piece_length_m", b"piece_length_m", "piece_north_m", b"piece_north_m", "piece_yaw_rad", b"piece_yaw_rad", "residual_m_max", b"residual_m_max", "residual_m_rms", b"residual_m_rms", "sample_east_m", b"sample_east_m", "sample_north_m", b"sample_north_m", "sample_source", b"sample_source", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__decided_at_ns: _TypeAlias = _typing.Literal["decided_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__decided_at_ns: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__mode: _TypeAlias = _typing.Literal["mode"]  # noqa: Y015
+    _WhichOneofArgType__mode: _TypeAlias = _typing.Literal["_mode", b"_mode"]  # noqa: Y015
+    _WhichOneofReturnType__residual_m_max: _TypeAlias = _typing.Literal["residual_m_max"]  # noqa: Y015
+    _WhichOneofArgType__residual_m_max: _TypeAlias = _typing.Literal["_residual_m_max", b"_residual_m_max"]  # noqa: Y015
+    _WhichOneofReturnType__residual_m_rms: _TypeAlias = _typing.Literal["residual_m_rms"]  # noqa: Y015
+    _WhichOneofArgType__residual_m_rms: _TypeAlias = _typing.Literal["_residual_m_rms", b"_residual_m_rms"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__decided_at_ns) -> _WhichOneofReturnType__decided_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__mode) -> _WhichOneofReturnType__mode | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__residual_m_max) -> _WhichOneofReturnType__residual_m_max | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__residual_m_rms) -> _WhichOneofReturnType__residual_m_rms | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
 
 Global___CompositeTrajectory: _TypeAlias = CompositeTrajectory  # noqa: Y015
 
@@ -209,24 +312,71 @@ class Tracking(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        decided_at_ns: _builtins.int = ...,
-        mode: _builtins.str = ...,
-        reason: _builtins.str = ...,
-        lateral_error_m: _builtins.float = ...,
-        heading_error_rad: _builtins.float = ...,
-        yaw_rate_error_radps: _builtins.float = ...,
-        curvature_per_m: _builtins.float = ...,
-        gap_m: _builtins.float = ...,
-        lead_age_s: _builtins.float = ...,
-        predecessor_age_s: _builtins.float = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        decided_at_ns: _builtins.int | None = ...,
+        mode: _builtins.str | None = ...,
+        reason: _builtins.str | None = ...,
+        lateral_error_m: _builtins.float | None = ...,
+        heading_error_rad: _builtins.float | None = ...,
+        yaw_rate_error_radps: _builtins.float | None = ...,
+        curvature_per_m: _builtins.float | None = ...,
+        gap_m: _builtins.float | None = ...,
+        lead_age_s: _builtins.float | None = ...,
+        predecessor_age_s: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_gap_m", b"_gap_m", "_heading_error_rad", b"_heading_error_rad", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "gap_m", b"gap_m", "heading_error_rad", b"heading_error_rad", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "gap_m", b"gap_m", "heading_error_rad", b"heading_error_rad", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_gap_m", b"_gap_m", "_heading_error_rad", b"_heading_error_rad", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "gap_m", b"gap_m", "heading_error_rad", b"heading_error_rad", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__curvature_per_m: _TypeAlias = _typing.Literal["curvature_per_m"]  # noqa: Y015
+    _WhichOneofArgType__curvature_per_m: _TypeAlias = _typing.Literal["_curvature_per_m", b"_curvature_per_m"]  # noqa: Y015
+    _WhichOneofReturnType__decided_at_ns: _TypeAlias = _typing.Literal["decided_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__decided_at_ns: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__gap_m: _TypeAlias = _typing.Literal["gap_m"]  # noqa: Y015
+    _WhichOneofArgType__gap_m: _TypeAlias = _typing.Literal["_gap_m", b"_gap_m"]  # noqa: Y015
+    _WhichOneofReturnType__heading_error_rad: _TypeAlias = _typing.Literal["heading_error_rad"]  # noqa: Y015
+    _WhichOneofArgType__heading_error_rad: _TypeAlias = _typing.Literal["_heading_error_rad", b"_heading_error_rad"]  # noqa: Y015
+    _WhichOneofReturnType__lateral_error_m: _TypeAlias = _typing.Literal["lateral_error_m"]  # noqa: Y015
+    _WhichOneofArgType__lateral_error_m: _TypeAlias = _typing.Literal["_lateral_error_m", b"_lateral_error_m"]  # noqa: Y015
+    _WhichOneofReturnType__lead_age_s: _TypeAlias = _typing.Literal["lead_age_s"]  # noqa: Y015
+    _WhichOneofArgType__lead_age_s: _TypeAlias = _typing.Literal["_lead_age_s", b"_lead_age_s"]  # noqa: Y015
+    _WhichOneofReturnType__mode: _TypeAlias = _typing.Literal["mode"]  # noqa: Y015
+    _WhichOneofArgType__mode: _TypeAlias = _typing.Literal["_mode", b"_mode"]  # noqa: Y015
+    _WhichOneofReturnType__predecessor_age_s: _TypeAlias = _typing.Literal["predecessor_age_s"]  # noqa: Y015
+    _WhichOneofArgType__predecessor_age_s: _TypeAlias = _typing.Literal["_predecessor_age_s", b"_predecessor_age_s"]  # noqa: Y015
+    _WhichOneofReturnType__reason: _TypeAlias = _typing.Literal["reason"]  # noqa: Y015
+    _WhichOneofArgType__reason: _TypeAlias = _typing.Literal["_reason", b"_reason"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    _WhichOneofReturnType__yaw_rate_error_radps: _TypeAlias = _typing.Literal["yaw_rate_error_radps"]  # noqa: Y015
+    _WhichOneofArgType__yaw_rate_error_radps: _TypeAlias = _typing.Literal["_yaw_rate_error_radps", b"_yaw_rate_error_radps"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__curvature_per_m) -> _WhichOneofReturnType__curvature_per_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__decided_at_ns) -> _WhichOneofReturnType__decided_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__gap_m) -> _WhichOneofReturnType__gap_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__heading_error_rad) -> _WhichOneofReturnType__heading_error_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lateral_error_m) -> _WhichOneofReturnType__lateral_error_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lead_age_s) -> _WhichOneofReturnType__lead_age_s | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__mode) -> _WhichOneofReturnType__mode | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__predecessor_age_s) -> _WhichOneofReturnType__predecessor_age_s | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__reason) -> _WhichOneofReturnType__reason | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__yaw_rate_error_radps) -> _WhichOneofReturnType__yaw_rate_error_radps | None: ...
 
 Global___Tracking: _TypeAlias = Tracking  # noqa: Y015
 
@@ -253,20 +403,51 @@ class Command(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        decided_at_ns: _builtins.int = ...,
-        steering_rad: _builtins.float = ...,
-        feedforward_rad: _builtins.float = ...,
-        feedback_rad: _builtins.float = ...,
-        acceleration_mps2: _builtins.float = ...,
-        target_speed_mps: _builtins.float = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        decided_at_ns: _builtins.int | None = ...,
+        steering_rad: _builtins.float | None = ...,
+        feedforward_rad: _builtins.float | None = ...,
+        feedback_rad: _builtins.float | None = ...,
+        acceleration_mps2: _builtins.float | None = ...,
+        target_speed_mps: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_decided_at_ns", b"_decided_at_ns", "_feedback_rad", b"_feedback_rad", "_feedforward_rad", b"_feedforward_rad", "_seq", b"_seq", "_steering_rad", b"_steering_rad", "_target_speed_mps", b"_target_speed_mps", "_vehicle", b"_vehicle", "acceleration_mps2", b"acceleration_mps2", "decided_at_ns", b"decided_at_ns", "feedback_rad", b"feedback_rad", "feedforward_rad", b"feedforward_rad", "seq", b"seq", "steering_rad", b"steering_rad", "target_speed_mps", b"target_speed_mps", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["acceleration_mps2", b"acceleration_mps2", "decided_at_ns", b"decided_at_ns", "feedback_rad", b"feedback_rad", "feedforward_rad", b"feedforward_rad", "seq", b"seq", "steering_rad", b"steering_rad", "target_speed_mps", b"target_speed_mps", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_decided_at_ns", b"_decided_at_ns", "_feedback_rad", b"_feedback_rad", "_feedforward_rad", b"_feedforward_rad", "_seq", b"_seq", "_steering_rad", b"_steering_rad", "_target_speed_mps", b"_target_speed_mps", "_vehicle", b"_vehicle", "acceleration_mps2", b"acceleration_mps2", "decided_at_ns", b"decided_at_ns", "feedback_rad", b"feedback_rad", "feedforward_rad", b"feedforward_rad", "seq", b"seq", "steering_rad", b"steering_rad", "target_speed_mps", b"target_speed_mps", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__acceleration_mps2: _TypeAlias = _typing.Literal["acceleration_mps2"]  # noqa: Y015
+    _WhichOneofArgType__acceleration_mps2: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2"]  # noqa: Y015
+    _WhichOneofReturnType__decided_at_ns: _TypeAlias = _typing.Literal["decided_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__decided_at_ns: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__feedback_rad: _TypeAlias = _typing.Literal["feedback_rad"]  # noqa: Y015
+    _WhichOneofArgType__feedback_rad: _TypeAlias = _typing.Literal["_feedback_rad", b"_feedback_rad"]  # noqa: Y015
+    _WhichOneofReturnType__feedforward_rad: _TypeAlias = _typing.Literal["feedforward_rad"]  # noqa: Y015
+    _WhichOneofArgType__feedforward_rad: _TypeAlias = _typing.Literal["_feedforward_rad", b"_feedforward_rad"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__steering_rad: _TypeAlias = _typing.Literal["steering_rad"]  # noqa: Y015
+    _WhichOneofArgType__steering_rad: _TypeAlias = _typing.Literal["_steering_rad", b"_steering_rad"]  # noqa: Y015
+    _WhichOneofReturnType__target_speed_mps: _TypeAlias = _typing.Literal["target_speed_mps"]  # noqa: Y015
+    _WhichOneofArgType__target_speed_mps: _TypeAlias = _typing.Literal["_target_speed_mps", b"_target_speed_mps"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__acceleration_mps2) -> _WhichOneofReturnType__acceleration_mps2 | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__decided_at_ns) -> _WhichOneofReturnType__decided_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__feedback_rad) -> _WhichOneofReturnType__feedback_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__feedforward_rad) -> _WhichOneofReturnType__feedforward_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__steering_rad) -> _WhichOneofReturnType__steering_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__target_speed_mps) -> _WhichOneofReturnType__target_speed_mps | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
 
 Global___Command: _TypeAlias = Command  # noqa: Y015
 
@@ -297,22 +478,61 @@ class LinkVerdict(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        sender: _builtins.str = ...,
-        pose_seq: _builtins.int = ...,
-        measured_at_ns: _builtins.int = ...,
-        outcome: _builtins.str = ...,
-        reason: _builtins.str = ...,
-        visible_at_ns: _builtins.int = ...,
-        heard_at_ns: _builtins.int = ...,
-        late: _builtins.bool = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        sender: _builtins.str | None = ...,
+        pose_seq: _builtins.int | None = ...,
+        measured_at_ns: _builtins.int | None = ...,
+        outcome: _builtins.str | None = ...,
+        reason: _builtins.str | None = ...,
+        visible_at_ns: _builtins.int | None = ...,
+        heard_at_ns: _builtins.int | None = ...,
+        late: _builtins.bool | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_heard_at_ns", b"_heard_at_ns", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_sender", b"_sender", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "heard_at_ns", b"heard_at_ns", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "sender", b"sender", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["heard_at_ns", b"heard_at_ns", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "sender", b"sender", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_heard_at_ns", b"_heard_at_ns", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_sender", b"_sender", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "heard_at_ns", b"heard_at_ns", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "sender", b"sender", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__heard_at_ns: _TypeAlias = _typing.Literal["heard_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__heard_at_ns: _TypeAlias = _typing.Literal["_heard_at_ns", b"_heard_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__late: _TypeAlias = _typing.Literal["late"]  # noqa: Y015
+    _WhichOneofArgType__late: _TypeAlias = _typing.Literal["_late", b"_late"]  # noqa: Y015
+    _WhichOneofReturnType__measured_at_ns: _TypeAlias = _typing.Literal["measured_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__measured_at_ns: _TypeAlias = _typing.Literal["_measured_at_ns", b"_measured_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__outcome: _TypeAlias = _typing.Literal["outcome"]  # noqa: Y015
+    _WhichOneofArgType__outcome: _TypeAlias = _typing.Literal["_outcome", b"_outcome"]  # noqa: Y015
+    _WhichOneofReturnType__pose_seq: _TypeAlias = _typing.Literal["pose_seq"]  # noqa: Y015
+    _WhichOneofArgType__pose_seq: _TypeAlias = _typing.Literal["_pose_seq", b"_pose_seq"]  # noqa: Y015
+    _WhichOneofReturnType__reason: _TypeAlias = _typing.Literal["reason"]  # noqa: Y015
+    _WhichOneofArgType__reason: _TypeAlias = _typing.Literal["_reason", b"_reason"]  # noqa: Y015
+    _WhichOneofReturnType__sender: _TypeAlias = _typing.Literal["sender"]  # noqa: Y015
+    _WhichOneofArgType__sender: _TypeAlias = _typing.Literal["_sender", b"_sender"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    _WhichOneofReturnType__visible_at_ns: _TypeAlias = _typing.Literal["visible_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__visible_at_ns: _TypeAlias = _typing.Literal["_visible_at_ns", b"_visible_at_ns"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__heard_at_ns) -> _WhichOneofReturnType__heard_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__late) -> _WhichOneofReturnType__late | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__measured_at_ns) -> _WhichOneofReturnType__measured_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__outcome) -> _WhichOneofReturnType__outcome | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__pose_seq) -> _WhichOneofReturnType__pose_seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__reason) -> _WhichOneofReturnType__reason | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__sender) -> _WhichOneofReturnType__sender | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__visible_at_ns) -> _WhichOneofReturnType__visible_at_ns | None: ...
 
 Global___LinkVerdict: _TypeAlias = LinkVerdict  # noqa: Y015
 
@@ -351,26 +571,81 @@ class Health(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        reported_at_ns: _builtins.int = ...,
-        ticks: _builtins.int = ...,
-        late_ticks: _builtins.int = ...,
-        lateness_ms_max: _builtins.float = ...,
-        heard: _builtins.int = ...,
-        dropped: _builtins.int = ...,
-        late_messages: _builtins.int = ...,
-        rejected_messages: _builtins.int = ...,
-        published: _builtins.int = ...,
-        memory_bytes: _builtins.int = ...,
-        cpu_ratio: _builtins.float = ...,
-        final: _builtins.bool = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        reported_at_ns: _builtins.int | None = ...,
+        ticks: _builtins.int | None = ...,
+        late_ticks: _builtins.int | None = ...,
+        lateness_ms_max: _builtins.float | None = ...,
+        heard: _builtins.int | None = ...,
+        dropped: _builtins.int | None = ...,
+        late_messages: _builtins.int | None = ...,
+        rejected_messages: _builtins.int | None = ...,
+        published: _builtins.int | None = ...,
+        memory_bytes: _builtins.int | None = ...,
+        cpu_ratio: _builtins.float | None = ...,
+        final: _builtins.bool | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_heard", b"_heard", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "heard", b"heard", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "heard", b"heard", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_heard", b"_heard", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "heard", b"heard", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__cpu_ratio: _TypeAlias = _typing.Literal["cpu_ratio"]  # noqa: Y015
+    _WhichOneofArgType__cpu_ratio: _TypeAlias = _typing.Literal["_cpu_ratio", b"_cpu_ratio"]  # noqa: Y015
+    _WhichOneofReturnType__dropped: _TypeAlias = _typing.Literal["dropped"]  # noqa: Y015
+    _WhichOneofArgType__dropped: _TypeAlias = _typing.Literal["_dropped", b"_dropped"]  # noqa: Y015
+    _WhichOneofReturnType__final: _TypeAlias = _typing.Literal["final"]  # noqa: Y015
+    _WhichOneofArgType__final: _TypeAlias = _typing.Literal["_final", b"_final"]  # noqa: Y015
+    _WhichOneofReturnType__heard: _TypeAlias = _typing.Literal["heard"]  # noqa: Y015
+    _WhichOneofArgType__heard: _TypeAlias = _typing.Literal["_heard", b"_heard"]  # noqa: Y015
+    _WhichOneofReturnType__late_messages: _TypeAlias = _typing.Literal["late_messages"]  # noqa: Y015
+    _WhichOneofArgType__late_messages: _TypeAlias = _typing.Literal["_late_messages", b"_late_messages"]  # noqa: Y015
+    _WhichOneofReturnType__late_ticks: _TypeAlias = _typing.Literal["late_ticks"]  # noqa: Y015
+    _WhichOneofArgType__late_ticks: _TypeAlias = _typing.Literal["_late_ticks", b"_late_ticks"]  # noqa: Y015
+    _WhichOneofReturnType__lateness_ms_max: _TypeAlias = _typing.Literal["lateness_ms_max"]  # noqa: Y015
+    _WhichOneofArgType__lateness_ms_max: _TypeAlias = _typing.Literal["_lateness_ms_max", b"_lateness_ms_max"]  # noqa: Y015
+    _WhichOneofReturnType__memory_bytes: _TypeAlias = _typing.Literal["memory_bytes"]  # noqa: Y015
+    _WhichOneofArgType__memory_bytes: _TypeAlias = _typing.Literal["_memory_bytes", b"_memory_bytes"]  # noqa: Y015
+    _WhichOneofReturnType__published: _TypeAlias = _typing.Literal["published"]  # noqa: Y015
+    _WhichOneofArgType__published: _TypeAlias = _typing.Literal["_published", b"_published"]  # noqa: Y015
+    _WhichOneofReturnType__rejected_messages: _TypeAlias = _typing.Literal["rejected_messages"]  # noqa: Y015
+    _WhichOneofArgType__rejected_messages: _TypeAlias = _typing.Literal["_rejected_messages", b"_rejected_messages"]  # noqa: Y015
+    _WhichOneofReturnType__reported_at_ns: _TypeAlias = _typing.Literal["reported_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__reported_at_ns: _TypeAlias = _typing.Literal["_reported_at_ns", b"_reported_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__ticks: _TypeAlias = _typing.Literal["ticks"]  # noqa: Y015
+    _WhichOneofArgType__ticks: _TypeAlias = _typing.Literal["_ticks", b"_ticks"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__cpu_ratio) -> _WhichOneofReturnType__cpu_ratio | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__dropped) -> _WhichOneofReturnType__dropped | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__final) -> _WhichOneofReturnType__final | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__heard) -> _WhichOneofReturnType__heard | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__late_messages) -> _WhichOneofReturnType__late_messages | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__late_ticks) -> _WhichOneofReturnType__late_ticks | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lateness_ms_max) -> _WhichOneofReturnType__lateness_ms_max | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__memory_bytes) -> _WhichOneofReturnType__memory_bytes | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__published) -> _WhichOneofReturnType__published | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__rejected_messages) -> _WhichOneofReturnType__rejected_messages | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__reported_at_ns) -> _WhichOneofReturnType__reported_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__ticks) -> _WhichOneofReturnType__ticks | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
 
 Global___Health: _TypeAlias = Health  # noqa: Y015
 
@@ -391,17 +666,36 @@ class LogText(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        logged_at_ns: _builtins.int = ...,
-        level: _builtins.str = ...,
-        text: _builtins.str = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        logged_at_ns: _builtins.int | None = ...,
+        level: _builtins.str | None = ...,
+        text: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_level", b"_level", "_logged_at_ns", b"_logged_at_ns", "_seq", b"_seq", "_text", b"_text", "_vehicle", b"_vehicle", "level", b"level", "logged_at_ns", b"logged_at_ns", "seq", b"seq", "text", b"text", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["level", b"level", "logged_at_ns", b"logged_at_ns", "seq", b"seq", "text", b"text", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_level", b"_level", "_logged_at_ns", b"_logged_at_ns", "_seq", b"_seq", "_text", b"_text", "_vehicle", b"_vehicle", "level", b"level", "logged_at_ns", b"logged_at_ns", "seq", b"seq", "text", b"text", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__level: _TypeAlias = _typing.Literal["level"]  # noqa: Y015
+    _WhichOneofArgType__level: _TypeAlias = _typing.Literal["_level", b"_level"]  # noqa: Y015
+    _WhichOneofReturnType__logged_at_ns: _TypeAlias = _typing.Literal["logged_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__logged_at_ns: _TypeAlias = _typing.Literal["_logged_at_ns", b"_logged_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__text: _TypeAlias = _typing.Literal["text"]  # noqa: Y015
+    _WhichOneofArgType__text: _TypeAlias = _typing.Literal["_text", b"_text"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__level) -> _WhichOneofReturnType__level | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__logged_at_ns) -> _WhichOneofReturnType__logged_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__text) -> _WhichOneofReturnType__text | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
 
 Global___LogText: _TypeAlias = LogText  # noqa: Y015
 
@@ -420,16 +714,31 @@ class RunStart(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        start_at_ns: _builtins.int = ...,
-        run_id: _builtins.str = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        start_at_ns: _builtins.int | None = ...,
+        run_id: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_run_id", b"_run_id", "_seq", b"_seq", "_start_at_ns", b"_start_at_ns", "_vehicle", b"_vehicle", "run_id", b"run_id", "seq", b"seq", "start_at_ns", b"start_at_ns", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["run_id", b"run_id", "seq", b"seq", "start_at_ns", b"start_at_ns", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_run_id", b"_run_id", "_seq", b"_seq", "_start_at_ns", b"_start_at_ns", "_vehicle", b"_vehicle", "run_id", b"run_id", "seq", b"seq", "start_at_ns", b"start_at_ns", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__run_id: _TypeAlias = _typing.Literal["run_id"]  # noqa: Y015
+    _WhichOneofArgType__run_id: _TypeAlias = _typing.Literal["_run_id", b"_run_id"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__start_at_ns: _TypeAlias = _typing.Literal["start_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__start_at_ns: _TypeAlias = _typing.Literal["_start_at_ns", b"_start_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__run_id) -> _WhichOneofReturnType__run_id | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__start_at_ns) -> _WhichOneofReturnType__start_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
 
 Global___RunStart: _TypeAlias = RunStart  # noqa: Y015
 
@@ -448,15 +757,30 @@ class RunEnd(_message.Message):
     def __init__(
         self,
         *,
-        vehicle: _builtins.str = ...,
-        seq: _builtins.int = ...,
-        end_at_ns: _builtins.int = ...,
-        reason: _builtins.str = ...,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        end_at_ns: _builtins.int | None = ...,
+        reason: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["end_at_ns", b"end_at_ns", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    def WhichOneof(self, oneof_group: _Never) -> None: ...
+    _WhichOneofReturnType__end_at_ns: _TypeAlias = _typing.Literal["end_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__end_at_ns: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__reason: _TypeAlias = _typing.Literal["reason"]  # noqa: Y015
+    _WhichOneofArgType__reason: _TypeAlias = _typing.Literal["_reason", b"_reason"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__end_at_ns) -> _WhichOneofReturnType__end_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__reason) -> _WhichOneofReturnType__reason | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
 
 Global___RunEnd: _TypeAlias = RunEnd  # noqa: Y015
