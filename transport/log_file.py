@@ -2,12 +2,19 @@
 
 import mmap
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 
 MAGIC = b"\x89MCAP0\r\n"
 """An MCAP file begins and ends with these bytes (MCAP specification, section Magic)."""
 _HEAD = struct.Struct("<BQ")  # what each record begins with: opcode, length of the rest
+_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _FOOTER = 0x02
+_MESSAGE = 0x05
+CHUNK = 0x06
+ATTACHMENT = 0x09
+METADATA = 0x0C
+_DATA_END = 0x0F
 _OPCODES = range(0x01, 0x10)
 
 
@@ -45,3 +52,28 @@ def _measure(whole: mmap.mmap) -> tuple[int, bool]:
         if opcode == _FOOTER and whole[at:] == MAGIC:
             return size, False
     return at, True
+
+
+def records_in(log: mmap.mmap, opcode: int) -> Iterator[bytes]:
+    """Give the contents of the records of one kind in the data section, those in chunks not."""
+    at = len(MAGIC)
+    while at < len(log):
+        found, length = _HEAD.unpack_from(log, at)
+        at += _HEAD.size
+        if found == opcode:
+            yield log[at : at + length]
+        if found == _DATA_END:
+            return
+        at += length
+
+
+def messages_in(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """Give (channel, log time, data) of the messages in an unpacked chunk."""
+    at = 0
+    while at < len(chunk):
+        opcode, length = _HEAD.unpack_from(chunk, at)
+        at += _HEAD.size
+        if opcode == _MESSAGE:
+            channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(chunk, at)
+            yield channel, log_time, chunk[at + _MESSAGE_HEAD.size : at + length]
+        at += length

@@ -6,23 +6,16 @@ and attachments. A log is enough: whatever reviews or measures a run reads this 
 """
 
 import contextlib
-import os
-from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self, cast
-
-from mcap import records
-from mcap.exceptions import EndOfFile, McapError
-from mcap.reader import SeekingReader
-from mcap.stream_reader import CRCValidationError, StreamReader
-from mcap.writer import Writer
+from typing import Any, Self
 
 from transport.codec import PROTOBUF, RefusedMessageError, decode
 from transport.foxglove import Twin, descriptor_set, twins
-from transport.log_file import LogError, map_log
+from transport.log_file import LogError
+from transport.mcap_file import McapFile, Writer, repair
 from transport.topics import TOPICS, Topic, instant, key
 from vehicles.messages import Message
 
@@ -158,43 +151,6 @@ class LogWriter:
         self.close()
 
 
-class _Records:
-    """The complete records of an MCAP file, which may end in the middle of one."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._bytes, self.truncated = map_log(path)
-
-    def __iter__(self) -> Iterator[records.McapRecord]:
-        """Give the records of the data section, those in chunks one by one."""
-        self._bytes.seek(0)
-        stream = StreamReader(cast("IO[bytes]", self._bytes), validate_crcs=True)
-        try:
-            for record in stream.records:
-                if isinstance(record, records.DataEnd):
-                    return
-                yield record
-        except EndOfFile:
-            return  # a truncated log ends after its last complete record
-        except (CRCValidationError, McapError) as error:
-            raise LogError(f"{self.path}: the log is damaged: {error}") from error
-
-    def channels(self) -> tuple[dict[int, records.Channel], Mapping[int, int]]:
-        """Return the channels by number and the number of messages of each."""
-        if not self.truncated:
-            found = SeekingReader(cast("IO[bytes]", self._bytes)).get_summary()
-            if found and found.statistics:
-                return found.channels, found.statistics.channel_message_counts
-        channels: dict[int, records.Channel] = {}
-        counts: Counter[int] = Counter()
-        for record in self:
-            if isinstance(record, records.Channel):
-                channels[record.id] = record
-            elif isinstance(record, records.Message):
-                counts[record.channel_id] += 1
-        return channels, counts
-
-
 class LogReader:
     """Reads the messages of a run back from its log, also from one that breaks off.
 
@@ -204,10 +160,10 @@ class LogReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._records = _Records(path)
-        self.truncated = self._records.truncated
-        channels, counts = self._records.channels()
-        self._sources = {number: _source(channel.topic) for number, channel in channels.items()}
+        self._file = McapFile(path)
+        self.truncated = self._file.truncated
+        channels, counts = self._file.channels()
+        self._sources = {number: _source(name) for number, name in channels.items()}
         self.counts: dict[tuple[str, str], int] = {
             (source[0], source[1].name): counts.get(number, 0)
             for number, source in self._sources.items()
@@ -235,22 +191,22 @@ class LogReader:
             and (vehicles is None or source[0] in vehicles)
             and (topics is None or source[1].name in topics)
         }
-        for record in self._records:
-            if isinstance(record, records.Message) and record.channel_id in wanted:
-                vehicle, topic = wanted[record.channel_id]
+        for channel, log_time, data in self._file.messages():
+            if channel in wanted:
+                vehicle, topic = wanted[channel]
                 try:
-                    message = decode(topic, record.data)
+                    message = decode(topic, data)
                 except RefusedMessageError as error:
                     raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
-                yield record.log_time, vehicle, message
+                yield log_time, vehicle, message
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Return the named text values of the log."""
-        return {r.name: r.metadata for r in self._records if isinstance(r, records.Metadata)}
+        return self._file.metadata()
 
     def attachments(self) -> dict[str, bytes]:
         """Return the files in the log by name."""
-        return {r.name: r.data for r in self._records if isinstance(r, records.Attachment)}
+        return self._file.attachments()
 
 
 def _source(channel: str) -> tuple[str, Topic] | None:
@@ -259,68 +215,3 @@ def _source(channel: str) -> tuple[str, Topic] | None:
         case ["", "convoy", vehicle, name] if name in TOPICS:
             return vehicle, TOPICS[name]
     return None
-
-
-def repair(path: Path) -> bool:
-    """Make a log that breaks off a complete one, with every record that can be read.
-
-    Rewrites it beside and then puts it in place in one step; a complete log stays untouched. The
-    metadata `repaired` say how many messages were kept. Returns whether there was something to
-    do. Raises LogError if the file is no MCAP log.
-    """
-    broken = _Records(path)
-    if not broken.truncated:
-        return False
-    beside = path.with_name(path.name + ".repaired")
-    try:
-        with beside.open("wb") as file:
-            _copy(broken, Writer(file))
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
-    return True
-
-
-def _copy(broken: _Records, writer: Writer) -> None:
-    """Write all records again and complete them with an index and a summary."""
-    kept = 0
-    schemas: dict[int, int] = {}
-    channels: dict[int, int] = {}
-    for record in broken:
-        match record:
-            case records.Header():
-                writer.start(record.profile, record.library)
-            case records.Schema():
-                schemas[record.id] = writer.register_schema(
-                    record.name, record.encoding, record.data
-                )
-            case records.Channel():
-                channels[record.id] = writer.register_channel(
-                    record.topic,
-                    record.message_encoding,
-                    schemas[record.schema_id],
-                    record.metadata,
-                )
-            case records.Message():
-                kept += 1
-                writer.add_message(
-                    channels[record.channel_id],
-                    record.log_time,
-                    record.data,
-                    record.publish_time,
-                    record.sequence,
-                )
-            case records.Attachment():
-                writer.add_attachment(
-                    record.create_time,
-                    record.log_time,
-                    record.name,
-                    record.media_type,
-                    record.data,
-                )
-            case records.Metadata():
-                writer.add_metadata(record.name, record.metadata)
-    writer.add_metadata("repaired", {"messages": str(kept)})
-    writer.finish()  # type: ignore[no-untyped-call]
