@@ -1,0 +1,166 @@
+"""Messages survive the wire whole; whatever else comes along is refused by name."""
+
+import struct
+from contextlib import suppress
+from dataclasses import fields, replace
+from typing import Any, Literal, get_args, get_origin
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from transport.codec import MAX_BYTES, PROTOBUF, RefusedMessageError, decode, encode
+from transport.topics import TOPIC_OF, TOPICS, Topic
+from vehicles.messages import CompositeTrajectory, LogText, Message, RunStart
+
+INT64 = st.integers(-(2**63), 2**63 - 1)
+UINT64 = st.integers(0, 2**64 - 1)
+NUMBER = st.floats(allow_nan=False)
+
+
+def single(name: str, kind: Any) -> st.SearchStrategy[Any]:
+    """Return values of one field that is no list."""
+    if get_origin(kind) is Literal:
+        return st.sampled_from(get_args(kind))
+    if kind is str:
+        return st.text(st.characters(codec="utf-8"), min_size=int(name == "vehicle"), max_size=20)
+    if kind is int:
+        return INT64 if name.endswith("_at_ns") else UINT64
+    return {float: NUMBER, bool: st.booleans()}[kind]
+
+
+@st.composite
+def messages(draw: st.DrawFn, kind: type[Message]) -> Message:
+    """Return any message of one class; lists of one table are equally long."""
+    lengths = {"piece": draw(st.integers(0, 5)), "sample": draw(st.integers(0, 20))}
+    values: dict[str, Any] = {}
+    for field in fields(kind):
+        if get_origin(field.type) is tuple:
+            n = lengths[field.name.partition("_")[0]]
+            whole = get_args(field.type)[0] is int
+            column = st.lists(st.integers(0, 1) if whole else NUMBER, min_size=n, max_size=n)
+            values[field.name] = tuple(draw(column))
+        else:
+            values[field.name] = draw(single(field.name, field.type))
+    return kind(**values)
+
+
+any_message = st.sampled_from(sorted(TOPIC_OF, key=lambda kind: kind.__name__)).flatmap(messages)
+any_topic = st.sampled_from(list(TOPICS.values()))
+
+
+@settings(max_examples=150)
+@given(any_message)
+def test_what_is_decoded_is_what_was_encoded(message: Message) -> None:
+    decoded = decode(TOPIC_OF[type(message)], encode(message))
+    assert decoded == message
+    assert [type(getattr(decoded, f.name)) for f in fields(decoded)] == [
+        type(getattr(message, f.name)) for f in fields(message)
+    ]
+
+
+@given(any_message)
+def test_equal_messages_give_equal_bytes(message: Message) -> None:
+    assert encode(message) == encode(replace(message))
+
+
+@settings(max_examples=150)
+@given(any_topic, st.binary(max_size=300))
+def test_random_bytes_are_refused(topic: Topic, data: bytes) -> None:
+    with pytest.raises(RefusedMessageError):
+        decode(topic, data)
+
+
+@settings(max_examples=200)
+@given(data=st.data(), message=any_message, topic=any_topic)
+def test_spoilt_messages_are_decoded_or_refused(
+    data: st.DataObject, message: Message, topic: Topic
+) -> None:
+    spoilt = bytearray(encode(message))
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(spoilt)))
+        match data.draw(st.sampled_from(["flip", "cut", "insert", "repeat"])):
+            case "flip" if at < len(spoilt):
+                spoilt[at] ^= 1 << data.draw(st.integers(0, 7))
+            case "cut":
+                del spoilt[at:]
+            case "insert":
+                spoilt[at:at] = data.draw(st.binary(min_size=1, max_size=8))
+            case _:
+                spoilt += spoilt[at:]
+    with suppress(RefusedMessageError):
+        assert type(decode(topic, bytes(spoilt))) is topic.message
+
+
+@given(data=st.data(), message=any_message)
+def test_a_message_cut_anywhere_is_refused(data: st.DataObject, message: Message) -> None:
+    whole = encode(message)
+    cut = data.draw(st.integers(0, len(whole) - 1))
+    with pytest.raises(RefusedMessageError):
+        decode(TOPIC_OF[type(message)], whole[:cut])
+
+
+def test_zeros_are_sent_and_are_not_taken_for_nothing() -> None:
+    start = RunStart(vehicle="run", seq=0, start_at_ns=0, run_id="")
+    assert decode(TOPICS["start"], encode(start)) == start
+    lacking = PROTOBUF[RunStart](vehicle="run", start_at_ns=0, run_id="")
+    with pytest.raises(RefusedMessageError, match="whole"):
+        decode(TOPICS["start"], lacking.SerializeToString())
+
+
+def test_fields_of_a_later_version_are_passed_over() -> None:
+    start = RunStart(vehicle="run", seq=1, start_at_ns=2, run_id="x")
+    later = bytes([15 << 3 | 1]) + struct.pack("<d", 1.5)
+    assert decode(TOPICS["start"], encode(start) + later) == start
+
+
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
+def test_nothing_is_not_a_message(topic: Topic) -> None:
+    with pytest.raises(RefusedMessageError):
+        decode(topic, b"")
+
+
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
+def test_too_much_is_refused_unread(topic: Topic) -> None:
+    with pytest.raises(RefusedMessageError, match="oversized") as refusal:
+        decode(topic, bytes(MAX_BYTES + 1))
+    assert refusal.value.reason == "oversized"
+
+
+def test_words_outside_the_vocabulary_are_refused() -> None:
+    line = LogText(vehicle="a", seq=0, logged_at_ns=0, level="info", text="")
+    shouted = encode(replace(line, level="loud"))  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(RefusedMessageError, match="level is 'loud'"):
+        decode(TOPICS["log"], shouted)
+
+
+def trajectory(pieces: int, samples: int) -> CompositeTrajectory:
+    piece, sample = (1.0,) * pieces, (1.0,) * samples
+    return CompositeTrajectory(
+        vehicle="a",
+        seq=0,
+        decided_at_ns=0,
+        mode="composite",
+        piece_east_m=piece,
+        piece_north_m=piece,
+        piece_yaw_rad=piece,
+        piece_curvature_per_m=piece,
+        piece_length_m=piece,
+        sample_east_m=sample,
+        sample_north_m=sample,
+        sample_source=(1,) * samples,
+        residual_m_rms=0.0,
+        residual_m_max=0.0,
+    )
+
+
+@pytest.mark.parametrize("name", ["piece_yaw_rad", "piece_length_m", "sample_north_m"])
+def test_columns_of_unequal_length_are_refused(name: str) -> None:
+    one_more: dict[str, Any] = {name: (1.0, 2.0, 3.0)}
+    with pytest.raises(RefusedMessageError, match="differ in length"):
+        decode(TOPICS["trajectory"], encode(replace(trajectory(2, 2), **one_more)))
+
+
+def test_the_longest_message_fits() -> None:
+    # Four pieces and two seconds of both sources at 100 Hz are more than any fit takes.
+    assert len(encode(trajectory(4, 400))) < MAX_BYTES

@@ -1,0 +1,47 @@
+"""The table of topics: complete, consistent, and with keys that Zenoh takes."""
+
+from dataclasses import fields
+from typing import get_args
+
+import pytest
+import zenoh
+
+from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, alive_key, instant, key
+from vehicles.messages import GpsPose, Message, RunStart
+
+
+def test_every_message_has_its_topic() -> None:
+    assert set(TOPIC_OF) == set(get_args(Message))
+    assert len(TOPICS) == len(TOPIC_OF)
+
+
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
+def test_a_topics_instant_is_a_field_of_its_message(topic: Topic) -> None:
+    assert topic.instant in {f.name for f in fields(topic.message)}
+    assert topic.instant.endswith("_at_ns")
+
+
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
+def test_every_message_says_whose_and_which_it_is(topic: Topic) -> None:
+    assert [f.name for f in fields(topic.message)][:2] == ["vehicle", "seq"]
+
+
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
+def test_keys_are_canonical_in_zenoh(topic: Topic) -> None:
+    name = key("follower_1", topic)
+    assert str(zenoh.KeyExpr.autocanonize(name)) == name
+
+
+def test_subscribing_to_everything_passes_liveliness_by() -> None:
+    everything = zenoh.KeyExpr("convoy/**")
+    assert everything.includes(zenoh.KeyExpr(key(CONDUCTOR, TOPICS["start"])))
+    assert not everything.intersects(zenoh.KeyExpr(alive_key("lead")))
+
+
+def test_poses_go_ahead_of_what_is_only_for_the_log() -> None:
+    assert {name for name, topic in TOPICS.items() if topic.urgent} == {"gps", "start", "end"}
+
+
+def test_the_instant_of_a_message_is_read_by_the_table() -> None:
+    assert instant(RunStart(vehicle="run", seq=0, start_at_ns=17, run_id="x")) == 17
+    assert TOPIC_OF[GpsPose].instant == "measured_at_ns"
