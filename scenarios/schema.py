@@ -1,8 +1,8 @@
 """What a scenario file may say: its tables, their keys with units, defaults and limits.
 
 Every number's key ends in its unit. Nothing is converted: a text where a number belongs, an
-unknown key, NaN or infinity is refused. Angles in files are compass courses in degrees
-(clockwise from north); left is positive for curvature and lateral offset.
+unknown key, NaN or infinity is refused. A heading is a compass course in degrees (clockwise from
+north); left is positive for curvature and for offsets from the path.
 """
 
 from datetime import UTC, datetime
@@ -14,6 +14,7 @@ NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 """Names become part of a key expression on the bus, so they keep to letters, digits, _ and -."""
 
 CONTROLLERS = {
+    "slip_compensated": "vehicles.steering.SlipCompensated",
     "feedforward_feedback": "vehicles.steering.FeedforwardFeedback",
     "stanley": "vehicles.steering.Stanley",
 }
@@ -64,7 +65,7 @@ class GainsTable(Table):
 class SteeringTable(Table):
     """How a vehicle makes its trajectory from what it heard, and steers along it."""
 
-    controller: str = "feedforward_feedback"
+    controller: str = "slip_compensated"
     fusion: Literal["composite", "predecessor", "blend"] = "composite"
     alpha_ratio: Ratio = 0.5
     preview_s: float = Field(default=0.8, ge=0.1, le=10)
