@@ -145,6 +145,14 @@ def test_braking_car_stops_within_the_span_and_stays() -> None:
     assert advance(stopped, Actuation(0.0, -5.0), TICK, CAR) == stopped
 
 
+def test_wheels_turn_on_for_the_rest_of_the_span_after_a_stop() -> None:
+    """The steering actuation does not depend on speed, so a parked car's wheels move alike."""
+    command = Actuation(0.3, -5.0)
+    stopped = advance(Body(0.0, 0.0, 0.0, 0.25), command, 0.1, CAR)
+    parked = advance(Body(0.0, 0.0, 0.0, 0.0), command, 0.1, CAR)
+    assert stopped.steering == pytest.approx(parked.steering, rel=1e-6)
+
+
 def test_turning_car_that_stops_comes_to_rest() -> None:
     moving = drive(Body(0.0, 0.0, 0.0, 3.0), steer(0.4), 2.0)[-1]
     bodies = drive(moving, steer(0.4, -3.0), 1.5)

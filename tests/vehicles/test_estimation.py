@@ -189,6 +189,13 @@ def test_a_jump_that_lasts_is_believed_at_its_third_fix() -> None:
     assert estimator.at(last * 50 * MS).east == pytest.approx(last + 50.0, abs=1e-6)
 
 
+def test_outliers_with_good_fixes_between_them_are_never_believed() -> None:
+    estimator = estimator_at(19)
+    for k in range(20, 40):
+        estimator.correct(straight(k, east=k + (50.0 if k % 2 else 0.0)))
+    assert estimator.at(2000 * MS).east == pytest.approx(40.0, abs=1e-6)
+
+
 def test_after_an_outage_a_fix_may_lie_further_off() -> None:
     estimator = estimator_at(19)
     late = straight(219, east=219.0 + 20.0)  # 10 s later, 20 m from dead reckoning

@@ -96,6 +96,14 @@ def test_projection_finds_the_foot_it_was_built_from(
     assert foot.yaw == pytest.approx(point.yaw, abs=1e-5)
 
 
+@pytest.mark.parametrize("lateral", [-20.0, -5.0, 5.0, 6.0])
+def test_foot_on_a_tight_bend_is_exact_even_far_from_it(lateral: float) -> None:
+    path = path_from_segments([Segment(40.0, 1 / 8)])
+    foot = path.project(*beside(path.at(20.1), lateral), 18.0)
+    assert foot.station == pytest.approx(20.1, abs=1e-7)
+    assert foot.lateral == pytest.approx(lateral, abs=1e-7)
+
+
 def test_beyond_its_ends_a_path_goes_on_straight() -> None:
     path = path_from_segments([Segment(10.0, 0.1)], yaw=1.0)
     start, end = path.at(-4.0), path.at(13.0)

@@ -37,6 +37,21 @@ def test_overlap_past_the_start_is_cut_and_the_miss_shared_out() -> None:
     assert path.yaw[-1] - path.yaw[0] == pytest.approx(4.0 * math.pi, abs=1e-3)
 
 
+def test_lap_of_an_eight_that_starts_at_its_crossing_is_the_whole_eight() -> None:
+    phase = np.arange(0.0, 2.0 * math.pi, 0.02)
+    x, y = 30.0 * np.sin(phase), 17.9 * np.sin(2.0 * phase)
+    smoothed = smooth_path(x, y, 6.0, closed=True)
+    assert smoothed.points_used == phase.size
+    assert abs(smoothed.path.yaw[-1] - smoothed.path.yaw[0]) < 0.01  # left and right cancel
+
+
+def test_stations_count_the_way_along_arcs_not_chords() -> None:
+    angle = np.arange(0.0, 2.0 * math.pi - 0.05, 0.125)
+    smoothed = smooth_path(8.0 * np.sin(angle), -8.0 * np.cos(angle), 6.0, closed=True)
+    radius = float(np.mean(np.hypot(smoothed.path.east, smoothed.path.north)))
+    assert smoothed.lap_length == pytest.approx(2.0 * math.pi * radius, rel=5e-6)
+
+
 def test_closed_drive_that_ends_short_of_its_start_is_completed() -> None:
     lap = 2.0 * (30.0 + 10.0 * math.pi)
     points = oval(1.0 - 3.0 / lap, 1.0)
