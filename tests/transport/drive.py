@@ -1,0 +1,175 @@
+"""A short convoy drive in messages, made of closed forms: everyone on one circle, left about."""
+
+import math
+from collections.abc import Iterator
+
+from vehicles.messages import (
+    Command,
+    CompositeTrajectory,
+    GpsPose,
+    Health,
+    LinkVerdict,
+    LogText,
+    Message,
+    RunEnd,
+    RunStart,
+    Tracking,
+    TruePose,
+)
+
+START = 1_700_000_000_000_000_000
+RADIUS = 50.0
+SPEED = 10.0
+GAP = 12.0
+VEHICLES = ("v1", "v2", "v3")
+TICK = 20_000_000
+
+
+def angle(place: int, seconds: float) -> float:
+    """Polar angle on the circle about the origin of the vehicle at `place`."""
+    return (SPEED * seconds - GAP * place) / RADIUS
+
+
+def offset_of(place: int) -> float:
+    """Every follower drives 0.1 m further left, that is further in, than the one ahead of it."""
+    return 0.1 * place
+
+
+def truth(vehicle: str, tick: int) -> TruePose:
+    place = VEHICLES.index(vehicle)
+    at = angle(place, tick * TICK * 1e-9)
+    radius = RADIUS - offset_of(place)
+    return TruePose(
+        vehicle=vehicle,
+        seq=tick,
+        true_at_ns=START + tick * TICK,
+        east_m=radius * math.cos(at),
+        north_m=radius * math.sin(at),
+        yaw_rad=at + math.pi / 2,
+        speed_mps=SPEED,
+        lateral_speed_mps=0.0,
+        yaw_rate_radps=SPEED / RADIUS,
+        steering_rad=0.06,
+        distance_m=SPEED * tick * TICK * 1e-9,
+    )
+
+
+def gps(vehicle: str, seq: int, at: int) -> GpsPose:
+    return GpsPose(
+        vehicle=vehicle,
+        seq=seq,
+        measured_at_ns=at,
+        latitude_deg=48.0,
+        longitude_deg=11.0,
+        altitude_m=500.0,
+        heading_deg=270.0,
+        speed_mps=SPEED,
+        yaw_rate_radps=0.2,
+    )
+
+
+def trajectory(vehicle: str, tick: int) -> CompositeTrajectory:
+    """Two arcs of 4 m along the circle, with a sample of each source."""
+    start = truth(vehicle, tick)
+    ahead = start.yaw_rad + 4.0 / RADIUS
+    return CompositeTrajectory(
+        vehicle=vehicle,
+        seq=tick,
+        decided_at_ns=start.true_at_ns,
+        mode="composite",
+        piece_east_m=(start.east_m, RADIUS * math.sin(ahead)),
+        piece_north_m=(start.north_m, -RADIUS * math.cos(ahead)),
+        piece_yaw_rad=(start.yaw_rad, ahead),
+        piece_curvature_per_m=(1 / RADIUS, 1 / RADIUS),
+        piece_length_m=(4.0, 4.0),
+        sample_east_m=(start.east_m, start.east_m + 1.0),
+        sample_north_m=(start.north_m, start.north_m + 1.0),
+        sample_source=(0, 1),
+        residual_m_rms=0.01,
+        residual_m_max=0.02,
+    )
+
+
+def tracking(vehicle: str, tick: int) -> Tracking:
+    return Tracking(
+        vehicle=vehicle,
+        seq=tick,
+        decided_at_ns=START + tick * TICK,
+        mode="path" if vehicle == VEHICLES[0] else "composite",
+        reason="",
+        lateral_error_m=0.01 * tick,
+        heading_error_rad=0.0,
+        yaw_rate_error_radps=0.0,
+        curvature_per_m=1 / RADIUS,
+        gap_m=GAP,
+        lead_age_s=0.03,
+        predecessor_age_s=0.02,
+    )
+
+
+def command(vehicle: str, tick: int) -> Command:
+    return Command(
+        vehicle=vehicle,
+        seq=tick,
+        decided_at_ns=START + tick * TICK,
+        steering_rad=math.radians(3.0),
+        feedforward_rad=0.05,
+        feedback_rad=0.002,
+        acceleration_mps2=0.0,
+        target_speed_mps=SPEED,
+    )
+
+
+def verdict(vehicle: str, sender: str, seq: int, at: int, outcome: str = "ok") -> LinkVerdict:
+    return LinkVerdict(
+        vehicle=vehicle,
+        seq=seq,
+        sender=sender,
+        pose_seq=seq,
+        measured_at_ns=at - TICK,
+        outcome="dropped" if outcome == "loss" else "delivered",
+        reason="",
+        visible_at_ns=at,
+        heard_at_ns=at,
+        late=outcome == "late",
+    )
+
+
+def health(vehicle: str, seq: int, at: int) -> Health:
+    return Health(
+        vehicle=vehicle,
+        seq=seq,
+        reported_at_ns=at,
+        ticks=50,
+        late_ticks=0,
+        lateness_ms_max=0.5,
+        heard=40,
+        dropped=0,
+        late_messages=0,
+        rejected_messages=0,
+        published=20,
+        memory_bytes=50_000_000,
+        cpu_ratio=0.05,
+        final=False,
+    )
+
+
+def drive(ticks: int) -> Iterator[tuple[int, Message]]:
+    """Every message of a drive of `ticks` control ticks, as (recorded at, message), in order."""
+    yield START, RunStart(vehicle="run", seq=0, start_at_ns=START, run_id="circle")
+    yield START, LogText(vehicle="run", seq=0, logged_at_ns=START, level="warning", text="off")
+    for tick in range(ticks):
+        now = START + tick * TICK
+        for vehicle in VEHICLES:
+            yield now, truth(vehicle, tick)
+            yield now, tracking(vehicle, tick)
+            yield now, command(vehicle, tick)
+            if vehicle != VEHICLES[0]:
+                yield now, trajectory(vehicle, tick)
+                yield now, verdict(vehicle, VEHICLES[0], tick, now)
+            if tick % 5 == 0:
+                yield now, gps(vehicle, tick // 5, now)
+            if tick % 50 == 0:
+                yield now, health(vehicle, tick // 50, now)
+    end = START + ticks * TICK
+    yield end, RunEnd(vehicle="run", seq=0, end_at_ns=end, reason="")
