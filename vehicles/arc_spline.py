@@ -96,6 +96,14 @@ class ArcSpline:
             station -= piece.length
         return self.pieces[-1].at(station)
 
+    def curvature_at(self, station: float) -> float:
+        """Signed curvature (1/m) at `station` (m), beyond the ends that of the end pieces."""
+        for piece in self.pieces[:-1]:
+            if station <= piece.length:
+                return piece.curvature
+            station -= piece.length
+        return self.pieces[-1].curvature
+
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the path, extended beyond both ends by the end pieces."""
         best, nearest, start, last = None, inf, 0.0, len(self.pieces) - 1

@@ -65,4 +65,5 @@ class Leader:
             heading=wrap_angle(pose.yaw - foot.yaw),
             yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
             curvature=foot.curvature,
+            ahead=lambda distance: self._path.at(foot.station + distance).curvature,
         )

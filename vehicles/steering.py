@@ -67,6 +67,44 @@ class FeedforwardFeedback:
         return limited(feedforward, feedback, car.steering_limit)
 
 
+class SlipCompensated:
+    """The paper's law, with feedforward and heading that suit bends, too.
+
+    A car that corners steadily does not point along its path: its body stands at the slip angle
+    β = κ l, l = b − m a v²/((a+b) C_r), to it. On a curve the paper's heading error θ̃ therefore
+    settles at −β, and since the feedback then balances itself, e_lat at k_θ β / k_e: 2 cm at
+    30 m/s on 500 m, but 3 m at walking pace on a radius of 8 m. Adding β to θ̃ removes that offset.
+
+    Where the path's curvature changes, the turn of the wheels shifts β as well, by l times the
+    change: to first order in the way driven, the wheels must follow the curvature l behind the
+    car. The actuator in turn answers late, by 2ζ/ω_n. So β is taken for the curvature l behind,
+    the feedforward for that point v times the delay further on. On straights and on arcs, steady,
+    nothing of this matters; the closed loop's poles are the paper's.
+    """
+
+    HOLD = 0.01
+    """Mean age of a command (s): half a control period at 50 Hz."""
+
+    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
+        """`parameters` are what the controller believes of its car."""
+        self._parameters = parameters
+        self._gains = gains
+        self._delay = self.HOLD + 2.0 * parameters.steering_damping / parameters.steering_frequency
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """Steer as the paper does, with θ̃ + β for θ̃, and curvatures from where they count."""
+        car, gains = self._parameters, self._gains
+        lag = car.steady_slip_per_curvature(speed)
+        bend = errors.curvature_ahead(speed * self._delay - lag)
+        feedforward = (car.wheelbase + car.steer_gradient * speed * speed) * bend
+        feedback = (
+            -gains.lateral * errors.lateral
+            - gains.heading * (errors.heading + lag * errors.curvature_ahead(-lag))
+            - gains.yaw_rate * errors.yaw_rate
+        )
+        return limited(feedforward, feedback, car.steering_limit)
+
+
 class Stanley:
     """The law of the robot Stanley, to compare the paper's against.
 

@@ -4,7 +4,8 @@ The paper's `e_lat = R − distance` holds on left turns only, and its `y = mx +
 that run north; the signed form of `ArcSpline.project` holds for both turns and every heading.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from vehicles.geodesy import wrap_angle
@@ -42,12 +43,21 @@ class PoseLike(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TrackingErrors:
-    """e_lat (m, left of the path positive), θ̃ (rad), dθ̃/dt (rad/s), path curvature (1/m)."""
+    """e_lat (m, left of the path positive), θ̃ (rad), dθ̃/dt (rad/s), path curvature (1/m).
+
+    `ahead` gives the path's curvature (1/m) so many metres ahead of the foot point, or behind it
+    for negative distances; without it the curvature is taken as constant.
+    """
 
     lateral: float
     heading: float
     yaw_rate: float
     curvature: float
+    ahead: Callable[[float], float] | None = field(default=None, compare=False, repr=False)
+
+    def curvature_ahead(self, distance: float) -> float:
+        """Signed curvature (1/m) of the path `distance` (m) ahead of the foot point."""
+        return self.curvature if self.ahead is None else self.ahead(distance)
 
 
 def track(spline: ArcSpline, pose: PoseLike) -> TrackingErrors:
@@ -62,4 +72,5 @@ def track(spline: ArcSpline, pose: PoseLike) -> TrackingErrors:
         heading=wrap_angle(pose.yaw - foot.yaw),
         yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
         curvature=foot.curvature,
+        ahead=lambda distance: spline.curvature_at(foot.station + distance),
     )
