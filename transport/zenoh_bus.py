@@ -160,7 +160,7 @@ class Router(Closing):
 
 def open_bus(options: ZenohOptions) -> ZenohBus:
     """Join the convoy's network; raises BusError with one line that says what is wrong."""
-    config = _configure(options, DEFAULTS | MEMBER_DEFAULTS)
+    config = configuration(options, DEFAULTS | MEMBER_DEFAULTS)
     zenoh.init_log_from_env_or("error")
     if config.get_json("mode") != '"client"':
         # A peer that finds nobody opens all the same: the others may come later.
@@ -196,7 +196,7 @@ def open_router(
     """Start a router; port 0 picks a free one. Raises BusError, for one when a port is taken."""
     options = ZenohOptions(listen=listen, config=config, cfg=cfg)
     # Nobody is scouted for, so there is no use in waiting half a second for answers.
-    chosen = _configure(options, DEFAULTS | {"scouting/delay": "0"})
+    chosen = configuration(options, DEFAULTS | {"scouting/delay": "0"})
     _insert(chosen, "mode", '"router"')
     ask = any(endpoint.endswith(":0") for endpoint in listen)
     if ask:
@@ -214,7 +214,8 @@ def _locators(session: zenoh.Session) -> tuple[str, ...]:
     raise BusError("the router does not say where it listens")
 
 
-def _configure(options: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
+def configuration(options: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
+    """Lay flags over the user's file over `defaults`; raises BusError for what Zenoh refuses."""
     given, pristine = zenoh.Config(), zenoh.Config()
     if options.config is not None:
         with _one_line(f"cannot read {options.config}"):
