@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import click
+
 from scenarios.refusal import ScenarioError
 from scenarios.scenario import Scenario, scenario_from_text
 from transport.mcap_log import LogError, LogReader
@@ -37,30 +39,37 @@ def widest_gap(scenario: Scenario) -> float:
     return max(gaps) or USUAL_GAP_M
 
 
+def _to_stderr(line: str) -> None:
+    click.echo(line, err=True)
+
+
 def review(
-    log: Path, option: RerunOption, *, say: Callable[[str], None], wait: Callable[[], None]
+    log: Path,
+    option: RerunOption,
+    *,
+    wait: Callable[[str], None],
+    warn: Callable[[str], None] = _to_stderr,
 ) -> int:
     """Draw the run recorded in `log`; returns the number of messages drawn.
 
-    The log alone is enough. `say` is called with lines for a person: where to look, and what is
-    wrong with the log. While the picture is served from here, `wait` is called once all is drawn,
-    and must return when nobody looks any more. Raises LogError or ViewerError.
+    The log alone is enough; `warn` is called with a line about whatever is amiss with it. While
+    the picture is served from here, `wait` is called with where to look, once all is drawn, and
+    must return when nobody looks any more. Raises LogError or ViewerError.
     """
     reader = LogReader(log)
     if reader.truncated:
-        say(f"{log}: breaks off; what was written before is shown")
-    with _open(reader, option, say) as view:
-        say(view.where)
+        warn(f"{log}: breaks off; what was written before is shown")
+    with _open(reader, option, warn) as view:
         count = 0
         for now, _, message in reader.messages():
             view.draw(now, message)
             count += 1
         if option.sink == "serve":
-            wait()
+            wait(view.where)
     return count
 
 
-def _open(reader: LogReader, option: RerunOption, say: Callable[[str], None]) -> RerunView:
+def _open(reader: LogReader, option: RerunOption, warn: Callable[[str], None]) -> RerunView:
     starts = (message for _, _, message in reader.messages(topics=("start",)))
     run_id = next((m.run_id for m in starts if isinstance(m, RunStart)), reader.path.stem)
     text = reader.attachments().get(SCENARIO_FILE)
@@ -68,7 +77,7 @@ def _open(reader: LogReader, option: RerunOption, say: Callable[[str], None]) ->
         try:
             return open_view(option, scenario_from_text(text.decode(), label="scenario"), run_id)
         except ScenarioError as error:  # written by another version: its road cannot be drawn
-            say(f"{reader.path}: the road is left out: {error}")
+            warn(f"{reader.path}: the road is left out: {error}")
     return RerunView(option, run_id=run_id, vehicles=_in_order(reader))
 
 
