@@ -147,6 +147,8 @@ def _speed_warnings(scenario: Scenario) -> Iterator[str]:
             f"the path bends to a radius of {1.0 / sharpest:.1f} m, the cars turn at "
             f"{tightest:.1f} m: widen path.smoothing_m, or expect them beside the path"
         )
+    if speed.profile and speed.lead != "profile":
+        yield f'speed.profile is not used, since speed.lead = "{speed.lead}"'
     if speed.lead == "set" and min(run.speeds) < speed.set_mps:
         yield (
             f"the set speed of {speed.set_mps:g} m/s is lowered to {min(run.speeds):.1f} m/s in "

@@ -71,12 +71,8 @@ def heard_pairs(names: tuple[str, ...]) -> list[tuple[str, str]]:
 
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:
     speed = tables.speed
-    given = speed.model_fields_set
     if speed.lead == "profile" and not speed.profile:
         yield "speed.profile", 'missing, needed with speed.lead = "profile"'
-    for key, kind in (("profile", "profile"), ("set_mps", "set")):
-        if key in given and speed.lead != kind and getattr(speed, key):
-            yield f"speed.{key}", f'given, but speed.lead = "{speed.lead}" does not use it'
     for index, (before, after) in enumerate(itertools.pairwise(speed.profile), 1):
         if after.at_s <= before.at_s:
             allowed = f"allowed more than {before.at_s}, the entry before"
@@ -127,6 +123,7 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
     """Give what does not fit once the path is made: gaps that touch, and a path too short."""
     names = vehicle_names(tables)
     lengths = [vehicle_setup(tables, name).parameters.length for name in names]
+    found: list[Problem] = []
     for place in range(1, len(names)):
         least = 0.5 * (lengths[place - 1] + lengths[place])
         own, kept = tables.vehicle.get(names[place]), tables.speed.gap
@@ -138,7 +135,9 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
         ] = route.gaps[place]
         for key, given in keys.items():
             if given <= least:
-                yield key, f"given {given:g}, allowed more than {least:g}, the length of a vehicle"
+                why = f"given {given:g}, allowed more than {least:g}, the length of a vehicle"
+                found.append((key, why))
+    yield from dict.fromkeys(found)  # a value of the convoy is wrong once, not for each vehicle
     duration = tables.duration_s
     if duration is None and not 0.0 < longest_run(route) < LONGEST:
         yield "duration_s", "missing, needed where the lead does not reach the end of its path"

@@ -170,5 +170,7 @@ def scenario_from_text(
 
 
 def _blame(key: str, label: str, changed: Sequence[str]) -> str:
-    plain = key.replace("[", ".").replace("]", "")
-    return "--set" if any(f"{plain}.".startswith(f"{one}.") for one in changed) else label
+    """Name where a problem comes from: an override of the key, or of one inside it or around it."""
+    plain = key.replace("[", ".").replace("]", "") + "."
+    inside = (f"{one}." for one in changed)
+    return "--set" if any(plain.startswith(o) or o.startswith(plain) for o in inside) else label

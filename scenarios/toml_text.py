@@ -28,16 +28,17 @@ def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
 
 
 def override(table: Raw, parts: Sequence[str], value: object) -> None:
-    """Set `table[parts[0]][parts[1]]...` to `value`; tables and the next list entry are made."""
+    """Set `table[parts[0]][parts[1]]...` to `value`; what is missing is made."""
     here: Any = table
     for depth, part in enumerate(parts):
         last = depth == len(parts) - 1
+        made: Any = [] if not last and parts[depth + 1].isdecimal() else {}
         if isinstance(here, list):
             index = _index(here, parts[: depth + 1])
             here[index] = value if last else here[index]
             here = here[index]
         elif isinstance(here, dict):
-            here[part] = value if last else here.get(part, {})
+            here[part] = value if last else here.get(part, made)
             here = here[part]
         else:
             raise OverrideError(f"{'.'.join(parts[:depth])} is a value, it has no key {part}")
