@@ -47,9 +47,9 @@ class RerunOption:
     data_port: int = 0
 
 
-_SERVE = re.compile(
-    r"(?:(?P<address>\d+\.\d+\.\d+\.\d+|localhost)(?::|$))?(?:(?P<page>\d{1,5})(?::(?P<data>\d{1,5}))?)?"
-)
+_ADDRESS = r"(?P<address>\d+\.\d+\.\d+\.\d+|localhost)"
+_PORTS = r"(?P<page>\d{1,5})(?::(?P<data>\d{1,5}))?"
+_SERVE = re.compile(rf"(?:{_ADDRESS}(?:$|:(?=\d)))?(?:{_PORTS})?")
 _FORMS = "off, spawn, serve, serve=[ADDRESS:]PORT[:DATA_PORT], connect=URL or save=PATH"
 
 
