@@ -36,8 +36,9 @@ class FitSettings:
     paper's 10 cm: a sample further off is a jump, or is not explained. `position_noise` is what a
     sample is assumed to be off by (RTK, 2 cm); residuals that say less are believed, down to
     `noise_floor`. An arc instead of a line must lower the sum of squared residuals by `evidence`
-    times the noise squared, a join by another `join_evidence`. `joins` places are tried for a
-    join, none within `piece_min` of the ends. `span_min` is the least travel that has a direction.
+    times the noise squared, a join by another `join_evidence`. Up to `joins` places are tried for
+    a join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
+    refined in so many `passes`. `span_min` is the least travel that has a direction.
     """
 
     preview_time: float = 0.8
@@ -48,9 +49,10 @@ class FitSettings:
     position_noise: float = 0.02
     noise_floor: float = 2e-4
     evidence: float = 6.0
-    join_evidence: float = 12.0
+    join_evidence: float = 16.0
     joins: int = 12
     piece_min: float = 2.0
+    piece_ratio: float = 0.15
     passes: int = 2
     span_min: float = 1.0
 
@@ -94,8 +96,9 @@ def fit_curve(
     shape = _chosen(samples, settings)
     if shape is None:
         return None
-    spline = _spline(shape, samples, (origin_east, origin_north, ux, uy))
-    return Curve(spline, offsets(shape, samples))
+    return Curve(
+        _spline(shape, samples, (origin_east, origin_north, ux, uy)), offsets(shape, samples)
+    )
 
 
 def _chosen(samples: Samples, settings: FitSettings) -> Shape | None:
@@ -105,7 +108,11 @@ def _chosen(samples: Samples, settings: FitSettings) -> Shape | None:
     if through is None or arc is None:
         return None
     line = best_line(through)
-    joined = _joined(samples, through, settings)
+    margin = max(
+        settings.piece_min,
+        settings.piece_ratio * (samples.station.item(-1) - samples.station.item(0)),
+    )
+    joined = _joined(samples, through, margin, settings.joins)
     best = joined.shape if joined is not None and joined.shape.misfit < arc.misfit else arc
     spare = through.weight - best.freedom
     noise = settings.position_noise**2
@@ -114,22 +121,23 @@ def _chosen(samples: Samples, settings: FitSettings) -> Shape | None:
     shape, score = line, line.misfit
     if arc.misfit + settings.evidence * noise < score:
         shape, score = arc, arc.misfit + settings.evidence * noise
-    if joined is not None:
-        price = (settings.evidence + settings.join_evidence) * noise
-        if joined.shape.misfit + price < score:
-            shape = refined(joined, samples, settings.passes, settings.piece_min)
+    if joined is None:
+        return shape
+    price = (settings.evidence + settings.join_evidence) * noise
+    if joined.shape.misfit + price < score:
+        return refined(joined, samples, settings.passes, margin)
     return shape
 
 
-def _joined(samples: Samples, line: Centred, settings: FitSettings) -> Joined | None:
-    """Try joins at samples at least `piece_min` and three samples away from both ends."""
+def _joined(samples: Samples, line: Centred, margin: float, tries: int) -> Joined | None:
+    """Try joins at up to `tries` samples, `margin` (m) and three samples away from both ends."""
     station = samples.station
-    low = int(station.searchsorted(station.item(0) + settings.piece_min))
-    high = int(station.searchsorted(station.item(-1) - settings.piece_min, "right"))
+    low = int(station.searchsorted(station.item(0) + margin))
+    high = int(station.searchsorted(station.item(-1) - margin, "right"))
     low, high = max(low, 2), min(high, len(station) - 3)
     if high - low < 2:
         return None
-    stride = max(1, -(-(high - low) // settings.joins))
+    stride = -(-(high - low) // tries)
     return best_joined(samples, line, slice(low, high, stride))
 
 

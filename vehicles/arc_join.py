@@ -84,13 +84,12 @@ def refined(joined: Joined, samples: Samples, passes: int, margin: float) -> Sha
         split = int(samples.station.searchsorted(station, "right"))
         sums = samples.sums[:, :, split - 1]
         bent = (sums if shape.before else whole - sums).tolist()
-        step = solved(_normal_equations(shape, bent, total))
+        rows = _normal_equations(shape, bent, total)
+        step = solved(rows, first - station, last - station)
         if step is None:
             break
         left, turn, bend, along = step
         station += along
-        if not first <= station <= last:
-            break
         ux, uy = cos(shape.angle), sin(shape.angle)
         shape = Shape(
             shape.x + along * ux - left * uy,
@@ -155,10 +154,13 @@ def _dot(one: Vector, other: Vector) -> float:
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2] + one[3] * other[3]
 
 
-def solved(rows: list[list[float]]) -> tuple[float, float, float, float] | None:
+def solved(
+    rows: list[list[float]], low: float, high: float
+) -> tuple[float, float, float, float] | None:
     """Solve four symmetric positive equations by elimination; None if they are singular.
 
-    Each row ends with its right-hand side.
+    Each row ends with its right-hand side. The last unknown is held between `low` and `high`, and
+    the others are the best ones for the value that it then has.
     """
     (a0, b0, c0, d0, e0), (_, b1, c1, d1, e1), (_, _, c2, d2, e2), (_, _, _, d3, e3) = rows
     if not a0 > 0.0:
@@ -182,7 +184,7 @@ def solved(rows: list[list[float]]) -> tuple[float, float, float, float] | None:
     d3, e3 = d3 - factor * d2, e3 - factor * e2
     if not d3 > floor_d:
         return None
-    w = e3 / d3
+    w = min(max(e3 / d3, low), high)
     z = (e2 - d2 * w) / c2
     y = (e1 - c1 * z - d1 * w) / b1
     return (e0 - b0 * y - c0 * z - d0 * w) / a0, y, z, w
