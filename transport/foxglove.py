@@ -32,6 +32,8 @@ PREVIEW_SPACING_M = 2.0
 """Distance between the poses that stand for a composite trajectory."""
 PREVIEW_PERIOD_NS = 100_000_000
 """A composite trajectory is shown ten times a second; our own message has every one."""
+POSE_PERIOD_NS = 40_000_000
+"""The true pose is shown 25 times a second, at every other control tick; ours has every one."""
 _LEVELS = {
     "debug": Log.DEBUG,
     "info": Log.INFO,
@@ -156,8 +158,8 @@ def twins() -> Mapping[type[Message], tuple[Twin, ...]]:
     return {
         GpsPose: (Twin("location", LocationFix, _location_maker()),),
         TruePose: (
-            Twin("pose", PoseInFrame, _pose_maker()),
-            Twin("transform", FrameTransform, _transform_maker()),
+            Twin("pose", PoseInFrame, _pose_maker(), POSE_PERIOD_NS),
+            Twin("transform", FrameTransform, _transform_maker(), POSE_PERIOD_NS),
         ),
         CompositeTrajectory: (Twin("preview", PosesInFrame, _make_preview, PREVIEW_PERIOD_NS),),
         LogText: (Twin("text", Log, _make_text),),

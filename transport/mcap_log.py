@@ -39,7 +39,7 @@ class _Channel:
     def __init__(self, identifier: int, beside: tuple[tuple[Twin, int], ...]) -> None:
         self.identifier = identifier
         self.twins = beside
-        self.due = 0  # instant from which the next rate-limited twin is written
+        self.due: dict[int, int] = {}  # by twin, the instant from which the next is written
 
 
 class LogWriter:
@@ -92,9 +92,9 @@ class LogWriter:
         add(channel.identifier, log_time, data, publish_time, sequence)
         for twin, identifier in channel.twins:
             if twin.period_ns:
-                if valid_at < channel.due:
+                if valid_at < channel.due.get(identifier, 0):
                     continue
-                channel.due = valid_at + twin.period_ns
+                channel.due[identifier] = valid_at + twin.period_ns
             add(identifier, log_time, twin.make(message), publish_time, sequence)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:

@@ -18,7 +18,7 @@ class Decision:
     """Commands for steering and drive, and how they came about.
 
     Units: gap m, ages s, target_speed m/s. `fresh` is False at instants between two control
-    instants, where the last decision is held.
+    instants, where the last decision is held. `fit` is the trajectory if it was made anew.
     """
 
     actuation: Actuation

@@ -17,6 +17,8 @@ from vehicles.trace import Trace, Window
 from vehicles.tracking import TrackingErrors, track
 from vehicles.trajectory import Fit, FitSettings, Fusion, fuse
 
+REFIT_AFTER = SECOND // 20
+"""Without news the trajectory is made anew this often (ns), so that silence is noticed, too."""
 LEAST_SAMPLES = 3
 """Fewer samples of a source than these determine no trajectory."""
 
@@ -57,6 +59,9 @@ class Follower:
         self._traces = {name: Trace() for name in (lead, predecessor)}
         self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
         self._along: tuple[tuple[float, Fit], ...] = ()
+        self._mode: Mode = "straight"
+        self._reason = ""
+        self._refit_due = 0
         self._decision: Decision | None = None
 
     def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
@@ -76,9 +81,13 @@ class Follower:
         trace.add(heard.measured_at, heard.east, heard.north, heard.yaw, heard.speed)
         pose = self._estimator.at(now)
         trace.bridge(pose.east, pose.north)
+        self._refit_due = now
 
     def _decide(self, now: int, pose: Pose) -> Decision:
-        mode, reason = self._choose_trajectory(now, pose)
+        refit = now >= self._refit_due
+        if refit:
+            self._refit_due = now + REFIT_AFTER
+            self._mode, self._reason = self._choose_trajectory(now, pose)
         errors, steering = self._steer(pose)
         convoy = self._convoy(now, pose)
         drive = self._speed_law.drive(now, pose, convoy)
@@ -86,9 +95,9 @@ class Follower:
             actuation=Actuation(steering.steering, drive.acceleration),
             steering=steering,
             errors=errors,
-            mode=mode,
-            reason=reason,
-            fit=self._along[0][1] if self._along else None,
+            mode=self._mode,
+            reason=self._reason,
+            fit=self._along[0][1] if refit and self._along and self._mode != "coast" else None,
             target_speed=drive.target_speed,
             gap=convoy.gap,
             lead_age=self._age(now, self._lead),
