@@ -58,20 +58,19 @@ def read_csv(text: str) -> Recording:
     """
     lines = ((i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip(" ,;\t"))
     rows = [(number, line) for number, line in lines if not line.startswith("#")]
-    header = rows[0][1]
+    header = rows[0][1] if rows else ""
     mark = next((sign for sign in ",;\t" if sign in header), ",")
-    names = [name.strip().lower() for name in next(csv.reader([header], delimiter=mark))]
+    names = [name.strip().lower() for name in _cells(header, mark)]
     columns = next((c for c in (WGS84_COLUMNS, PLANE_COLUMNS) if set(c) <= set(names)), None)
     if columns is None:
         needed = " or ".join(", ".join(pair) for pair in (PLANE_COLUMNS, WGS84_COLUMNS))
         shown = ", ".join(names)[:60].encode("unicode_escape").decode()
-        raise TraceError(f"no usable columns: given {shown}, allowed {needed}")
+        raise TraceError(f"no usable columns: given {shown or 'none'}, allowed {needed}")
     recording = Recording(geodetic=columns is WGS84_COLUMNS)
     used = (*columns, *(c for c in ("altitude_m", "t_s", "speed_mps") if c in names))
-    cells = csv.reader((line for _, line in rows[1:]), delimiter=mark)
-    for (number, _), row in zip(rows[1:], cells, strict=False):
-        named = dict(zip(names, row, strict=False))
+    for number, line in rows[1:]:
         try:
+            named = dict(zip(names, _cells(line, mark), strict=False))
             values = {column: _number(column, named.get(column, "")) for column in used}
         except ValueError as error:
             recording.skipped.append(f"line {number}: {error}")
@@ -80,13 +79,20 @@ def read_csv(text: str) -> Recording:
     return recording
 
 
+def _cells(line: str, mark: str) -> list[str]:
+    """Split one line, on its own: a quote that is never closed spoils no other line."""
+    try:
+        return next(csv.reader([line], delimiter=mark))
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
+
+
 def _number(column: str, cell: str) -> float:
     try:
         value = float(cell)
     except ValueError:
         value = math.nan
-    limit = {"latitude_deg": 90.0, "longitude_deg": 360.0}.get(column, math.inf)
-    if not math.isfinite(value) or abs(value) > limit:
+    if not math.isfinite(value):
         raise ValueError(f"{column} is {cell.strip()[:20]!r}")
     return value
 
@@ -113,12 +119,11 @@ def read_gpx(text: str) -> Recording:
     tracks = [p for track in gpx.tracks for segment in track.segments for p in segment.points]
     routes = [p for route in gpx.routes for p in route.points]
     points: list[Any] = [*tracks] or [*routes] or [*gpx.waypoints]
+    if not points:
+        raise TraceError("no points in its tracks, routes and waypoints")
     recording = Recording(geodetic=True)
     for number, point in enumerate(points, 1):
         place = f"point {number}"
-        if not all(map(math.isfinite, (point.latitude, point.longitude))):
-            recording.skipped.append(f"{place}: no position")
-            continue
         recording.samples.append(
             Sample(
                 place=place,

@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import time
 from typing import Any
 
-from scenarios.trace_formats import Recording, Sample
+from scenarios.trace_formats import Recording, Sample, TraceError
 
 KNOT = 1852.0 / 3600.0
 """Metres per second in a knot, the unit of speed in NMEA 0183."""
@@ -19,7 +19,7 @@ def read_nmea(text: str) -> Recording:
     """Read the GGA and RMC sentences of a receiver's output; both of one instant become one sample.
 
     A sentence must have its checksum and a valid fix; other kinds of sentence are ignored. Speed
-    comes from RMC. Times of day go on counting over midnight.
+    comes from RMC. Times of day go on counting over midnight. Raises TraceError if none is valid.
     """
     recording = Recording(geodetic=True)
     samples, day, last = recording.samples, 0.0, -math.inf
@@ -36,6 +36,9 @@ def read_nmea(text: str) -> Recording:
         else:
             samples.append(sample)
         last = last if sample.time is None else sample.time
+    if not samples:
+        reason = f", {recording.skipped[0]}" if recording.skipped else ""
+        raise TraceError(f"no valid GGA or RMC sentence{reason}")
     return recording
 
 

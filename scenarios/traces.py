@@ -48,7 +48,7 @@ def read_trace(
     Bad lines are skipped and listed. Raises TraceError, one line that starts with the file.
     """
     try:
-        recording = _read(path, vehicle)
+        recording = _sifted(_read(path, vehicle))
         _check_order(recording)
         trace = _laid_out(path.name, recording, origin)
         _check_shape(trace, recording.samples)
@@ -69,11 +69,7 @@ def _read(path: Path, vehicle: str | None) -> Recording:
     text = data.decode("utf-8-sig", errors="replace")
     if not text.strip():
         raise TraceError("empty file")
-    recording = _reader(path.suffix.lower(), text)(text)
-    if not recording.samples:
-        reason = f"; {recording.skipped[0]}" if recording.skipped else ""
-        raise TraceError(f"no valid point in {len(text.splitlines())} lines{reason}")
-    return recording
+    return _reader(path.suffix.lower(), text)(text)
 
 
 def _content(path: Path) -> bytes:
@@ -98,6 +94,29 @@ def _reader(suffix: str, text: str) -> Callable[[str], Recording]:
     return read_nmea if any(line.startswith("$") for line in text.splitlines()) else read_csv
 
 
+def _sifted(recording: Recording) -> Recording:
+    """Pass over samples that are nowhere on earth, or that alone have no time."""
+    sifted = Recording(recording.geodetic, [], list(recording.skipped))
+    timed = sum(sample.time is not None for sample in recording.samples)
+    mostly_timed = 2 * timed > len(recording.samples)
+    for sample in recording.samples:
+        if recording.geodetic and not _on_earth(*sample.position):
+            latitude, longitude = sample.position
+            sifted.skipped.append(f"{sample.place}: latitude {latitude}, longitude {longitude}")
+        elif mostly_timed and sample.time is None:
+            sifted.skipped.append(f"{sample.place}: no time")
+        else:
+            sifted.samples.append(sample)
+    if not sifted.samples:
+        reason = f", {sifted.skipped[0]}" if sifted.skipped else ""
+        raise TraceError(f"no valid point{reason}")
+    return sifted
+
+
+def _on_earth(latitude: float, longitude: float) -> bool:
+    return abs(latitude) <= 90.0 and abs(longitude) <= 360.0  # False for NaN, too
+
+
 def _check_order(recording: Recording) -> None:
     for before, after in itertools.pairwise(recording.samples):
         if before.time is not None and after.time is not None and after.time < before.time:
@@ -114,22 +133,33 @@ def _laid_out(source: str, recording: Recording, origin: Origin | None) -> Recor
         origin = None
         east, north = zip(*(sample.position for sample in samples), strict=True)
     times = [sample.time for sample in samples if sample.time is not None]
-    speeds = [sample.speed for sample in samples if sample.speed is not None]
-    whole = len(samples)
     return RecordedTrace(
         source=source,
         origin=origin,
         east_m=east,
         north_m=north,
-        time_s=tuple(time - times[0] for time in times) if len(times) == whole else (),
-        speed_mps=tuple(speeds) if len(speeds) == whole else (),
+        time_s=tuple(time - times[0] for time in times) if len(times) == len(samples) else (),
+        speed_mps=_speeds(samples),
         skipped=tuple(recording.skipped),
     )
+
+
+def _speeds(samples: list[Sample]) -> tuple[float, ...]:
+    """Give a speed per sample, where most have one; the others have that of the one before."""
+    known = [sample.speed for sample in samples if sample.speed is not None]
+    if 2 * len(known) <= len(samples):
+        return ()
+    speeds = [known[0]]
+    for sample in samples:
+        speeds.append(speeds[-1] if sample.speed is None else abs(sample.speed))
+    return tuple(speeds[1:])
 
 
 def _first_point(samples: list[Sample]) -> Origin:
     latitude, longitude = samples[0].position
     altitude = samples[0].altitude or 0.0
+    if not abs(latitude) <= 89.0:
+        raise TraceError(f"{samples[0].place}: latitude {latitude:g} deg, allowed -89 to 89")
     if not -500.0 <= altitude <= 10_000.0:
         raise TraceError(f"{samples[0].place}: altitude {altitude:g} m, allowed -500 to 10000")
     return Origin(latitude, (longitude + 180.0) % 360.0 - 180.0, altitude)
