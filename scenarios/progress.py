@@ -57,7 +57,7 @@ class Progress:
         match message:
             case RunStart():
                 self._start_at = message.start_at_ns
-            case LogText() if message.level in {"warning", "error", "fatal"} or row is None:
+            case LogText() if message.level in {"error", "fatal"} or row is None:
                 self._console.print(f"{message.vehicle}: {message.text}", highlight=False)
             case TruePose() if row:
                 row.speed_mps = message.speed_mps

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -19,22 +20,22 @@ def print_summary(summary: dict[str, Any], log: Path | None, console: Console) -
 
 
 def vehicle_table(summary: dict[str, Any]) -> Table:
-    """One row per vehicle."""
+    """One row per vehicle: errors against its trajectory and off the lead's path, and counts."""
     title = f"{summary['scenario']}, {summary['clock']} clock, seed {summary['seed']}"
-    table = Table(title=f"{title}, {summary['ran_s']:.1f} s")
-    table.add_column("vehicle")
+    table = Table(title=f"{title}, {summary['ran_s']:.1f} s", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("vehicle", no_wrap=True)
     for heading in (
-        "lateral error\nmax / rms, cm",
-        "off the lead's path\nmax / rms, cm",
-        "gap\nmin, m",
-        "poses",
-        "missing",
+        "error cm\nmax / rms",
+        "off path cm\nmax / rms",
+        "gap m\nmin",
+        "poses\nlogged",
+        "lost",
         "late\nticks",
-        "refused\nmessages",
-        "memory\nMB",
+        "re-\nfused",
+        "MB",
         "CPU\n%",
     ):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for row in summary["vehicles"]:
         table.add_row(
             row["name"],
@@ -43,7 +44,7 @@ def vehicle_table(summary: dict[str, Any]) -> Table:
             "" if row["gap_m_min"] is None else f"{row['gap_m_min']:.1f}",
             str(row["poses"]),
             str(row["missing_poses"]),
-            f"{row['late_ticks']}/{row['ticks']}",
+            str(row["late_ticks"]),
             str(row["rejected_messages"]),
             f"{row['memory_bytes_max'] / 1e6:.0f}" if row["memory_bytes_max"] else "",
             f"{row['cpu_ratio'] * 100:.1f}" if row["memory_bytes_max"] else "",
@@ -53,8 +54,8 @@ def vehicle_table(summary: dict[str, Any]) -> Table:
 
 def link_table(summary: dict[str, Any]) -> Table:
     """One row per directed link, requested against achieved."""
-    table = Table(title="links, requested / achieved")
-    table.add_column("link")
+    table = Table(title="links, requested / achieved", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("link", no_wrap=True)
     for heading in ("loss, %", "latency, ms", "sent", "heard", "dropped", "late"):
         table.add_column(heading, justify="right")
     for row in summary["links"]:

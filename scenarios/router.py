@@ -10,6 +10,8 @@ from transport.zenoh_bus import DEFAULT_ENDPOINT, ZenohOptions, open_router
 LISTENING = "listening on "
 """What the first line of output begins with; the endpoints follow."""
 POLL_S = 0.05
+EMPTY_S = 2.0
+"""How long nobody must be there before `--until-empty` ends the router."""
 AFTER_THE_LAUNCHER_S = 2.0
 """How long a router outlives its launcher, so that the recorder still gets the last messages."""
 
@@ -23,11 +25,14 @@ def route(options: ZenohOptions, *, until_empty: bool, leash: bool) -> int:
         if leash:
             hold_leash(stop)
         came = False
+        empty_since = time.monotonic()
         while not stop.asked:
             time.sleep(POLL_S)
             present = router.occupied()
             came = came or present
-            if until_empty and came and not present:
+            if present:
+                empty_since = time.monotonic()
+            elif until_empty and came and time.monotonic() - empty_since > EMPTY_S:
                 return 0
         if stop.orphaned:
             time.sleep(AFTER_THE_LAUNCHER_S)

@@ -44,7 +44,7 @@ def run_scenario(
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears:
             summary = run_virtual(scenario, folder, stop, listeners=ears)
         show(summary, folder, quiet=quiet)
-        return stop.exit_code
+        return stop.exit_code if summary["reason"] else 0
     again = [name, *(f"--set={text}" for text in overrides)]
     if seed is not None:
         again.append(f"--seed={seed}")
@@ -77,9 +77,8 @@ def record_run(
         recording = Recording(scenario, bus, folder, stop, gather_s=gather_s, listeners=ears)
         summary = recording.carry_on()
     show(summary, folder, quiet=quiet)
-    if stop.asked:
-        return stop.exit_code
-    return EXIT_FAILED if summary["reason"] else 0
+    # A signal that comes when all is done changes nothing any more.
+    return (stop.exit_code or EXIT_FAILED) if summary["reason"] else 0
 
 
 def run_folder(scenario: Scenario, out: Path | None) -> Path:

@@ -34,8 +34,8 @@ def be_vehicle(
         hold_leash(stop)
     kit = Kit(load_scenario(scenario, overrides, seed), name)
     with open_bus(options) as bus:
-        drive(kit, bus, stop)
-    return stop.exit_code
+        finished = drive(kit, bus, stop)
+    return 0 if finished else stop.exit_code
 
 
 class Conducted:
@@ -58,14 +58,17 @@ class Conducted:
             self.end = message
 
 
-def drive(kit: Kit, bus: Bus, stop: Stop) -> None:
-    """Announce the vehicle, wait for the start, drive to the end, tell how it went."""
+def drive(kit: Kit, bus: Bus, stop: Stop) -> bool:
+    """Announce the vehicle, wait for the start, drive, tell how it went.
+
+    Returns whether it drove until the run was over, rather than until it was asked to stop.
+    """
     conducted = Conducted(bus)
     bus.announce(kit.name)
     while conducted.start is None and not stop.asked:
         time.sleep(POLL_S)
     if conducted.start is None:
-        return
+        return False
     start_at = conducted.start.start_at_ns
     end_at = start_at + kit.duration_ns
     clock = WallClock(stop.event)
@@ -77,10 +80,11 @@ def drive(kit: Kit, bus: Bus, stop: Stop) -> None:
         if stop.asked or conducted.end is not None:
             break
         node.step(tick)
-    else:
-        clock.wait_until(end_at)
+    clock.wait_until(0 if conducted.end is not None else end_at)
+    finished = not stop.asked
     node.outbox.publish_health(min(clock.now(), end_at), final=True)
     _wait_for_end(conducted, stop)
+    return finished
 
 
 def punctual(ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe) -> Iterator[Tick]:
