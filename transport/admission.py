@@ -1,7 +1,6 @@
 """Which received poses can be true: everything else is refused before it can do harm."""
 
 from dataclasses import dataclass
-from math import isfinite
 from typing import cast
 
 from transport.clock import NS_PER_S
@@ -49,7 +48,7 @@ class Admission:
             raise RefusedMessageError("foreign", f"{pose.vehicle!r} in the name of {self.sender}")
         for name, largest in _LARGEST.items():
             value = getattr(pose, name)
-            if not (isfinite(value) and abs(value) <= largest):
+            if not abs(value) <= largest:  # so that NaN is refused too
                 raise RefusedMessageError("absurd", f"{name} is {value}")
         self._check_schedule(pose, now)
         return pose

@@ -217,6 +217,7 @@ NAN, INFINITE = float("nan"), float("inf")
         (spoilt(altitude_m=-INFINITE), "absurd"),
         (spoilt(altitude_m=1e9), "absurd"),
         (spoilt(heading_deg=NAN), "absurd"),
+        (spoilt(heading_deg=361.0), "absurd"),
         (spoilt(speed_mps=1e4), "absurd"),
         (spoilt(yaw_rate_radps=INFINITE), "absurd"),
         (spoilt(measured_at_ns=START - 1), "past"),

@@ -174,6 +174,15 @@ def test_jitter_does_not_move_losses() -> None:
     assert plain == jittery
 
 
+def test_losses_do_not_pick_by_jitter() -> None:
+    rule = LinkRule(latency_ms=0.0, jitter_ms=100.0, loss_ratio=0.5)
+    judged = [judge(rule, seq) for seq in range(4000)]
+    delays = [
+        (one.visible_at - seq * PERIOD) / MS for seq, one in enumerate(judged) if not one.reason
+    ]
+    assert abs(fmean(delays) - 50.0) < 4.0 * 100.0 / sqrt(12 * len(delays))
+
+
 def test_a_dropped_message_keeps_the_instant_it_would_have_had() -> None:
     rule = LinkRule(latency_ms=20.0, jitter_ms=40.0)
     lossy = LinkRule(latency_ms=20.0, jitter_ms=40.0, loss_ratio=1.0)
@@ -186,6 +195,7 @@ def test_a_dropped_message_keeps_the_instant_it_would_have_had() -> None:
     [
         (20.0, [0, 1, 2, 3, 4, 5, 6, 7, 8]),
         (50.0, [0, 1, 2, 3, 4, 5, 6, 7, 8]),
+        (15.0, [0, 2, 3, 4, 6, 7, 8]),
         (10.0, [0, 2, 4, 6, 8]),
         (5.0, [0, 4, 8]),
         (40.0 / 3.0, [0, 2, 3, 5, 6, 8]),
