@@ -1,0 +1,69 @@
+"""What a trace is made of: the samples of a source, their window around the ego, its constants."""
+
+from dataclasses import dataclass
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraceSettings:
+    """Constants of a trace (m unless said otherwise).
+
+    A sample is kept if it lies `spacing` from the one before (a stopped source repeats itself).
+    A fix is a jump if it lies further from the newest one than `jump_ratio` (1) times what its
+    speed allows plus `jump_margin`; `restart_after` consistent ones in a row are a new place.
+    The ego's station moves per call at most `back` backwards, and forwards at most `margin` plus
+    `reach_ratio` (1) times the distance the ego moved, never more than `reach`. Samples further
+    behind than `memory` are forgotten, and never more than `capacity` are held. A window holds at
+    most `window_samples`. A bridge has a point every `bridge_spacing` and at most `bridge_length`.
+    """
+
+    spacing: float = 0.2
+    jump_margin: float = 3.0
+    jump_ratio: float = 1.5
+    restart_after: int = 3
+    back: float = 2.0
+    margin: float = 2.0
+    reach: float = 10.0
+    reach_ratio: float = 1.5
+    memory: float = 100.0
+    capacity: int = 20_000
+    window_samples: int = 40
+    bridge_spacing: float = 1.0
+    bridge_length: float = 150.0
+
+
+class Sample(NamedTuple):
+    """One received fix: instant (ns), world position (m), yaw (rad), speed (m/s)."""
+
+    measured_at: int
+    east: float
+    north: float
+    yaw: float
+    speed: float
+
+
+class Window(NamedTuple):
+    """Samples around the ego in order of travel, arrays of one length.
+
+    World position (m); `station` (m) is arc length from the ego's projection, negative behind it;
+    `received` is False for bridge points.
+    """
+
+    east: Floats
+    north: Floats
+    station: Floats
+    received: NDArray[np.bool_]
+
+
+def plausible(one: Sample, other: Sample, settings: TraceSettings) -> bool:
+    """Whether a car could have been at both places at their instants."""
+    span = abs(other.measured_at - one.measured_at) * 1e-9
+    reach = settings.jump_ratio * max(abs(one.speed), abs(other.speed)) * span
+    distance = hypot(other.east - one.east, other.north - one.north)
+    return distance <= reach + settings.jump_margin
