@@ -10,7 +10,9 @@ Entities are named by quantity first and vehicle last, because a view takes in w
       samples/<vehicle>     the received samples this was fitted to
       cars/<vehicle>/…      the car
     plots/<quantity>/<vehicle>
-    links/<vehicle>/from_<sender>, mode/<vehicle>, log/<vehicle>
+    links/<vehicle>/from_<sender>      how the link was in each half second
+    messages/<vehicle>/from_<sender>   what became of each message
+    mode/<vehicle>, log/<vehicle>
 """
 
 from collections.abc import Sequence
@@ -38,22 +40,28 @@ COLOURS = (
 """Of the lead and those behind it, told apart with any colour vision (after Okabe and Ito)."""
 ROAD = (0x6A, 0x6A, 0x6A)
 
-LINK_STATES = {
-    "ok": (0x2F, 0x7D, 0x5B),
-    "loss": (0xE8, 0x5D, 0x04),
-    "late": (0xF0, 0xE4, 0x42),
-    "silent": (0x9A, 0x4D, 0xC4),
+OK, LATE = (0x2F, 0x7D, 0x5B), (0x7D, 0x8C, 0xFF)
+SOME_LOST, MANY_LOST, SILENT = (0xE6, 0xB8, 0x4D), (0xD5, 0x4E, 0x00), (0x9A, 0x4D, 0xC4)
+STATES = {
+    "links": {
+        "ok": OK,
+        "late": LATE,
+        "some lost": SOME_LOST,
+        "many lost": MANY_LOST,
+        "silent": SILENT,
+    },
+    "messages": {"ok": OK, "late": LATE, "lost": MANY_LOST},
+    "mode": {
+        "path": (0x7A, 0x7A, 0x7A),
+        "composite": OK,
+        "lead": (0x56, 0xB4, 0xE9),
+        "predecessor": SOME_LOST,
+        "coast": MANY_LOST,
+        "straight": SILENT,
+    },
 }
-"""Of a directed link: the last message was heard, dropped, late, or none came for a while."""
-MODES = {
-    "path": (0x9A, 0x9A, 0x9A),
-    "composite": (0x2F, 0x7D, 0x5B),
-    "lead": (0x56, 0xB4, 0xE9),
-    "predecessor": (0xE6, 0x9F, 0x00),
-    "coast": (0xD5, 0x5E, 0x00),
-    "straight": (0xCC, 0x79, 0xA7),
-}
-"""Of what a vehicle steers along."""
+"""Colours of states: of a link over half a second, of its single messages, and of what a vehicle
+steers along."""
 PLOTS = {
     "cross_track": "Cross-track error to the lead's path (m, left positive)",
     "tracking": "Error as the vehicle sees it (m)",
@@ -71,20 +79,23 @@ def colour_of(index: int) -> tuple[int, int, int]:
 
 def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
     """Lay out the picture of `vehicles`, lead first, that drive about `gap_m` apart on `road`."""
+    flat = road is not None and _is_flat(road)
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                _convoy_view(vehicles, gap_m),
+                _convoy_view(vehicles, gap_m, flat=flat),
                 _plan_view(vehicles, gap_m, road),
                 _log_view(),
-                row_shares=[4, 2, 2] if road and _is_flat(road) else [3, 4, 2],
+                row_shares=[4, 2, 2] if flat else [3, 4, 2],
             ),
             rrb.Vertical(
                 rrb.Tabs(_plot("cross_track"), _plot("tracking")),
                 _plot("steering"),
                 rrb.Tabs(_plot("gap"), _plot("speed"), _plot("age")),
                 rrb.Tabs(
-                    _states("links", "Links: what was heard"), _states("mode", "Steers along")
+                    _states("links", "Links"),
+                    _states("messages", "Messages (zoom in)"),
+                    _states("mode", "Steers along"),
                 ),
                 row_shares=[7, 5, 5, 7],
             ),
@@ -98,40 +109,43 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
     )
 
 
-def _convoy_view(vehicles: Sequence[str], gap_m: float) -> rrb.Spatial2DView:
+def _convoy_view(vehicles: Sequence[str], gap_m: float, *, flat: bool) -> rrb.Spatial2DView:
     """Ride along with the middle of the convoy, the direction of travel to the right."""
     ahead = middle(len(vehicles)) * gap_m
     behind = (len(vehicles) - 1) * gap_m - ahead
+    aside = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
     return rrb.Spatial2DView(
         name="Convoy (driving to the right)",
         origin="world/convoy",
         contents=["/world/**", *(f"- /world/cars/{name}/dot" for name in vehicles)],
-        visual_bounds=rrb.VisualBounds2D(x_range=[-behind - 10, ahead + 30], y_range=[-10, 10]),
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=[-behind - 8, ahead + 25], y_range=[-aside, aside]
+        ),
         overrides=_all_until_now(vehicles),
     )
 
 
 def _plan_view(vehicles: Sequence[str], gap_m: float, road: Road | None) -> rrb.Spatial2DView:
-    """Show where on the road the convoy is; names only where there is room for them."""
-    unnamed = vehicles[1:] if road and gap_m < 0.04 * _extent(road) else ()
+    """Show where on the road the convoy is: as dots where cars would be specks, else as cars."""
+    small = road is not None and gap_m < 0.04 * _extent(road)
+    hidden = (
+        [f"- /world/cars/{name}/name" for name in vehicles[1:]]
+        if small
+        else [f"- /world/cars/{name}/dot" for name in vehicles]
+    )
     return rrb.Spatial2DView(
         name="Plan (north up)",
         origin="world/plan",
-        contents=[
-            "/world/**",
-            "- /world/road/marks",
-            "- /world/samples/**",
-            *(f"- /world/cars/{name}/name" for name in unnamed),
-        ],
-        visual_bounds=_bounds(road) if road else None,
+        contents=["/world/**", "- /world/road/marks", "- /world/samples/**", *hidden],
+        visual_bounds=_bounds(road, 0.04 if small else 0.12) if road else None,
         overrides=_all_until_now(vehicles),
     )
 
 
-def _bounds(road: Road) -> rrb.VisualBounds2D:
+def _bounds(road: Road, margin_ratio: float) -> rrb.VisualBounds2D:
     """Show the whole road with a margin; the second axis of a picture points down."""
     east, north = road
-    margin = 0.04 * _extent(road)
+    margin = margin_ratio * _extent(road)
     return rrb.VisualBounds2D(
         x_range=[min(east) - margin, max(east) + margin],
         y_range=[-max(north) - margin, -min(north) + margin],

@@ -10,6 +10,7 @@ import rerun as rr
 
 from transport.arcs import points_along
 from transport.beside import BesideLead
+from transport.link_states import LinkStates, message_state
 from transport.rerun_blueprint import TIMELINE, Road, blueprint, colour_of, middle
 from transport.rerun_shapes import car, marks_beside, name_tag, state_style, strip, turn_about
 from transport.topics import instant
@@ -33,8 +34,6 @@ CURVE_NS = 40 * MILLISECOND
 SLOW_CURVE_NS = 200 * MILLISECOND
 BATCH_NS = 500 * MILLISECOND
 """Curves are gathered and sent twice a second, which costs a tenth of sending each value."""
-SILENCE_NS = 500 * MILLISECOND
-"""A link is shown as silent when nothing, not even a loss, was seen on it for this long."""
 AWAY_NS = 1000 * MILLISECOND
 """The view rides along with another vehicle when this one has sent nothing for so long."""
 SPACING_M = 1.0
@@ -69,7 +68,7 @@ class Picture:
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
         self._beside = BesideLead()
         self._states: dict[str, str] = {}
-        self._heard: dict[str, int] = {}
+        self._links = LinkStates()
         self._seen: dict[str, int] = {}
         self._followed = vehicles[middle(len(vehicles))]
         self._batch_due = 0
@@ -101,16 +100,15 @@ class Picture:
             self.flush(now)
 
     def flush(self, now: int) -> None:
-        """Send the curves gathered so far, and show which links have fallen silent."""
+        """Send the curves gathered so far, and show how the links were."""
         for entity, (times, values) in self._curves.items():
             if times:
                 scalars = rr.Scalars.columns(scalars=values)
                 self._recording.send_columns(entity, self._time_columns(times), scalars)
                 times.clear()
                 values.clear()
-        for link, heard_at in self._heard.items():
-            if now - heard_at > SILENCE_NS:
-                self._state(link, "silent", heard_at + SILENCE_NS)
+        for link, at, state in self._links.changes(now):
+            self._state(f"links/{link}", state, at)
 
     def _wait_for_start(self, now: int, message: Message) -> None:
         """Keep what comes before the start is known: it is drawn relative to that instant."""
@@ -179,10 +177,9 @@ class Picture:
             self._curve("steering", command.vehicle, command.decided_at_ns, degrees)
 
     def _verdict(self, verdict: LinkVerdict) -> None:
-        link = f"links/{verdict.vehicle}/from_{verdict.sender}"
-        state = "loss" if verdict.outcome == "dropped" else "late" if verdict.late else "ok"
-        self._heard[link] = verdict.heard_at_ns
-        self._state(link, state, verdict.heard_at_ns)
+        link = f"{verdict.vehicle}/from_{verdict.sender}"
+        self._links.count(link, verdict)
+        self._state(f"messages/{link}", message_state(verdict), verdict.heard_at_ns)
 
     def _text(self, line: LogText) -> None:
         self._at(line.logged_at_ns)
@@ -221,7 +218,7 @@ class Picture:
         if before == state:
             return
         if before is None:
-            self._recording.log(entity, state_style(entity), static=True)
+            self._recording.log(entity, state_style(entity.partition("/")[0]), static=True)
         self._states[entity] = state
         self._at(at)
         self._recording.log(entity, rr.StateChange(state=state))

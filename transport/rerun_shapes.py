@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from transport.rerun_blueprint import LINK_STATES, MODES, ROAD
+from transport.rerun_blueprint import ROAD, STATES
 
 Colour = tuple[int, int, int]
 MARK_SPACING_M = 50.0
@@ -84,9 +84,9 @@ def marks_beside(
     return road, marks
 
 
-def state_style(entity: str) -> rr.StateConfiguration:
-    """Colours of the states of a link or of what a vehicle steers along."""
-    states = LINK_STATES if entity.startswith("links/") else MODES
+def state_style(kind: str) -> rr.StateConfiguration:
+    """Colours of the states of one kind: "links", "messages" or "mode"."""
+    colours = STATES[kind]
     return rr.StateConfiguration(
-        values=list(states), labels=list(states), colors=list(states.values())
+        values=list(colours), labels=list(colours), colors=list(colours.values())
     )
