@@ -15,6 +15,8 @@ HORIZON_NS = 60 * NS_PER_S
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
 a vehicle that was held up hears, when it goes on, what the others sent meanwhile."""
 
+_ROUNDING = 0.001
+"""Periods; instants are rounded to nanoseconds."""
 _LARGEST = {
     "latitude_deg": 90.0,
     "longitude_deg": 360.0,
@@ -59,6 +61,5 @@ class Admission:
             raise RefusedMessageError("past", f"measured at {pose.measured_at_ns}")
         if pose.measured_at_ns > now + HORIZON_NS:
             raise RefusedMessageError("future", f"measured at {pose.measured_at_ns}")
-        # One more than the schedule has by then, for roundings.
-        if pose.seq > elapsed * self.rate_hz / NS_PER_S + 1:
+        if pose.seq > elapsed * self.rate_hz / NS_PER_S + _ROUNDING:
             raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")

@@ -224,7 +224,8 @@ NAN, INFINITE = float("nan"), float("inf")
         (spoilt(measured_at_ns=0), "past"),
         (spoilt(measured_at_ns=-(2**63)), "past"),
         (spoilt(measured_at_ns=2**63 - 1), "future"),
-        (spoilt(seq=5), "sequence"),
+        (spoilt(seq=3), "sequence"),
+        (spoilt(measured_at_ns=pose(2).measured_at_ns - MS), "sequence"),
         (spoilt(seq=2**64 - 1), "sequence"),
     ],
 )
@@ -340,6 +341,14 @@ def test_each_sender_has_its_own_schedule() -> None:
     heard = inbox.take(START + NS_PER_S)
     assert [p.seq for p in heard if p.vehicle == "lead"] == [0, 4]
     assert [p.seq for p in heard if p.vehicle == "follower_1"] == [0, 2, 4, 6]
+
+
+@given(rate_hz=st.floats(1.0, 100.0), k=st.integers(0, 100_000))
+def test_no_rounding_puts_a_number_ahead_of_its_schedule(rate_hz: float, k: int) -> None:
+    now = instant(START, k, rate_hz)
+    inbox = Inbox("f2", {"lead": LinkRule()}, seed=1, start_at=START, source_rate_hz=rate_hz)
+    send(inbox, replace(pose(k), measured_at_ns=now))
+    assert len(inbox.take(now + 20 * MS)) == 1
 
 
 def test_the_keys_to_listen_to() -> None:
