@@ -1,0 +1,59 @@
+from fractions import Fraction
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from transport import clock
+from vehicles.schedule import SECOND, Cadence, instant
+
+START = 1_790_000_000 * SECOND + 123_456_789
+rates = st.sampled_from([1.0, 5.0, 10.0, 20.0, 30.0, 50.0, 99.9, 500.0]) | st.floats(0.1, 500.0)
+
+
+@given(rate_hz=rates, k=st.integers(0, 10_000_000))
+@settings(max_examples=200, derandomize=True, deadline=None)
+def test_every_instant_lies_within_half_a_nanosecond_of_its_place(rate_hz: float, k: int) -> None:
+    exact = Fraction(k * SECOND) / Fraction(rate_hz)
+    # Ten million periods of a tenth of a hertz are three years: a float holds that to 16 ns.
+    tolerance = Fraction(1, 2) + exact * Fraction(1, 2**52)
+    assert abs(instant(START, k, rate_hz) - START - exact) <= tolerance
+
+
+@given(rate_hz=rates, k=st.integers(0, 1_000_000))
+@settings(max_examples=200, derandomize=True, deadline=None)
+def test_a_cadence_knows_the_numbers_of_its_instants_and_no_others(rate_hz: float, k: int) -> None:
+    cadence = Cadence(START, rate_hz)
+    at = instant(START, k, rate_hz)
+    assert cadence.index(at) == k
+    assert cadence.due(at)
+    for beside in (at - 1, at + 1):
+        assert cadence.index(beside) is None
+        assert not cadence.due(beside)
+
+
+def test_nothing_is_due_before_the_start() -> None:
+    cadence = Cadence(START, 50.0)
+    assert cadence.index(START) == 0
+    for k in (1, 2, 50):
+        assert cadence.index(START - k * SECOND // 50) is None
+
+
+def test_control_at_50_hz_and_gnss_at_20_hz_meet_every_tenth_of_a_second() -> None:
+    control, gnss = Cadence(START, 50.0), Cadence(START, 20.0)
+    both = [k for k in range(500) if gnss.due(instant(START, k, 50.0))]
+    assert both == list(range(0, 500, 5))
+    assert [control.index(instant(START, k, 20.0)) for k in range(5)] == [0, None, 5, None, 10]
+
+
+def test_instants_do_not_drift_over_a_day() -> None:
+    day = 24 * 3600
+    for rate_hz in (50, 20, 30, 7):
+        assert instant(START, day * rate_hz, rate_hz) == START + day * SECOND
+
+
+@given(rate_hz=rates, k=st.integers(0, 100_000))
+@settings(max_examples=100, derandomize=True, deadline=None)
+def test_the_clock_of_the_transport_has_the_same_instants(rate_hz: float, k: int) -> None:
+    """A vehicle decides at a tick only if both agree on it to the nanosecond."""
+    assert clock.instant(START, k, rate_hz) == instant(START, k, rate_hz)
+    assert clock.NS_PER_S == SECOND
