@@ -38,6 +38,8 @@ COLOURS = (
     (0x7D, 0x8C, 0xFF),
 )
 """Of the lead and those behind it, told apart with any colour vision (after Okabe and Ito)."""
+LEGEND_HOLDS = 6
+"""A legend of more vehicles would hide the curves; the name tags have the same colours."""
 ROAD = (0x6A, 0x6A, 0x6A)
 
 OK, LATE = (0x2F, 0x7D, 0x5B), (0x7D, 0x8C, 0xFF)
@@ -68,13 +70,18 @@ PLOTS = {
     "steering": "Steering (deg, left positive)",
     "speed": "Speed (m/s)",
     "gap": "Gap to the vehicle ahead (m)",
-    "age": "Age of the newest sample (s)",
+    "age": "Age of the older source (s)",
 }
 
 
-def colour_of(index: int) -> tuple[int, int, int]:
-    """Colour of the vehicle at place `index` of the convoy; beyond eight they come again."""
-    return COLOURS[index % len(COLOURS)]
+def colour_of(place: int) -> tuple[int, int, int]:
+    """Colour of the vehicle at `place` of the convoy; after eight they come again, darker."""
+    if place == 0:
+        return COLOURS[0]
+    round_, place = divmod(place - 1, len(COLOURS) - 1)
+    red, green, blue = COLOURS[1 + place]
+    shade = (1.0, 0.6, 0.8)[round_ % 3]
+    return round(shade * red), round(shade * green), round(shade * blue)
 
 
 def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
@@ -89,7 +96,9 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
                 row_shares=[4, 2, 2] if flat else [3, 4, 2],
             ),
             rrb.Vertical(
-                rrb.Tabs(_plot("cross_track"), _plot("tracking")),
+                rrb.Tabs(
+                    _plot("cross_track", legend=len(vehicles) <= LEGEND_HOLDS), _plot("tracking")
+                ),
                 _plot("steering"),
                 rrb.Tabs(_plot("gap"), _plot("speed"), _plot("age")),
                 rrb.Tabs(
@@ -197,11 +206,11 @@ def middle(count: int) -> int:
     return count // 2
 
 
-def _plot(quantity: str) -> rrb.TimeSeriesView:
+def _plot(quantity: str, *, legend: bool = False) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         name=PLOTS[quantity],
         origin=f"plots/{quantity}",
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=quantity == "cross_track"),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
     )
 
 

@@ -238,6 +238,8 @@ class Picture:
         return True
 
     def _curve(self, quantity: str, vehicle: str, at: int, value: float) -> None:
+        if not math.isfinite(value):  # a source never heard has no age
+            return
         entity = f"plots/{quantity}/{vehicle}"
         curve = self._curves.get(entity)
         if curve is None:
