@@ -35,7 +35,7 @@ class Leader:
         self._speed_law = speed_law
         self._control = control
         self._path = path
-        self._station = station
+        self._near = station
         self._decision: Decision | None = None
 
     def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:  # noqa: ARG002
@@ -58,8 +58,9 @@ class Leader:
         return self._decision
 
     def _track(self, pose: Pose) -> TrackingErrors:
-        foot = self._path.project(pose.east, pose.north, self._station)
-        self._station = foot.station
+        foot = self._path.project(pose.east, pose.north, self._near)
+        # At rare decisions the next place lies beyond the window of the projection.
+        self._near = foot.station + pose.speed / self._control.rate_hz
         return TrackingErrors(
             lateral=foot.lateral,
             heading=wrap_angle(pose.yaw - foot.yaw),
