@@ -1,6 +1,6 @@
 """What a convoy's errors do in time: a simulated chain of linear loops, and norms of signals."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -40,28 +40,30 @@ def simulated_propagation(
     car is read off by least squares. Agrees with `string_stability.propagation` within 1e-3; the
     first follower's own ratio to the lead is not G, as the lead's heading does not follow suit.
     """
-    matrix, column, row = _loop(parameters, gains, speed, actuation)
-    eigenvalues = np.linalg.eigvals(matrix)
+    single, column, row = _loop(parameters, gains, speed, actuation)
+    eigenvalues = np.linalg.eigvals(single)
     if eigenvalues.real.max() >= 0.0:
         raise ValueError("the loop is not stable: nothing settles")
     frequencies = np.asarray(frequencies, dtype=np.float64)
     step = STEP_PER_RATE / max(float(np.abs(eigenvalues).max()), float(frequencies.max()))
     settled = SETTLING / -float(eigenvalues.real.max())
     count = int(np.ceil((settled + 2.0 * np.pi / frequencies.min()) / step))
-    first = int(settled / step)
-    states = np.zeros((2, len(matrix), len(frequencies)))
-    record = np.zeros((2, count - first, len(frequencies)))
-
-    def rates(at: float, now: Array) -> Array:
-        followed = np.stack([gains.lateral * np.sin(frequencies * at), row @ now[0]])
-        return np.asarray(matrix @ now + column[:, None] * followed[:, None, :])
-
+    first, size = int(settled / step), len(single)
+    pair = np.kron(np.eye(2), single)
+    pair[size:, :size] = np.outer(column, row)  # the second follows the first
+    entering = np.concatenate([column, np.zeros(size)])[:, None]
+    lead = gains.lateral * np.sin(frequencies * (0.5 * step) * np.arange(2 * count + 1)[:, None])
+    states, record = np.zeros((2 * size, len(frequencies))), np.zeros((2, count, len(frequencies)))
     for index in range(count):
-        if index >= first:
-            record[:, index - first] = states[:, 0]
-        states = _runge_kutta(rates, index * step, states, step)
+        record[:, index] = states[[0, size]]
+        now, halfway, ahead = (entering * lead[2 * index + k] for k in range(3))
+        k1 = pair @ states + now
+        k2 = pair @ (states + (0.5 * step) * k1) + halfway
+        k3 = pair @ (states + (0.5 * step) * k2) + halfway
+        k4 = pair @ (states + step * k3) + ahead
+        states = states + (step / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
     times = step * np.arange(first, count, dtype=np.float64)
-    front, back = (_amplitudes(signal, times, frequencies) for signal in record)
+    front, back = (_amplitudes(signal[first:], times, frequencies) for signal in record)
     return back / front
 
 
@@ -76,17 +78,6 @@ def _loop(
     steered = constant[:4, 4]
     frozen = constant[:4, :4] + inverse_speed[:4, :4] / speed
     return frozen - np.outer(steered, row[:4]), steered, row[:4]
-
-
-def _runge_kutta(
-    rates: Callable[[float, Array], Array], at: float, states: Array, step: float
-) -> Array:
-    """One classical step of order 4."""
-    k1 = rates(at, states)
-    k2 = rates(at + 0.5 * step, states + 0.5 * step * k1)
-    k3 = rates(at + 0.5 * step, states + 0.5 * step * k2)
-    k4 = rates(at + step, states + step * k3)
-    return states + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
 def _amplitudes(signal: Array, times: Array, frequencies: Array) -> ComplexArray:

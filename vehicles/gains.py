@@ -127,8 +127,8 @@ def gain_box(
 
     Searched on grids that grow while members lie on their outer faces and shrink onto the members
     otherwise, so exact to a cell (about 1/20 of the extent) and widened by one; tips thinner than
-    a cell may stick out. The grid is skew,
-    along b k_e + k_theta, because A1 > 0 makes the set at low speed a thin wedge along that plane.
+    a cell may stick out. The grid is skew, along b k_e + k_theta, because A1 > 0 makes the set at
+    low speed a thin wedge along that plane.
     Raises ValueError if no member is found or the set has no bounds within reach.
     """
     skew = min(car.rear_axle_distance for car in cars)
