@@ -28,16 +28,17 @@ TIMELINE = "run_time"
 """Time since the start of the run; `time` is the instant itself."""
 
 COLOURS = (
-    (0xFF, 0xFF, 0xFF),
-    (0xE6, 0x9F, 0x00),
+    (0xE4, 0x57, 0x2E),
     (0x56, 0xB4, 0xE9),
-    (0x1F, 0xC0, 0x8F),
-    (0xF0, 0xE4, 0x42),
-    (0xD5, 0x5E, 0x00),
+    (0x1F, 0xA9, 0x7F),
+    (0xE6, 0x9F, 0x00),
     (0xCC, 0x79, 0xA7),
     (0x7D, 0x8C, 0xFF),
+    (0xC9, 0xBB, 0x1E),
+    (0x9A, 0x9A, 0x9A),
 )
-"""Of the lead and those behind it, told apart with any colour vision (after Okabe and Ito)."""
+"""Of the lead and those behind it (after Okabe and Ito): told apart with any colour vision, and
+seen on Rerun's dark as on its light background."""
 LEGEND_HOLDS = 6
 """A legend of more vehicles would hide the curves; the name tags have the same colours."""
 ROAD = (0x6A, 0x6A, 0x6A)
