@@ -151,14 +151,14 @@ class Picture:
             return
         self._at(at)
         points = [(east, north) for east, north, _ in points_along(trajectory, SPACING_M)]
-        thick = strip(points, self._colour(vehicle), width=2.0, order=10)
+        thick = strip(points, self._colour(vehicle), width=1.5, order=23)
         self._recording.log(f"world/trajectory/{vehicle}", thick)
         sources = (colour_of(0), colour_of(max(self._place(vehicle) - 1, 0)))
         samples = rr.Points2D(
             list(zip(trajectory.sample_east_m, trajectory.sample_north_m, strict=False)),
             colors=[sources[min(source, 1)] for source in trajectory.sample_source],
-            radii=rr.Radius.ui_points(2.5),
-            draw_order=12,
+            radii=rr.Radius.ui_points(3.0),
+            draw_order=24,
         )
         self._recording.log(f"world/samples/{vehicle}", samples)
 

@@ -56,7 +56,7 @@ def car(length: float, width: float, colour: Colour) -> rr.LineStrips2D:
 def name_tag(text: str, colour: Colour) -> rr.Points2D:
     """Write a name to the left of a car."""
     return rr.Points2D(
-        [[0.0, MARK_OFFSET_M]], colors=[colour], radii=0.0, labels=[text], draw_order=22
+        [[0.0, MARK_OFFSET_M]], colors=[colour], radii=0.0, labels=[text], draw_order=30
     )
 
 
