@@ -38,7 +38,7 @@ class FitSettings:
     `noise_floor`. An arc instead of a line must lower the sum of squared residuals by `evidence`
     times the noise squared, a join by another `join_evidence`. Up to `joins` places are tried for
     a join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
-    refined in so many `passes`. `span_min` is the least travel that has a direction.
+    refined in up to `passes`. `span_min` is the least travel that has a direction.
     """
 
     preview_time: float = 0.8
@@ -53,7 +53,7 @@ class FitSettings:
     joins: int = 12
     piece_min: float = 2.0
     piece_ratio: float = 0.15
-    passes: int = 2
+    passes: int = 3
     span_min: float = 1.0
 
     def ahead(self, speed: float) -> float:
@@ -96,23 +96,21 @@ def fit_curve(
     shape = _chosen(samples, settings)
     if shape is None:
         return None
-    return Curve(
-        _spline(shape, samples, (origin_east, origin_north, ux, uy)), offsets(shape, samples)
-    )
+    if isinstance(shape, Joined):
+        shape, rest = _improved(shape, samples, settings)
+    else:
+        rest = offsets(shape, samples)
+    return Curve(_spline(shape, samples, (origin_east, origin_north, ux, uy)), rest)
 
 
-def _chosen(samples: Samples, settings: FitSettings) -> Shape | None:
+def _chosen(samples: Samples, settings: FitSettings) -> Shape | Joined | None:
     """Choose the shape of the fewest unknowns that explains the samples."""
     through = centred(samples)
     arc = None if through is None else best_arc(samples, through)
     if through is None or arc is None:
         return None
     line = best_line(through)
-    margin = max(
-        settings.piece_min,
-        settings.piece_ratio * (samples.station.item(-1) - samples.station.item(0)),
-    )
-    joined = _joined(samples, through, margin, settings.joins)
+    joined = _joined(samples, through, settings)
     best = joined.shape if joined is not None and joined.shape.misfit < arc.misfit else arc
     spare = through.weight - best.freedom
     noise = settings.position_noise**2
@@ -124,21 +122,35 @@ def _chosen(samples: Samples, settings: FitSettings) -> Shape | None:
     if joined is None:
         return shape
     price = (settings.evidence + settings.join_evidence) * noise
-    if joined.shape.misfit + price < score:
-        return refined(joined, samples, settings.passes, margin)
-    return shape
+    return joined if joined.shape.misfit + price < score else shape
 
 
-def _joined(samples: Samples, line: Centred, margin: float, tries: int) -> Joined | None:
-    """Try joins at up to `tries` samples, `margin` (m) and three samples away from both ends."""
-    station = samples.station
-    low = int(station.searchsorted(station.item(0) + margin))
-    high = int(station.searchsorted(station.item(-1) - margin, "right"))
-    low, high = max(low, 2), min(high, len(station) - 3)
+def _join_range(samples: Samples, settings: FitSettings) -> tuple[float, float]:
+    """Stations (m) between which a join may lie."""
+    first, last = samples.station.item(0), samples.station.item(-1)
+    margin = max(settings.piece_min, settings.piece_ratio * (last - first))
+    return first + margin, last - margin
+
+
+def _joined(samples: Samples, line: Centred, settings: FitSettings) -> Joined | None:
+    """Try joins at samples, at least three samples away from both ends."""
+    first, last = _join_range(samples, settings)
+    low = max(int(samples.station.searchsorted(first)), 2)
+    high = min(int(samples.station.searchsorted(last, "right")), len(samples.station) - 3)
     if high - low < 2:
         return None
-    stride = -(-(high - low) // tries)
+    stride = -(-(high - low) // settings.joins)
     return best_joined(samples, line, slice(low, high, stride))
+
+
+def _improved(joined: Joined, samples: Samples, settings: FitSettings) -> tuple[Shape, Floats]:
+    """Refine a joined shape, unless that makes it worse; with the distances from it (m)."""
+    shape = refined(joined, samples, settings.passes, _join_range(samples, settings))
+    rest = offsets(shape, samples)
+    misfit = float(np.add.reduce(samples.weight * rest * rest))
+    if misfit > joined.shape.misfit + settings.noise_floor**2:
+        return joined.shape, offsets(joined.shape, samples)
+    return shape, rest
 
 
 def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, float]) -> ArcSpline:

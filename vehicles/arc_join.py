@@ -14,6 +14,8 @@ from vehicles.arc_shapes import DETERMINED, ONE, SQUARE, Centred, Samples, Shape
 
 SINGULAR = 1e-12
 """Least share of a diagonal that elimination may leave."""
+SETTLED = 0.01
+"""A join that moved less than this (m) has settled: what is left is of the order of its square."""
 
 
 class Joined(NamedTuple):
@@ -71,13 +73,13 @@ def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
     return Joined(shape, station.item(k) + shift)
 
 
-def refined(joined: Joined, samples: Samples, passes: int, margin: float) -> Shape:
-    """Improve a joined shape by Gauss–Newton passes on offset, angle, curvature and join.
+def refined(joined: Joined, samples: Samples, passes: int, within: tuple[float, float]) -> Shape:
+    """Improve a joined shape by up to `passes` Gauss–Newton passes on all four unknowns.
 
-    The join stays `margin` (m) within the samples.
+    The join stays between the stations `within` (m).
     """
     shape, station = joined
-    first, last = samples.station.item(0) + margin, samples.station.item(-1) - margin
+    first, last = within
     whole = samples.sums[:, :, -1]
     total = whole.tolist()
     for _ in range(passes):
@@ -100,6 +102,8 @@ def refined(joined: Joined, samples: Samples, passes: int, margin: float) -> Sha
             shape.misfit,
             4,
         )
+        if abs(along) < SETTLED:
+            break
     return shape
 
 

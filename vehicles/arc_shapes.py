@@ -50,13 +50,14 @@ class Shape(NamedTuple):
 class Samples(NamedTuple):
     """Samples in the local frame, in order of travel.
 
-    x along the travel, y left (m); station (m). `sums[i, j, k]` is the weighted sum over the first
-    k + 1 samples of the product of the i-th and j-th of (x² + y², x, y, 1).
+    x along the travel, y left (m); station (m); weight. `sums[i, j, k]` is the weighted sum over
+    the first k + 1 samples of the product of the i-th and j-th of (x² + y², x, y, 1).
     """
 
     x: Floats
     y: Floats
     station: Floats
+    weight: Floats
     sums: Floats
 
 
@@ -76,7 +77,8 @@ def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> Samples:
     rows = np.empty((4, len(x)))
     np.add(x * x, y * y, out=rows[SQUARE])
     rows[X], rows[Y], rows[ONE] = x, y, 1.0
-    return Samples(x, y, station, np.add.accumulate((rows * weight)[:, None, :] * rows, 2))
+    sums = np.add.accumulate((rows * weight)[:, None, :] * rows, 2)
+    return Samples(x, y, station, weight, sums)
 
 
 def offsets(shape: Shape, samples: Samples) -> Floats:
