@@ -82,7 +82,7 @@ def refined(joined: Joined, samples: Samples, passes: int, within: tuple[float, 
     first, last = within
     whole = samples.sums[:, :, -1]
     total = whole.tolist()
-    for _ in range(passes):
+    for done in range(passes):
         split = int(samples.station.searchsorted(station, "right"))
         sums = samples.sums[:, :, split - 1]
         bent = (sums if shape.before else whole - sums).tolist()
@@ -102,7 +102,7 @@ def refined(joined: Joined, samples: Samples, passes: int, within: tuple[float, 
             shape.misfit,
             4,
         )
-        if abs(along) < SETTLED:
+        if done and abs(along) < SETTLED:
             break
     return shape
 
