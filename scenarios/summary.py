@@ -17,7 +17,7 @@ SUMMARY_NAME = "summary.json"
 SCENARIO_NAME = "scenario.toml"
 METADATA_NAME = "convoy"
 SCHEMA = "convoy.summary/1"
-PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "pyproj")
+PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "pymap3d")
 """Packages whose versions are written into the log."""
 
 

@@ -7,10 +7,17 @@ counter-clockwise from east. Degrees and compass courses exist only here and on 
 import math
 from dataclasses import dataclass
 
-import pyproj
+from pymap3d.enu import geodetic2enu
+from pymap3d.rcurve import meridian, transverse
 
 REACH = 100_000.0
 """Points further from the origin than this (m) are refused: a flat plane says little there."""
+
+EXACT = 1e-8
+"""Geodetic coordinates are corrected until less than this (m) is left..."""
+
+MOST_CORRECTIONS = 20
+"""...which takes three or four corrections within some kilometres of the origin."""
 
 _FULL_TURN = 2.0 * math.pi
 
@@ -36,24 +43,26 @@ class LocalPlane:
     """The east-north plane at `origin`, with up counted along the ellipsoid's normal there.
 
     The transformation is the exact topocentric one (EPSG method 9837), not an approximation by
-    arc lengths; there and back again differs by nanometres.
+    arc lengths; there and back again differs by less than a micrometre.
     """
 
     def __init__(self, origin: Origin) -> None:
         self.origin = origin
-        self._transformer = pyproj.Transformer.from_pipeline(
-            "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
-            f"+lon_0={origin.longitude_deg:.17g} +lat_0={origin.latitude_deg:.17g} "
-            f"+h_0={origin.altitude_m:.17g}"
+        latitude = math.radians(origin.latitude_deg)
+        self._north_radius = float(meridian(origin.latitude_deg)) + origin.altitude_m
+        self._east_radius = (float(transverse(origin.latitude_deg)) + origin.altitude_m) * math.cos(
+            latitude
         )
 
     def to_plane(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
     ) -> tuple[float, float]:
         """East and north of a geodetic point, metres; ValueError when beyond REACH."""
-        east, north, up = self._transformer.transform(longitude_deg, latitude_deg, altitude_m)
-        # Written so that NaN and infinity, which PROJ answers to nonsense, are refused too.
-        if not east * east + north * north + up * up <= REACH * REACH:
+        if math.isfinite(latitude_deg + longitude_deg + altitude_m):
+            east, north, up = self._topocentric(latitude_deg, longitude_deg, altitude_m)
+        else:
+            east = north = up = math.inf
+        if east * east + north * north + up * up > REACH * REACH:
             raise ValueError(
                 f"latitude {latitude_deg} deg, longitude {longitude_deg} deg, altitude "
                 f"{altitude_m} m is further than {REACH / 1000.0:.0f} km from the origin"
@@ -61,11 +70,39 @@ class LocalPlane:
         return east, north
 
     def to_geodetic(self, east: float, north: float) -> tuple[float, float, float]:
-        """Latitude (deg), longitude (deg), altitude (m) of a point in the plane (up = 0)."""
-        longitude_deg, latitude_deg, altitude_m = self._transformer.transform(
-            east, north, 0.0, direction="INVERSE"
+        """Latitude (deg), longitude (deg), altitude (m) of a point in the plane (up = 0).
+
+        The inverse of `to_plane` by correction: what is left shrinks by distance over the earth's
+        radius each time. Unlike a closed inverse it needs no function whose last bit depends on
+        the processor, so that logs are equal to the byte on every machine.
+        """
+        latitude, longitude, altitude = 0.0, 0.0, self.origin.altitude_m
+        east_left, north_left, up_left = east, north, 0.0
+        for _ in range(MOST_CORRECTIONS):
+            latitude += math.degrees(north_left / self._north_radius)
+            longitude += math.degrees(east_left / self._east_radius)
+            altitude += up_left
+            found = self._topocentric(
+                self.origin.latitude_deg + latitude, self.origin.longitude_deg + longitude, altitude
+            )
+            east_left, north_left, up_left = east - found[0], north - found[1], -found[2]
+            if abs(east_left) + abs(north_left) + abs(up_left) < EXACT:
+                break
+        return self.origin.latitude_deg + latitude, self.origin.longitude_deg + longitude, altitude
+
+    def _topocentric(
+        self, latitude_deg: float, longitude_deg: float, altitude_m: float
+    ) -> tuple[float, float, float]:
+        origin = self.origin
+        east, north, up = geodetic2enu(
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+            origin.latitude_deg,
+            origin.longitude_deg,
+            origin.altitude_m,
         )
-        return latitude_deg, longitude_deg, altitude_m
+        return float(east), float(north), float(up)
 
 
 def wrap_angle(angle: float) -> float:

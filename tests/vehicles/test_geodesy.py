@@ -129,3 +129,16 @@ def test_wrapping_keeps_the_direction(angle: float) -> None:
 def test_half_a_turn_wraps_to_plus_pi() -> None:
     assert wrap_angle(-math.pi) == math.pi
     assert wrap_angle(math.pi) == math.pi
+
+
+@given(east=st.floats(-20_000, 20_000), north=st.floats(-20_000, 20_000))
+def test_geodetic_coordinates_are_those_of_proj(east: float, north: float) -> None:
+    pyproj = pytest.importorskip("pyproj")
+    proj = pyproj.Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
+        f"+lon_0={ORIGIN.longitude_deg} +lat_0={ORIGIN.latitude_deg} +h_0={ORIGIN.altitude_m}"
+    )
+    longitude, latitude, altitude = proj.transform(east, north, 0.0, direction="INVERSE")
+    found = PLANE.to_geodetic(east, north)
+    assert found[:2] == pytest.approx((latitude, longitude), abs=1e-12)  # 0.1 micrometres
+    assert found[2] == pytest.approx(altitude, abs=1e-7)
