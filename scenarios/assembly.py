@@ -51,7 +51,7 @@ class Kit:
             scenario.links_into(self.name),
             seed=scenario.seed,
             start_at=start_at,
-            source_rate_hz=scenario.tables.gnss.rate_hz,
+            source_rate_hz={name: scenario.vehicle(name).gnss.rate_hz for name in setup.hears},
         )
         return Node(
             body=self._body(),

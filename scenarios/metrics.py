@@ -165,6 +165,8 @@ class Metrics:
         figures = self.links[link]
         dropped = sum(figures.dropped.values())
         judged = figures.heard + dropped
+        # A link's rate holds messages back before they are sent on it, so they cannot be lost.
+        carried = judged - figures.dropped["rate"]
         return {
             "sender": sender,
             "receiver": receiver,
@@ -173,7 +175,7 @@ class Metrics:
             "judged": judged,
             "heard": figures.heard,
             "dropped": dict(sorted(figures.dropped.items())),
-            "loss_ratio": figures.dropped["loss"] / judged if judged else 0.0,
+            "loss_ratio": figures.dropped["loss"] / carried if carried else 0.0,
             "late": figures.late,
             "latency_ms_mean": figures.latency_ns_sum / figures.heard * 1e-6
             if figures.heard
