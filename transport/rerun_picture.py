@@ -12,7 +12,15 @@ from transport.arcs import points_along
 from transport.beside import BesideLead
 from transport.link_states import LinkStates, message_state
 from transport.rerun_blueprint import TIMELINE, Road, blueprint, colour_of, middle
-from transport.rerun_shapes import car, marks_beside, name_tag, state_style, strip, turn_about
+from transport.rerun_shapes import (
+    car,
+    line_style,
+    marks_beside,
+    name_tag,
+    point_style,
+    state_style,
+    turn_about,
+)
 from transport.topics import instant
 from vehicles.messages import (
     Command,
@@ -136,8 +144,8 @@ class Picture:
         driven = self._driven[vehicle]
         driven.append((truth.east_m, truth.north_m))
         if self._is_due(vehicle, "driven", at, DRIVEN_NS):
-            thin = strip(driven, self._colour(vehicle), width=1.0, order=5)
-            self._recording.log(f"world/driven/{vehicle}", thin)
+            piece = rr.LineStrips2D.from_fields(strips=[driven])
+            self._recording.log(f"world/driven/{vehicle}", piece)
             del driven[:-1]
         offset = self._beside.offset(truth) if place else None
         if offset is not None:
@@ -151,14 +159,12 @@ class Picture:
             return
         self._at(at)
         points = [(east, north) for east, north, _ in points_along(trajectory, SPACING_M)]
-        thick = strip(points, self._colour(vehicle), width=1.5, order=23)
-        self._recording.log(f"world/trajectory/{vehicle}", thick)
+        ahead = rr.LineStrips2D.from_fields(strips=[points])
+        self._recording.log(f"world/trajectory/{vehicle}", ahead)
         sources = (colour_of(0), colour_of(max(self._place(vehicle) - 1, 0)))
-        samples = rr.Points2D(
-            list(zip(trajectory.sample_east_m, trajectory.sample_north_m, strict=False)),
+        samples = rr.Points2D.from_fields(
+            positions=list(zip(trajectory.sample_east_m, trajectory.sample_north_m, strict=False)),
             colors=[sources[min(source, 1)] for source in trajectory.sample_source],
-            radii=rr.Radius.ui_points(3.0),
-            draw_order=24,
         )
         self._recording.log(f"world/samples/{vehicle}", samples)
 
@@ -208,9 +214,16 @@ class Picture:
         )
         is_lead = self._places[vehicle] == 0 and vehicle != "lead"
         tag = f"{vehicle} (lead)" if is_lead else vehicle
-        parts = {"body": car(*self._car_m, colour), "dot": dot, "name": name_tag(tag, colour)}
-        for part, shape in parts.items():
-            self._recording.log(f"world/cars/{vehicle}/{part}", shape, static=True)
+        shapes = {
+            f"cars/{vehicle}/body": car(*self._car_m, colour),
+            f"cars/{vehicle}/dot": dot,
+            f"cars/{vehicle}/name": name_tag(tag, colour),
+            f"driven/{vehicle}": line_style(colour, width=1.0, order=5),
+            f"trajectory/{vehicle}": line_style(colour, width=1.5, order=23),
+            f"samples/{vehicle}": point_style(width=3.0, order=24),
+        }
+        for entity, shape in shapes.items():
+            self._recording.log(f"world/{entity}", shape, static=True)
 
     def _state(self, entity: str, state: str, at: int) -> None:
         """Show that the state of a link or of a vehicle changed, if it did."""

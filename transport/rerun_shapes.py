@@ -25,13 +25,16 @@ def turn_about(east: float, north: float, yaw: float, *, flip: bool = True) -> r
     return rr.Transform3D(translation=[east, north, 0.0], mat3x3=axes)
 
 
-def strip(
-    points: Sequence[tuple[float, float]], colour: Colour, *, width: float, order: float
-) -> rr.LineStrips2D:
-    """Draw one line of constant width on the screen."""
-    return rr.LineStrips2D(
-        [points], colors=[colour], radii=rr.Radius.ui_points(width), draw_order=order
+def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D:
+    """Style of a line that is logged piece by piece: said once, it makes each piece cheaper."""
+    return rr.LineStrips2D.from_fields(
+        colors=[colour], radii=rr.Radius.ui_points(width), draw_order=order
     )
+
+
+def point_style(*, width: float, order: float) -> rr.Points2D:
+    """Style of points that are logged anew each time, whatever their colours."""
+    return rr.Points2D.from_fields(radii=rr.Radius.ui_points(width), draw_order=order)
 
 
 def car(length: float, width: float, colour: Colour) -> rr.LineStrips2D:
