@@ -6,7 +6,7 @@ from math import cos, radians, sin
 import numpy as np
 
 from scenarios.node import Node
-from scenarios.outbox import Outbox
+from scenarios.outbox import Outbox, Witness, nobody
 from scenarios.probe import Probe
 from scenarios.scenario import Scenario
 from transport.bus import Bus
@@ -43,7 +43,7 @@ class Kit:
         end_at = start_at + self.duration_ns
         return ticks(start_at, end_at, self.control_rate_hz, self._setup.gnss.rate_hz)
 
-    def node(self, start_at: int, bus: Bus, probe: Probe) -> Node:
+    def node(self, start_at: int, bus: Bus, probe: Probe, witness: Witness = nobody) -> Node:
         """The vehicle as a node that starts at `start_at` (ns) and publishes on `bus`."""
         scenario, setup = self._scenario, self._setup
         inbox = Inbox(
@@ -66,6 +66,7 @@ class Kit:
                 inbox=inbox,
                 probe=probe,
                 start_at=start_at,
+                witness=witness,
             ),
         )
 

@@ -1,6 +1,7 @@
 """What a vehicle says: its pose to the convoy, everything else to the log."""
 
 from collections import Counter
+from collections.abc import Callable
 
 from scenarios.probe import Probe
 from transport.bus import Bus
@@ -15,6 +16,13 @@ from vehicles.gnss import Fix, to_message
 from vehicles.messages import Message
 from vehicles.schedule import Cadence
 
+Witness = Callable[[Topic, bytes, Message], None]
+"""Sees each message as it is sent, with its bytes: the recorder of a run in virtual time."""
+
+
+def nobody(topic: Topic, data: bytes, message: Message) -> None:
+    """Witness nothing: between processes only the bus carries messages."""
+
 
 class Outbox:
     """Numbers, encodes and publishes the messages of one vehicle."""
@@ -28,10 +36,12 @@ class Outbox:
         inbox: Inbox,
         probe: Probe,
         start_at: int,
+        witness: Witness = nobody,
     ) -> None:
         """`probe` tells of the process; health goes out once a second from `start_at` (ns) on."""
         self._vehicle = vehicle
         self._bus = bus
+        self._witness = witness
         self._plane = plane
         self._inbox = inbox
         self._probe = probe
@@ -127,4 +137,6 @@ class Outbox:
         kind = type(message)
         where, topic = self._places[kind]
         self._next[kind] += 1
-        self._bus.publish(where, encode(message), urgent=topic.urgent)
+        data = encode(message)
+        self._bus.publish(where, data, urgent=topic.urgent)
+        self._witness(topic, data, message)

@@ -59,6 +59,10 @@ class Recorder:
             seen.add(message.seq)
             self._record(topic, vehicle, data, at, message)
 
+    def witness(self, topic: Topic, data: bytes, message: Message, at: int) -> None:
+        """Take a message from a vehicle of the same process at instant `at` (ns)."""
+        self._record(topic, message.vehicle, data, at, message)
+
     def say(self, at: int, text: str, level: str = "info") -> None:
         """Write a line of the run's own into the log."""
         self.put(LogText, at, logged_at_ns=at, level=level, text=text)

@@ -14,6 +14,8 @@ from scenarios.run_log import RunLog
 from scenarios.scenario import Scenario
 from transport.clock import Tick, VirtualClock
 from transport.memory_bus import MemoryBus
+from transport.topics import Topic
+from vehicles.messages import Message
 from vehicles.schedule import SECOND
 
 
@@ -35,10 +37,13 @@ def run_virtual(
         run_id=f"{scenario.name}-{scenario.seed}",
         listeners=listeners,
     )
-    bus.subscribe("convoy/**", lambda key, data: run.recorder.accept(key, data, clock.now()))
+
+    def witness(topic: Topic, data: bytes, message: Message) -> None:
+        run.recorder.witness(topic, data, message, clock.now())
+
     run.start(start_at, start_at)
     kits = [Kit(scenario, name) for name in scenario.vehicle_names]
-    nodes = [kit.node(start_at, bus, NoProbe()) for kit in kits]
+    nodes = [kit.node(start_at, bus, NoProbe(), witness) for kit in kits]
     for node in nodes:
         for sender_key in node.inbox.keys:
             bus.subscribe(sender_key, node.inbox.on_bytes)

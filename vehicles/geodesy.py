@@ -77,7 +77,8 @@ class LocalPlane:
         the processor, so that logs are equal to the byte on every machine.
         """
         latitude, longitude, altitude = 0.0, 0.0, self.origin.altitude_m
-        east_left, north_left, up_left = east, north, 0.0
+        east_left, north_left = east, north
+        up_left = (east * east + north * north) / (2.0 * self._north_radius)  # the earth's bend
         for _ in range(MOST_CORRECTIONS):
             latitude += math.degrees(north_left / self._north_radius)
             longitude += math.degrees(east_left / self._east_radius)
