@@ -7,7 +7,8 @@ counter-clockwise from east. Degrees and compass courses exist only here and on 
 import math
 from dataclasses import dataclass
 
-from pymap3d.enu import geodetic2enu
+from pymap3d.ecef import geodetic2ecef, uvw2enu
+from pymap3d.ellipsoid import Ellipsoid
 from pymap3d.rcurve import meridian, transverse
 
 REACH = 100_000.0
@@ -18,6 +19,8 @@ EXACT = 1e-8
 
 MOST_CORRECTIONS = 20
 """...which takes three or four corrections within some kilometres of the origin."""
+
+WGS84 = Ellipsoid.from_name("wgs84")
 
 _FULL_TURN = 2.0 * math.pi
 
@@ -49,6 +52,9 @@ class LocalPlane:
     def __init__(self, origin: Origin) -> None:
         self.origin = origin
         latitude = math.radians(origin.latitude_deg)
+        self._centre = geodetic2ecef(
+            origin.latitude_deg, origin.longitude_deg, origin.altitude_m, WGS84
+        )
         self._north_radius = float(meridian(origin.latitude_deg)) + origin.altitude_m
         self._east_radius = (float(transverse(origin.latitude_deg)) + origin.altitude_m) * math.cos(
             latitude
@@ -94,14 +100,10 @@ class LocalPlane:
     def _topocentric(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
     ) -> tuple[float, float, float]:
-        origin = self.origin
-        east, north, up = geodetic2enu(
-            latitude_deg,
-            longitude_deg,
-            altitude_m,
-            origin.latitude_deg,
-            origin.longitude_deg,
-            origin.altitude_m,
+        x, y, z = geodetic2ecef(latitude_deg, longitude_deg, altitude_m, WGS84)
+        x0, y0, z0 = self._centre
+        east, north, up = uvw2enu(
+            x - x0, y - y0, z - z0, self.origin.latitude_deg, self.origin.longitude_deg
         )
         return float(east), float(north), float(up)
 
