@@ -103,14 +103,19 @@ def _bound(address: str, port: int) -> int:
         return bound
 
 
-def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
-    """Start a program in a session of its own, so that Ctrl-C is for us to pass on or not.
+def quiet_environment() -> dict[str, str]:
+    """Environment in which Rerun sends no usage statistics; no file of the user's changes.
 
-    With CI in its environment Rerun sends no usage statistics, and no file of the user's changes.
+    Rerun 0.41 takes CI in its environment for a machine that runs tests, and keeps quiet there.
     """
+    return {**os.environ, "CI": "1"}
+
+
+def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
+    """Start a program in a session of its own, so that Ctrl-C is for us to pass on or not."""
     return subprocess.Popen(  # noqa: S603 - our own command line, no shell
         command,
-        env={**os.environ, "CI": "1"},
+        env=quiet_environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
