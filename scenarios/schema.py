@@ -105,8 +105,8 @@ class GapTable(Table):
 
     standstill_m: float = Field(default=8.0, gt=0, le=1000)
     headway_s: float = Field(default=0.5, ge=0, le=10)
-    acceleration_mps2_max: float = Field(default=2.0, gt=0, le=10)
-    braking_mps2_max: float = Field(default=6.0, gt=0, le=12)
+    acceleration_mps2_max: float = Field(default=2.0, ge=0.1, le=10)
+    braking_mps2_max: float = Field(default=6.0, ge=0.1, le=12)
 
 
 class SpeedTable(Table):
@@ -118,19 +118,19 @@ class SpeedTable(Table):
     """
 
     lead: Literal["set", "profile", "recorded"] = "set"
-    set_mps: float = Field(default=20.0, gt=0, le=100)
+    set_mps: float = Field(default=20.0, ge=0.1, le=100)
     profile: Annotated[tuple[ProfilePoint, ...], Field(strict=False)] = ()
     followers: Literal["same", "gap"] = "same"
-    lateral_acceleration_mps2_max: float = Field(default=3.0, gt=0, le=20)
-    acceleration_mps2_max: float = Field(default=1.5, gt=0, le=10)
-    braking_mps2_max: float = Field(default=2.5, gt=0, le=12)
+    lateral_acceleration_mps2_max: float = Field(default=3.0, ge=0.1, le=20)
+    acceleration_mps2_max: float = Field(default=1.5, ge=0.1, le=10)
+    braking_mps2_max: float = Field(default=2.5, ge=0.1, le=12)
     gap: GapTable = GapTable()
 
 
 class Segment(Table):
     """A straight, or an arc that bends by `curvature_per_m` or by `radius_m` towards `turn`."""
 
-    length_m: float = Field(gt=0, le=100_000)
+    length_m: float = Field(ge=0.1, le=100_000)
     curvature_per_m: float | None = Field(default=None, ge=-1, le=1)
     radius_m: float | None = Field(default=None, ge=1, le=1_000_000)
     turn: Literal["left", "right"] | None = None

@@ -6,6 +6,7 @@ useless raises TraceError. gpxpy and mcap are imported where they are needed, so
 process never holds them.
 """
 
+import contextlib
 import csv
 import math
 import tomllib
@@ -138,33 +139,45 @@ def read_gpx(text: str) -> Recording:
 
 def read_log(path: Path, vehicle: str | None) -> Recording:
     """Read the GPS poses that `vehicle`, by default the lead, broadcast in an earlier run."""
-    from transport.mcap_log import LogError, LogReader  # noqa: PLC0415 - not in a vehicle's process
+    from transport.mcap_log import LogError  # noqa: PLC0415 - not in a vehicle's process
 
     try:
-        log = LogReader(path)
-        name = vehicle or _lead(log.attachments().get(SCENARIO_ATTACHMENT, b""), log.vehicles)
-        if not log.counts.get((name, "gps")):
-            senders = ", ".join(one for one in log.vehicles if log.counts.get((one, "gps")))
-            raise TraceError(f"given vehicle {name}, allowed {senders}")
-        poses = [m for _, _, m in log.messages(("gps",), (name,)) if isinstance(m, GpsPose)]
+        poses = sorted(_poses(path, vehicle), key=lambda pose: pose.measured_at_ns)
     except LogError as error:
         raise TraceError(str(error).removeprefix(f"{path}: ")) from error
+    except TraceError:
+        raise
+    except Exception as error:
+        raise TraceError("damaged log") from error
     recording = Recording(geodetic=True)
-    for pose in sorted(poses, key=lambda pose: pose.measured_at_ns):
+    for pose in poses:
         recording.samples.append(
             Sample(
                 place=f"message {pose.seq}",
                 position=(pose.latitude_deg, pose.longitude_deg),
                 altitude=pose.altitude_m,
-                time=pose.measured_at_ns / 1e9,
+                time=(pose.measured_at_ns - poses[0].measured_at_ns) / 1e9,
                 speed=pose.speed_mps,
             )
         )
     return recording
 
 
-def _lead(scenario: bytes, vehicles: tuple[str, ...]) -> str:
-    """Name of the lead of a logged run, or of the first vehicle where the log does not say."""
-    convoy = tomllib.loads(scenario.decode(errors="replace")).get("convoy", {})
-    names = convoy.get("names") or ["v1"]
-    return names[0] if names[0] in vehicles else vehicles[0]
+def _poses(path: Path, vehicle: str | None) -> list[GpsPose]:
+    from transport.mcap_log import LogReader  # noqa: PLC0415 - not in a vehicle's process
+
+    log = LogReader(path)
+    senders = [name for name in log.vehicles if log.counts.get((name, "gps"))]
+    name = vehicle or _lead(log.attachments().get(SCENARIO_ATTACHMENT, b""), senders)
+    if name not in senders:
+        raise TraceError(f"given vehicle {name}, allowed {', '.join(senders) or 'none'}")
+    return [m for _, _, m in log.messages(("gps",), (name,)) if isinstance(m, GpsPose)]
+
+
+def _lead(scenario: bytes, senders: list[str]) -> str:
+    """Name of the lead of a logged run; the first vehicle where the log does not say."""
+    convoy: dict[str, Any] = {}
+    with contextlib.suppress(ValueError):  # a damaged text says nothing
+        convoy = tomllib.loads(scenario.decode()).get("convoy", {})
+    names = convoy.get("names") or senders[:1] or ["v1"]
+    return str(names[0])

@@ -366,6 +366,37 @@ def test_a_broken_file_is_refused_in_one_line(text: str, key: str, why: str) -> 
     assert why in line
 
 
+@settings(deadline=None, max_examples=200)
+@given(
+    key=st.sampled_from(
+        [
+            *("name", "seed", "duration_s", "start_at", "origin.latitude_deg", "control.rate_hz"),
+            *("convoy.vehicles", "convoy.names", "convoy.gap_m", "control.controller", "gnss"),
+            *("speed.lead", "speed.set_mps", "speed.profile", "speed.followers", "links.rate_hz"),
+            *("path", "path.kind", "path.laps", "path.segments.0.length_m", "link", "vehicle.v2"),
+            *("vehicle.v1.control", "parameters.length_m", "loading.rear_passengers"),
+        ]
+    ),
+    value=st.sampled_from(
+        [
+            *("0", "-1", "1", "7", "1e308", "1e-308", "nan", "inf", "true", "'x'", "'*'", "'gap'"),
+            *("'profile'", "[]", "[{}]", "{}", "{a=1}", "[{at_s=0.0, speed_mps=0.0}]"),
+            *("['a', 'b']", "0001-01-01T00:00:00Z", "9999-12-31T23:59:59Z", "1979-05-27"),
+        ]
+    ),
+)
+def test_no_value_of_any_key_gives_anything_but_a_scenario_or_clear_lines(
+    key: str, value: str
+) -> None:
+    lines: tuple[str, ...] = ()
+    try:
+        scenario = scenario_from_text(STRAIGHT, overrides=[f"{key}={value}"])
+        assert scenario_from_text(scenario.text).tables == scenario.tables
+    except ScenarioError as error:
+        lines = error.lines or ("",)
+    assert all(line and line.isprintable() and len(line) < 300 for line in lines)
+
+
 def test_every_problem_of_a_file_has_its_line() -> None:
     text = STRAIGHT + "[convoy]\nvehicles = 0\ngap = 3.0\n[links]\nloss_ratio = 2\n"
     lines = refused(text, "seed=-1")

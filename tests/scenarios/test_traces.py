@@ -3,11 +3,13 @@
 import math
 import operator
 from collections.abc import Callable
-from functools import reduce
+from functools import cache, reduce
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from scenarios.check import warnings
 from scenarios.lead_speed import recorded
@@ -286,6 +288,51 @@ def test_a_broken_drive_is_refused_in_one_line(
     assert name in line
     assert why in line
     assert line.isprintable()
+
+
+@cache
+def written(name: str) -> bytes:
+    return WRITERS[name](drive())
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    name=st.sampled_from(sorted(WRITERS)),
+    damage=st.lists(
+        st.tuples(st.integers(0, 50_000), st.integers(0, 300), st.binary(max_size=12)),
+        min_size=1,
+        max_size=5,
+    ),
+)
+def test_no_damage_to_a_file_gives_anything_but_a_drive_or_one_clear_line(
+    tmp_path_factory: pytest.TempPathFactory, name: str, damage: list[tuple[int, int, bytes]]
+) -> None:
+    content = written(name)
+    for at, removed, put in damage:
+        at %= max(len(content), 1)  # noqa: PLW2901 - a place within the file
+        content = content[:at] + put + content[at + removed :]
+    path = tmp_path_factory.mktemp("damaged") / name
+    path.write_bytes(content)
+    lines: tuple[str, ...] = ("ok",)
+    try:
+        assert driven(path).duration_s > 0.0
+    except ScenarioError as error:
+        lines = error.lines
+    (line,) = lines
+    assert line.isprintable()
+    assert len(line) < 400
+
+
+def test_a_damaged_log_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_log(path, drive())
+    content = bytearray(path.read_bytes())
+    content[20:400] = b"\xff" * 380
+    path.write_bytes(content)
+    with pytest.raises(TraceError) as caught:
+        read_trace(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert str(caught.value).isprintable()
 
 
 def test_a_folder_is_no_drive(tmp_path: Path) -> None:
