@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from scenarios.path_schema import PointsPath
 from scenarios.scenario import Scenario, load_scenario
-from scenarios.schema import PointsPath
 
 USUAL_GNSS_RATE = 20.0
 """Receivers for driving measure at most this often (Hz; paper, Section III-A)."""

@@ -3,9 +3,10 @@
 import itertools
 from collections.abc import Iterator
 
+from scenarios.path_schema import Segment
 from scenarios.refusal import shown
 from scenarios.route import LONGEST, Route, longest_run, vehicle_names
-from scenarios.schema import CONTROLLERS, LinkEntry, ScenarioTables, Segment
+from scenarios.schema import CONTROLLERS, LinkEntry, ScenarioTables
 from scenarios.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
 from vehicles.steering import NOMINAL_GAINS, load_controller

@@ -10,7 +10,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from scenarios.schema import NAME_PATTERN, ScenarioTables
+from scenarios.schema import ScenarioTables
+from scenarios.table import NAME_PATTERN
 
 MAX_SHOWN = 60
 """Characters of a refused value that are shown."""

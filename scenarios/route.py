@@ -3,21 +3,18 @@
 import itertools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenarios.lead_speed import Limits, SpeedPlan, recorded, slowed
+from scenarios.path_schema import PointsPath, Segment, SegmentsPath
 from scenarios.refusal import Refused
-from scenarios.schema import PointsPath, ScenarioTables, Segment, SegmentsPath, SpeedTable
+from scenarios.schema import ScenarioTables, SpeedTable
 from vehicles import path as paths
 from vehicles.geodesy import yaw_from_heading
 from vehicles.path import Path, path_from_segments
 from vehicles.smoothing import SmoothedPath, smooth_path
 from vehicles.speed import SpeedProfile
-
-if TYPE_CHECKING:
-    from scenarios.scenario import Scenario
 
 DEFAULT_GAP = 15.0
 """Metres between two vehicles at the start where nothing else says so (half a second at 30 m/s)."""
@@ -67,11 +64,6 @@ class Route:
     def length(self) -> float:
         """Way (m) from the lead's start to the end of the path."""
         return self.path.length - self.start
-
-
-def route_of(scenario: "Scenario") -> Route:
-    """Return the route of a scenario, which is planned once."""
-    return scenario.route
 
 
 def vehicle_names(tables: ScenarioTables) -> tuple[str, ...]:

@@ -8,10 +8,10 @@ north); left is positive for curvature and for offsets from the path.
 from datetime import UTC, datetime
 from typing import Annotated, Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import AwareDatetime, Field
 
-NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
-"""Names become part of a key expression on the bus, so they keep to letters, digits, _ and -."""
+from scenarios.path_schema import PathTable
+from scenarios.table import Name, NotNegative, Ratio, Speed, Table
 
 CONTROLLERS = {
     "slip_compensated": "vehicles.steering.SlipCompensated",
@@ -19,18 +19,6 @@ CONTROLLERS = {
     "stanley": "vehicles.steering.Stanley",
 }
 """Controllers that ship; any other is the dotted name of the user's own class."""
-
-Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
-Ratio = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-Speed = Annotated[float, Field(ge=0, le=100)]
-
-
-class Table(BaseModel):
-    """A table of a scenario file: unknown keys and wrong types are refused, values are frozen."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class OriginTable(Table):
@@ -125,65 +113,6 @@ class SpeedTable(Table):
     acceleration_mps2_max: float = Field(default=1.5, ge=0.1, le=10)
     braking_mps2_max: float = Field(default=2.5, ge=0.1, le=12)
     gap: GapTable = GapTable()
-
-
-class Segment(Table):
-    """A straight, or an arc that bends by `curvature_per_m` or by `radius_m` towards `turn`."""
-
-    length_m: float = Field(ge=0.1, le=100_000)
-    curvature_per_m: float | None = Field(default=None, ge=-1, le=1)
-    radius_m: float | None = Field(default=None, ge=1, le=1_000_000)
-    turn: Literal["left", "right"] | None = None
-
-
-Laps = Annotated[int, Field(ge=1, le=1000)]
-
-
-class SegmentsPath(Table):
-    """Straights and arcs joined tangentially, driven `laps` times one after the other."""
-
-    kind: Literal["segments"]
-    segments: Annotated[tuple[Segment, ...], Field(strict=False, min_length=1)]
-    heading_deg: float = Field(default=90.0, ge=0, lt=360)
-    laps: Laps = 1
-
-
-class SmoothedPathTable(Table):
-    """How points become a drivable path: half the width of the smoothing window, and laps."""
-
-    smoothing_m: float = Field(default=8.0, gt=0, le=500)
-    closed: bool = False
-    laps: Laps = 1
-
-
-class TracePath(SmoothedPathTable):
-    """A recorded drive: CSV, GPX, NMEA 0183, or an MCAP log of this project (one vehicle's)."""
-
-    kind: Literal["trace"]
-    file: Annotated[str, StringConstraints(min_length=1)]
-    vehicle: str | None = None
-
-
-Numbers = Annotated[tuple[float, ...], Field(strict=False)]
-
-
-class PointsPath(SmoothedPathTable):
-    """Points in the plane, which a trace becomes when it is read: a log needs no other file.
-
-    `time_s` and `speed_mps`, where known, have an entry for each point.
-    """
-
-    kind: Literal["points"]
-    source: str = ""
-    skipped_lines: int = Field(default=0, ge=0)
-    skipped_first: str = ""
-    east_m: Numbers
-    north_m: Numbers
-    time_s: Numbers = ()
-    speed_mps: Numbers = ()
-
-
-PathTable = Annotated[SegmentsPath | TracePath | PointsPath, Field(discriminator="kind")]
 
 
 class LinkTable(Table):

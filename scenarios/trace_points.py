@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
+from scenarios.path_schema import PointsPath, TracePath
 from scenarios.refusal import Refused
 from scenarios.scenario_files import TRACES
-from scenarios.schema import OriginTable, PointsPath, ScenarioTables, TracePath
+from scenarios.schema import OriginTable, ScenarioTables
 from scenarios.trace_formats import TraceError
 from scenarios.traces import read_trace
 from vehicles.geodesy import Origin

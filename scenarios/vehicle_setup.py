@@ -12,8 +12,8 @@ from scenarios.schema import (
     ParametersTable,
     ScenarioTables,
     SteeringTable,
-    Table,
 )
+from scenarios.table import Table
 from vehicles.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
 
 AnyTable = TypeVar("AnyTable", bound=Table)

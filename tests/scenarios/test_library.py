@@ -8,8 +8,10 @@ import pytest
 from pydantic import BaseModel, TypeAdapter
 
 from scenarios.check import check
+from scenarios.path_schema import PathTable
 from scenarios.scenario import library, load_scenario, scenario_from_text, template
-from scenarios.schema import PathTable, ScenarioTables, Table
+from scenarios.schema import ScenarioTables
+from scenarios.table import Table
 from vehicles.parameters import LINCOLN_MKZ
 
 MEANT_AS_EXAMPLES = {"name", "path"}
