@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import nan
+from math import isnan, nan
 
 from vehicles.decision import Decision
 from vehicles.dynamics import Actuation
@@ -76,7 +76,10 @@ class Follower:
         return self._decision
 
     def _hear(self, now: int, message: GpsPose) -> None:
-        heard = from_message(message, self._plane)
+        try:
+            heard = from_message(message, self._plane)
+        except ValueError:  # well-formed, but from where or as no vehicle of this convoy can be
+            return
         trace = self._traces[message.vehicle]
         trace.add(heard.measured_at, heard.east, heard.north, heard.yaw, heard.speed)
         pose = self._estimator.at(now)
@@ -136,7 +139,11 @@ class Follower:
 
     def _silence(self, now: int, missing: Sequence[str]) -> str:
         """Who is missing from the trajectory, in words."""
-        return ", ".join(f"{name} unheard for {self._age(now, name):.1f} s" for name in missing)
+        ages = [(name, self._age(now, name)) for name in missing]
+        return ", ".join(
+            f"{name} never heard" if isnan(age) else f"{name} unheard for {age:.1f} s"
+            for name, age in ages
+        )
 
     def _steer(self, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
         """Errors and command along each trajectory, blended by their shares."""
