@@ -22,7 +22,7 @@ from vehicles.arc_shapes import (
     offsets,
     summed,
 )
-from vehicles.arc_spline import ArcSpline, Piece
+from vehicles.arc_spline import STRAIGHT, ArcSpline, Piece
 
 Floats = NDArray[np.float64]
 
@@ -177,6 +177,6 @@ def _station(shape: Shape, curvature: float, x: float, y: float) -> float:
     ux, uy = cos(shape.angle), sin(shape.angle)
     dx, dy = x - shape.x, y - shape.y
     xi = dx * ux + dy * uy
-    if curvature == 0.0:
+    if abs(curvature) < STRAIGHT:
         return xi
     return atan2(curvature * xi, 1.0 - curvature * (dy * ux - dx * uy)) / curvature

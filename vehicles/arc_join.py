@@ -14,6 +14,8 @@ from vehicles.arc_shapes import DETERMINED, ONE, SQUARE, Centred, Samples, Shape
 
 SINGULAR = 1e-12
 """Least share of a diagonal that elimination may leave."""
+TINY = 1e-30
+"""Keeps an undetermined curvature from being zero by zero."""
 SETTLED = 0.01
 """A join that moved less than this (m) has settled: what is left is of the order of its square."""
 
@@ -44,7 +46,7 @@ def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
     cross_x = sums[X] - line.mean_x * sums[ONE]
     cross = sums[Y] - line.mean_y * sums[ONE] - line.slope * cross_x
     spread = square - sums[ONE] * sums[ONE] / line.weight - cross_x * cross_x / line.xx
-    half = cross / np.maximum(spread, DETERMINED * square)
+    half = cross / np.maximum(spread, DETERMINED * square + TINY)
     gain = half * cross
     best = int(gain.argmax())
     after = best < count

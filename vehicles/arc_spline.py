@@ -6,6 +6,9 @@ from math import atan2, cos, inf, sin, sqrt
 
 from vehicles.geodesy import wrap_angle
 
+STRAIGHT = 1e-12
+"""Curvature (1/m) below which a piece is as long as a line: no rounding of turn over curvature."""
+
 
 @dataclass(frozen=True, slots=True)
 class PathPose:
@@ -44,7 +47,9 @@ class Piece:
     def at(self, station: float) -> PathPose:
         """Place `station` (m) after the start; the piece extends beyond both of its ends."""
         turn = self.curvature * station
-        chord = 2.0 * sin(turn / 2.0) / self.curvature if self.curvature else station
+        chord = station
+        if abs(self.curvature) > STRAIGHT:
+            chord = 2.0 * sin(turn / 2.0) / self.curvature
         direction = self.yaw + turn / 2.0
         return PathPose(
             self.east + chord * cos(direction),
@@ -68,7 +73,7 @@ class Piece:
         u, w = 1.0 - kappa * eta, kappa * xi
         turn = atan2(w, u)
         lateral = (2.0 * eta - kappa * (xi * xi + eta * eta)) / (1.0 + sqrt(u * u + w * w))
-        station = turn / kappa if kappa else xi
+        station = turn / kappa if abs(kappa) > STRAIGHT else xi
         return Foot(station, lateral, wrap_angle(self.yaw + turn), kappa)
 
 
@@ -106,16 +111,13 @@ class ArcSpline:
 
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the path, extended beyond both ends by the end pieces."""
-        best, nearest, start, last = None, inf, 0.0, len(self.pieces) - 1
+        candidates, start, last = [], 0.0, len(self.pieces) - 1
         for index, piece in enumerate(self.pieces):
             foot = piece.project(east, north)
             low = -inf if index == 0 else 0.0
             high = inf if index == last else piece.length
             beyond = max(low - foot.station, foot.station - high, 0.0)
-            away = abs(foot.lateral) + beyond
-            if best is None or away < nearest:
-                nearest = away
-                best = Foot(start + foot.station, foot.lateral, foot.yaw, foot.curvature)
+            candidates.append((abs(foot.lateral) + beyond, index, start, foot))
             start += piece.length
-        assert best is not None  # noqa: S101 - there is at least one piece
-        return best
+        _, _, start, foot = min(candidates)
+        return Foot(start + foot.station, foot.lateral, foot.yaw, foot.curvature)

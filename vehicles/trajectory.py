@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vehicles.arc_fit import Curve, FitSettings, fit_curve
 from vehicles.arc_spline import ArcSpline, Foot, PathPose, Piece
+from vehicles.outliers import without_jumps
 from vehicles.trace import Window
 
 __all__ = [
@@ -88,26 +89,24 @@ def fit_composite(
     curve = None if merged is None else _curve(merged, settings)
     if merged is None or curve is None:
         return None
+    largest = float(np.abs(curve.offsets).max())
     outliers = 0
-    size = np.abs(curve.offsets)
-    largest = float(size.max())
-    near = _near(size, settings.tolerance) if largest > settings.tolerance else None
-    if near is not None:
-        kept = merged.where(near)
-        again = _curve(kept, settings)
-        if again is not None:
+    if largest > settings.tolerance:
+        keep = without_jumps(*merged[:3], curve.offsets, settings.tolerance)
+        kept = None if keep is None else merged.where(keep)
+        again = None if kept is None else _curve(kept, settings)
+        if kept is not None and again is not None:
             outliers = len(merged.station) - len(kept.station)
             merged, curve = kept, again
-            size = np.abs(curve.offsets)
-            largest = float(size.max())
-    mean_square = float(_sum(merged.weight * size * size)) / float(_sum(merged.weight))
+            largest = float(np.abs(curve.offsets).max())
+    square = merged.weight * curve.offsets * curve.offsets
     return Fit(
         curve.spline,
         merged.east,
         merged.north,
         merged.station,
         merged.source,
-        sqrt(mean_square),
+        sqrt(float(_sum(square)) / float(_sum(merged.weight))),
         largest,
         outliers,
     )
@@ -176,14 +175,3 @@ def _alone(window: Window, source: int) -> _Merged:
 
 def _curve(merged: _Merged, settings: FitSettings) -> Curve | None:
     return fit_curve(merged.east, merged.north, merged.station, merged.weight, settings)
-
-
-def _near(size: Floats, tolerance: float) -> NDArray[np.bool_] | None:
-    """Choose the samples to keep if some have jumped and enough are left, else None.
-
-    A jump drags the curve with it, so what is far is measured against the median distance.
-    """
-    median = float(np.sort(size)[len(size) // 2])
-    near = size <= max(tolerance, 4.0 * median)
-    left = int(np.count_nonzero(near))
-    return near if max(3.0, 0.6 * len(size)) <= left < len(size) else None

@@ -1,0 +1,70 @@
+"""Which of a fit's samples have jumped, and had better be left out."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+_sum = np.add.reduce
+
+TELLING_SHARE = 0.25
+"""A jump is a sample without which the squared residuals fall by at least this share."""
+JUMPS_MOST = 3
+"""So many samples are tried one by one."""
+LEAST_LEFT = 0.6
+"""Share of the samples that has to be left."""
+FAR_RATIO = 4.0
+"""Beyond so many times the median distance a sample is far from the curve."""
+
+
+def without_jumps(
+    east: Floats, north: Floats, station: Floats, offsets: Floats, tolerance: float
+) -> NDArray[np.bool_] | None:
+    """Choose the samples to keep (True) when some `offsets` from a fit exceed `tolerance` (m).
+
+    None if no sample stands out. A single jump drags the curve with it, most of all at the end, so
+    it need not be the sample that is furthest off: samples go one by one, each the one without
+    which an arc through the rest fits best. If that finds none, a whole stretch may have jumped:
+    then all go that are far off compared with the median.
+    """
+    keep = np.ones(len(east), dtype=np.bool_)
+    for _ in range(JUMPS_MOST):
+        worst = _worst(east[keep], north[keep], station[keep])
+        if worst is None:
+            break
+        keep[np.flatnonzero(keep)[worst]] = False
+    if not keep.all():
+        return keep
+    size = np.abs(offsets)
+    near = size <= max(tolerance, FAR_RATIO * float(np.sort(size)[len(size) // 2]))
+    left = int(np.count_nonzero(near))
+    return near if max(3.0, LEAST_LEFT * len(size)) <= left < len(size) else None
+
+
+def _worst(east: Floats, north: Floats, station: Floats) -> int | None:
+    """Index of the sample without which an arc fits far better, if there is one.
+
+    Leaving sample i out of a linear fit lowers the sum of squared residuals by r_i²/(1 − h_i),
+    h_i being its leverage (the diagonal of the hat matrix). The arc is linear in offset, slope and
+    curvature along the line of least squares (`arc_shapes`).
+    """
+    along = station - float(_sum(station)) / len(station)
+    if len(station) < 5:
+        return None
+    ux, uy = float(_sum(along * east)), float(_sum(along * north))
+    norm = (ux * ux + uy * uy) ** 0.5
+    if not 0.0 < norm < np.inf:
+        return None
+    dx, dy = east - east[0], north - north[0]
+    x, y = (dx * ux + dy * uy) / norm, (dy * ux - dx * uy) / norm
+    x, y = x - float(_sum(x)) / len(x), y - float(_sum(y)) / len(y)
+    square = x * x
+    bend = square - float(_sum(square)) / len(x) - float(_sum(square * x)) / float(_sum(square)) * x
+    spread = float(_sum(bend * bend))
+    if not spread > 0.0:
+        return None
+    rest = y - float(_sum(x * y)) / float(_sum(square)) * x
+    rest = rest - float(_sum(bend * rest)) / spread * bend
+    leverage = 1.0 / len(x) + square / float(_sum(square)) + bend * bend / spread
+    gain = rest * rest / np.maximum(1.0 - leverage, 1e-9)
+    worst = int(gain.argmax())
+    return worst if float(gain[worst]) > TELLING_SHARE * float(_sum(rest * rest)) else None
