@@ -16,7 +16,7 @@ from transport.codec import PROTOBUF, RefusedMessageError, decode
 from transport.foxglove import Twin, descriptor_set, twins
 from transport.log_file import LogError
 from transport.mcap_file import McapFile, Writer, repair
-from transport.topics import TOPICS, Topic, instant, key
+from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
 __all__ = ["LogError", "LogReader", "LogWriter", "library_name", "repair"]
@@ -81,7 +81,7 @@ class LogWriter:
         """
         if message is None:
             message = decode(topic, data)
-        valid_at = instant(message)
+        valid_at: int = getattr(message, topic.instant)
         if publish_time is None:
             publish_time = valid_at
         publish_time = max(publish_time, 0)  # MCAP's instants are unsigned

@@ -80,6 +80,7 @@ class Picture:
         self._seen: dict[str, int] = {}
         self._followed = vehicles[middle(len(vehicles))]
         self._batch_due = 0
+        self._drawn_at: int | None = None
         self._draw: dict[type[Message], Callable[[Any], None]] = {
             TruePose: self._truth,
             CompositeTrajectory: self._trajectory,
@@ -263,6 +264,10 @@ class Picture:
         curve[1].append(value)
 
     def _at(self, at: int) -> None:
+        """Draw at this instant from now on; the vehicles' ticks fall on the same instants."""
+        if at == self._drawn_at:
+            return
+        self._drawn_at = at
         since_start = np.timedelta64(at - (self._start or 0), "ns")
         self._recording.set_time(TIMELINE, duration=since_start)
         self._recording.set_time("time", timestamp=np.datetime64(at, "ns"))
