@@ -171,14 +171,14 @@ class Trace:
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window:
         """Cut out the samples from `behind` to `ahead` (m of travel) of the ego at (east, north).
 
-        Thinned evenly to at most `window_samples`; which ones are left out does not change while
-        the ego moves, so that thinning does not shake the fit.
+        Thinned to every second, fourth, … sample until at most `window_samples` are left. The same
+        ones are left out while the ego moves, so that thinning does not shake the fit.
         """
         here = self._locate(east, north)
         line = self._line
         first = bisect_left(line.station, here - behind)
         last = bisect_right(line.station, here + ahead)
-        stride = max(1, -(-(last - first) // self.settings.window_samples))
+        stride = 1 << (max(last - first - 1, 0) // self.settings.window_samples).bit_length()
         first += -(first + line.dropped) % stride
         chosen = slice(first, last, stride)
         return Window(
