@@ -190,6 +190,80 @@ def list_scenarios() -> None:
         click.echo(f"{name:20} {load_scenario(name).tables.description}")
 
 
+@cli.command(
+    epilog="""\b
+Examples:
+  convoy check church_lot
+  convoy check my.toml --set speed.set_mps=25 --json
+"""
+)
+@scenario_options
+@click.option("--json", "as_json", is_flag=True, help="The figures as JSON.")
+def check(*, scenario: str, overrides: tuple[str, ...], seed: int | None, as_json: bool) -> None:
+    """Say what SCENARIO asks for, and warn of what may surprise; run nothing."""
+    import json
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from scenarios.certificate import certificate_warnings
+    from scenarios.check import report_of
+    from scenarios.report import check_table
+    from scenarios.scenario import load_scenario
+
+    with clear_errors():
+        loaded = load_scenario(scenario, overrides, seed)
+        report = report_of(loaded)
+        warnings = (*report.warnings, *certificate_warnings(loaded))
+        if as_json:
+            click.echo(json.dumps(asdict(report) | {"warnings": warnings}, indent=2))
+            return
+        Console().print(check_table(report))
+        for line in warnings:
+            click.echo(f"warning: {line}")
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  convoy gains                                   the paper's gains on the paper's car
+  convoy gains --gains 0.1 0.9 0.1 --speed 15 --speed 30 --out gains-new
+"""
+)
+@click.option(
+    "--gains",
+    type=float,
+    nargs=3,
+    default=(0.06, 0.96, 0.08),
+    show_default=True,
+    metavar="KE KTHETA KOMEGA",
+    help="Feedback gains: rad/m, rad/rad, s.",
+)
+@click.option(
+    "--speed", "speeds", type=click.FloatRange(min=1.0), multiple=True, help="Speeds in m/s."
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("gains"),
+    show_default=True,
+    help="Folder for gains.json and the pictures.",
+)
+def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: Path) -> None:
+    """Stabilising gain sets, margins, varying speed, loadings and propagation, with pictures."""
+    from rich.console import Console
+
+    from scenarios.gains_report import DEFAULT_SPEEDS, gains_report
+    from scenarios.report import gains_table
+    from vehicles.parameters import LINCOLN_MKZ
+    from vehicles.steering import Gains
+
+    with clear_errors():
+        report = gains_report(LINCOLN_MKZ, Gains(*gains), speeds or DEFAULT_SPEEDS, out_dir=out)
+        Console().print(gains_table(report))
+        click.echo(f"written: {out / 'gains.json'} and {len(report['pictures'])} pictures")
+
+
 @cli.command(epilog="Example: convoy new > my.toml")
 @click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path))
 def new(file: Path | None) -> None:

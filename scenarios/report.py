@@ -1,11 +1,14 @@
 """The figures of a run as tables for a person; `summary.json` holds the same for machines."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+
+from scenarios.check import CheckReport
 
 
 def print_summary(summary: dict[str, Any], log: Path | None, console: Console) -> None:
@@ -76,3 +79,55 @@ def link_table(summary: dict[str, Any]) -> Table:
 
 def _pair_cm(largest: float | None, rms: float | None) -> str:
     return "" if largest is None or rms is None else f"{largest * 100:.1f} / {rms * 100:.1f}"
+
+
+def check_table(report: CheckReport) -> Table:
+    """What a scenario asks for, one figure a row."""
+    table = Table(title=f"{report.name}: {report.description}", box=SIMPLE_HEAD, show_header=False)
+    table.add_column("what", no_wrap=True)
+    table.add_column("figure")
+    rows = (
+        ("vehicles", ", ".join(report.vehicles)),
+        ("gaps at the start", ", ".join(f"{gap:g}" for gap in report.gaps_m) + " m"),
+        ("duration", f"{report.duration_s:.1f} s"),
+        ("path, and driven of it", f"{report.path_length_m:.0f} m, {report.driven_m:.0f} m"),
+        ("tightest radius", f"{report.radius_m_min:.1f} m" if report.radius_m_min else "straight"),
+        ("speed", f"{report.speed_mps_min:.1f} to {report.speed_mps_max:.1f} m/s"),
+        (
+            "acceleration, braking",
+            f"{report.acceleration_mps2_max:.1f}, {report.braking_mps2_max:.1f} m/s²",
+        ),
+        ("lateral acceleration", f"{report.lateral_acceleration_mps2_max:.1f} m/s²"),
+    )
+    for row in rows:
+        table.add_row(*row)
+    if report.deviation_m_rms is not None and report.deviation_m_max is not None:
+        rms, largest = report.deviation_m_rms * 100, report.deviation_m_max * 100
+        table.add_row("path off the recorded points", f"{rms:.1f} cm rms, {largest:.1f} cm at most")
+    return table
+
+
+def gains_table(report: Mapping[str, Any]) -> Table:
+    """Margins, propagation and certificate of a set of gains, one speed a row."""
+    gains, at_all = report["gains"], report["stabilising_set"]["inside_at_all_speeds_and_loadings"]
+    table = Table(
+        title=f"gains {', '.join(f'{value:g}' for value in gains.values())}: "
+        f"{'inside' if at_all else 'OUTSIDE'} the stabilising sets of all speeds and loadings",
+        box=SIMPLE_HEAD,
+    )
+    for heading in (
+        "speed\nm/s",
+        "slowest pole\n1/s",
+        "to the\nboundary",
+        "predecessor only\npeak |G|, rad/s",
+    ):
+        table.add_column(heading, justify="right")
+    for row, passed_on in zip(report["speeds"], report["propagation"], strict=True):
+        peak = passed_on["second_order"]
+        table.add_row(
+            f"{row['speed_mps']:.1f}",
+            f"{row['abscissa_per_s']:.2f}",
+            f"{row['ball_radius']:.3f}",
+            f"{peak['norm_ratio']:.3f} @ {peak['peak_radps']:.2f}" if peak else "unstable",
+        )
+    return table

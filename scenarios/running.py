@@ -6,8 +6,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import click
 from rich.console import Console
 
+from scenarios.check import warnings
 from scenarios.failure import EXIT_FAILED
 from scenarios.launcher import Launch, launch
 from scenarios.leash import Stop, stop_on_signals
@@ -37,6 +39,8 @@ def run_scenario(
 ) -> int:
     """`convoy run`: returns the exit code."""
     scenario = load_scenario(name, overrides, seed)
+    for line in warnings(scenario):
+        click.echo(f"warning: {line}", err=True)
     parse_rerun_option(rerun)  # refused here, in one line, rather than by the recorder
     folder = run_folder(scenario, out)
     stop = stop_on_signals()
