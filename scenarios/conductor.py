@@ -120,12 +120,12 @@ class Conductor:
         said += self._count_the_dead(now)
         if self._early:
             self.stop(f"left before the end: {', '.join(sorted(self._early))}")
-        elif self._finished | self._dead >= set(self._vehicles):
+        elif self._dead >= set(self._vehicles):
+            self.stop("all vehicles died")
+        elif not (awaited := set(self._vehicles) - self._finished - self._dead):
             self.stop("")
         elif now > self.end_at + LAST_WORDS_NS:
-            self.stop(
-                f"no last words from {', '.join(sorted(set(self._vehicles) - self._finished))}"
-            )
+            self.stop(f"no last words from {', '.join(sorted(awaited))}")
         return said
 
     def _count_the_dead(self, now: int) -> list[str]:
@@ -134,7 +134,9 @@ class Conductor:
             if name in self._finished | self._dead or now - since < DEATH_AFTER_NS:
                 continue
             self._dead.add(name)
-            line = f"{name} died {(since - self.start_at) / SECOND:.1f} s after the start"
+            seconds = (since - self.start_at) / SECOND
+            when = f"{seconds:.1f} s after" if seconds >= 0.0 else "before"
+            line = f"{name} died {when} the start"
             if self._goes_on:
                 said.append(f"{line}; the convoy goes on without it")
             else:
