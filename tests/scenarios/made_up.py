@@ -1,0 +1,145 @@
+"""Messages as a vehicle might send them, with only what a test cares about given."""
+
+from dataclasses import replace
+
+from vehicles.messages import (
+    Command,
+    GpsPose,
+    Health,
+    LinkVerdict,
+    LogText,
+    Outcome,
+    RunStart,
+    Tracking,
+    TruePose,
+)
+from vehicles.schedule import SECOND
+
+START = 1_790_000_000 * SECOND
+MS = SECOND // 1000
+
+
+def at(seconds: float) -> int:
+    return START + round(seconds * SECOND)
+
+
+def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
+    pose = GpsPose(
+        vehicle=vehicle,
+        seq=seq,
+        measured_at_ns=at(seq / 20),
+        latitude_deg=30.638,
+        longitude_deg=-96.481,
+        altitude_m=80.0,
+        heading_deg=90.0,
+        speed_mps=20.0,
+        yaw_rate_radps=0.0,
+    )
+    return replace(pose, **more)  # type: ignore[arg-type]
+
+
+def truth(
+    vehicle: str, seq: int, east: float, north: float, yaw: float = 0.0, distance: float = 0.0
+) -> TruePose:
+    return TruePose(
+        vehicle=vehicle,
+        seq=seq,
+        true_at_ns=at(seq / 50),
+        east_m=east,
+        north_m=north,
+        yaw_rad=yaw,
+        speed_mps=20.0,
+        lateral_speed_mps=0.0,
+        yaw_rate_radps=0.0,
+        steering_rad=0.0,
+        distance_m=distance,
+    )
+
+
+def tracking(vehicle: str, seq: int, **more: object) -> Tracking:
+    message = Tracking(
+        vehicle=vehicle,
+        seq=seq,
+        decided_at_ns=at(seq / 50),
+        mode="composite",
+        reason="",
+        lateral_error_m=0.0,
+        heading_error_rad=0.0,
+        yaw_rate_error_radps=0.0,
+        curvature_per_m=0.0,
+        gap_m=15.0,
+        lead_age_s=0.02,
+        predecessor_age_s=0.02,
+    )
+    return replace(message, **more)  # type: ignore[arg-type]
+
+
+def command(vehicle: str, seq: int) -> Command:
+    return Command(
+        vehicle=vehicle,
+        seq=seq,
+        decided_at_ns=at(seq / 50),
+        steering_rad=0.01,
+        feedforward_rad=0.01,
+        feedback_rad=0.0,
+        acceleration_mps2=0.0,
+        target_speed_mps=20.0,
+    )
+
+
+def verdict(
+    sender: str,
+    receiver: str,
+    seq: int,
+    *,
+    latency_ms: float = 20.0,
+    dropped: str = "",
+    heard_after_ms: float | None = None,
+) -> LinkVerdict:
+    """The link's word on pose `seq`; one `heard_after_ms` the measurement came late."""
+    outcome: Outcome = "dropped" if dropped else "delivered"
+    measured_at = at(seq / 20)
+    late = heard_after_ms is not None
+    heard_after = latency_ms if heard_after_ms is None else heard_after_ms
+    return LinkVerdict(
+        vehicle=receiver,
+        seq=seq,
+        sender=sender,
+        pose_seq=seq,
+        measured_at_ns=measured_at,
+        outcome=outcome,
+        reason=dropped,
+        visible_at_ns=measured_at + round(latency_ms * MS),
+        heard_at_ns=measured_at + round(heard_after * MS),
+        late=late,
+    )
+
+
+def health(
+    vehicle: str, seq: int = 0, *, seconds: float = 1.0, final: bool = False, **more: float
+) -> Health:
+    message = Health(
+        vehicle=vehicle,
+        seq=seq,
+        reported_at_ns=at(seconds),
+        ticks=100,
+        late_ticks=0,
+        lateness_ms_max=0.0,
+        heard=0,
+        dropped=0,
+        late_messages=0,
+        rejected_messages=0,
+        published=0,
+        memory_bytes=0,
+        cpu_ratio=0.0,
+        final=final,
+    )
+    return replace(message, **more)  # type: ignore[arg-type]
+
+
+def text(vehicle: str, seq: int, words: str, level: str = "info") -> LogText:
+    return LogText(vehicle=vehicle, seq=seq, logged_at_ns=START, level=level, text=words)  # type: ignore[arg-type]
+
+
+def start() -> RunStart:
+    return RunStart(vehicle="run", seq=0, start_at_ns=START, run_id="trial")
