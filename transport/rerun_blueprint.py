@@ -22,6 +22,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
+Colour = tuple[int, int, int]
 Road = tuple[Sequence[float], Sequence[float]]
 """East and north of the lead's path, m."""
 TIMELINE = "run_time"
@@ -75,7 +76,7 @@ PLOTS = {
 }
 
 
-def colour_of(place: int) -> tuple[int, int, int]:
+def colour_of(place: int) -> Colour:
     """Colour of the vehicle at `place` of the convoy; after eight they come again, darker."""
     if place == 0:
         return COLOURS[0]

@@ -11,7 +11,8 @@ import rerun as rr
 from transport.arcs import points_along
 from transport.beside import BesideLead
 from transport.link_states import LinkStates, message_state
-from transport.rerun_blueprint import TIMELINE, Road, blueprint, colour_of, middle
+from transport.rerun_blueprint import TIMELINE, Colour, Road, blueprint, colour_of, middle
+from transport.rerun_curves import Curves
 from transport.rerun_shapes import (
     car,
     line_style,
@@ -72,7 +73,7 @@ class Picture:
         self._waiting: list[tuple[int, Message]] = []
         self._places: dict[str, int] = {}
         self._due: defaultdict[tuple[str, str], int] = defaultdict(int)
-        self._curves: dict[str, tuple[list[int], list[float]]] = {}
+        self._curves = Curves(recording)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
         self._beside = BesideLead()
         self._states: dict[str, str] = {}
@@ -110,12 +111,7 @@ class Picture:
 
     def flush(self, now: int) -> None:
         """Send the curves gathered so far, and show how the links were."""
-        for entity, (times, values) in self._curves.items():
-            if times:
-                scalars = rr.Scalars.columns(scalars=values)
-                self._recording.send_columns(entity, self._time_columns(times), scalars)
-                times.clear()
-                values.clear()
+        self._curves.send(self._start or 0)
         for link, at, state in self._links.changes(now):
             self._state(f"links/{link}", state, at)
 
@@ -150,9 +146,9 @@ class Picture:
             del driven[:-1]
         offset = self._beside.offset(truth) if place else None
         if offset is not None:
-            self._curve("cross_track", vehicle, at, offset)
+            self._curves.add("cross_track", vehicle, at, offset)
         if self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
-            self._curve("speed", vehicle, at, truth.speed_mps)
+            self._curves.add("speed", vehicle, at, truth.speed_mps)
 
     def _trajectory(self, trajectory: CompositeTrajectory) -> None:
         vehicle, at = trajectory.vehicle, trajectory.decided_at_ns
@@ -171,17 +167,21 @@ class Picture:
 
     def _tracking(self, tracking: Tracking) -> None:
         vehicle, at = tracking.vehicle, tracking.decided_at_ns
+        place = self._place(vehicle)
         self._state(f"mode/{vehicle}", tracking.mode, at)
         if self._is_due(vehicle, "tracking", at, CURVE_NS):
-            self._curve("tracking", vehicle, at, tracking.lateral_error_m)
-        if self._place(vehicle) and self._is_due(vehicle, "gap", at, SLOW_CURVE_NS):
-            self._curve("gap", vehicle, at, tracking.gap_m)
-            self._curve("age", vehicle, at, max(tracking.lead_age_s, tracking.predecessor_age_s))
+            self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
+        if place and self._is_due(vehicle, "gap", at, SLOW_CURVE_NS):
+            self._curves.add("gap", vehicle, at, tracking.gap_m)
+            self._curves.add(
+                "age", vehicle, at, max(tracking.lead_age_s, tracking.predecessor_age_s)
+            )
 
     def _command(self, command: Command) -> None:
-        if self._is_due(command.vehicle, "steering", command.decided_at_ns, CURVE_NS):
-            degrees = math.degrees(command.steering_rad)
-            self._curve("steering", command.vehicle, command.decided_at_ns, degrees)
+        vehicle, at = command.vehicle, command.decided_at_ns
+        self._place(vehicle)
+        if self._is_due(vehicle, "steering", at, CURVE_NS):
+            self._curves.add("steering", vehicle, at, math.degrees(command.steering_rad))
 
     def _verdict(self, verdict: LinkVerdict) -> None:
         link = f"{verdict.vehicle}/from_{verdict.sender}"
@@ -206,10 +206,8 @@ class Picture:
             self._introduce(vehicle, colour_of(place))
         return place
 
-    def _colour(self, vehicle: str) -> tuple[int, int, int]:
-        return colour_of(self._place(vehicle))
-
-    def _introduce(self, vehicle: str, colour: tuple[int, int, int]) -> None:
+    def _introduce(self, vehicle: str, colour: Colour) -> None:
+        self._curves.colours[vehicle] = colour
         dot = rr.Points2D(
             [[0.0, 0.0]], colors=[colour], radii=rr.Radius.ui_points(5.0), draw_order=21
         )
@@ -251,18 +249,6 @@ class Picture:
         self._due[vehicle, what] = at + period_ns
         return True
 
-    def _curve(self, quantity: str, vehicle: str, at: int, value: float) -> None:
-        if not math.isfinite(value):  # a source never heard has no age
-            return
-        entity = f"plots/{quantity}/{vehicle}"
-        curve = self._curves.get(entity)
-        if curve is None:
-            curve = self._curves[entity] = ([], [])
-            style = rr.SeriesLines(colors=[self._colour(vehicle)], names=[vehicle], widths=[1.5])
-            self._recording.log(entity, style, static=True)
-        curve[0].append(at)
-        curve[1].append(value)
-
     def _at(self, at: int) -> None:
         """Draw at this instant from now on; the vehicles' ticks fall on the same instants."""
         if at == self._drawn_at:
@@ -271,10 +257,3 @@ class Picture:
         since_start = np.timedelta64(at - (self._start or 0), "ns")
         self._recording.set_time(TIMELINE, duration=since_start)
         self._recording.set_time("time", timestamp=np.datetime64(at, "ns"))
-
-    def _time_columns(self, times: list[int]) -> list[rr.TimeColumn]:
-        at = np.array(times, dtype=np.int64)
-        return [
-            rr.TimeColumn(TIMELINE, duration=(at - (self._start or 0)).astype("timedelta64[ns]")),
-            rr.TimeColumn("time", timestamp=at.astype("datetime64[ns]")),
-        ]

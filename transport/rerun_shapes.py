@@ -6,9 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from transport.rerun_blueprint import ROAD, STATES
+from transport.rerun_blueprint import ROAD, STATES, Colour
 
-Colour = tuple[int, int, int]
 MARK_SPACING_M = 50.0
 MARK_OFFSET_M = 4.0
 

@@ -230,6 +230,13 @@ def test_the_view_rides_along_with_whoever_is_left(tmp_path: Path) -> None:
     assert seen_from(convoy, -1, last.east_m, last.north_m) == pytest.approx([0.0, 0.0], abs=1e-4)
 
 
+@pytest.mark.parametrize("first", [drive.command("x", 0), drive.tracking("x", 0)])
+def test_a_vehicle_that_nobody_spoke_of_is_drawn_too(tmp_path: Path, first: Message) -> None:
+    start = next(drive.drive(1))
+    table = picture(tmp_path / "run.rrd", iter((start, (drive.START, first), start)))
+    assert "/world/cars/x/body" in table
+
+
 def test_nobody_there_to_connect_to() -> None:
     option = parse_rerun_option("connect=rerun+http://127.0.0.1:1/proxy")
     with pytest.raises(ViewerError, match="no Rerun viewer listens"):
