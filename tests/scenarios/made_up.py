@@ -39,7 +39,7 @@ def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
 
 
 def truth(
-    vehicle: str, seq: int, east: float, north: float, yaw: float = 0.0, distance: float = 0.0
+    vehicle: str, seq: int, east: float, north: float, *, yaw: float = 0.0, distance: float = 0.0
 ) -> TruePose:
     return TruePose(
         vehicle=vehicle,
