@@ -47,7 +47,6 @@ class VehicleFigures:
 
     poses: int = 0
     last_pose_seq: int = -1
-    missing_poses: int = 0
     truth: list[TruePose] = field(default_factory=list)
     lateral_error: Extremes = field(default_factory=Extremes)
     heading_error: Extremes = field(default_factory=Extremes)
@@ -81,7 +80,6 @@ class Metrics:
                 self._add_tracking(figures, message)
             case GpsPose():
                 figures.poses += 1
-                figures.missing_poses += max(message.seq - figures.last_pose_seq - 1, 0)
                 figures.last_pose_seq = max(message.seq, figures.last_pose_seq)
             case LinkVerdict():
                 self._add_verdict(message)
@@ -142,7 +140,7 @@ class Metrics:
             "name": name,
             "role": "lead" if is_lead else "follower",
             "poses": figures.poses,
-            "missing_poses": figures.missing_poses,
+            "missing_poses": max(figures.last_pose_seq + 1 - figures.poses, 0),
             "lateral_error_m_max": figures.lateral_error.largest,
             "lateral_error_m_rms": figures.lateral_error.rms,
             "heading_error_rad_max": figures.heading_error.largest,
