@@ -14,7 +14,7 @@ from vehicles.dynamics import Body
 from vehicles.geodesy import LocalPlane
 from vehicles.gnss import Fix, to_message
 from vehicles.messages import Message
-from vehicles.schedule import Cadence
+from vehicles.schedule import SECOND
 
 Witness = Callable[[Topic, bytes, Message], None]
 """Sees each message as it is sent, with its bytes: the recorder of a run in virtual time."""
@@ -45,7 +45,7 @@ class Outbox:
         self._plane = plane
         self._inbox = inbox
         self._probe = probe
-        self._pulse = Cadence(start_at, 1.0)
+        self._health_due = start_at
         self._places: dict[type[Message], tuple[str, Topic]] = {
             kind: (key(vehicle, topic), topic) for kind, topic in TOPIC_OF.items()
         }
@@ -64,7 +64,8 @@ class Outbox:
         if decision.fresh:
             self._publish_truth(now, body)
             self._publish_decision(now, decision)
-        if self._pulse.due(now):
+        if now >= self._health_due:  # not every schedule has a tick at each whole second
+            self._health_due += SECOND
             self.publish_health(now)
 
     def say(self, now: int, text: str, level: messages.Level = "info") -> None:
