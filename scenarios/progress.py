@@ -58,7 +58,8 @@ class Progress:
             case RunStart():
                 self._start_at = message.start_at_ns
             case LogText() if message.level in {"error", "fatal"} or row is None:
-                self._console.print(f"{message.vehicle}: {message.text}", highlight=False)
+                line = f"{message.vehicle}: {message.text}"
+                self._console.print(line, highlight=False, markup=False)
             case TruePose() if row:
                 row.speed_mps = message.speed_mps
                 self._now = max(self._now, message.true_at_ns)

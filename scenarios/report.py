@@ -6,6 +6,7 @@ from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from scenarios.check import CheckReport
@@ -17,9 +18,9 @@ def print_summary(summary: dict[str, Any], log: Path | None, console: Console) -
     if summary["links"]:
         console.print(link_table(summary))
     if summary["reason"]:
-        console.print(f"[bold red]ended early:[/] {summary['reason']}", highlight=False)
+        console.print(f"[bold red]ended early:[/] {escape(summary['reason'])}", highlight=False)
     if log is not None:
-        console.print(f"log: {log}", highlight=False, soft_wrap=True)
+        console.print(f"log: {log}", highlight=False, markup=False, soft_wrap=True)
 
 
 def vehicle_table(summary: dict[str, Any]) -> Table:
@@ -83,7 +84,8 @@ def _pair_cm(largest: float | None, rms: float | None) -> str:
 
 def check_table(report: CheckReport) -> Table:
     """What a scenario asks for, one figure a row."""
-    table = Table(title=f"{report.name}: {report.description}", box=SIMPLE_HEAD, show_header=False)
+    title = f"{report.name}: {escape(report.description)}"
+    table = Table(title=title, box=SIMPLE_HEAD, show_header=False)
     table.add_column("what", no_wrap=True)
     table.add_column("figure")
     rows = (
