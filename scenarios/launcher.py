@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from scenarios.leash import Stop
 from scenarios.run_log import LOG_NAME
 from scenarios.scenario import Scenario
 from scenarios.supervisor import Child, Supervisor
-from transport.mcap_log import repair
+from transport.mcap_log import LogError, repair
 
 WATCH_PERIOD_S = 0.05
 
@@ -91,4 +92,5 @@ def _wind_up(plan: Launch, supervisor: Supervisor, fate: Fate) -> None:
     supervisor.stop(["recorder"], grace_s=2.5)
     supervisor.stop(grace_s=0.5)
     log = plan.folder / LOG_NAME
-    fate.repaired = log.exists() and repair(log)
+    with suppress(LogError):  # killed before it had begun its log
+        fate.repaired = log.exists() and repair(log)
