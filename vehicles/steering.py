@@ -158,7 +158,7 @@ def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> L
         raise ValueError(f"controller {name!r}: give a dotted name, package.module.Class")
     try:
         factory = getattr(import_module(module_name), class_name)
-    except (ImportError, AttributeError, ValueError) as error:
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise ValueError(f"controller {name!r}: {error}") from error
     if not callable(getattr(factory, "steer", None)):
         raise ValueError(  # noqa: TRY004 - a wrong name in a scenario is a wrong value
