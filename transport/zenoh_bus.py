@@ -135,8 +135,8 @@ class ZenohBus(Closing):
                 if topic
                 else encoding,
                 congestion_control=zenoh.CongestionControl.DROP,
+                # Not "express": ten poses of one instant would each fill a place of the queue.
                 priority=zenoh.Priority.DATA_HIGH if urgent else zenoh.Priority.DATA,
-                express=urgent,
             )
 
 

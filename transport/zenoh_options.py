@@ -18,6 +18,7 @@ DEFAULTS = {
     # Sixteen batches of 64 KiB, taken as needed: a burst of 2000 messages passes without loss,
     # where the two of the default lost a part in every tenth.
     "transport/link/tx/queue/size/data": "16",
+    "transport/link/tx/queue/size/data_high": "16",
     # Back within 0.3 s after a router is (the default waits up to 4 s).
     "connect/retry": "{period_init_ms: 100, period_max_ms: 500, period_increase_factor: 1.5}",
 }

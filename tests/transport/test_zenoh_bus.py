@@ -185,7 +185,7 @@ def test_a_message_says_what_it_is_and_how_urgent(router: Router) -> None:
         assert until(both)
     pose, truth = samples["convoy/lead/gps"], samples["convoy/lead/truth"]
     assert str(pose.encoding) == "application/protobuf;convoy.GpsPose"
-    assert (pose.priority, pose.express) == (zenoh.Priority.DATA_HIGH, True)
+    assert (pose.priority, pose.express) == (zenoh.Priority.DATA_HIGH, False)
     assert (truth.priority, truth.express) == (zenoh.Priority.DATA, False)
     assert truth.congestion_control == zenoh.CongestionControl.DROP
 
