@@ -59,7 +59,7 @@ class Progress:
                 self._start_at = message.start_at_ns
             case LogText() if message.level in {"error", "fatal"} or row is None:
                 line = f"{message.vehicle}: {message.text}"
-                self._console.print(line, highlight=False, markup=False)
+                self._console.print(line, highlight=False, markup=False, emoji=False)
             case TruePose() if row:
                 row.speed_mps = message.speed_mps
                 self._now = max(self._now, message.true_at_ns)

@@ -20,7 +20,7 @@ def print_summary(summary: dict[str, Any], log: Path | None, console: Console) -
     if summary["reason"]:
         console.print(f"[bold red]ended early:[/] {escape(summary['reason'])}", highlight=False)
     if log is not None:
-        console.print(f"log: {log}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"log: {log}", highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
 def vehicle_table(summary: dict[str, Any]) -> Table:
