@@ -6,13 +6,14 @@ has to pay for itself in squared residuals, measured against the noise.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, inf, sin
+from math import atan2, cos, hypot, inf, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.arc_join import Joined, best_joined, refined
 from vehicles.arc_shapes import (
+    ONE,
     Centred,
     Samples,
     Shape,
@@ -67,10 +68,11 @@ class FitSettings:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A fitted arc spline in the world and the distance of each sample from it (m)."""
+    """A fitted arc spline in the world, the samples' distances from it and their mean (m)."""
 
     spline: ArcSpline
     offsets: Floats
+    rms: float
 
 
 def fit_curve(
@@ -100,7 +102,8 @@ def fit_curve(
         shape, rest = _improved(shape, samples, settings)
     else:
         rest = offsets(shape, samples)
-    return Curve(_spline(shape, samples, (origin_east, origin_north, ux, uy)), rest)
+    rms = sqrt(shape.misfit / samples.sums.item(ONE, ONE, -1))
+    return Curve(_spline(shape, samples, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
 def _chosen(samples: Samples, settings: FitSettings) -> Shape | Joined | None:
@@ -144,13 +147,13 @@ def _joined(samples: Samples, line: Centred, settings: FitSettings) -> Joined | 
 
 
 def _improved(joined: Joined, samples: Samples, settings: FitSettings) -> tuple[Shape, Floats]:
-    """Refine a joined shape, unless that makes it worse; with the distances from it (m)."""
+    """Refine a joined shape, unless that makes it worse; with the samples' distances (m)."""
     shape = refined(joined, samples, settings.passes, _join_range(samples, settings))
     rest = offsets(shape, samples)
     misfit = float(np.add.reduce(samples.weight * rest * rest))
     if misfit > joined.shape.misfit + settings.noise_floor**2:
         return joined.shape, offsets(joined.shape, samples)
-    return shape, rest
+    return shape._replace(misfit=misfit), rest
 
 
 def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, float]) -> ArcSpline:

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicles.arc_shapes import DETERMINED, ONE, SQUARE, Centred, Samples, Shape, X, Y
+from vehicles.arc_shapes import DETERMINED, ONE, SQUARE, Centred, Floats, Samples, Shape, X, Y
 
 SINGULAR = 1e-12
 """Least share of a diagonal that elimination may leave."""
+SETTLED = 0.02
+"""A join that moves less than this (m) has settled: what is left is of the order of its square."""
 TINY = 1e-30
 """Keeps an undetermined curvature from being zero by zero."""
-SETTLED = 0.01
-"""A join that moved less than this (m) has settled: what is left is of the order of its square."""
 
 
 class Joined(NamedTuple):
@@ -32,47 +32,52 @@ def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
 
     Each join is tried with the arc after it and with the arc before it.
     """
-    x, y = samples.x[joins], samples.y[joins]
+    x, y, station = samples.x[joins], samples.y[joins], samples.station[joins]
     count = len(x)
-    before = samples.sums[:, :, joins]
-    bent = np.empty((4, 4, 2 * count))
-    np.subtract(samples.sums[:, :, -1:], before, out=bent[:, :, :count])
-    bent[:, :, count:] = before
-    x, y = np.concatenate((x, x)), np.concatenate((y, y))
-    twice_x, twice_y, square = -2.0 * x, -2.0 * y, x * x + y * y
+    bent = np.empty((2, 4, 4, count))  # sums over the arc's samples: after, before the join
+    bent[1] = samples.sums[:, :, joins]
+    np.subtract(samples.sums[:, :, -1:], bent[1], out=bent[0])
     # φ = |q − P|² is a combination of the four, and so are the sums of its products.
-    sums = bent[SQUARE] + twice_x * bent[X] + twice_y * bent[Y] + square * bent[ONE]
-    square = sums[SQUARE] + twice_x * sums[X] + twice_y * sums[Y] + square * sums[ONE]
-    cross_x = sums[X] - line.mean_x * sums[ONE]
-    cross = sums[Y] - line.mean_y * sums[ONE] - line.slope * cross_x
-    spread = square - sums[ONE] * sums[ONE] / line.weight - cross_x * cross_x / line.xx
+    twice_x, twice_y, square = -2.0 * x, -2.0 * y, x * x + y * y
+    sums = bent[:, SQUARE] + twice_x * bent[:, X] + twice_y * bent[:, Y] + square * bent[:, ONE]
+    of_one, of_x = sums[:, ONE], sums[:, X]
+    square = sums[:, SQUARE] + twice_x * of_x + twice_y * sums[:, Y] + square * of_one
+    cross_x = of_x - line.mean_x * of_one
+    cross = sums[:, Y] - line.mean_y * of_one - line.slope * cross_x
+    spread = square - of_one * of_one / line.weight - cross_x * cross_x / line.xx
     half = cross / np.maximum(spread, DETERMINED * square + TINY)
     gain = half * cross
     best = int(gain.argmax())
-    after = best < count
-    h, px = half.item(best), x.item(best)
+    side, k = divmod(best, count)
+    h, top = half.item(best), gain.item(best)
     slope = line.slope - h * cross_x.item(best) / line.xx
-    offset = line.mean_y - slope * line.mean_x - h * sums.item(ONE, best) / line.weight
+    offset = line.mean_y - slope * line.mean_x - h * of_one.item(side, k) / line.weight
+    shift = _top(gain[side], k, station)
+    px = x.item(k) + shift
     kappa = 2.0 * h / hypot(1.0, slope)
-    misfit = max(line.misfit - gain.item(best), 0.0) / (1.0 + slope * slope)
-    k = best if after else best - count
-    station = samples.station[joins]
-    shift = 0.0
-    if 0 < k < count - 1:
-        low, top, high = gain[best - 1 : best + 2].tolist()
-        bend = 2.0 * top - low - high
-        if bend > 0.0:  # top of the parabola through three joins
-            shift = 0.25 * (high - low) / bend * (station.item(k + 1) - station.item(k - 1))
-    shape = Shape(
-        px + shift,
-        offset + slope * (px + shift),
-        atan(slope),
-        0.0 if after else kappa,
-        kappa if after else 0.0,
-        misfit,
-        4,
-    )
+    before, after = (kappa, 0.0) if side else (0.0, kappa)
+    misfit = max(line.misfit - top, 0.0) / (1.0 + slope * slope)
+    shape = Shape(px, offset + slope * px, atan(slope), before, after, misfit, 4)
     return Joined(shape, station.item(k) + shift)
+
+
+def _top(gain: Floats, best: int, station: Floats) -> float:
+    """How far (m) from the best join the parabola through its gain and two others' is highest.
+
+    At the edge it may lie up to a step beyond.
+    """
+    if len(gain) < 3:
+        return 0.0
+    k = min(max(best, 1), len(gain) - 2)
+    low, top, high = gain[k - 1 : k + 2].tolist()
+    here = station.item(k)
+    back, on = here - station.item(k - 1), station.item(k + 1) - here
+    fall_back, fall_on = top - low, top - high
+    bend = fall_back * on + fall_on * back
+    if not bend > 0.0:
+        return 0.0
+    shift = 0.5 * (fall_back * on * on - fall_on * back * back) / bend
+    return float(here + min(max(shift, -2.0 * back), 2.0 * on) - station.item(best))
 
 
 def refined(joined: Joined, samples: Samples, passes: int, within: tuple[float, float]) -> Shape:

@@ -7,7 +7,6 @@ and samples just behind the ego are kept, so that its own place is not extrapola
 """
 
 from dataclasses import dataclass
-from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -33,7 +32,6 @@ __all__ = [
 Floats = NDArray[np.float64]
 Fusion = Literal["composite", "predecessor", "blend"]
 LEAD, PREDECESSOR = 0, 1
-_sum = np.add.reduce
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,14 +97,13 @@ def fit_composite(
             outliers = len(merged.station) - len(kept.station)
             merged, curve = kept, again
             largest = float(np.abs(curve.offsets).max())
-    square = merged.weight * curve.offsets * curve.offsets
     return Fit(
         curve.spline,
         merged.east,
         merged.north,
         merged.station,
         merged.source,
-        sqrt(float(_sum(square)) / float(_sum(merged.weight))),
+        curve.rms,
         largest,
         outliers,
     )
