@@ -181,7 +181,7 @@ def record(
         )
 
 
-@cli.command(name="list")
+@cli.command(name="list", epilog="Example: convoy list")
 def list_scenarios() -> None:
     """List the scenarios that ship."""
     from scenarios.scenario import library, load_scenario
