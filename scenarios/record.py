@@ -73,7 +73,7 @@ class Recording:
             listeners=(self._conductor.listen, *listeners),
         )
         self._chores = Chores()
-        self._own: list[bytes] = []
+        self._own: list[tuple[str, bytes]] = []
         self._arrivals: SimpleQueue[Arrival] = SimpleQueue()
         self._presences: SimpleQueue[tuple[str, bool]] = SimpleQueue()
         bus.subscribe(EVERYTHING, self._arrive)
@@ -85,12 +85,12 @@ class Recording:
             self._record_arrivals()
             self._conduct()
         end = self._run.end(self._clock.now(), self._conductor.reason)
-        self._own.append(end)
+        ending = self._own_message("end", end)
         if self._conductor.reason:
-            self._announce("end", end)
+            self._bus.publish(*ending, urgent=True)
             self._await_last_words()
         summary = self._run.close(self._clock.now())
-        self._announce("end", end)  # the log is complete: now everyone may go
+        self._bus.publish(*ending, urgent=True)  # the log is complete: now everyone may go
         return summary
 
     def _await_last_words(self) -> None:
@@ -98,8 +98,11 @@ class Recording:
         while self._clock.now() < until and self._conductor.awaits_last_words():
             self._record_arrivals()
 
-    def _announce(self, topic: str, data: bytes) -> None:
-        self._bus.publish(key(CONDUCTOR, TOPICS[topic]), data, urgent=True)
+    def _own_message(self, topic: str, data: bytes) -> tuple[str, bytes]:
+        """Return a message of the run's own with its key; it will not be taken from the bus."""
+        own = key(CONDUCTOR, TOPICS[topic]), data
+        self._own.append(own)
+        return own
 
     def _arrive(self, heard_key: str, data: bytes) -> None:
         self._arrivals.put((self._clock.now(), heard_key, data))
@@ -109,7 +112,7 @@ class Recording:
         try:
             at, heard_key, data = self._arrivals.get(timeout=POLL_S)
             while True:
-                if data not in self._own:
+                if (heard_key, data) not in self._own:
                     self._run.recorder.accept(heard_key, data, at)
                 at, heard_key, data = self._arrivals.get_nowait()
         except Empty:
@@ -126,9 +129,9 @@ class Recording:
             self._run.recorder.say(now, line)
         if self._conductor.phase is Phase.RUNNING:
             if not self._own:
-                self._own.append(self._run.start(now, self._conductor.start_at))
+                self._own_message("start", self._run.start(now, self._conductor.start_at))
             if self._chores.are_due("announce", now, ANNOUNCE_NS):
-                self._announce("start", self._own[0])
+                self._bus.publish(*self._own[0], urgent=True)
             if self._chores.are_due("health", now, SECOND):
                 self._run.recorder.report_health(now)
         if self._chores.are_due("flush", now, FLUSH_NS):

@@ -8,13 +8,20 @@ from transport.codec import RefusedMessageError, decode, encode
 from transport.mcap_log import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
 from vehicles.messages import Health, LogText, Message
+from vehicles.schedule import SECOND
+
+AHEAD_NS = 60 * SECOND
+"""A vehicle's clock may be ahead of the recorder's by so much."""
 
 Listener = Callable[[int, Message], None]
 """Gets the instant of reception (ns) and each accepted message: viewer, progress, conductor."""
 
 
 class Recorder:
-    """Writes the messages of known vehicles; anything else on their keys is only counted."""
+    """Writes the messages of known vehicles; anything else on their keys is only counted.
+
+    `valid_from` (ns) is the first instant of the run: what was valid earlier belongs to another.
+    """
 
     def __init__(
         self,
@@ -35,6 +42,7 @@ class Recorder:
         self._listeners = listeners
         self._seen: defaultdict[str, set[int]] = defaultdict(set)
         self._next: Counter[type[Message]] = Counter()
+        self.valid_from = 0
         self.recorded = 0
         self.rejected: Counter[str] = Counter()
 
@@ -46,7 +54,7 @@ class Recorder:
             return
         vehicle, topic = found
         try:
-            message = decode(topic, data)
+            message = decode(topic, data, exact=True)
         except RefusedMessageError:
             self.rejected["malformed"] += 1
             return
@@ -55,6 +63,10 @@ class Recorder:
             self.rejected["vehicle does not match key"] += 1
         elif message.seq in seen:
             self.rejected["repeated"] += 1
+        elif vehicle == CONDUCTOR:
+            self.rejected["in the run's own name"] += 1
+        elif not self.valid_from <= instant(message) <= at + AHEAD_NS:
+            self.rejected["of another run"] += 1
         else:
             seen.add(message.seq)
             self._record(topic, vehicle, data, at, message)

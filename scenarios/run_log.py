@@ -18,9 +18,13 @@ from scenarios.summary import (
 )
 from transport.mcap_log import LogWriter
 from vehicles.messages import RunEnd, RunStart
+from vehicles.schedule import SECOND
 
 ClockName = Literal["wall", "virtual"]
 LOG_NAME = "run.mcap"
+EARLY_NS = SECOND
+"""A vehicle that is told before the start that the run is over says its last words then."""
+NEVER = 2**63
 
 
 class RunLog:
@@ -50,6 +54,7 @@ class RunLog:
             metrics=self.metrics,
             listeners=listeners,
         )
+        self.recorder.valid_from = NEVER  # nobody has anything to say before the start is known
         self._start_at: int | None = None
         self._end_at = 0
         self._reason = ""
@@ -61,6 +66,7 @@ class RunLog:
     def start(self, at: int, start_at: int) -> bytes:
         """Log the start instant (ns); returns the announcement for the bus."""
         self._start_at = start_at
+        self.recorder.valid_from = start_at - EARLY_NS
         return self.recorder.put(RunStart, at, start_at_ns=start_at, run_id=self._about["run_id"])
 
     def end(self, at: int, reason: str) -> bytes:

@@ -39,7 +39,11 @@ def be_vehicle(
 
 
 class Conducted:
-    """What the conductor announced: when the run starts, and that it is over."""
+    """What the conductor announced: when the run starts, and that it is over.
+
+    The bytes of some other messages pass for a start or an end too. They are told by the vehicle
+    that they name or, a start that came under the end's key, by its instant.
+    """
 
     def __init__(self, bus: Bus) -> None:
         self.start: RunStart | None = None
@@ -49,13 +53,18 @@ class Conducted:
 
     def _hear(self, heard_key: str, data: bytes) -> None:
         try:
-            message = decode(TOPICS[heard_key.rsplit("/", 1)[-1]], data)
+            message = decode(TOPICS[heard_key.rsplit("/", 1)[-1]], data, exact=True)
         except RefusedMessageError:
+            return
+        if message.vehicle != CONDUCTOR:
             return
         if isinstance(message, RunStart):
             self.start = self.start or message
-        elif isinstance(message, RunEnd):
+        elif isinstance(message, RunEnd) and self._is_of_this_run(message):
             self.end = message
+
+    def _is_of_this_run(self, end: RunEnd) -> bool:
+        return self.start is not None and end.end_at_ns != self.start.start_at_ns
 
 
 def drive(kit: Kit, bus: Bus, stop: Stop) -> bool:

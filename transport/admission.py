@@ -45,7 +45,7 @@ class Admission:
         """
         if len(data) > LONGEST_POSE_BYTES:
             raise RefusedMessageError("oversized", f"more than {LONGEST_POSE_BYTES} bytes")
-        pose = cast("GpsPose", decode(GPS, data))
+        pose = cast("GpsPose", decode(GPS, data, exact=True))
         if pose.vehicle != self.sender:
             raise RefusedMessageError("foreign", f"{pose.vehicle!r} in the name of {self.sender}")
         for name, largest in _LARGEST.items():

@@ -6,6 +6,7 @@ from operator import attrgetter
 from typing import Any, Literal, get_args, get_origin
 
 from google.protobuf.message import DecodeError
+from google.protobuf.unknown_fields import UnknownFieldSet
 
 from transport import convoy_pb2
 from transport.topics import TOPICS, Topic
@@ -58,21 +59,15 @@ def encode(message: Message) -> bytes:
     return data
 
 
-def decode(topic: Topic, data: bytes) -> Message:
+def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
     """Read the message of `topic` from `data`; raises RefusedMessageError with the reason.
 
-    Fields that are not in the schema are passed over, as Protobuf means it.
+    Fields that are not in the schema are passed over, as Protobuf means it, so that the log of a
+    later version can be read. With `exact` they are refused: for what comes off a bus, where all
+    are of one version, and where one message's bytes often hold every field of another.
     """
-    if len(data) > MAX_BYTES:
-        raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_BYTES}")
     form = _FORMS[topic.message]
-    try:
-        parsed = form.protobuf.FromString(data)
-    except DecodeError as error:
-        raise RefusedMessageError("garbage", f"not a {topic.message.__name__}") from error
-    # Cut between two fields, or written by another program, bytes can still be valid Protobuf.
-    if not all(map(parsed.HasField, form.single)):
-        raise RefusedMessageError("garbage", f"not a whole {topic.message.__name__}")
+    parsed = _parse(form, data, exact=exact)
     values = dict(zip(form.names, form.values(parsed), strict=True))
     if not values["vehicle"]:
         raise RefusedMessageError("garbage", "no vehicle is named")
@@ -85,3 +80,19 @@ def decode(topic: Topic, data: bytes) -> Message:
         if len(values[one]) != len(values[other]):
             raise RefusedMessageError("garbage", f"{one} and {other} differ in length")
     return form.message(**values)
+
+
+def _parse(form: _Form, data: bytes, *, exact: bool) -> Any:
+    name = form.protobuf.DESCRIPTOR.name
+    if len(data) > MAX_BYTES:
+        raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_BYTES}")
+    try:
+        parsed = form.protobuf.FromString(data)
+    except DecodeError as error:
+        raise RefusedMessageError("garbage", f"not a {name}") from error
+    # Cut between two fields, or written by another program, bytes can still be valid Protobuf.
+    if not all(map(parsed.HasField, form.single)):
+        raise RefusedMessageError("garbage", f"not a whole {name}")
+    if exact and len(UnknownFieldSet(parsed)):
+        raise RefusedMessageError("garbage", f"more than a {name}")
+    return parsed

@@ -1,4 +1,5 @@
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -194,6 +195,24 @@ def test_the_run_s_own_messages_are_not_taken_again_from_the_bus(recorded: Recor
         recorded.recorder.accept("convoy/run/start", data, at(0.1))
     assert recorded.recorder.recorded == 1
     assert recorded.recorder.rejected == {"repeated": 3}
+
+
+def test_nobody_else_speaks_for_the_run(recorded: Recorded) -> None:
+    recorded.recorder.put(RunStart, at(0.0), start_at_ns=START, run_id="trial")
+    data = encode(RunEnd(vehicle=CONDUCTOR, seq=0, end_at_ns=at(1.0), reason="enough"))
+    recorded.recorder.accept("convoy/run/end", data, at(1.0))
+    assert recorded.recorder.recorded == 1
+    assert recorded.recorder.rejected == {"in the run's own name": 1}
+
+
+def test_another_run_s_messages_take_no_number_from_this_run_s(recorded: Recorded) -> None:
+    recorded.recorder.valid_from = at(0.0)
+    for seconds in (-3600.0, -0.1, 3600.0):
+        other = replace(gps("v1", 1), measured_at_ns=at(seconds))
+        recorded.recorder.accept("convoy/v1/gps", encode(other), at(0.0))
+    recorded.take([gps("v1", 0), gps("v1", 1)])
+    assert recorded.recorder.recorded == 2
+    assert recorded.recorder.rejected == {"of another run": 3}
 
 
 def test_the_recorder_tells_in_the_log_how_many_it_refused(recorded: Recorded) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from transport.codec import MAX_BYTES, PROTOBUF, RefusedMessageError, decode, encode
 from transport.topics import TOPIC_OF, TOPICS, Topic
-from vehicles.messages import CompositeTrajectory, LogText, Message, RunStart
+from vehicles.messages import CompositeTrajectory, LogText, Message, RunEnd, RunStart
 
 INT64 = st.integers(-(2**63), 2**63 - 1)
 UINT64 = st.integers(0, 2**64 - 1)
@@ -47,6 +47,8 @@ def messages(draw: st.DrawFn, kind: type[Message]) -> Message:
 
 any_message = st.sampled_from(sorted(TOPIC_OF, key=lambda kind: kind.__name__)).flatmap(messages)
 any_topic = st.sampled_from(list(TOPICS.values()))
+ALIKE = (RunStart, RunEnd)
+"""Kinds whose fields differ in nothing but their names."""
 
 
 @settings(max_examples=150)
@@ -112,6 +114,17 @@ def test_fields_of_a_later_version_are_passed_over() -> None:
     start = RunStart(vehicle="run", seq=1, start_at_ns=2, run_id="x")
     later = bytes([15 << 3 | 1]) + struct.pack("<d", 1.5)
     assert decode(TOPICS["start"], encode(start) + later) == start
+
+
+@settings(max_examples=150)
+@given(message=any_message, topic=any_topic)
+def test_off_a_bus_no_message_passes_for_another(message: Message, topic: Topic) -> None:
+    data = encode(message)
+    if type(message) is topic.message:
+        assert decode(topic, data, exact=True) == message
+    elif not (isinstance(message, ALIKE) and topic.message in ALIKE):
+        with pytest.raises(RefusedMessageError, match="garbage"):
+            decode(topic, data, exact=True)
 
 
 @pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
