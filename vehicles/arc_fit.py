@@ -17,6 +17,8 @@ from vehicles.arc_shapes import (
     Centred,
     Samples,
     Shape,
+    X,
+    Y,
     best_arc,
     best_line,
     centred,
@@ -95,19 +97,16 @@ def fit_curve(
     ux, uy = ux / chord, uy / chord
     dx, dy = east - origin_east, north - origin_north
     samples = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
-    shape = _chosen(samples, settings)
-    if shape is None:
+    choice = _chosen(samples, settings)
+    if choice is None:
         return None
-    if isinstance(shape, Joined):
-        shape, rest = _improved(shape, samples, settings)
-    else:
-        rest = offsets(shape, samples)
+    shape, rest = choice
     rms = sqrt(shape.misfit / samples.sums.item(ONE, ONE, -1))
     return Curve(_spline(shape, samples, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
-def _chosen(samples: Samples, settings: FitSettings) -> Shape | Joined | None:
-    """Choose the shape of the fewest unknowns that explains the samples."""
+def _chosen(samples: Samples, settings: FitSettings) -> tuple[Shape, Floats] | None:
+    """Choose the shape of the fewest unknowns that explains the samples; their distances (m)."""
     through = centred(samples)
     arc = None if through is None else best_arc(samples, through)
     if through is None or arc is None:
@@ -122,10 +121,10 @@ def _chosen(samples: Samples, settings: FitSettings) -> Shape | Joined | None:
     shape, score = line, line.misfit
     if arc.misfit + settings.evidence * noise < score:
         shape, score = arc, arc.misfit + settings.evidence * noise
-    if joined is None:
-        return shape
     price = (settings.evidence + settings.join_evidence) * noise
-    return joined if joined.shape.misfit + price < score else shape
+    if joined is not None and joined.shape.misfit + price < score:
+        return _improved(joined, samples, settings)
+    return shape, offsets(shape, samples)
 
 
 def _join_range(samples: Samples, settings: FitSettings) -> tuple[float, float]:
@@ -153,7 +152,7 @@ def _improved(joined: Joined, samples: Samples, settings: FitSettings) -> tuple[
     misfit = float(np.add.reduce(samples.weight * rest * rest))
     if misfit > joined.shape.misfit + settings.noise_floor**2:
         return joined.shape, offsets(joined.shape, samples)
-    return shape._replace(misfit=misfit), rest
+    return Shape(*shape[:5], misfit, shape.freedom), rest
 
 
 def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, float]) -> ArcSpline:
@@ -162,8 +161,8 @@ def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, fl
     east = origin_east + shape.x * ux - shape.y * uy
     north = origin_north + shape.x * uy + shape.y * ux
     yaw = atan2(uy, ux) + shape.angle
-    start = _station(shape, shape.before, samples.x.item(0), samples.y.item(0))
-    end = _station(shape, shape.after, samples.x.item(-1), samples.y.item(-1))
+    start = _station(shape, shape.before, samples.rows.item(X, 0), samples.rows.item(Y, 0))
+    end = _station(shape, shape.after, samples.rows.item(X, -1), samples.rows.item(Y, -1))
     begin = Piece(east, north, yaw, shape.before, 0.0).at(start)
     if shape.before == shape.after:
         return ArcSpline((Piece(begin.east, begin.north, begin.yaw, shape.after, end - start),))

@@ -5,7 +5,7 @@ equation of the arc with κ = 0 on one side. So joins are tried at some of the s
 one is refined by Gauss–Newton passes on all four unknowns.
 """
 
-from math import atan, cos, hypot, sin
+from math import atan, cos, hypot, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +14,15 @@ from vehicles.arc_shapes import DETERMINED, ONE, SQUARE, Centred, Floats, Sample
 
 SINGULAR = 1e-12
 """Least share of a diagonal that elimination may leave."""
-SETTLED = 0.02
+SETTLED = 0.05
 """A join that moves less than this (m) has settled: what is left is of the order of its square."""
 TINY = 1e-30
 """Keeps an undetermined curvature from being zero by zero."""
+
+
+FLIPPED = np.array([ONE, X, Y, SQUARE])
+SIGNED = np.array([[1.0], [-2.0], [-2.0], [1.0]])
+"""|q − P|² is the sum of q's rows times P's rows, flipped and signed."""
 
 
 class Joined(NamedTuple):
@@ -32,33 +37,44 @@ def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
 
     Each join is tried with the arc after it and with the arc before it.
     """
-    x, y, station = samples.x[joins], samples.y[joins], samples.station[joins]
-    count = len(x)
+    rows, station = samples.rows[:, joins], samples.station[joins]
+    count = len(station)
     bent = np.empty((2, 4, 4, count))  # sums over the arc's samples: after, before the join
     bent[1] = samples.sums[:, :, joins]
     np.subtract(samples.sums[:, :, -1:], bent[1], out=bent[0])
-    # φ = |q − P|² is a combination of the four, and so are the sums of its products.
-    twice_x, twice_y, square = -2.0 * x, -2.0 * y, x * x + y * y
-    sums = bent[:, SQUARE] + twice_x * bent[:, X] + twice_y * bent[:, Y] + square * bent[:, ONE]
-    of_one, of_x = sums[:, ONE], sums[:, X]
-    square = sums[:, SQUARE] + twice_x * of_x + twice_y * sums[:, Y] + square * of_one
-    cross_x = of_x - line.mean_x * of_one
-    cross = sums[:, Y] - line.mean_y * of_one - line.slope * cross_x
-    spread = square - of_one * of_one / line.weight - cross_x * cross_x / line.xx
+    # |q − P|² is a combination of the four rows, and so are the sums of its products with them;
+    # with 1 and x these are normed, with x and y they are about the line through all samples.
+    circle = rows.take(FLIPPED, 0) * SIGNED
+    sums = np.einsum("sijk,jk->sik", bent, circle)
+    square = np.einsum("sik,ik->sk", sums, circle)
+    of_one, of_x, cross = np.einsum("ri,sik->rsk", _about(line), sums)
+    spread = square - of_one * of_one - of_x * of_x
     half = cross / np.maximum(spread, DETERMINED * square + TINY)
     gain = half * cross
     best = int(gain.argmax())
     side, k = divmod(best, count)
     h, top = half.item(best), gain.item(best)
-    slope = line.slope - h * cross_x.item(best) / line.xx
-    offset = line.mean_y - slope * line.mean_x - h * of_one.item(side, k) / line.weight
+    slope = line.slope - h * of_x.item(best) / sqrt(line.xx)
+    offset = line.mean_y - slope * line.mean_x - h * of_one.item(best) / sqrt(line.weight)
     shift = _top(gain[side], k, station)
-    px = x.item(k) + shift
+    px = rows.item(X, k) + shift
     kappa = 2.0 * h / hypot(1.0, slope)
     before, after = (kappa, 0.0) if side else (0.0, kappa)
     misfit = max(line.misfit - top, 0.0) / (1.0 + slope * slope)
     shape = Shape(px, offset + slope * px, atan(slope), before, after, misfit, 4)
     return Joined(shape, station.item(k) + shift)
+
+
+def _about(line: Centred) -> Floats:
+    """What is taken of the sums: with 1 and x, each normed, and with the distance from the line."""
+    x_norm = 1.0 / sqrt(line.xx)
+    return np.array(
+        [
+            (0.0, 0.0, 0.0, 1.0 / sqrt(line.weight)),
+            (0.0, x_norm, 0.0, -line.mean_x * x_norm),
+            (0.0, -line.slope, 1.0, line.slope * line.mean_x - line.mean_y),
+        ]
+    )
 
 
 def _top(gain: Floats, best: int, station: Floats) -> float:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 SQUARE, X, Y, ONE = range(4)
-"""Rows and columns of `Samples.sums`: x² + y², x, y, 1."""
+"""Places of x² + y², x, y and 1 in `Samples`."""
 DETERMINED = 1e-9
 """Relative spread below which the samples do not determine an unknown."""
 
@@ -50,12 +50,11 @@ class Shape(NamedTuple):
 class Samples(NamedTuple):
     """Samples in the local frame, in order of travel.
 
-    x along the travel, y left (m); station (m); weight. `sums[i, j, k]` is the weighted sum over
-    the first k + 1 samples of the product of the i-th and j-th of (x² + y², x, y, 1).
+    `rows` are x² + y², x, y and 1 with x along the travel, y left (m); station (m); weight.
+    `sums[i, j, k]` is the weighted sum over the first k + 1 samples of row i times row j.
     """
 
-    x: Floats
-    y: Floats
+    rows: Floats
     station: Floats
     weight: Floats
     sums: Floats
@@ -75,25 +74,26 @@ class Centred(NamedTuple):
 def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> Samples:
     """Add up the products of (x² + y², x, y, 1) along the samples."""
     rows = np.empty((4, len(x)))
-    np.add(x * x, y * y, out=rows[SQUARE])
     rows[X], rows[Y], rows[ONE] = x, y, 1.0
+    np.multiply(x, x, out=rows[SQUARE])
+    rows[SQUARE] += y * y
     sums = np.add.accumulate((rows * weight)[:, None, :] * rows, 2)
-    return Samples(x, y, station, weight, sums)
+    return Samples(rows, station, weight, sums)
 
 
 def offsets(shape: Shape, samples: Samples) -> Floats:
     """Distance of each sample from the curve (m, left positive), to first order."""
     ux, uy = cos(shape.angle), sin(shape.angle)
-    dx, dy = samples.x - shape.x, samples.y - shape.y
-    eta = dy * ux - dx * uy
+    dx, dy = samples.rows[X] - shape.x, samples.rows[Y] - shape.y
+    eta: Floats = dy * ux - dx * uy
     if shape.before == shape.after == 0.0:
         return eta
-    square = dx * dx + dy * dy
-    if shape.before == shape.after:
-        return eta - 0.5 * shape.after * square
-    ahead = dx * ux + dy * uy > 0.0
-    bent = ahead if shape.before == 0.0 else ~ahead
-    return eta - 0.5 * (shape.before + shape.after) * square * bent
+    bend: Floats = (0.5 * (shape.before or shape.after)) * (dx * dx + dy * dy)
+    if shape.before != shape.after:
+        ahead = dx * ux + dy * uy > 0.0
+        bend *= ahead if shape.after else ~ahead
+    eta -= bend
+    return eta
 
 
 def centred(samples: Samples) -> Centred | None:

@@ -148,10 +148,10 @@ def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Me
         return _alone(lead, LEAD)
     total = (1.0 - alpha) * leads + alpha * predecessors
     scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
-    weight = np.full(leads + predecessors, scale * alpha)
-    weight[:leads] = scale * (1.0 - alpha)
-    source = np.full(leads + predecessors, PREDECESSOR, dtype=np.int8)
-    source[:leads] = LEAD
+    weight = np.empty(leads + predecessors)
+    weight[:leads], weight[leads:] = scale * (1.0 - alpha), scale * alpha
+    source = np.empty(leads + predecessors, dtype=np.int8)
+    source[:leads], source[leads:] = LEAD, PREDECESSOR
     station = np.concatenate((lead.station, predecessor.station))
     east = np.concatenate((lead.east, predecessor.east))
     north = np.concatenate((lead.north, predecessor.north))
