@@ -1,6 +1,5 @@
 """The two files of a run: `run.mcap` with everything in it, and `summary.json`."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -15,6 +14,7 @@ from scenarios.summary import (
     about,
     requested_links,
     summarise,
+    summary_text,
 )
 from transport.mcap_log import LogWriter
 from vehicles.messages import RunEnd, RunStart
@@ -88,7 +88,7 @@ class RunLog:
             reason=self._reason,
             rejected=self.recorder.rejected,
         )
-        text = json.dumps(summary, indent=2) + "\n"
+        text = summary_text(summary)
         self._writer.attach(SUMMARY_NAME, "application/json", text.encode())
         self._writer.close()
         (self._folder / SUMMARY_NAME).write_text(text, encoding="utf-8")

@@ -1,7 +1,7 @@
 """What the commands `run` and `record` do: prepare the folder, run, show, sum up."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,9 @@ from scenarios.report import print_summary
 from scenarios.review import open_view
 from scenarios.run_log import LOG_NAME
 from scenarios.scenario import Scenario, load_scenario
-from scenarios.summary import summary_of
+from scenarios.summary import SUMMARY_NAME, summary_of, summary_text
 from scenarios.virtual import run_virtual
+from transport.mcap_log import LogError
 from transport.rerun_view import parse_rerun_option
 from transport.zenoh_bus import ZenohOptions, open_bus
 
@@ -58,7 +59,8 @@ def run_scenario(
         console = Console(stderr=True)
         console.print(f"[bold red]{fate.reason}[/]", highlight=False)
     if fate.repaired:
-        show(summary_of(folder / LOG_NAME), folder, quiet=quiet)
+        with suppress(LogError):  # killed before the first message
+            sum_up(folder, quiet=quiet)
     return fate.exit_code
 
 
@@ -108,6 +110,13 @@ def listeners(
             progress = Progress(scenario.vehicle_names, scenario.duration_s)
             found.append(stack.enter_context(progress).listen)
         yield found
+
+
+def sum_up(folder: Path, *, quiet: bool) -> None:
+    """Write and show the summary of a run whose recorder could not; raises LogError."""
+    summary = summary_of(folder / LOG_NAME)
+    (folder / SUMMARY_NAME).write_text(summary_text(summary), encoding="utf-8")
+    show(summary, folder, quiet=quiet)
 
 
 def show(summary: dict[str, Any], folder: Path, *, quiet: bool) -> None:

@@ -65,6 +65,11 @@ def summarise(
     }
 
 
+def summary_text(summary: Mapping[str, Any]) -> str:
+    """The content of `summary.json`, beside the log and inside it."""
+    return json.dumps(summary, indent=2) + "\n"
+
+
 def summary_of(log: Path) -> dict[str, Any]:
     """The summary inside `log`; for a log that breaks off, worked out from its messages."""
     reader = LogReader(log)
