@@ -22,12 +22,17 @@ from vehicles.arc_shapes import (
     best_arc,
     best_line,
     centred,
+    drift,
     offsets,
     summed,
 )
 from vehicles.arc_spline import STRAIGHT, ArcSpline, Piece
 
 Floats = NDArray[np.float64]
+STRAYING = 0.5
+"""Drift from an arc, in units of noise times the root of the number of samples, below which no join
+needs to be looked for. Two in three lines and arcs stay below; of a thousand curves with a join
+that would be found one does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,13 +116,12 @@ def _chosen(samples: Samples, settings: FitSettings) -> tuple[Shape, Floats] | N
     arc = None if through is None else best_arc(samples, through)
     if through is None or arc is None:
         return None
-    line = best_line(through)
-    joined = _joined(samples, through, settings)
+    line, count = best_line(through), through.weight
+    joined = None
+    if drift(arc, samples) > STRAYING * sqrt(_noise(arc, count, settings) * count):
+        joined = _joined(samples, through, settings)
     best = joined.shape if joined is not None and joined.shape.misfit < arc.misfit else arc
-    spare = through.weight - best.freedom
-    noise = settings.position_noise**2
-    if spare >= 1.0:
-        noise = min(max(best.misfit / spare, settings.noise_floor**2), noise)
+    noise = _noise(best, count, settings)
     shape, score = line, line.misfit
     if arc.misfit + settings.evidence * noise < score:
         shape, score = arc, arc.misfit + settings.evidence * noise
@@ -125,6 +129,14 @@ def _chosen(samples: Samples, settings: FitSettings) -> tuple[Shape, Floats] | N
     if joined is not None and joined.shape.misfit + price < score:
         return _improved(joined, samples, settings)
     return shape, offsets(shape, samples)
+
+
+def _noise(shape: Shape, count: float, settings: FitSettings) -> float:
+    """Variance of the samples' distances (m²), if the shape is right; as assumed, or less."""
+    assumed, spare = settings.position_noise**2, count - shape.freedom
+    if spare < 1.0:
+        return assumed
+    return min(max(shape.misfit / spare, settings.noise_floor**2), assumed)
 
 
 def _join_range(samples: Samples, settings: FitSettings) -> tuple[float, float]:

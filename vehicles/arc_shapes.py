@@ -131,6 +131,22 @@ def best_arc(samples: Samples, line: Centred) -> Shape | None:
     return _arc(offset, slope, half, max(line.misfit - half * cross, 0.0))
 
 
+def drift(arc: Shape, samples: Samples) -> float:
+    """How far the distances from an arc add up (m, weighted), at most, along the samples.
+
+    Those of noise alone cancel out sooner than those of a curve that is no arc.
+    """
+    px, py, half = arc.x, arc.y, 0.5 * arc.after
+    nx, ny = -sin(arc.angle), cos(arc.angle)
+    equation = (
+        -half,
+        nx + 2.0 * half * px,
+        ny + 2.0 * half * py,
+        -(nx * px + ny * py) - half * (px * px + py * py),
+    )
+    return float(np.abs(np.einsum("i,ik->k", equation, samples.sums[:, ONE])).max())
+
+
 def _arc(offset: float, slope: float, half: float, misfit: float) -> Shape | None:
     """Convert the circle y = offset + slope x + half (x² + y²) to a shape at the origin."""
     square = 1.0 + slope * slope - 4.0 * half * offset

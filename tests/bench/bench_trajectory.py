@@ -25,25 +25,31 @@ SHAPES = {
     "arc-line": [(1 / 150, 16.0), (0.0, 16.0)],
 }
 LENGTH, EGO = 30.0, 7.0
-ROUNDS = 7
+ROUNDS, DRAWS = 7, 50
 
 
-def microseconds(work: Callable[[], object], calls: int = 500) -> tuple[float, float]:
-    """Best and median time of one call over several rounds."""
-    rounds = sorted(timeit.repeat(work, timer=process_time, number=calls, repeat=ROUNDS))
+def microseconds(work: Callable[[int], object], calls: int = 500) -> tuple[float, float]:
+    """Best and median over several rounds of the mean time of one call, which gets its number."""
+
+    def round_of_calls() -> None:
+        for k in range(calls):
+            work(k)
+
+    rounds = sorted(timeit.repeat(round_of_calls, timer=process_time, number=1, repeat=ROUNDS))
     return rounds[0] / calls * 1e6, rounds[ROUNDS // 2] / calls * 1e6
 
 
-def samples(pieces: list[tuple[float, float]], count: int) -> tuple[Window, Window]:
+def samples(pieces: list[tuple[float, float]], count: int, seed: int) -> tuple[Window, Window]:
     """Half of the samples from the lead, half from the predecessor, 2 cm of noise."""
-    random, path = np.random.default_rng(4), course(pieces)
+    random, path = np.random.default_rng(seed), course(pieces)
     lead = window(path, np.linspace(0.0, LENGTH, count - count // 2), EGO)
     predecessor = window(path, np.linspace(0.7, LENGTH - 0.4, count // 2), EGO)
     return shaken(lead, random), shaken(predecessor, random)
 
 
-def circle(lead: Window, predecessor: Window) -> object:
+def circle(seen: tuple[Window, Window], _: int) -> object:
     """The paper's circle alone, by a general solver."""
+    lead, predecessor = seen
     east = np.concatenate((lead.east, predecessor.east))
     north = np.concatenate((lead.north, predecessor.north))
     design = np.stack((east, north, np.ones(len(east))), axis=1)
@@ -58,24 +64,27 @@ def trace_of(count: int) -> Trace:
     return trace
 
 
+def row(name: str, work: Callable[[int], object], calls: int = 500) -> None:
+    """Measure and print one line of the table."""
+    best, median = microseconds(work, calls)
+    print(f"{name:26s}{best:10.1f}{median:12.1f}")
+
+
+def fits_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int], object]:
+    """Work that fits one of `DRAWS` draws of the noise after the other."""
+    draws, settings = [samples(pieces, count, seed) for seed in range(DRAWS)], FitSettings()
+    return lambda k: fit_composite(*draws[k % DRAWS], alpha=0.5, settings=settings)
+
+
 def main() -> int:
     """Print the table."""
     print(f"{'':26s}{'best, µs':>10s}{'median, µs':>12s}")
-    settings = FitSettings()
     for count in (16, 40, 80):
         for name, pieces in SHAPES.items():
-            lead, predecessor = samples(pieces, count)
-            best, median = microseconds(
-                partial(fit_composite, lead, predecessor, alpha=0.5, settings=settings)
-            )
-            print(f"{name + f', {count} samples':26s}{best:10.1f}{median:12.1f}")
-        best, median = microseconds(partial(circle, lead, predecessor))
-        print(f"{f'baseline, {count} samples':26s}{best:10.1f}{median:12.1f}")
-    trace, place = trace_of(2000), iter(range(10**9))
-    best, median = microseconds(
-        lambda: trace.window(1000.0 + 0.01 * next(place), 0.1, 7.5, 24.0), 1000
-    )
-    print(f"{'window of a trace':26s}{best:10.1f}{median:12.1f}")
+            row(f"{name}, {count} samples", fits_of(pieces, count))
+        row(f"baseline, {count} samples", partial(circle, samples(SHAPES["arc"], count, 0)))
+    trace = trace_of(2000)
+    row("window of a trace", lambda k: trace.window(1000.0 + 0.01 * k, 0.1, 7.5, 24.0))
     return 0
 
 
