@@ -1,0 +1,257 @@
+"""The project as a whole: its checks, its folders, its imports and its dependencies."""
+
+import fnmatch
+import importlib.metadata
+import importlib.util
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import grimp
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("vehicles", "transport", "scenarios")
+TOP_LEVEL = {
+    *PACKAGES, "tests",
+    "pyproject.toml", "requirements.lock", "README.md", "LICENSE",
+    "docker-compose.yml", "Dockerfile", ".dockerignore", ".gitignore", ".ci",
+}  # fmt: skip
+GENERATED = {"transport/convoy_pb2.py"}
+LONGEST_MODULE = 300
+PURE = {
+    "bisect", "collections", "dataclasses", "enum", "fractions", "functools", "heapq", "importlib",
+    "itertools", "math", "numpy", "pymap3d", "scipy", "typing",
+}  # fmt: skip
+COMES_WITH = {"zstandard": "mcap", "pydantic-core": "pydantic"}
+"""Packages that one of our dependencies cannot do without."""
+
+
+def run(tool: str, *arguments: str) -> None:
+    """Run a tool with the interpreter of the tests on the whole project."""
+    if importlib.util.find_spec(tool) is None:
+        pytest.skip(f"{tool} is not installed; pip install -e '.[dev]' does that")
+    command = [sys.executable, *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"\n{done.stdout}\n{done.stderr}"
+
+
+# ---- Checks
+
+
+def test_lint() -> None:
+    run("ruff", "-m", "ruff", "check", ".")
+
+
+def test_format() -> None:
+    run("ruff", "-m", "ruff", "format", "--check", ".")
+
+
+def test_types() -> None:
+    run("mypy", "-m", "mypy")
+
+
+def test_import_contracts() -> None:
+    lint_imports = "from importlinter.cli import lint_imports_command as lint; lint()"
+    run("importlinter", "-c", lint_imports)
+
+
+# ---- Folders and files
+
+
+def test_the_top_level_holds_what_it_should_and_nothing_else() -> None:
+    ignored = [line.rstrip("/") for line in (ROOT / ".gitignore").read_text().split()]
+    found = {
+        path.name
+        for path in ROOT.iterdir()
+        if path.name != ".git" and not any(fnmatch.fnmatch(path.name, name) for name in ignored)
+    }
+    assert found == TOP_LEVEL
+
+
+def test_every_folder_with_tests_is_a_package() -> None:
+    """Without an `__init__.py`, `tests/vehicles` would stand before the real package."""
+    folders = {path.parent for path in (ROOT / "tests").rglob("*.py")}
+    assert {folder.name for folder in folders} >= {"tests", *PACKAGES}
+    for folder in folders:
+        assert (folder / "__init__.py").exists(), folder
+
+
+def sources() -> list[Path]:
+    return sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
+
+
+TOO_LONG = pytest.mark.xfail(strict=True, reason="all commands in one module")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=TOO_LONG if name == "scenarios/cli.py" else ())
+        for path in sources()
+        if (name := str(path.relative_to(ROOT))) not in GENERATED
+    ],
+)
+def test_no_module_is_longer_than_can_be_read_at_a_time(name: str) -> None:
+    lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= LONGEST_MODULE
+
+
+def test_everything_that_ships_is_in_the_distribution() -> None:
+    project = load_project()
+    assert sorted(project["tool"]["setuptools"]["packages"]) == sorted(PACKAGES)
+    shipped = project["tool"]["setuptools"]["package-data"]
+    for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*") if path.is_file()):
+        package, inside = path.relative_to(ROOT).parts[0], Path(*path.relative_to(ROOT).parts[1:])
+        if path.suffix in {".py", ".pyi", ".pyc"}:
+            assert "__pycache__" in inside.parts or len(inside.parts) == 1, path
+        else:
+            patterns = [*shipped.get(package, []), *shipped["*"]]
+            assert any(fnmatch.fnmatch(str(inside), pattern) for pattern in patterns), path
+
+
+# ---- Dependencies
+
+
+def load_project() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def names(requirements: Iterable[str]) -> set[str]:
+    return {canonicalize_name(Requirement(line).name) for line in requirements}
+
+
+def locked() -> list[tuple[Requirement, list[str]]]:
+    """Each requirement of the lock with its hashes."""
+    text = re.sub(r"#.*", "", (ROOT / "requirements.lock").read_text(encoding="utf-8"))
+    entries = [line.split() for line in text.replace("\\\n", " ").splitlines() if line.strip()]
+    return [
+        (
+            Requirement(" ".join(word for word in words if not word.startswith("--"))),
+            [word for word in words if word.startswith("--hash=")],
+        )
+        for words in entries
+    ]
+
+
+def test_every_dependency_is_locked_to_a_version_that_it_allows() -> None:
+    pinned: dict[str, list[str]] = {}
+    for requirement, _ in locked():
+        (pin,) = requirement.specifier
+        assert pin.operator == "==", requirement
+        pinned.setdefault(canonicalize_name(requirement.name), []).append(pin.version)
+    for line in load_project()["project"]["dependencies"]:
+        asked = Requirement(line)
+        versions = pinned.get(canonicalize_name(asked.name), [])
+        assert versions, f"{asked.name} is not locked"
+        assert all(asked.specifier.contains(version) for version in versions), line
+
+
+def test_every_locked_file_has_a_hash() -> None:
+    for requirement, hashes in locked():
+        assert hashes, requirement
+        assert all(re.fullmatch(r"--hash=sha256:[0-9a-f]{64}", one) for one in hashes), requirement
+
+
+def test_the_lock_names_no_place_to_get_packages_from() -> None:
+    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    for word in ("://", "--index-url", "--extra-index-url", "--find-links", "--trusted-host"):
+        assert word not in text
+
+
+def test_locked_dependencies_are_complete() -> None:
+    """What a locked package requires on this platform is locked too."""
+    have = {
+        canonicalize_name(r.name) for r, _ in locked() if r.marker is None or r.marker.evaluate()
+    }
+    for name in sorted(have):
+        for line in importlib.metadata.requires(name) or []:
+            needed = Requirement(line)
+            if needed.marker is None or needed.marker.evaluate({"extra": ""}):
+                assert canonicalize_name(needed.name) in have, f"{name} needs {needed}"
+
+
+# ---- Imports
+
+
+@cache
+def graph() -> grimp.ImportGraph:
+    return grimp.build_graph(*PACKAGES, include_external_packages=True, cache_dir=None)
+
+
+def imported_by(package: str) -> dict[str, list[str]]:
+    """What the modules of `package` import from elsewhere, and which of them do."""
+    found: dict[str, list[str]] = {}
+    for module in graph().modules:
+        if module.split(".")[0] == package:
+            for one in graph().find_modules_directly_imported_by(module):
+                if one.split(".")[0] != package:
+                    found.setdefault(one, []).append(module)
+    return found
+
+
+def test_vehicles_import_nothing_that_is_not_pure() -> None:
+    assert set(imported_by("vehicles")) <= PURE
+
+
+def test_messages_stand_alone() -> None:
+    assert graph().find_modules_directly_imported_by("vehicles.messages") <= {
+        "dataclasses",
+        "typing",
+    }
+
+
+def test_scipy_is_for_the_analysis_alone() -> None:
+    analysis = {"vehicles.gains", "vehicles.stability", "vehicles.string_stability"}
+    assert set(imported_by("vehicles")["scipy"]) <= analysis
+
+
+def test_every_package_that_is_imported_is_a_declared_dependency() -> None:
+    declared = names(load_project()["project"]["dependencies"])
+    distributions = importlib.metadata.packages_distributions()
+    for package in PACKAGES:
+        for name in imported_by(package):
+            if name in sys.stdlib_module_names or name.split(".")[0] in PACKAGES:
+                continue
+            candidates = {canonicalize_name(one) for one in distributions.get(name, [])}
+            parents = {COMES_WITH.get(one, one) for one in candidates}
+            assert parents & declared, f"{package} imports {name}"
+    for one, parent in COMES_WITH.items():
+        assert one in names(importlib.metadata.requires(parent) or [])
+
+
+def modules_after(statement: str) -> Sequence[str]:
+    code = f"{statement}\nimport sys\nprint(*sys.modules)"
+    command = [sys.executable, "-c", code]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=True, cwd=ROOT
+    ).stdout.split()
+
+
+HEAVY = {"scipy", "rich", "rerun", "mcap", "matplotlib", "pandas", "pyarrow", "zstandard", "pyproj"}
+
+
+def test_a_vehicle_s_process_loads_nothing_that_it_does_not_need() -> None:
+    """Each takes megabytes, of which a process has 80."""
+    drive = """
+from scenarios.assembly import Kit
+from scenarios.probe import NoProbe
+from scenarios.scenario import load_scenario
+from transport.memory_bus import MemoryBus
+import scenarios.cli, scenarios.vehicle
+for scenario in ("lane_change", "church_lot", "highway"):
+    kit = Kit(load_scenario(scenario, ["duration_s=0.2"]), "v2")
+    node = kit.node(0, MemoryBus(), NoProbe())
+    for tick in kit.ticks(0):
+        node.step(tick)
+"""
+    loaded = {name.split(".")[0] for name in modules_after(drive)}
+    assert {"zenoh", "numpy", "pydantic"} <= loaded
+    assert not HEAVY & loaded
