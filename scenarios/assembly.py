@@ -37,11 +37,12 @@ class Kit:
         self._route = scenario.route
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
+        self.rates_hz = (scenario.control_rate_hz, self._setup.gnss.rate_hz)
 
     def ticks(self, start_at: int) -> Iterator[Tick]:
         """The vehicle's schedule from `start_at` (ns) to the end of the run."""
         end_at = start_at + self.duration_ns
-        return ticks(start_at, end_at, self.control_rate_hz, self._setup.gnss.rate_hz)
+        return ticks(start_at, end_at, *self.rates_hz)
 
     def node(self, start_at: int, bus: Bus, probe: Probe, witness: Witness = nobody) -> Node:
         """The vehicle as a node that starts at `start_at` (ns) and publishes on `bus`."""

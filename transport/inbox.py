@@ -123,15 +123,16 @@ class Inbox:
         They come in the order (visible_at, sender, seq). Instants must not go back. A verdict is
         put out, by `verdicts`, at the tick that hands a pose over, or would have handed it over.
         """
-        with self._lock:
-            arrived, self._arrived = self._arrived, deque(maxlen=GPS.queue)
-        for sender_key, data in arrived:
-            try:
-                self._judge(sender_key, data, now)
-            except RefusedMessageError as refusal:
-                self.rejected[refusal.reason] += 1
+        if self._arrived:
+            with self._lock:
+                arrived, self._arrived = self._arrived, deque(maxlen=GPS.queue)
+            for sender_key, data in arrived:
+                try:
+                    self._judge(sender_key, data, now)
+                except RefusedMessageError as refusal:
+                    self.rejected[refusal.reason] += 1
         self._taken_until = now
-        return self._hand_over(now)
+        return self._hand_over(now) if self._waiting else []
 
     def verdicts(self) -> list[LinkVerdict]:
         """Return the verdicts put out since the last call."""

@@ -10,7 +10,7 @@ STRAIGHT = 1e-12
 """Curvature (1/m) below which a piece is as long as a line: no rounding of turn over curvature."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PathPose:
     """A place on a path: world position (m), yaw of the tangent (rad), signed curvature (1/m)."""
 
@@ -20,7 +20,7 @@ class PathPose:
     curvature: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Foot:
     """Where a point projects to on a path.
 
@@ -34,7 +34,7 @@ class Foot:
     curvature: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Piece:
     """One line or arc: start (m), yaw there (rad), signed curvature (1/m), length (m)."""
 

@@ -13,7 +13,7 @@ from vehicles.tracking import TrackingErrors
 from vehicles.trajectory import Fit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Decision:
     """Commands for steering and drive, and how they came about.
 

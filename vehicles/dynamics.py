@@ -30,7 +30,7 @@ _Four = tuple[float, float, float, float]
 _Lateral = tuple[float, float, float, float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Body:
     """State of the car at one instant.
 
@@ -50,7 +50,7 @@ class Body:
     distance: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Actuation:
     """What is asked of the car: steering (rad at the road wheels), acceleration (m/s²)."""
 

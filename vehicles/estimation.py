@@ -44,7 +44,7 @@ JUMPS_BELIEVED = 3
 _SECOND = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Pose:
     """Estimated position (m), yaw (rad, within (-pi, pi]), speed (m/s) and yaw rate (rad/s)."""
 
@@ -55,7 +55,7 @@ class Pose:
     yaw_rate: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Track:
     """A pose, the instant (ns) it holds for and how many fixes it rests on."""
 

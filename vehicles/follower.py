@@ -62,6 +62,7 @@ class Follower:
         self._mode: Mode = "straight"
         self._reason = ""
         self._refit_due = 0
+        self._gap, self._gap_at = nan, 0
         self._decision: Decision | None = None
 
     def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
@@ -91,6 +92,7 @@ class Follower:
         if refit:
             self._refit_due = now + REFIT_AFTER
             self._mode, self._reason = self._choose_trajectory(now, pose)
+            self._gap, self._gap_at = self._measured_gap(now, pose), now
         errors, steering = self._steer(pose)
         convoy = self._convoy(now, pose)
         drive = self._speed_law.drive(now, pose, convoy)
@@ -169,17 +171,24 @@ class Follower:
             ),
         )
 
-    def _convoy(self, now: int, pose: Pose) -> Convoy:
-        """Gap to the predecessor, extrapolated from where and how fast it was when last heard."""
-        lead, predecessor = self._traces[self._lead], self._traces[self._predecessor]
+    def _measured_gap(self, now: int, pose: Pose) -> float:
+        """Gap (m) from where the predecessor was last heard to be, and how fast it was; or NaN."""
+        predecessor = self._traces[self._predecessor]
         gap = predecessor.gap(pose.east, pose.north)
         if gap is None or predecessor.newest is None:
+            return nan
+        return gap + predecessor.newest.speed * self._age(now, self._predecessor)
+
+    def _convoy(self, now: int, pose: Pose) -> Convoy:
+        """What is known of the vehicles ahead, carried on to now."""
+        lead, predecessor = self._traces[self._lead].newest, self._traces[self._predecessor].newest
+        if predecessor is None:
             return Convoy()
-        travelled = predecessor.newest.speed * self._age(now, self._predecessor)
+        opened = (predecessor.speed - pose.speed) * (now - self._gap_at) / SECOND
         return Convoy(
-            gap=gap + travelled,
-            predecessor_speed=predecessor.newest.speed,
-            lead_speed=nan if lead.newest is None else lead.newest.speed,
+            gap=self._gap + opened,
+            predecessor_speed=predecessor.speed,
+            lead_speed=nan if lead is None else lead.speed,
         )
 
     def _age(self, now: int, name: str) -> float:

@@ -22,7 +22,7 @@ MAX_YAW_RATE = 10.0
 """Fastest turn (rad/s) that a received pose is believed to report."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Fix:
     """One measurement.
 

@@ -24,7 +24,7 @@ _CORNER = 1e-3
 """Before its curvature changes at a corner between segments, a path has a sample this close (m)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PathPoint:
     """Station (m along the path), position (m), yaw (rad, unwrapped), curvature (1/m)."""
 
@@ -35,7 +35,7 @@ class PathPoint:
     curvature: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PathProjection:
     """Foot of a point on the path: its station (m), yaw (rad, unwrapped) and curvature (1/m).
 

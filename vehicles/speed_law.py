@@ -12,7 +12,7 @@ PROFILE_CORRECTION = 0.5
 """Share of the speed error taken back each second when a profile is followed (1/s)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Convoy:
     """What a follower knows of the vehicles ahead, NaN where it heard nothing.
 
@@ -25,7 +25,7 @@ class Convoy:
     lead_speed: float = nan
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Drive:
     """Acceleration asked of the drive (m/s²) and the speed aimed at (m/s)."""
 

@@ -21,7 +21,7 @@ NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
 """The paper's nominal gains (Section V)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class SteeringCommand:
     """Front wheel angle asked for and its two parts before the limit (rad, left positive)."""
 
