@@ -30,8 +30,8 @@ from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, Tr
 
 PREVIEW_SPACING_M = 2.0
 """Distance between the poses that stand for a composite trajectory."""
-PREVIEW_PERIOD_NS = 100_000_000
-"""A composite trajectory is shown ten times a second; our own message has every one."""
+PREVIEW_PERIOD_NS = 200_000_000
+"""A composite trajectory is shown five times a second; our own message has every one."""
 POSE_PERIOD_NS = 40_000_000
 """The true pose is shown 25 times a second, at every other control tick; ours has every one."""
 _LEVELS = {

@@ -15,7 +15,7 @@ from typing import Any, Self
 from transport.codec import PROTOBUF, RefusedMessageError, decode
 from transport.foxglove import Twin, descriptor_set, twins
 from transport.log_file import LogError
-from transport.mcap_file import McapFile, Writer, repair
+from transport.mcap_file import McapFile, new_writer, repair
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
@@ -55,7 +55,7 @@ class LogWriter:
             self._file = path.open("wb")
         except OSError as error:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
-        self._writer = Writer(self._file)
+        self._writer = new_writer(self._file)
         self._writer.start(profile="", library=library or library_name())
         self._file.flush()  # even a log without a message is recognised as one
         self._twins = twins()

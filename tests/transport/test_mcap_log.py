@@ -79,7 +79,7 @@ def test_counts_per_channel(tmp_path: Path) -> None:
     channels = Counter(channel.topic for _, channel, _ in rows(tmp_path / "run.mcap"))
     assert channels["/convoy/v2/truth"] == TICKS
     for twin in ("location", "pose", "transform", "preview"):
-        assert channels[f"/convoy/v2/{twin}"] == {"location": 12, "preview": 12}.get(
+        assert channels[f"/convoy/v2/{twin}"] == {"location": 12, "preview": 6}.get(
             twin, TICKS // 2
         )
     assert "/convoy/v1/preview" not in channels
