@@ -32,8 +32,8 @@ PREVIEW_SPACING_M = 2.0
 """Distance between the poses that stand for a composite trajectory."""
 PREVIEW_PERIOD_NS = 200_000_000
 """A composite trajectory is shown five times a second; our own message has every one."""
-POSE_PERIOD_NS = 40_000_000
-"""The true pose is shown 25 times a second, at every other control tick; ours has every one."""
+POSE_PERIOD_NS = 80_000_000
+"""The true pose is shown at every fourth control tick, 12.5 times a second; ours has every one."""
 _LEVELS = {
     "debug": Log.DEBUG,
     "info": Log.INFO,

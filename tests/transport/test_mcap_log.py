@@ -80,7 +80,7 @@ def test_counts_per_channel(tmp_path: Path) -> None:
     assert channels["/convoy/v2/truth"] == TICKS
     for twin in ("location", "pose", "transform", "preview"):
         assert channels[f"/convoy/v2/{twin}"] == {"location": 12, "preview": 6}.get(
-            twin, TICKS // 2
+            twin, TICKS // 4
         )
     assert "/convoy/v1/preview" not in channels
 
