@@ -83,6 +83,8 @@ def record_run(
         recording = Recording(scenario, bus, folder, stop, gather_s=gather_s, listeners=ears)
         summary = recording.carry_on()
     show(summary, folder, quiet=quiet)
+    if quiet and summary["reason"] and not stop.asked:
+        click.echo(summary["reason"], err=True)
     # A signal that comes when all is done changes nothing any more.
     return (stop.exit_code or EXIT_FAILED) if summary["reason"] else 0
 
