@@ -2,22 +2,33 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from math import hypot, inf
+from math import cos, hypot, inf, remainder, sin, tau
+
+LONG_STEP = 6.0
+"""From this length (m) on a step is measured straight: between them, the car may have turned."""
+LONG_WHILE = 1_000_000_000
+"""From this time (ns) on, too."""
+
+Point = tuple[int, float, float, float]
+"""Instant (ns), position (m, m), yaw (rad)."""
 
 
 class Polyline:
-    """Points (m) with an instant each (ns, ascending) and their station (m).
+    """Points with an instant each (ns, ascending), position (m), yaw (rad) and station (m).
 
-    Stations are never renumbered when points are dropped, so that a place keeps its station.
+    A step counts as far as it leads along the mean of the yaws at its ends, so that a point that
+    lies aside or behind does not make the way longer. Stations are never renumbered when points
+    are dropped: a place keeps its station.
     """
 
-    __slots__ = ("at", "dropped", "east", "north", "station")
+    __slots__ = ("at", "dropped", "east", "north", "station", "yaw")
 
     def __init__(self) -> None:
         """Start without points."""
         self.at: list[int] = []
         self.east: list[float] = []
         self.north: list[float] = []
+        self.yaw: list[float] = []
         self.station: list[float] = []
         self.dropped = 0
 
@@ -25,70 +36,86 @@ class Polyline:
         """Points held."""
         return len(self.at)
 
-    def append(self, at: int, east: float, north: float) -> None:
-        """Add a point at the end."""
-        station = 0.0
-        if self.at:
-            station = self.station[-1] + hypot(east - self.east[-1], north - self.north[-1])
+    def point(self, k: int) -> Point:
+        """Give point `k`."""
+        return self.at[k], self.east[k], self.north[k], self.yaw[k]
+
+    def append(self, point: Point, step: float) -> None:
+        """Add a point at the end, `step` (m) after the one before."""
+        self.station.append(self.station[-1] + step if self.station else 0.0)
+        at, east, north, yaw = point
         self.at.append(at)
         self.east.append(east)
         self.north.append(north)
-        self.station.append(station)
+        self.yaw.append(yaw)
 
-    def insert(self, place: int, at: int, east: float, north: float) -> float:
-        """Put a point before index `place` > 0; returns how far later stations move on (m)."""
-        end = self.station[place] if place < len(self) else None
+    def insert(self, place: int, point: Point, step: float, next_step: float) -> float:
+        """Put a point before index `place` > 0, the steps (m) to it and from it being known.
+
+        Returns how far later stations move on (m).
+        """
+        before = self.station[place - 1]
+        shift = 0.0
+        if place < len(self):
+            shift = before + step + next_step - self.station[place]
+            self.station[place:] = [station + shift for station in self.station[place:]]
+        self.station.insert(place, before + step)
+        at, east, north, yaw = point
         self.at.insert(place, at)
         self.east.insert(place, east)
         self.north.insert(place, north)
-        self.station.insert(place, 0.0)
-        self._measure(place)
-        return 0.0 if end is None else self.station[place + 1] - end
+        self.yaw.insert(place, yaw)
+        return shift
 
-    def prepend(self, at: int, points: Sequence[tuple[float, float]]) -> None:
-        """Put `points` before the first one, all at one instant; stations start anew from 0."""
-        count = len(points)
-        self.at[:0] = [at] * count
-        self.east[:0] = [east for east, _ in points]
-        self.north[:0] = [north for _, north in points]
-        self.station[:0] = [0.0] * count
-        self.station[0] = 0.0
-        self._measure(1)
+    def prepend(self, points: Sequence[Point]) -> None:
+        """Put `points` before the first one; all stations start anew from 0."""
+        kept = [self.point(k) for k in range(len(self))]
+        dropped = self.dropped
+        self.drop(len(kept))
+        self.dropped = dropped
+        for point in (*points, *kept):
+            self.append(point, step(self.point(-1), point) if self.at else 0.0)
 
     def drop(self, count: int) -> None:
         """Forget the first `count` points."""
         self.dropped += count
-        del self.at[:count], self.east[:count], self.north[:count], self.station[:count]
-
-    def _measure(self, first: int) -> None:
-        """Compute the stations from index `first` > 0 on."""
-        for k in range(first, len(self.station)):
-            step = hypot(self.east[k] - self.east[k - 1], self.north[k] - self.north[k - 1])
-            self.station[k] = self.station[k - 1] + step
+        del self.at[:count], self.east[:count], self.north[:count]
+        del self.yaw[:count], self.station[:count]
 
     def nearest(self, east: float, north: float, low: float, high: float) -> float:
         """Station (m) nearest to a place, of those from `low` to `high`.
 
-        Needs two points, no two in a row alike. The end segments extend beyond the ends.
+        Needs two points, each step being positive. The end segments extend beyond the ends.
         """
         last = len(self.station) - 2
         first = min(max(bisect_right(self.station, low) - 1, 0), last)
         final = min(max(bisect_left(self.station, high) - 1, first), last)
         best, found = inf, 0.0
         for k in range(first, final + 1):
-            length = self.station[k + 1] - self.station[k]
-            along_east = (self.east[k + 1] - self.east[k]) / length
-            along_north = (self.north[k + 1] - self.north[k]) / length
+            way = self.station[k + 1] - self.station[k]
+            span_east = self.east[k + 1] - self.east[k]
+            span_north = self.north[k + 1] - self.north[k]
             off_east, off_north = east - self.east[k], north - self.north[k]
-            foot = off_east * along_east + off_north * along_north
-            start = low - self.station[k]
-            end = high - self.station[k]
+            share = (off_east * span_east + off_north * span_north) / (
+                span_east * span_east + span_north * span_north
+            )
+            start, end = (low - self.station[k]) / way, (high - self.station[k]) / way
             if k > 0:
                 start = max(start, 0.0)
             if k < last:
-                end = min(end, length)
-            foot = min(max(foot, start), end)
-            away = hypot(off_east - foot * along_east, off_north - foot * along_north)
+                end = min(end, 1.0)
+            share = min(max(share, start), end)
+            away = hypot(off_east - share * span_east, off_north - share * span_north)
             if away < best:
-                best, found = away, self.station[k] + foot
+                best, found = away, self.station[k] + share * way
         return found
+
+
+def step(one: Point, other: Point) -> float:
+    """How far (m) the way from one point to a later one leads on; negative if it leads back."""
+    east, north = other[1] - one[1], other[2] - one[2]
+    distance = hypot(east, north)
+    if distance > LONG_STEP or other[0] - one[0] > LONG_WHILE:
+        return distance
+    yaw = one[3] + 0.5 * remainder(other[3] - one[3], tau)
+    return east * cos(yaw) + north * sin(yaw)

@@ -14,7 +14,8 @@ Floats = NDArray[np.float64]
 class TraceSettings:
     """Constants of a trace (m unless said otherwise).
 
-    A sample is kept if it lies `spacing` from the one before (a stopped source repeats itself).
+    A sample is kept if it leads on by `spacing` from the one before: a stopped source repeats
+    itself, and a fix may lie behind another.
     A fix is a jump if it lies further from the newest one than `jump_ratio` (1) times what its
     speed allows plus `jump_margin`; `restart_after` consistent ones in a row are a new place.
     The ego's station moves per call at most `back` backwards, and forwards at most `margin` plus

@@ -6,11 +6,11 @@ crossing of a figure of eight, an earlier or later lap) is therefore never looke
 """
 
 from bisect import bisect_left, bisect_right
-from math import ceil, cos, hypot, inf, isfinite, sin
+from math import atan2, ceil, cos, hypot, inf, isfinite, sin
 
 import numpy as np
 
-from vehicles.polyline import Polyline
+from vehicles.polyline import Polyline, step
 from vehicles.samples import Sample, TraceSettings, Window, plausible
 
 __all__ = ["Sample", "Trace", "TraceSettings", "Window"]
@@ -24,9 +24,9 @@ FORGET_CHUNK = 64
 class Trace:
     """The samples of one source.
 
-    `newest` is the newest sample taken as true. Counted are `repeated` samples (a stopped source,
-    a message that came twice), `rejected` ones (jumps, not finite), `late` ones (out of order, kept
-    or not) and `restarts` at a new place.
+    `newest` is the newest sample taken as true. Counted are `repeated` samples (that do not lead
+    on: a stopped source, a message that came twice), `rejected` ones (jumps, not finite), `late`
+    ones (out of order, kept or not) and `restarts` at a new place.
     """
 
     def __init__(self, settings: TraceSettings | None = None) -> None:
@@ -71,10 +71,11 @@ class Trace:
         else:
             self._suspects.clear()
             self.newest = sample
-            if self._near(sample, len(self._line) - 1):
+            on = step(self._line.point(-1), sample[:4])
+            if on < self.settings.spacing:
                 self.repeated += 1
             else:
-                self._line.append(measured_at, east, north)
+                self._line.append(sample[:4], on)
                 self._changed = True
                 if len(self._line) > self.settings.capacity:
                     self._forget()
@@ -83,16 +84,11 @@ class Trace:
         """Begin at `sample`; what was held before goes."""
         self.newest = sample
         self._line = Polyline()
-        self._line.append(*sample[:3])
+        self._line.append(sample[:4], 0.0)
         self._first_yaw = sample.yaw
         self._forgotten_at = BRIDGE_AT
         self._bridged_from = None
         self._here = None
-
-    def _near(self, sample: Sample, k: int) -> bool:
-        """Whether a sample repeats point `k`."""
-        away = hypot(sample.east - self._line.east[k], sample.north - self._line.north[k])
-        return away <= self.settings.spacing
 
     def _suspect(self, sample: Sample) -> None:
         """Set a jump aside; several that agree with one another are where the source now is."""
@@ -114,22 +110,25 @@ class Trace:
         if sample.measured_at <= self._forgotten_at:
             return
         place = bisect_left(line.at, sample.measured_at)
-        for k in (place - 1, place):
+        steps = [0.0, 0.0]
+        for side, k in enumerate((place - 1, place)):
             if not 0 <= k < len(line) or line.at[k] == BRIDGE_AT:
                 continue
-            beside = sample._replace(measured_at=line.at[k], east=line.east[k], north=line.north[k])
-            if line.at[k] == sample.measured_at or self._near(sample, k):
-                self.repeated += 1
-                return
+            beside = Sample(*line.point(k), sample.speed)
             if not plausible(beside, sample, self.settings):
                 self.rejected += 1
+                return
+            pair = (sample[:4], line.point(k)) if side else (line.point(k), sample[:4])
+            steps[side] = step(*pair)
+            if steps[side] < self.settings.spacing:
+                self.repeated += 1
                 return
         self._changed = True
         if place == 0 or line.at[place - 1] == BRIDGE_AT:
             self._begin_earlier(sample, place)
             return
         before = line.station[place - 1]
-        shift = line.insert(place, *sample[:3])
+        shift = line.insert(place, sample[:4], *steps)
         if self._here is not None and self._here > before:
             self._here += shift
 
@@ -137,11 +136,16 @@ class Trace:
         """Let the trace begin with a late sample older than the first received one."""
         start, self._bridged_from = self._bridged_from, None
         self._line.drop(place)
-        self._line.prepend(sample.measured_at, [(sample.east, sample.north)])
+        self._line.prepend([sample[:4]])
         self._first_yaw = sample.yaw
         self._here = None
         if start is not None:
             self.bridge(*start)
+
+    @property
+    def joined(self) -> bool:
+        """Whether there is nothing more to bridge: it was done, or the ego is long on the trace."""
+        return self._bridged_from is not None or self._forgotten_at != BRIDGE_AT
 
     def bridge(self, east: float, north: float) -> None:
         """Join the ego's place to the first sample by a straight line, if that lies ahead of it.
@@ -152,7 +156,7 @@ class Trace:
         samples behind the ego were forgotten, or before a sample is held.
         """
         line = self._line
-        if not line.at or self._bridged_from is not None or self._forgotten_at != BRIDGE_AT:
+        if not line.at or self.joined:
             return
         ahead_east, ahead_north = line.east[0] - east, line.north[0] - north
         along = ahead_east * cos(self._first_yaw) + ahead_north * sin(self._first_yaw)
@@ -161,9 +165,12 @@ class Trace:
             return
         count = ceil(length / self.settings.bridge_spacing)
         shares = [k / count for k in range(count)]
+        yaw = atan2(ahead_north, ahead_east)
         line.prepend(
-            BRIDGE_AT,
-            [(east + share * ahead_east, north + share * ahead_north) for share in shares],
+            [
+                (BRIDGE_AT, east + share * ahead_east, north + share * ahead_north, yaw)
+                for share in shares
+            ]
         )
         self._bridged_from = (east, north)
         self._here = None
