@@ -133,6 +133,7 @@ def test_the_lead_has_no_distance_from_itself() -> None:
         ([0, 2, 1, 3], 0),
         ([3, 2, 1, 0], 0),
         ([5], 5),
+        ([0, 5, 1], 3),
     ],
 )
 def test_poses_are_missing_up_to_the_newest_whatever_their_order(
@@ -202,8 +203,10 @@ def test_what_a_link_s_rate_holds_back_is_not_lost() -> None:
 
 
 def test_links_are_ordered_by_receiver_then_sender_from_the_lead_on() -> None:
-    order = [(row["sender"], row["receiver"]) for row in summary_of()["links"]]
-    assert order == [("v1", "v2"), ("v1", "v3"), ("v2", "v3")]
+    asked = [("v3", "v4"), ("v2", "v3"), ("v1", "v4"), ("v1", "v2"), ("v1", "v3")]
+    metrics = Metrics((*CONVOY, "v4"), {link: {} for link in asked})
+    order = [(row["sender"], row["receiver"]) for row in metrics.summary()["links"]]
+    assert order == [("v1", "v2"), ("v1", "v3"), ("v2", "v3"), ("v1", "v4"), ("v3", "v4")]
 
 
 @given(random=st.randoms(use_true_random=False))

@@ -16,6 +16,7 @@ from scenarios.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.virtual import run_virtual
 from transport.mcap_log import LogReader
 from vehicles.messages import (
+    CompositeTrajectory,
     GpsPose,
     Health,
     LinkVerdict,
@@ -302,6 +303,25 @@ def test_a_sender_with_a_receiver_of_its_own_rate_is_heard_at_that_rate() -> Non
     for receiver in ("v2", "v3", "v4"):
         assert quick.link("v1", receiver)["heard"] >= 118
     assert [row["rejected_messages"] for row in quick.summary["vehicles"]] == [0] * 4
+
+
+def test_alpha_is_the_weight_of_the_predecessor() -> None:
+    """Without weight it does not matter where the predecessor drives and says it is."""
+    noisy = "vehicle.v2.gnss.position_noise_m=0.2"
+    for alpha, matters in ((0, False), (1, True)):
+        weight = f"vehicle.v3.control.alpha_ratio={alpha}"
+        quiet, loud = ran(weight), ran(weight, noisy)
+        assert loud.true_path("v2") != quiet.true_path("v2")
+        assert (loud.true_path("v3") != quiet.true_path("v3")) == matters
+
+
+def test_a_trajectory_reaches_as_far_as_the_preview() -> None:
+    for preview_s in (0.4, 0.8):
+        trajectories = ran(f"control.preview_s={preview_s}").of("v4", CompositeTrajectory)
+        for trajectory in trajectories[20:]:
+            # From a quarter of a second behind; the next sample may lie 1.5 m short of the end.
+            reach = sum(trajectory.piece_length_m) / 30.0
+            assert preview_s + 0.25 - 0.15 < reach < preview_s + 0.25 + 0.01
 
 
 def test_one_vehicle_more_changes_nobody_ahead_of_it() -> None:

@@ -24,7 +24,13 @@ BULB_TURN = [  # out, away to the right, round to the left, and back 3.5 m besid
     Segment(RADIUS * AWAY, -1 / RADIUS),
     Segment(60.0, 0.0),
 ]
-FIGURE_OF_EIGHT = [Segment(2 * math.pi * 15, 1 / 15), Segment(2 * math.pi * 15, -1 / 15)]
+FIGURE_OF_EIGHT = [  # its straights cross at right angles
+    Segment(30.0, 0.0),
+    Segment(1.5 * math.pi * 15, 1 / 15),
+    Segment(60.0, 0.0),
+    Segment(1.5 * math.pi * 15, -1 / 15),
+    Segment(30.0, 0.0),
+]
 
 
 def leader(
@@ -114,6 +120,7 @@ def test_a_path_that_meets_itself_is_driven_in_order(segments: list[Segment]) ->
     for step in steps:
         point = path.at(step.body.distance)
         assert math.hypot(step.body.east - point.east, step.body.north - point.north) < 0.6
+        assert abs(step.decision.errors.heading) < 0.3
     assert max(map(abs, lateral(path, steps))) < 0.25
 
 

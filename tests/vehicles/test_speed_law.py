@@ -87,6 +87,11 @@ def test_at_the_right_gap_and_speed_nothing_is_asked() -> None:
     assert drive.target_speed == 20.0
 
 
+def test_the_speed_aimed_at_is_the_predecessor_s() -> None:
+    convoy = Convoy(gap=18.0, predecessor_speed=17.0, lead_speed=22.0)
+    assert keeper().drive(tick(0), at_speed(20.0), convoy).target_speed == 17.0
+
+
 @pytest.mark.parametrize(
     ("gap", "predecessor_speed", "sign"),
     [(16.0, 20.0, -1), (20.0, 20.0, 1), (18.0, 19.0, -1), (18.0, 21.0, 1)],
