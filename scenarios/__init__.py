@@ -1,1 +1,1 @@
-"""What composes a run: scenario files, vehicle processes, launcher, recorder, review, command line."""
+"""What composes a run: scenarios, processes, launcher, recorder, figures, the command line."""
