@@ -1,0 +1,65 @@
+"""What the runs of `convoy reproduce` found, before it is judged and drawn."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+from scenarios.drives import Trial
+from scenarios.field_runs import FieldRuns
+from scenarios.weaving import Weaving
+
+SAME = 0.001
+"""Largest errors that differ by less than this (m) count as equal."""
+
+
+class Seeds(NamedTuple):
+    """In how many of several runs with a receiver's noise something holds."""
+
+    holding: int
+    runs: int
+
+
+@dataclass
+class Findings:
+    """Results by their keys; what was not run is not in it."""
+
+    trials: dict[str, Trial] = field(default_factory=dict)
+    weavings: list[Weaving] = field(default_factory=list)
+    field: FieldRuns | None = None
+    gains_pictures: tuple[str, ...] | None = None
+
+    def has(self, need: str) -> bool:
+        """Whether the result called `need` is there."""
+        match need:
+            case "propagation":
+                return bool(self.weavings)
+            case "field":
+                return self.field is not None
+            case "gains":
+                return self.gains_pictures is not None
+        return need in self.trials
+
+    def noisy(self, key: str) -> list[Trial]:
+        """Runs with a receiver's noise, a seed each."""
+        return [trial for name, trial in self.trials.items() if name.startswith(f"{key}/noise/")]
+
+    def seeds(self, key: str, holds: Callable[[Trial], bool]) -> Seeds | None:
+        """In how many of the noisy runs something holds; None without such runs."""
+        runs = self.noisy(key)
+        return Seeds(sum(map(holds, runs)), len(runs)) if runs else None
+
+
+def non_increasing(maxima: tuple[float, ...]) -> bool:
+    """Whether no vehicle's largest error (m) exceeds that of the one ahead by SAME or more."""
+    return all(behind < ahead + SAME for ahead, behind in pairwise(maxima))
+
+
+def in_cm(maxima: tuple[float, ...]) -> str:
+    """Largest errors (m) of the followers, front to back, as text in centimetres."""
+    return ", ".join(f"{100.0 * value:.1f}" for value in maxima) + " cm"
+
+
+def cm(value: float) -> str:
+    """A length (m) as text in centimetres."""
+    return f"{100.0 * value:.1f} cm"

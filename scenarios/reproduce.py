@@ -1,0 +1,132 @@
+"""`convoy reproduce`: runs the paper's experiments, judges its claims, writes one report."""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from scenarios.claims import VERDICTS
+from scenarios.drives import Trial
+from scenarios.experiments import CASES, Experiment
+from scenarios.field_runs import FieldRuns, field_runs
+from scenarios.findings import Findings
+from scenarios.refusal import ScenarioError, near
+from scenarios.scenario import load_scenario
+from scenarios.trial import record, rehearse
+from scenarios.weaving import FREQUENCIES, Weaving, weave
+
+Jobs = Mapping[str, Callable[[], Any]]
+REPORT = "report.md"
+WORKERS = 2
+
+
+def reproduce(
+    cases: Sequence[str], out: Path, progress: Callable[[str], None], *, workers: int = WORKERS
+) -> int:
+    """Run `cases` (all, if none is named) and write report, pictures and logs into `out`.
+
+    `progress` gets a line for each part that is done. Returns the exit code: a claim that does
+    not hold is a result like another. Raises ScenarioError for a case that there is not, or a
+    folder with a report in it.
+    """
+    from scenarios.reproduce_report import write_report  # noqa: PLC0415 - brings matplotlib
+
+    chosen = chosen_cases(cases)
+    if (out / REPORT).exists():
+        raise ScenarioError([f"{out / REPORT}: exists; give another folder by --out"])
+    out.mkdir(parents=True, exist_ok=True)
+    jobs = jobs_of(chosen, out)
+    results: dict[str, Any] = {}
+    began = time.monotonic()
+    for key, result in carry_out(jobs, workers):
+        results[key] = result
+        took = time.monotonic() - began
+        progress(f"{took:5.1f} s  {len(results):3d} of {len(jobs)}  {key}")
+    findings = Findings()
+    for key in jobs:  # in one order, whichever part was done first
+        add(findings, key, results[key])
+    claims = write_report(findings, chosen, out)
+    counts = ", ".join(f"{v}: {sum(c.verdict == v for c in claims)}" for v in VERDICTS)
+    progress(f"{len(claims)} claims ({counts}); report: {out / REPORT}")
+    return 0
+
+
+def chosen_cases(cases: Sequence[str]) -> list[str]:
+    """Return the named cases in the order of the paper; raises ScenarioError for strangers."""
+    strangers = [case for case in cases if case not in CASES]
+    if strangers:
+        allowed = ", ".join(CASES)
+        raise ScenarioError(
+            f"--case {name}: no such case{near(name, list(CASES))}, allowed {allowed}"
+            for name in strangers
+        )
+    return [case for case in CASES if case in cases or not cases]
+
+
+def jobs_of(cases: Sequence[str], out: Path) -> dict[str, Callable[[], Any]]:
+    """Return what there is to do, the longest parts first."""
+    jobs: dict[str, Callable[[], Any]] = {}
+    if "field" in cases:
+        jobs["field"] = partial(_field, out / "field")
+    if "gains" in cases:
+        jobs["gains"] = partial(_gains, out / "gains")
+    runs = {key: experiment for case in cases for key, experiment in CASES[case].items()}
+    for key, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
+        jobs[key] = partial(run_experiment, experiment, out / key)
+    if "propagation" in cases:
+        for frequency in FREQUENCIES:
+            jobs[f"propagation at {frequency:g} rad/s"] = partial(weave, frequency)
+    return jobs
+
+
+def run_experiment(experiment: Experiment, folder: Path) -> Trial:
+    """Do one run, with its log in `folder` if it is to have one."""
+    scenario = load_scenario(experiment.scenario, experiment.overrides, experiment.seed)
+    return record(scenario, folder) if experiment.logged else rehearse(scenario)
+
+
+def _field(folder: Path) -> FieldRuns:
+    return field_runs(load_scenario("paper_field"), folder)
+
+
+def _gains(folder: Path) -> tuple[str, ...]:
+    """Let the report on the gains draw its pictures."""
+    from scenarios.gains_report import gains_report  # noqa: PLC0415 - brings matplotlib
+    from vehicles.parameters import LINCOLN_MKZ  # noqa: PLC0415
+    from vehicles.steering import NOMINAL_GAINS  # noqa: PLC0415
+
+    report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder)
+    return tuple(report["pictures"])
+
+
+def add(findings: Findings, key: str, result: object) -> None:
+    """Put one result where it belongs."""
+    match result:
+        case Trial():
+            findings.trials[key] = result
+        case Weaving():
+            findings.weavings.append(result)
+        case FieldRuns():
+            findings.field = result
+        case tuple():
+            findings.gains_pictures = result
+
+
+def carry_out(jobs: Jobs, workers: int) -> Iterator[tuple[str, Any]]:
+    """Do all jobs on so many processes (0: in this one); gives each result as it comes."""
+    if not workers:
+        yield from ((key, job()) for key, job in jobs.items())
+        return
+    # Inherited by the workers; see the same line of the command line.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    try:
+        keys = {pool.submit(job): key for key, job in jobs.items()}
+        for future in as_completed(keys):
+            yield keys[future], future.result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
