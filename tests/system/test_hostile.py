@@ -1,0 +1,210 @@
+"""Another Zenoh client puts what does not belong there on a convoy's keys."""
+
+import random
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from tests.system.logs import (
+    Run,
+    agreement,
+    assert_equal_while_nothing_was_late,
+    assert_nothing_missing,
+    assert_sound,
+    assert_summary_is_in_the_log,
+)
+from tests.system.processes import Process, run_to_the_end, start
+from transport.bus import Bus
+from transport.codec import encode
+from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
+from transport.zenoh_bus import ZenohOptions, open_bus
+from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking
+
+DURATION_S = 5.0
+ATTACK_S = 3.0
+PAUSE_S = 0.1
+SCENARIO = ("run", "lane_change", "--set=convoy.vehicles=3", f"--set=duration_s={DURATION_S}")
+Put = tuple[str, bytes]
+
+
+def endpoint_of(convoy: Process) -> str:
+    """Return where the router of a run listens."""
+    command = convoy.part("recorder").cmdline()
+    return command[command.index("-e") + 1]
+
+
+def examples(run: Run) -> dict[str, dict[Topic, Message]]:
+    """Return of each vehicle a message of each topic, from the middle of a run."""
+    middle = run.start_at + 2_000_000_000
+    found: dict[str, dict[Topic, Message]] = {}
+    for message in run.messages:
+        topic = TOPIC_OF[type(message)]
+        of_vehicle = found.setdefault(message.vehicle, {})
+        if topic not in of_vehicle or instant(message) <= middle:
+            of_vehicle[topic] = message
+    return found
+
+
+def now(message: Message) -> Message:
+    """Return a message that is valid at this moment, and of a number that is still to come."""
+    at = TOPIC_OF[type(message)].instant
+    return replace(message, seq=message.seq + 100, **{at: time.time_ns()})  # type: ignore[arg-type]
+
+
+def spoilt(data: bytes) -> Iterator[bytes]:
+    """Give bytes that are no message at all, or no longer."""
+    yield b""
+    yield b"hello convoy"
+    yield b"\xff\x00\xfe" * 40
+    yield random.Random(len(data)).randbytes(150)
+    yield data[: len(data) // 2]
+    yield data[:-1]
+    yield data + b"\xff"
+    yield data * (20_000 // len(data))
+    yield bytes(300_000)
+
+
+def misplaced(message: Message, others: dict[Topic, Message]) -> Iterator[Put]:
+    """Give whole messages of vehicle and time that have no business under a key of the convoy."""
+    topic, vehicle = TOPIC_OF[type(message)], message.vehicle
+    here = key(vehicle, topic)
+    yield here, encode(replace(now(message), vehicle="ghost"))
+    yield here, encode(replace(now(message), vehicle="v1" if vehicle != "v1" else "v3"))
+    yield here, encode(message)  # of the run from which the example is, long ago
+    yield here, encode(replace(message, seq=message.seq + 150))
+    for other in others.values():
+        if type(other) is not type(message):
+            yield here, encode(now(other))
+    data = encode(now(message))
+    yield key("ghost", topic), data
+    yield key(vehicle, topic) + "/deeper", data
+    yield f"convoy/{vehicle}/nothing", data
+    yield "convoy", data
+
+
+def absurd(pose: GpsPose) -> Iterator[Put]:
+    """Give poses of a listened-to vehicle that nobody can have measured."""
+    here = key(pose.vehicle, TOPICS["gps"])
+    for fields in (
+        {"latitude_deg": float("nan")},
+        {"latitude_deg": 91.0},
+        {"speed_mps": float("inf")},
+        {"heading_deg": -1e9},
+        {"measured_at_ns": -(2**63)},
+        {"measured_at_ns": 2**63 - 1},
+        {"seq": 2**64 - 1},
+    ):
+        yield here, encode(replace(pose, **fields))
+
+
+def conducting(others: dict[Topic, Message]) -> Iterator[Put]:
+    """Give what might be taken for the start or the end of a run."""
+    at = time.time_ns()
+    text = LogText(vehicle="v1", seq=0, logged_at_ns=at, level="fatal", text="stop")
+    impostors: list[Message] = [
+        RunStart(vehicle="v1", seq=0, start_at_ns=0, run_id="x"),
+        RunEnd(vehicle="v1", seq=0, end_at_ns=at, reason="enough"),
+        RunEnd(vehicle="ghost", seq=0, end_at_ns=at, reason="enough"),
+        text,
+        replace(text, vehicle=CONDUCTOR),
+        *others.values(),
+    ]
+    for name in ("start", "end"):
+        here = key(CONDUCTOR, TOPICS[name])
+        for data in spoilt(encode(impostors[0])):
+            yield here, data
+        for impostor in impostors:
+            yield here, encode(impostor)
+
+
+def one_round(known: dict[str, dict[Topic, Message]]) -> Iterator[Put]:
+    """Give everything once."""
+    for vehicle in ("v1", "v2", "v3"):
+        for topic, message in known[vehicle].items():
+            for data in spoilt(encode(message)):
+                yield key(vehicle, topic), data
+            yield from misplaced(message, known[vehicle])
+    yield from conducting(known["v2"])
+
+
+def attack(convoy: Process, bus: Bus, known: dict[str, dict[Topic, Message]]) -> int:
+    """Disturb a run before and after its start; returns how many messages were put after it."""
+    heard: list[Put] = []
+    bus.subscribe("convoy/*/*", lambda *put: heard.append(put))
+    mine = set(one_round(known))
+    for put in mine:
+        bus.publish(*put)
+    convoy.await_start()
+    time.sleep(0.7)
+    pose = known["v1"][TOPICS["gps"]]
+    assert isinstance(pose, GpsPose)
+    count = 0
+    until = time.monotonic() + ATTACK_S
+    while time.monotonic() < until:
+        assert convoy.exit_code is None, convoy.err
+        theirs = [put for put in heard[-300:] if put not in mine]
+        for put in (*one_round(known), *absurd(pose), *repeated(theirs)):
+            bus.publish(*put)
+            mine.add(put)
+            count += 1
+        time.sleep(PAUSE_S)
+    return count
+
+
+def repeated(heard: list[Put]) -> Iterator[Put]:
+    """Give again what was heard of the vehicles, and the start as if it were the end."""
+    start_key, end_key = (key(CONDUCTOR, TOPICS[name]) for name in ("start", "end"))
+    for where, data in heard:
+        yield (end_key if where == start_key else where), data
+
+
+def test_a_stranger_on_the_bus_changes_nothing_but_counters(tmp_path: Path) -> None:
+    twin = run_to_the_end(*SCENARIO, "--clock=virtual", "--out=virtual", folder=tmp_path)
+    assert twin.exit_code == 0, twin.err
+    virtual = Run(tmp_path / "virtual")
+    with start(*SCENARIO, "--out", tmp_path / "run", folder=tmp_path) as convoy:
+        with open_bus(ZenohOptions(connect=(endpoint_of(convoy),))) as bus:
+            sent = attack(convoy, bus, examples(virtual))
+        assert convoy.wait() == 0, convoy.err
+        assert "Traceback" not in convoy.err
+    run = Run(tmp_path / "run")
+    assert_sound(run.log)
+    assert_nothing_missing(run, DURATION_S)
+    assert_summary_is_in_the_log(run)
+    assert_equal_while_nothing_was_late(run, virtual, within_m=0.05)
+    assert agreement(run, virtual).compared == 3 * DURATION_S * 50
+    assert_same_kinds_of_text(run, virtual)
+    assert_counted(run, sent)
+
+
+def assert_same_kinds_of_text(run: Run, virtual: Run) -> None:
+    """Vehicles decided as always: nothing that came made one steer along something else."""
+    for name in ("v1", "v2", "v3"):
+        modes = [
+            [m.mode for m in one.messages if isinstance(m, Tracking) and m.vehicle == name]
+            for one in (run, virtual)
+        ]
+        if not run.late_messages_at:
+            assert modes[0] == modes[1]
+    assert {m.vehicle for m in run.messages} == {"v1", "v2", "v3", CONDUCTOR}
+    assert len([m for m in run.messages if isinstance(m, RunStart | RunEnd)]) == 2
+
+
+def assert_counted(run: Run, sent: int) -> None:
+    """Each is counted by the recorder, and those on poses' keys by whoever listens to them."""
+    refused = run.summary["recorder_rejected_messages"]
+    assert set(refused) == {
+        "in the run's own name",
+        "malformed",
+        "of another run",
+        "repeated",
+        "unknown key",
+        "vehicle does not match key",
+    }
+    assert sum(refused.values()) >= 0.9 * sent
+    assert run.vehicle("v1")["rejected_messages"] == 0
+    for name in ("v2", "v3"):
+        assert run.vehicle(name)["rejected_messages"] > 100
+        reasons = {text.rpartition(" ")[2] for text in run.texts(name) if "refused" in text}
+        assert reasons >= {"garbage", "oversized", "foreign", "absurd", "past", "duplicate"}

@@ -1,0 +1,215 @@
+"""However a run ends: no process is left, the log can be read, and it says why."""
+
+import signal
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from itertools import pairwise
+from math import hypot
+from pathlib import Path
+
+import psutil
+import pytest
+
+from scenarios.router import LISTENING
+from tests.system.logs import (
+    Run,
+    agreement,
+    assert_nothing_missing,
+    assert_sound,
+    assert_summary_is_in_the_log,
+)
+from tests.system.processes import Process, run_to_the_end, start, until
+
+LONG_S = 35.0
+"""No run of these tests comes to such an end by itself."""
+LOST_S = 0.5
+"""At most so much of a run may be missing in its log; see `assert_log_reaches`."""
+BUSY_S = 0.25
+"""A machine with other things to do flushes, and asks for the time, so much later."""
+CONVOY = ("v1", "v2", "v3")
+
+
+def three(folder: Path, *settings: str, duration_s: float = LONG_S) -> Sequence[object]:
+    """Arguments of a run of three vehicles into `folder`."""
+    return (
+        *("run", "lane_change", "--set=convoy.vehicles=3", f"--set=duration_s={duration_s}"),
+        *(f"--set={setting}" for setting in settings),
+        *("--out", folder / "run"),
+    )
+
+
+def assert_log_reaches(run: Run, instant: int) -> None:
+    """The log is whole, and holds what was driven until half a second before `instant` (ns)."""
+    assert_sound(run.log)
+    lost_s = (instant - run.last_truth_at) * 1e-9
+    assert lost_s < LOST_S + BUSY_S
+    for name, poses in run.truths.items():
+        assert [pose.seq for pose in poses.values()] == list(range(len(poses))), name
+
+
+def assert_one_clear_line(convoy: Process, line: str) -> None:
+    """Beside the news of its start, a run complains in this line and no other."""
+    assert [one for one in convoy.lines() if "are present" not in one] == [line]
+
+
+def kill(process: psutil.Process) -> int:
+    """Kill without warning; returns the instant (ns)."""
+    process.send_signal(signal.SIGKILL)
+    return time.time_ns()
+
+
+@pytest.mark.parametrize(
+    ("victim", "after_s"), [("v2", 1.1), ("v1", 0.7), ("recorder", 1.6), ("router", 1.3)]
+)
+def test_a_part_that_is_killed_ends_the_run(victim: str, after_s: float, tmp_path: Path) -> None:
+    with start(*three(tmp_path), folder=tmp_path) as convoy:
+        convoy.drive(after_s)
+        killed_at = kill(convoy.part(victim))
+        assert convoy.is_gone_in_time()
+        assert convoy.wait() == 1
+        assert_one_clear_line(convoy, f"{victim} was killed by signal 9; the run ends")
+        assert "ended early" in convoy.out
+    run = Run(tmp_path / "run")
+    assert_log_reaches(run, killed_at)
+    assert run.summary["outcome"] == "failed"
+    assert run.summary["reason"]
+
+
+def test_when_the_launcher_is_killed_all_follow(tmp_path: Path) -> None:
+    with start(*three(tmp_path), folder=tmp_path) as convoy:
+        convoy.drive(1.0)
+        assert len(convoy.everyone()) == len(CONVOY) + 3
+        killed_at = kill(convoy.part("launcher"))
+        assert convoy.is_gone_in_time()
+        assert "ended early: the launcher is gone" in convoy.out
+        assert "Traceback" not in convoy.err
+    run = Run(tmp_path / "run")
+    assert_log_reaches(run, killed_at)
+    assert_summary_is_in_the_log(run)
+    assert run.summary["reason"] == "the launcher is gone"
+
+
+def test_a_launcher_that_is_killed_before_the_start_leaves_nothing(tmp_path: Path) -> None:
+    with start(*three(tmp_path), folder=tmp_path) as convoy:
+        convoy.part("v1")
+        kill(convoy.part("launcher"))
+        assert convoy.is_gone_in_time()
+        assert "Traceback" not in convoy.err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_stops_when_asked_to(number: signal.Signals, tmp_path: Path) -> None:
+    with start(*three(tmp_path), folder=tmp_path) as convoy:
+        convoy.drive(0.8)
+        convoy.popen.send_signal(number)
+        asked_at = time.time_ns()
+        assert convoy.is_gone_in_time()
+        assert convoy.wait() == 128 + number
+        assert_one_clear_line(convoy, f"stopped by {number.name}")
+        assert f"ended early: stopped by {number.name}" in convoy.out
+    run = Run(tmp_path / "run")
+    assert_log_reaches(run, asked_at)
+    assert_summary_is_in_the_log(run)
+    assert run.summary["reason"] == f"stopped by {number.name}"
+    assert all(row["finished"] for row in run.summary["vehicles"])
+
+
+def test_a_vehicle_that_is_held_up_makes_good_every_tick(tmp_path: Path) -> None:
+    duration_s, held_s = 4.0, 1.0
+    arguments = three(tmp_path, duration_s=duration_s)
+    with start(*arguments, folder=tmp_path) as convoy:
+        convoy.drive(1.0)
+        convoy.part("v2").suspend()
+        time.sleep(held_s)
+        convoy.part("v2").resume()
+        assert convoy.wait() == 0, convoy.err
+    virtual = run_to_the_end(*arguments[:-1], "virtual", "--clock=virtual", folder=tmp_path)
+    assert virtual.exit_code == 0, virtual.err
+    run = Run(tmp_path / "run")
+    assert_nothing_missing(run, duration_s)
+    assert run.vehicle("v2")["late_ticks"] >= 0.7 * held_s * 50
+    assert run.vehicle("v2")["lateness_ms_max"] > 700 * held_s
+    assert any("ticks came late" in text for text in run.texts("v2"))
+    for one, other in pairwise(run.truths["v2"].values()):
+        assert other.true_at_ns - one.true_at_ns == 20_000_000
+        way = hypot(other.east_m - one.east_m, other.north_m - one.north_m)
+        assert way == pytest.approx(0.6, rel=0.02)  # 30 m/s for 20 ms, and never a leap
+    # v2 heard all that was said meanwhile, and v3 was told late what v2 said: both are counted.
+    assert {row["receiver"] for row in run.summary["links"] if row["late"]} >= {"v2", "v3"}
+    found = agreement(run, Run(tmp_path / "virtual"))
+    assert found.parted_at is None or found.parted_at > run.late_messages_at[0]
+
+
+def test_a_vehicle_that_hangs_for_good_ends_the_run(tmp_path: Path) -> None:
+    with start(*three(tmp_path), folder=tmp_path) as convoy:
+        convoy.drive(0.3)
+        convoy.part("v3").suspend()
+        assert convoy.wait() == 1
+        assert until(lambda: not convoy.everyone(), 1.0)
+        assert "ended early: v3 died " in convoy.out
+    assert Run(tmp_path / "run").summary["reason"].startswith("v3 died")
+
+
+def test_a_convoy_may_go_on_without_its_dead(tmp_path: Path) -> None:
+    duration_s = 4.0
+    arguments = three(tmp_path, 'convoy.when_a_vehicle_dies="go_on"', duration_s=duration_s)
+    with start(*arguments, folder=tmp_path) as convoy:
+        convoy.drive(1.0)
+        kill(convoy.part("v2"))
+        assert convoy.wait() == 0, convoy.err
+        assert not convoy.everyone()
+        said = [line for line in convoy.lines() if "v2" in line]
+    assert len(said) == 1
+    assert said[0].startswith("run: v2 died ")
+    assert said[0].endswith("after the start; the convoy goes on without it")
+    run = Run(tmp_path / "run")
+    assert_sound(run.log)
+    assert run.summary["outcome"] == "completed"
+    assert [row["finished"] for row in run.summary["vehicles"]] == [True, False, True]
+    assert run.vehicle("v2")["poses"] < duration_s * 20 - 20
+    for name in ("v1", "v3"):
+        assert len(run.truths[name]) == duration_s * 50
+        assert run.vehicle(name)["poses"] == duration_s * 20
+
+
+def test_the_parts_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
+    duration_s = 3.0
+    scenario = ("lane_change", "--set=convoy.vehicles=2", f"--set=duration_s={duration_s}")
+    with ExitStack() as stack:
+
+        def by_hand(*arguments: object) -> Process:
+            return stack.enter_context(start(*arguments, folder=tmp_path))
+
+        router = by_hand("router", "--listen", "tcp/127.0.0.1:0", "--until-empty")
+        assert until(lambda: router.out.startswith(LISTENING)), router.err
+        endpoint = router.out.removeprefix(LISTENING).strip()
+        recorder = by_hand("record", *scenario, "--connect", endpoint, "--out", "run", "--quiet")
+        vehicles = [
+            by_hand("vehicle", *scenario, "--name", name, "--connect", endpoint)
+            for name in ("v1", "v2")
+        ]
+        for part in (recorder, *vehicles, router):
+            assert part.wait() == 0, part.err
+            assert not part.err
+        assert until(lambda: not any(part.everyone() for part in (recorder, *vehicles, router)))
+    run = Run(tmp_path / "run")
+    assert_sound(run.log)
+    assert_nothing_missing(run, duration_s)
+    assert_summary_is_in_the_log(run)
+    assert run.summary["outcome"] == "completed"
+
+
+def test_a_recorder_says_who_did_not_come(tmp_path: Path) -> None:
+    with start("router", "-l", "tcp/127.0.0.1:0", folder=tmp_path) as router:
+        assert until(lambda: router.out.startswith(LISTENING)), router.err
+        endpoint = router.out.removeprefix(LISTENING).strip()
+        recorder = run_to_the_end(
+            *("record", "lane_change", "-e", endpoint, "--wait=0.5", "--quiet", "--out=run"),
+            folder=tmp_path,
+        )
+        router.popen.terminate()
+        assert router.wait() == 143
+    assert recorder.exit_code == 1
+    assert recorder.lines() == ["not present in time: v1, v2, v3, v4"]
+    assert Run(tmp_path / "run").summary["ran_s"] == 0.0
