@@ -51,7 +51,7 @@ class FitSettings:
 
     preview_time: float = 0.8
     preview_min: float = 4.0
-    behind_time: float = 0.25
+    behind_time: float = 0.35
     behind_min: float = 2.5
     tolerance: float = 0.10
     position_noise: float = 0.02
