@@ -80,10 +80,6 @@ def test_a_heard_position_that_jumps_a_little_hardly_moves_the_car(far: float) -
         assert moved_by(hearing_jumps("v2", {7}, far, math.radians(towards))) < 0.03, towards
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the fit believes in a noise of 2 cm and takes more for bends, unless it is told",
-)
 def test_sources_with_poor_receivers_are_followed_within_their_noise() -> None:
     random, usually = Random(1), hearing(lead_of(STRAIGHT), predecessor_of(STRAIGHT))
     steps = drive(
