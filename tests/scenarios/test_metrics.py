@@ -148,14 +148,15 @@ def test_health_is_the_last_one_and_memory_the_largest() -> None:
         "v3",
         health("v3", 0, memory_bytes=50, cpu_ratio=0.5, ticks=10),
         health("v3", 1, memory_bytes=70, cpu_ratio=0.2, ticks=20, late_ticks=1),
+        health("v3", 2, memory_bytes=65, cpu_ratio=0.4, ticks=25, late_ticks=1),
         health(
-            "v3", 2, final=True, memory_bytes=60, cpu_ratio=0.03, ticks=30, late_ticks=2,
+            "v3", 3, final=True, memory_bytes=60, cpu_ratio=0.03, ticks=30, late_ticks=2,
             lateness_ms_max=11.5, rejected_messages=4,
         ),
     )  # fmt: skip
     assert row["memory_bytes_max"] == 70
     assert (row["ticks"], row["late_ticks"], row["lateness_ms_max"]) == (30, 2, 11.5)
-    assert (row["rejected_messages"], row["cpu_ratio"], row["finished"]) == (4, 0.03, True)
+    assert (row["rejected_messages"], row["cpu_ratio"], row["finished"]) == (4, pytest.approx(0.3), True)
     assert not vehicle("v3", health("v3", 0))["finished"]
 
 

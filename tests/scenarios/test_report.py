@@ -26,7 +26,7 @@ def summary(reason: str = "", clock: str = "wall") -> dict[str, Any]:
         metrics.add(verdict("v1", "v2", seq, latency_ms=42.0, dropped="" if seq % 3 else "loss"))
     metrics.add(gps("v2", 2))
     metrics.add(
-        health("v2", ticks=1050, late_ticks=12, rejected_messages=7, memory_bytes=64_000_000,
+        health("v2", 1, ticks=1050, late_ticks=12, rejected_messages=7, memory_bytes=64_000_000,
                cpu_ratio=0.043)
     )  # fmt: skip
     return {
