@@ -21,6 +21,7 @@ from tests.vehicles.followers import (
     BEND,
     FUSIONS,
     GAP,
+    STRAIGHT,
     follower,
     lateral,
     lead_of,
@@ -243,6 +244,18 @@ def test_gap_and_ages_are_those_of_the_moment() -> None:
         ahead = GAP + 10.0 * step.seconds
         place = BEND.project(step.body.east, step.body.north, step.body.distance).station
         assert step.decision.gap == pytest.approx(ahead - place, abs=0.05)
+
+
+def test_a_gap_that_opens_is_known_between_messages_too() -> None:
+    steps = drive(
+        follower(speed=10.0),
+        on(STRAIGHT, 0.0, 10.0),
+        5.0,
+        hearing(lead_of(STRAIGHT, 12.0), predecessor_of(STRAIGHT, 12.0)),
+    )
+    for step in (step for step in steps if step.decision.fresh and step.seconds > 1.0):
+        gap = GAP + 12.0 * step.seconds - step.body.distance
+        assert step.decision.gap == pytest.approx(gap, abs=0.02)
 
 
 def test_a_gap_is_closed_to_what_the_policy_asks() -> None:
