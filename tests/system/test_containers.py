@@ -1,0 +1,179 @@
+"""The default scenario in six containers, built from the Dockerfile: router, cars, recorder."""
+
+import re
+import shutil
+import socket
+import subprocess
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+from scenarios.scenario import library
+from tests.system.conftest import first_only, shared
+from tests.system.logs import (
+    Run,
+    agreement,
+    assert_equal_while_nothing_was_late,
+    assert_nothing_missing,
+    assert_sound,
+    assert_summary_is_in_the_log,
+)
+from tests.system.processes import run_to_the_end, until
+
+PROJECT = Path(__file__).parents[2]
+PARTS = (
+    *("Dockerfile", "docker-compose.yml", ".dockerignore", "requirements.lock"),
+    *("pyproject.toml", "README.md", "LICENSE", "vehicles", "transport", "scenarios"),
+)
+"""What the image and its composition are made of."""
+IMAGE = "convoy-emulator"
+BASE = "python:3.11-slim-bookworm"
+PORTS = (9090, 9876)
+DURATION_S = 35.0
+BUILD_S = 900.0
+DRIVE_S = 300.0
+"""The scenario's 35 s with room for a machine that has other things to do."""
+
+
+def obstacle() -> str | None:
+    """Say why containers cannot be tried here, if they cannot."""
+    for tool in ("docker", "docker-compose"):
+        if shutil.which(tool) is None:
+            return f"no {tool} here"
+    if call("docker", "info").returncode:
+        return "no container engine runs here"
+    if call("docker", "image", "inspect", BASE).returncode:
+        return f"the base image {BASE} is not here (docker pull {BASE})"
+    for port in PORTS:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                return f"port {port} of the composition is in use"
+    return None
+
+
+def call(
+    *command: str, cwd: Path | None = None, timeout: float = 60.0
+) -> "subprocess.CompletedProcess[str]":
+    """Run a command and keep what it says."""
+    return subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, timeout=timeout, check=False
+    )
+
+
+@pytest.fixture(scope="session")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Copy what the image is made of, with the image built from it."""
+    folder = shared(tmp_path_factory) / "project"
+    with first_only(folder) as first:
+        why_not = obstacle() if first else None
+        if why_not:
+            pytest.skip(why_not)
+        if first:
+            copy_parts(folder)
+            built = call("docker", "build", "-t", IMAGE, ".", cwd=folder, timeout=BUILD_S)
+            assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
+    return folder
+
+
+def copy_parts(folder: Path) -> None:
+    """Copy what the image is made of."""
+    for part in PARTS:
+        source = PROJECT / part
+        if source.is_dir():
+            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, folder / part)
+
+
+@contextmanager
+def composed(folder: Path) -> Iterator[tuple["subprocess.Popen[bytes]", str]]:
+    """`docker-compose up` under a project name of its own; in the end all of it is taken down."""
+    name = f"convoy-test-{uuid4().hex[:8]}"
+    compose = ["docker-compose", "-p", name]
+    with (folder / "up.log").open("wb") as log:
+        up = subprocess.Popen(
+            [*compose, "up", "--build", "--exit-code-from", "recorder"],
+            cwd=folder,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+        )
+    try:
+        yield up, name
+    finally:
+        with suppress(subprocess.TimeoutExpired):
+            call(*compose, "down", "--timeout", "5", cwd=folder, timeout=DRIVE_S)
+        up.kill()
+        up.wait()
+
+
+def published(name: str) -> list[str]:
+    """Return under which of the host's addresses the containers' ports can be reached."""
+    shown = call("docker", "ps", "--filter", f"name={name}", "--format", "{{.Ports}}").stdout
+    return re.findall(r"(\S+)->", shown)
+
+
+def containers(name: str) -> list[str]:
+    """Return the names of the containers that run."""
+    shown = call("docker", "ps", "--filter", f"name={name}", "--format", "{{.Names}}").stdout
+    return sorted(re.sub(rf"^{name}[-_](.*)[-_]1$", r"\1", line) for line in shown.split())
+
+
+def page_is_served() -> bool:
+    """Say whether Rerun's page is there to watch the run."""
+    try:
+        with urllib.request.urlopen("http://127.0.0.1:9090/", timeout=5.0) as page:
+            return bool(page.status == 200)
+    except OSError:
+        return False
+
+
+def test_six_containers_drive_the_default_scenario(project: Path, tmp_path: Path) -> None:
+    with composed(project) as (up, name):
+        said = project / "up.log"
+        assert until(lambda: page_is_served() or up.poll() is not None, DRIVE_S)
+        assert up.poll() is None, said.read_text()
+        assert containers(name) == ["recorder", "router", "v1", "v2", "v3", "v4"]
+        assert sorted(published(name)) == [f"127.0.0.1:{port}" for port in PORTS]
+        assert up.wait(DRIVE_S) == 0, said.read_text()
+        assert not containers(name)
+    assert not call("docker", "ps", "-a", "-q", "--filter", f"name={name}").stdout
+    (folder,) = (project / "runs").iterdir()
+    assert re.fullmatch(r"\d{8}-\d{6}-lane_change", folder.name)
+    run = Run(folder)
+    assert_sound(run.log)
+    assert_nothing_missing(run, DURATION_S)
+    assert_summary_is_in_the_log(run)
+    assert run.summary["outcome"] == "completed"
+    assert_drives_as_virtual_time_does(run, tmp_path)
+
+
+def assert_drives_as_virtual_time_does(run: Run, folder: Path) -> None:
+    """True paths agree with those of the virtual run, made here and not in a container."""
+    twin = run_to_the_end(
+        *("run", "lane_change", "--clock=virtual", "--quiet", "--out=virtual"), folder=folder
+    )
+    assert twin.exit_code == 0, twin.err
+    virtual = Run(folder / "virtual")
+    found = agreement(run, virtual)
+    print(f"{found.equal} of {found.compared} true poses are equal to the bit;", end=" ")
+    print(f"farthest {found.farthest_m * 100:.3f} cm,", end=" ")
+    print(f"late: {run.late_ticks} ticks, {len(run.late_messages_at)} messages")
+    assert found.compared == 4 * DURATION_S * 50
+    assert_equal_while_nothing_was_late(run, virtual, within_m=0.05)
+
+
+@pytest.mark.usefixtures("project")
+def test_the_image_takes_the_commands_of_convoy() -> None:
+    listed = call("docker", "run", "--rm", IMAGE, "list")
+    assert listed.returncode == 0, listed.stderr
+    assert [line.split()[0] for line in listed.stdout.splitlines()] == list(library())
+    refused = call("docker", "run", "--rm", IMAGE, "run", "nowhere")
+    assert refused.returncode == 2
+    assert "nowhere" in refused.stderr
