@@ -119,7 +119,21 @@ class Kit:
             predecessor=setup.predecessor,
             alpha=steering.alpha_ratio,
             fusion=steering.fusion,
-            settings=FitSettings(preview_time=steering.preview_s, tolerance=steering.tolerance_m),
+            settings=self._fit_settings(),
+        )
+
+    def _fit_settings(self) -> FitSettings:
+        """The fit reckons with the noise of the receivers heard, and never with less than RTK's.
+
+        Its tolerance is the scenario's, or five times that noise (as are the paper's 10 cm).
+        """
+        steering = self._setup.steering
+        heard = (self._scenario.vehicle(name).gnss for name in self._setup.hears)
+        noise = max(FitSettings().position_noise, *(gnss.position_noise_m for gnss in heard))
+        return FitSettings(
+            preview_time=steering.preview_s,
+            tolerance=max(steering.tolerance_m, 5.0 * noise),
+            position_noise=noise,
         )
 
     def _controller(self) -> LateralController:
