@@ -156,7 +156,11 @@ def test_health_is_the_last_one_and_memory_the_largest() -> None:
     )  # fmt: skip
     assert row["memory_bytes_max"] == 70
     assert (row["ticks"], row["late_ticks"], row["lateness_ms_max"]) == (30, 2, 11.5)
-    assert (row["rejected_messages"], row["cpu_ratio"], row["finished"]) == (4, pytest.approx(0.3), True)
+    assert (row["rejected_messages"], row["cpu_ratio"], row["finished"]) == (
+        4,
+        pytest.approx(0.3),
+        True,
+    )
     assert not vehicle("v3", health("v3", 0))["finished"]
 
 
