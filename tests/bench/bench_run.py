@@ -1,0 +1,225 @@
+"""What a run costs and how punctual it is: `python -m tests.bench.bench_run [--seconds 35]`.
+
+Prints a row for each figure with its limit: memory and processor of each vehicle process at 50 Hz
+and 20 Hz, late ticks of ten vehicles in real time, the time that `lane_change` takes in virtual
+time (also as a multiple of a plain Python loop timed beside it), and how many true poses of the
+wall-clock run equal those of the virtual run to the bit. Whatever else the machine does is said
+with it: on a busy one only the equality, the memory and the multiple mean much.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import psutil
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from scenarios.leash import Stop
+from scenarios.scenario import load_scenario
+from scenarios.virtual import run_virtual
+from tests.system.logs import Run, agreement
+from tests.system.processes import Process, run_to_the_end, start
+
+MEMORY_MB, CPU_RATIO, LATE_RATIO, VIRTUAL_S = 80.0, 0.06, 0.01, 1.5
+SETTLED_S = 1.0
+"""After the start, when what comes only once is over."""
+ROUNDS = 5
+LOOP = 10_000_000
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure; `good` is None where nothing is asked of it."""
+
+    what: str
+    measured: str
+    limit: str = ""
+    good: bool | None = None
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What the processes of a run used, as shares of one core and resident bytes, by name."""
+
+    cpu: dict[str, float]
+    memory: dict[str, int]
+    others_cpu: float
+
+
+def watch(convoy: Process, seconds: float) -> Usage:
+    """Watch the processes of a run for some seconds."""
+    parts = convoy.parts()
+    before = {name: used_s(part) for name, part in parts.items()}
+    busy_before, began = busy_s(), time.monotonic()
+    time.sleep(seconds)
+    busy, span = busy_s() - busy_before, time.monotonic() - began
+    cpu = {name: (used_s(part) - before[name]) / span for name, part in parts.items()}
+    memory = {name: part.memory_info().rss for name, part in parts.items()}
+    return Usage(cpu, memory, max(busy / span - sum(cpu.values()), 0.0))
+
+
+def used_s(process: psutil.Process) -> float:
+    """Processor time of one process so far (s)."""
+    times = process.cpu_times()
+    return times.user + times.system
+
+
+def busy_s() -> float:
+    """Processor time of everything on this machine so far (s)."""
+    times = psutil.cpu_times()
+    return sum(times) - times.idle - getattr(times, "iowait", 0.0)
+
+
+def drive(folder: Path, name: str, vehicles: int, seconds: float) -> tuple[Run, Usage]:
+    """Drive `lane_change` on the wall clock and watch its processes."""
+    settings = (f"--set=convoy.vehicles={vehicles}", f"--set=duration_s={seconds}")
+    with start("run", "lane_change", *settings, "--out", name, folder=folder) as convoy:
+        convoy.await_start()
+        time.sleep(SETTLED_S)
+        usage = watch(convoy, seconds - 2.0 * SETTLED_S)
+        if convoy.wait() != 0:
+            raise SystemExit(convoy.err)
+    return Run(folder / name), usage
+
+
+def costs(run: Run, usage: Usage) -> Iterator[Row]:
+    """Rows about the processes of a run."""
+    vehicles = [name for name in usage.cpu if name in run.truths]
+    most = max(run.vehicle(name)["memory_bytes_max"] for name in vehicles) * 1e-6
+    yield Row(
+        "memory of a vehicle, MB", f"{most:.0f} at most", f"{MEMORY_MB:.0f}", most < MEMORY_MB
+    )
+    for name in vehicles:
+        share = usage.cpu[name]
+        yield Row(
+            f"processor, {name}, % of a core",
+            f"{share * 100:.1f}",
+            f"{CPU_RATIO * 100:.0f}",
+            share < CPU_RATIO,
+        )
+    for name in ("recorder", "router"):
+        memory = usage.memory[name] * 1e-6
+        yield Row(f"{name}: % of a core, MB", f"{usage.cpu[name] * 100:.1f}, {memory:.0f}")
+
+
+def equality(run: Run, virtual: Run) -> Iterator[Row]:
+    """Rows about how a run agrees with its virtual twin."""
+    found = agreement(run, virtual)
+    late = run.late_messages_at
+    yield Row("late ticks, late messages", f"{run.late_ticks}, {len(late)}")
+    explained = found.parted_at is None or (bool(late) and late[0] < found.parted_at)
+    yield Row(
+        "true poses equal to the bit",
+        f"{found.equal} of {found.compared}",
+        "all, or until something is late",
+        explained,
+    )
+    yield Row(
+        "true paths apart, cm", f"{found.farthest_m * 100:.4f}", "2", found.farthest_m <= 0.02
+    )
+
+
+def punctuality(run: Run, usage: Usage) -> Iterator[Row]:
+    """Rows about the ticks of a run of many vehicles."""
+    ticks = sum(run.vehicle(name)["ticks"] for name in run.truths)
+    share = run.late_ticks / ticks
+    count = len(run.truths)
+    yield Row(
+        f"late ticks of {count} vehicles, %",
+        f"{share * 100:.2f} ({run.late_ticks} of {ticks})",
+        f"{LATE_RATIO * 100:.0f}",
+        share < LATE_RATIO,
+    )
+    worst = max(run.vehicle(name)["lateness_ms_max"] for name in run.truths)
+    yield Row("latest tick, ms; late messages", f"{worst:.1f}; {len(run.late_messages_at)}")
+    mean = sum(usage.cpu[name] for name in run.truths) / count
+    yield Row(f"processor, each of {count}, % of a core", f"{mean * 100:.1f} on average")
+
+
+def virtual_time(folder: Path) -> Iterator[Row]:
+    """Rows about `lane_change` in virtual time, without the start of a process."""
+    scenario = load_scenario("lane_change")
+    loops = [timed(plain_loop) for _ in range(ROUNDS)]
+    runs = [
+        timed(partial(run_virtual, scenario, folder / f"virtual{k}", Stop())) for k in range(ROUNDS)
+    ]
+    best, loop = min(run.wall_s for run in runs), min(loop.wall_s for loop in loops)
+    yield Row(
+        "lane_change in virtual time, s",
+        f"{best:.2f} best of {ROUNDS}, {max(run.wall_s for run in runs):.2f} worst",
+        f"{VIRTUAL_S}",
+        best < VIRTUAL_S,
+    )
+    yield Row("  of the processor, s", f"{min(run.processor_s for run in runs):.2f}")
+    yield Row(
+        f"  in loops of {LOOP // 1_000_000} million additions",
+        f"{best / loop:.1f} (one takes {loop:.2f} s)",
+    )
+
+
+@dataclass(frozen=True)
+class Time:
+    """How long something took."""
+
+    wall_s: float
+    processor_s: float
+
+
+def timed(work: Callable[[], object]) -> Time:
+    """Do something and say how long it took."""
+    wall, processor = time.perf_counter(), time.process_time()
+    work()
+    return Time(time.perf_counter() - wall, time.process_time() - processor)
+
+
+def plain_loop() -> float:
+    """Do a fixed amount of plain Python, which says how fast the machine is just now."""
+    total = 0.0
+    for k in range(LOOP):
+        total += k * 0.5
+    return total
+
+
+def print_rows(title: str, rows: list[Row]) -> None:
+    """Print one table."""
+    table = Table(title=title, box=SIMPLE_HEAD, title_justify="left")
+    for heading in ("", "measured", "limit", ""):
+        table.add_column(heading)
+    for row in rows:
+        verdict = "" if row.good is None else "ok" if row.good else "OVER"
+        table.add_row(row.what, row.measured, row.limit, verdict)
+    Console(width=100).print(table)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="What a run costs and how punctual it is.")
+    parser.add_argument("--seconds", type=float, default=35.0, help="how long the runs drive")
+    parser.add_argument("--vehicles", type=int, default=10, help="in the larger run")
+    given = parser.parse_args()
+    load = ", ".join(f"{one:.1f}" for one in os.getloadavg())
+    print(f"{os.cpu_count()} cores; load over 1, 5, 15 minutes before: {load}")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        print_rows("virtual time", list(virtual_time(folder)))
+        run, usage = drive(folder, "four", 4, given.seconds)
+        run_to_the_end(
+            *("run", "lane_change", f"--set=duration_s={given.seconds}", "--clock=virtual"),
+            *("--quiet", "--out", "twin"),
+            folder=folder,
+        )
+        rows = [*costs(run, usage), *equality(run, Run(folder / "twin"))]
+        print_rows(f"four vehicles, others used {usage.others_cpu * 100:.0f} % of a core", rows)
+        run, usage = drive(folder, "many", given.vehicles, given.seconds)
+        title = f"{given.vehicles} vehicles, others used {usage.others_cpu * 100:.0f} % of a core"
+        print_rows(title, list(punctuality(run, usage)))
+
+
+if __name__ == "__main__":
+    main()
