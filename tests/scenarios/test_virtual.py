@@ -307,7 +307,7 @@ def test_a_sender_with_a_receiver_of_its_own_rate_is_heard_at_that_rate() -> Non
 
 @pytest.mark.xfail(
     strict=True,
-    reason="the straight before the lead's first pose goes where the lead faced, not along the road",
+    reason="the straight before the lead's first pose is laid where the lead faced",
 )
 def test_a_lead_that_starts_askew_does_not_put_its_followers_off_the_path() -> None:
     askew = ran("vehicle.v1.heading_offset_deg=3")
