@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
-from scenarios.drives import Trial
+import numpy as np
+
+from scenarios.drives import Array, Trial
 from scenarios.field_runs import FieldRuns
 from scenarios.weaving import Weaving
 
@@ -39,6 +41,15 @@ class Findings:
             case "gains":
                 return self.gains_pictures is not None
         return need in self.trials
+
+    def ratios(self, preview_s: float) -> tuple[Array, Array]:
+        """Frequencies (rad/s, rising) of the swings with that preview; ratios (n, followers)."""
+        found = [one for one in self.weavings if one.preview_s == preview_s]
+        found.sort(key=lambda weaving: weaving.frequency)
+        return (
+            np.array([weaving.frequency for weaving in found]),
+            np.array([weaving.ratios for weaving in found]),
+        )
 
     def noisy(self, key: str) -> list[Trial]:
         """Runs with a receiver's noise, a seed each."""

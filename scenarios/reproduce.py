@@ -3,10 +3,12 @@
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from functools import partial
-from multiprocessing import get_context
+from itertools import islice
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from scenarios.claims import VERDICTS
@@ -17,7 +19,7 @@ from scenarios.findings import Findings
 from scenarios.refusal import ScenarioError, near
 from scenarios.scenario import load_scenario
 from scenarios.trial import record, rehearse
-from scenarios.weaving import FREQUENCIES, Weaving, weave
+from scenarios.weaving import FREQUENCIES, PREVIEW_S, SHORT_PREVIEW_S, Weaving, weave
 
 Jobs = Mapping[str, Callable[[], Any]]
 REPORT = "report.md"
@@ -78,8 +80,10 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[str, Callable[[], Any]]:
     for key, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
         jobs[key] = partial(run_experiment, experiment, out / key)
     if "propagation" in cases:
-        for frequency in FREQUENCIES:
-            jobs[f"propagation at {frequency:g} rad/s"] = partial(weave, frequency)
+        for preview in (PREVIEW_S, SHORT_PREVIEW_S):
+            for frequency in FREQUENCIES:
+                name = f"propagation at {frequency:g} rad/s, preview {preview:g} s"
+                jobs[name] = partial(weave, frequency, preview)
     return jobs
 
 
@@ -117,16 +121,35 @@ def add(findings: Findings, key: str, result: object) -> None:
 
 
 def carry_out(jobs: Jobs, workers: int) -> Iterator[tuple[str, Any]]:
-    """Do all jobs on so many processes (0: in this one); gives each result as it comes."""
+    """Do all jobs on so many processes (0: in this one); gives each result as it comes.
+
+    When one fails, or the caller stops listening, those under way are waited for and no more begun.
+    """
     if not workers:
         yield from ((key, job()) for key, job in jobs.items())
         return
     # Inherited by the workers; see the same line of the command line.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:
-        keys = {pool.submit(job): key for key, job in jobs.items()}
-        for future in as_completed(keys):
-            yield keys[future], future.result()
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+    waiting = iter(jobs.items())
+    spawn = get_context("spawn")
+    with ProcessPoolExecutor(workers, spawn, initializer=_end_with_parent) as pool:
+        under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
+        while under_way:
+            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+            for future in done:
+                key, result = under_way.pop(future), future.result()
+                for next_key, job in islice(waiting, 1):
+                    under_way[pool.submit(job)] = next_key
+                yield key, result
+
+
+def _end_with_parent() -> None:
+    """Let a worker end when its parent is gone, even if that was killed outright."""
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    Thread(target=watch, daemon=True).start()

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from scenarios import reproduce_errors as errors
 from scenarios.experiments import RADII
 from scenarios.findings import Findings
-from scenarios.picture_style import BLUE, GREEN, GREY, RED
+from scenarios.picture_style import BLUE, GREEN, GREY, PURPLE, RED
 from scenarios.reproduce_errors import COLOURS
+from scenarios.weaving import PREVIEW_S, SHORT_PREVIEW_S
 from vehicles.chain_response import simulated_propagation
 from vehicles.parameters import LINCOLN_MKZ
 from vehicles.steering import NOMINAL_GAINS
@@ -148,13 +149,14 @@ def measured_propagation(findings: Findings) -> Figure:
     axes.plot(ten, np.abs(chain), "o", color=RED, mfc="white", markersize=4.5, label=label)
     label = "F(jω): steering along the path left behind"
     axes.plot(fine, np.abs(trace.at(fine)), color=BLUE, linestyle="--", label=label)
-    weavings = sorted(findings.weavings, key=lambda weaving: weaving.frequency)
-    swings = [weaving.frequency for weaving in weavings]
-    ratios = np.array([weaving.ratios for weaving in weavings])
+    swings, ratios = findings.ratios(PREVIEW_S)
     for place in range(ratios.shape[1]):
         label = f"measured in the convoy, car {place + 2} over car {place + 1}"
         axes.plot(swings, ratios[:, place], MARKS[place], color=GREEN, markersize=4.5, label=label)
     axes.plot(swings, ratios.prod(axis=1) ** (1.0 / ratios.shape[1]), color=GREEN, linewidth=1.0)
+    swings, ratios = findings.ratios(SHORT_PREVIEW_S)
+    label = "the same with a preview of 0.2 s, all cars"
+    axes.plot(swings, ratios.mean(axis=1), "D", color=PURPLE, mfc="white", ms=4.5, label=label)
     axes.axhline(1.0, color=GREY, linewidth=0.8)
     axes.set_ylim(0.0, 2.4)
     axes.set_xlabel("frequency (rad/s)")

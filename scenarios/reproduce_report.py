@@ -43,7 +43,7 @@ CAPTIONS = {
     "lead becomes in the convoy. G takes the difference of both cars' states at one instant, "
     "heading included and without feedforward. In the convoy a car steers along the path that the "
     "other left: F(jω), which the measured ratios follow at low frequency. Above, the fit over 32 "
-    "m smooths the path away: a swing of 7 rad/s is 27 m long.",
+    "m smooths the path away (a swing of 7 rad/s is 27 m long); over 13 m it does not.",
     "field.png": "Field experiment: PL1 drives alone, PL2 behind its record, PL3 behind both.",
 }
 
@@ -152,10 +152,10 @@ def _gains(findings: Findings) -> Iterator[str]:
 
 
 def _logs(findings: Findings, cases: Sequence[str]) -> Iterator[str]:
-    yield from ("", "## Logs", "")
-    yield "`convoy review LOG` shows them:"
-    yield ""
-    yield from (f"- {log}" for log in logs(findings, cases))
+    found = logs(findings, cases)
+    if found:
+        yield from ("", "## Logs", "", "`convoy review LOG` shows them:", "")
+        yield from (f"- {log}" for log in found)
 
 
 def logs(findings: Findings, cases: Sequence[str]) -> list[str]:
@@ -178,6 +178,7 @@ def _machine_readable(
         "propagation": [
             {
                 "frequency_radps": weaving.frequency,
+                "preview_s": weaving.preview_s,
                 "amplitude_m": np.abs(weaving.amplitudes).tolist(),
                 "ratio": weaving.ratios,
             }

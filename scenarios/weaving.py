@@ -21,6 +21,10 @@ Array = NDArray[np.float64]
 FREQUENCIES = (0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0)
 """Frequencies (rad/s) of the swing: from a lazy lane change to beyond what cars do."""
 
+PREVIEW_S = 0.8
+SHORT_PREVIEW_S = 0.2
+"""The paper's preview, and one so short that the fit smooths nothing away."""
+
 SWING = 0.5
 """Largest amplitude of the lead's swing (m)..."""
 
@@ -45,6 +49,7 @@ class Weaving:
     """Complex amplitude (m) of each vehicle's path at one frequency (rad/s), the lead first."""
 
     frequency: float
+    preview_s: float
     amplitudes: tuple[complex, ...]
 
     @property
@@ -54,20 +59,20 @@ class Weaving:
         return tuple((sizes[1:] / sizes[:-1]).tolist())
 
 
-def weave(frequency: float, overrides: tuple[str, ...] = ()) -> Weaving:
+def weave(frequency: float, preview_s: float = PREVIEW_S) -> Weaving:
     """Drive a convoy behind a lead that weaves at `frequency` (rad/s); see `weaving_scenario`."""
-    scenario = weaving_scenario(frequency, overrides)
-    return Weaving(frequency, amplitudes(rehearse(scenario), frequency))
+    scenario = weaving_scenario(frequency, preview_s)
+    return Weaving(frequency, preview_s, amplitudes(rehearse(scenario), frequency))
 
 
-def weaving_scenario(frequency: float, overrides: tuple[str, ...] = ()) -> Scenario:
+def weaving_scenario(frequency: float, preview_s: float = PREVIEW_S) -> Scenario:
     """Make the paper's base case (empty cars, no lead data) with a lead that weaves."""
     alone = (
         'control.fusion="predecessor"',
         "loading.front_passengers=0",
         "loading.rear_passengers=0",
     )
-    base = load_scenario("paper_base", (*alone, *overrides))
+    base = load_scenario("paper_base", (*alone, f"control.preview_s={preview_s}"))
     speed = base.tables.speed.set_mps
     gaps = sum(base.route.gaps)
     driven = STRAIGHT + RISE + max(SETTLING, 2.0 * pi / frequency)
