@@ -8,14 +8,7 @@ from scenarios.claims import Answer, Question
 from scenarios.drives import Trial
 from scenarios.experiments import RADII
 from scenarios.findings import SAME, Findings, cm, in_cm, non_increasing
-from scenarios.linear_prediction import predicted
-from vehicles.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
-from vehicles.steering import NOMINAL_GAINS
-from vehicles.string_stability import Transfer, amplified_band, trace_propagation
-
-SPEED = 30.0
-BASE_CAR: VehicleParameters = loaded(LINCOLN_MKZ, Loading(front_passengers=1, rear_passengers=3))
-"""The loaded car of the base case, whose load its controller does not know."""
+from scenarios.growth import linear, why_growing
 
 GAP_S = 0.5
 """The convoy's gap (s)."""
@@ -27,17 +20,6 @@ CHANGES = (5.0, 6.0, 7.0, 8.0, 20.0, 21.0, 22.0, 23.0)
 def numbers_of(trial: Trial) -> dict[str, tuple[float, ...]]:
     """Largest errors of the followers, front to back, for machines."""
     return {"tracking_error_m_max": trial.tracking, "cross_track_error_m_max": trial.cross_track}
-
-
-def transfer() -> Transfer:
-    """F(jω) of the base case: from the path a car follows to its own."""
-    return trace_propagation(BASE_CAR, NOMINAL_GAINS, SPEED, known=LINCOLN_MKZ)
-
-
-def linear(findings: Findings, key: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """What linear theory predicts of the base case: tracking and true errors (m)."""
-    alpha = 1.0 if key == "no_lead_data" else 0.5
-    return predicted(findings.trials[key].lead, transfer(), alpha, 3)
 
 
 def below(limit: float, key: str, findings: Findings) -> Answer:
@@ -86,7 +68,7 @@ def decreasing(key: str, findings: Findings) -> Answer:
     holds = non_increasing(trial.tracking)
     seeds = findings.seeds(key, lambda noisy: non_increasing(noisy.tracking))
     if not holds:
-        reason = _why_growing(findings) if key == "base" else _as_in_base(key, findings)
+        reason = why_growing(key, findings)
     elif seeds is not None and seeds.holding < seeds.runs:
         reason = "with a receiver's noise the largest value is a matter of chance"
     else:
@@ -98,32 +80,6 @@ def decreasing(key: str, findings: Findings) -> Answer:
         reason=reason,
         noise=seeds,
         numbers=numbers_of(trial),
-    )
-
-
-def _why_growing(findings: Findings) -> str:
-    tracking, _ = linear(findings, "base")
-    return (
-        "two effects. (1) At 30 m/s cars with the paper's law run wide, so each path is livelier "
-        f"than the one ahead: |F| > 1 up to {amplified_band(transfer())[0][1]:.1f} rad/s, and "
-        f"linear theory gives {in_cm(tracking)}. (2) A composite runs through two paths "
-        "centimetres apart; the fit takes that for noise, and sees a bend begin later. With one "
-        "trajectory for each source (blend) the first lane change gives "
-        f"{in_cm(findings.trials['base/blend'].tracking)}, with the composite "
-        f"{in_cm(findings.trials['base/as_is'].tracking)}"
-    )
-
-
-def _as_in_base(key: str, findings: Findings) -> str:
-    if not (findings.has(f"{key}/blend") and findings.has(f"{key}/own_state_at_50_hz")):
-        return "see the base case"
-    blend, fast = (
-        in_cm(findings.trials[f"{key}/{change}"].tracking)
-        for change in ("blend", "own_state_at_50_hz")
-    )
-    return (
-        f"as in the base case; with one trajectory for each source {blend}, with the own state "
-        f"measured at 50 instead of 20 Hz {fast} (first lane change)"
     )
 
 
@@ -206,7 +162,7 @@ BASE: tuple[Question, ...] = (
         name="base_decreasing",
         where="V-C.1; IV-B, Definition 1",
         paper="The largest errors decrease from the first follower on",
-        needs=("base", "base/blend", "base/as_is"),
+        needs=("base", "base/blend"),
         answer=partial(decreasing, "base"),
     ),
     Question(

@@ -114,9 +114,13 @@ def _noisy(key: str, scenario: str, seeds: int, *changes: str) -> dict[str, Expe
 
 
 def _paper(key: str) -> dict[str, Experiment]:
-    """One of the paper's cases: exact and logged, and noisy."""
+    """One of the paper's cases: exact and logged, noisy, and with a trajectory for each source."""
     name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
-    return {key: Experiment(scenario=name, logged=True), **_noisy(key, name, OTHER_SEEDS, until)}
+    return {
+        key: Experiment(scenario=name, logged=True),
+        **_noisy(key, name, OTHER_SEEDS, until),
+        f"{key}/blend": Experiment(scenario=name, overrides=('control.fusion="blend"', until)),
+    }
 
 
 def _variant(*changes: str) -> Experiment:
@@ -137,18 +141,6 @@ def _base() -> dict[str, Experiment]:
         "base/knows_loading": _variant("control.knows_loading=true"),
         "base/gap_25_m": _variant("convoy.gap_m=25.0"),
         "base/own_state_at_50_hz": _variant(*OWN_STATE_AT_50_HZ),
-    }
-
-
-def _growing(key: str) -> dict[str, Experiment]:
-    """A case in which errors grow, and what may make them grow taken away, one by one."""
-    name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
-    blend = ('control.fusion="blend"', until)
-    fast = (*OWN_STATE_AT_50_HZ, until)
-    return {
-        **_paper(key),
-        f"{key}/blend": Experiment(scenario=name, overrides=blend),
-        f"{key}/own_state_at_50_hz": Experiment(scenario=name, overrides=fast),
     }
 
 
@@ -204,8 +196,8 @@ CASES: Mapping[str, Mapping[str, Experiment]] = {
     "a": _a_or_c("a", 10.0),
     "b": _paper("b"),
     "c": _a_or_c("c", 20.0),
-    "d": _growing("d"),
-    "variable_speed": _growing("variable_speed"),
+    "d": _paper("d"),
+    "variable_speed": _paper("variable_speed"),
     "lead_data": _lead_data(),
     "radius": _radius(),
     "propagation": {},

@@ -12,7 +12,7 @@ import numpy as np
 from scenarios.claims import VERDICTS, Claim, judge, sides
 from scenarios.claims_base import BASE
 from scenarios.claims_cases import OTHER_CASES
-from scenarios.claims_field import FIELD, settled
+from scenarios.claims_field import FIELD, numbers_of, settled
 from scenarios.claims_gains import GAINS
 from scenarios.claims_model import MODEL
 from scenarios.claims_theory import THEORY
@@ -192,11 +192,7 @@ def _machine_readable(
             ("field/with", findings.field.with_lead_data),
             ("field/without", findings.field.without_lead_data),
         ):
-            tracking, true = settled(trial)
-            report["runs"][word] = _figures(trial) | {
-                "settled_tracking_error_m_max": tracking,
-                "settled_cross_track_error_m_max": true,
-            }
+            report["runs"][word] = _figures(trial) | numbers_of(settled(trial))
     return report
 
 

@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 
-from scenarios.claims_base import linear
 from scenarios.drives import Trial
 from scenarios.experiments import RADII, pieces
 from scenarios.findings import Findings, in_cm, non_increasing
+from scenarios.growth import linear
+
+EXPECTED = ("base", "no_lead_data", "a", "b", "c")
+"""Cases of equal cars at constant speed."""
 
 CHANGED = {
     "base/as_is": "nothing: the base case",
@@ -24,7 +27,7 @@ def tables(findings: Findings) -> Iterator[str]:
     rows = [(text, findings.trials[key]) for key, text in CHANGED.items() if findings.has(key)]
     if rows:
         yield from _table("What the base case depends on (first lane change)", "changed", rows)
-    if findings.has("base"):
+    if any(map(findings.has, EXPECTED)):
         yield from _expected(findings)
     if findings.has(f"radius/{RADII[0]:g}"):
         yield from _radii(findings)
@@ -73,9 +76,13 @@ def _expected(findings: Findings) -> Iterator[str]:
         "| case | own trajectory: theory | simulated | lead's path: theory | simulated |",
         "|---|---|---|---|---|",
     )
-    for key in ("base", "no_lead_data"):
+    for key in EXPECTED:
         if findings.has(key):
             own, true = linear(findings, key)
             trial = findings.trials[key]
             cells = (own, trial.tracking, true, trial.cross_track)
-            yield f"| {key.replace('_', ' ')} | " + " | ".join(map(in_cm, cells)) + " |"
+            yield (
+                f"| {key.upper() if len(key) == 1 else key.replace('_', ' ')} | "
+                + " | ".join(map(in_cm, cells))
+                + " |"
+            )
