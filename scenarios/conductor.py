@@ -47,7 +47,7 @@ class Conductor:
         self._gone_since: dict[str, int] = {}
         self._dead: set[str] = set()
         self._finished: set[str] = set()
-        self._early: set[str] = set()
+        self._early: dict[str, int] = {}
         self._router_lost_at: int | None = None
 
     @property
@@ -66,12 +66,12 @@ class Conductor:
             self._alive.discard(vehicle)
             self._gone_since.setdefault(vehicle, at)
 
-    def listen(self, _at: int, message: Message) -> None:
+    def listen(self, at: int, message: Message) -> None:
         """Learn from a recorded message who has finished."""
         if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
             self._finished.add(message.vehicle)
             if message.reported_at_ns < self.end_at:
-                self._early.add(message.vehicle)
+                self._early.setdefault(message.vehicle, at)
 
     def missing(self) -> list[str]:
         """Vehicles that are not present."""
@@ -118,12 +118,14 @@ class Conductor:
             self._router_lost_at = None
             self._gone_since = dict.fromkeys(self._gone_since, now)
         said += self._count_the_dead(now)
-        if self._early:
+        # A moment later, since whoever stopped them may still tell this process, too, and why.
+        if any(now - at > DEATH_AFTER_NS for at in self._early.values()):
             self.stop(f"left before the end: {', '.join(sorted(self._early))}")
         elif self._dead >= set(self._vehicles):
             self.stop("all vehicles died")
         elif not (awaited := set(self._vehicles) - self._finished - self._dead):
-            self.stop("")
+            if not self._early:
+                self.stop("")
         elif now > self.end_at + LAST_WORDS_NS:
             self.stop(f"no last words from {', '.join(sorted(awaited))}")
         return said

@@ -28,7 +28,8 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
 
 def _names(tables: ScenarioTables) -> Iterator[Problem]:
     convoy, names = tables.convoy, vehicle_names(tables)
-    if convoy.names and "vehicles" in convoy.model_fields_set and len(names) != convoy.vehicles:
+    usual = type(convoy).model_fields["vehicles"].default  # beside names it means nothing
+    if convoy.names and convoy.vehicles not in {len(names), usual}:
         yield "convoy.vehicles", f"given {convoy.vehicles}, but convoy.names has {len(names)} names"
     for index, name in enumerate(names):
         if name in names[:index]:

@@ -80,7 +80,7 @@ class Recording:
         bus.watch(lambda vehicle, alive: self._presences.put((vehicle, alive)))
 
     def carry_on(self) -> dict[str, Any]:
-        """Record until the run is over, complete the log, tell everyone; returns the summary."""
+        """Record until the run is over and complete the log; returns the summary."""
         while self._conductor.phase is not Phase.OVER:
             self._record_arrivals()
             self._conduct()
@@ -89,9 +89,11 @@ class Recording:
         if self._conductor.reason:
             self._bus.publish(*ending, urgent=True)
             self._await_last_words()
-        summary = self._run.close(self._clock.now())
-        self._bus.publish(*ending, urgent=True)  # the log is complete: now everyone may go
-        return summary
+        return self._run.close(self._clock.now())
+
+    def dismiss(self) -> None:
+        """Say that the log is complete: now everyone may go."""
+        self._bus.publish(*self._own[-1], urgent=True)
 
     def _await_last_words(self) -> None:
         until = self._clock.now() + LAST_WORDS_NS

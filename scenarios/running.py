@@ -76,13 +76,13 @@ def record_run(
 ) -> int:
     """`convoy record`: returns the exit code."""
     folder = run_folder(scenario, out)
-    with (
-        listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears,
-        open_bus(options) as bus,
-    ):
-        recording = Recording(scenario, bus, folder, stop, gather_s=gather_s, listeners=ears)
-        summary = recording.carry_on()
-    show(summary, folder, quiet=quiet)
+    with open_bus(options) as bus:
+        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears:
+            recording = Recording(scenario, bus, folder, stop, gather_s=gather_s, listeners=ears)
+            summary = recording.carry_on()
+        show(summary, folder, quiet=quiet)
+        # Last of all: where one container's end ends all, this one must not be late.
+        recording.dismiss()
     if quiet and summary["reason"] and not stop.asked:
         click.echo(summary["reason"], err=True)
     # A signal that comes when all is done changes nothing any more.
