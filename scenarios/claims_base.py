@@ -1,6 +1,7 @@
 """Claims of Section V-C.1: the base case, and what the lead's data do in simulations."""
 
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -75,12 +76,18 @@ def decreasing(key: str, findings: Findings) -> Answer:
         reason = ""
     heading = max(float(np.abs(drive.heading_error).max()) for drive in trial.followers)
     return Answer(
-        ours=f"{in_cm(trial.tracking)} (heading errors up to {heading:.3f} rad)",
+        ours=f"{in_cm(trial.tracking)}{_growth(trial)}; heading errors up to {heading:.3f} rad",
         holds=holds,
         reason=reason,
         noise=seeds,
         numbers=numbers_of(trial),
     )
+
+
+def _growth(trial: Trial) -> str:
+    """By how much the largest error grows from one follower to the next, if it does."""
+    steps = [behind - ahead for ahead, behind in pairwise(trial.tracking)]
+    return f", up by {1000.0 * max(steps):.1f} mm" if max(steps) >= SAME else ""
 
 
 def _true(findings: Findings) -> Answer:

@@ -12,6 +12,9 @@ from scenarios.weaving import PREVIEW_S, SHORT_PREVIEW_S
 from vehicles.parameters import LINCOLN_MKZ
 from vehicles.steering import NOMINAL_GAINS
 from vehicles.string_stability import propagation, trace_propagation
+from vehicles.trajectory import FitSettings
+
+SPEED = 30.0
 
 SETTLED = 10.0
 """Time (s) after which the initial errors are forgotten: the slowest root takes 0.4 s at 25 m/s."""
@@ -129,13 +132,14 @@ def _not_known(_: Findings) -> Answer:
 
 def _measured(findings: Findings) -> Answer:
     frequencies, ratios = findings.ratios(PREVIEW_S)
-    paper = np.abs(propagation(LINCOLN_MKZ, NOMINAL_GAINS, 30.0).at(frequencies))
-    trace = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, 30.0).at(frequencies))
-    swings, short = findings.ratios(SHORT_PREVIEW_S)
-    expected = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, 30.0).at(swings))
-    apart = float(np.abs(short / expected[:, None] - 1.0)[swings <= 7.0].max())
+    paper = np.abs(propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED).at(frequencies))
+    trace = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED).at(frequencies))
     mean = ratios.prod(axis=1) ** (1.0 / ratios.shape[1])
-    best = int(mean.argmax())
+    swings, short = findings.ratios(SHORT_PREVIEW_S)
+    closer = short.prod(axis=1) ** (1.0 / short.shape[1])
+    best, high = int(mean.argmax()), int(np.argmin(np.abs(frequencies - 7.0)))
+    settings = FitSettings()
+    window = settings.ahead(SPEED) + settings.behind(SPEED)
     over = float(frequencies[mean > 1.0].max(initial=0.0))
     return Answer(
         ours=f"in the convoy a swing of the lead grows by up to {100 * (mean[best] - 1):.1f} % "
@@ -143,9 +147,10 @@ def _measured(findings: Findings) -> Answer:
         f"{over:g} rad/s, and fades above; |G| says {100 * (paper[best] - 1):.0f} %",
         holds=bool((mean[frequencies <= 2.5] > 1.0).all()),
         reason="G steers by the difference of both cars' states at one instant. In the convoy a "
-        "car follows the path that the other left, with feedforward (F), and fits it over 32 m, "
-        "which smooths away what is shorter: with a preview of 0.2 instead of 0.8 s the ratios "
-        f"follow F within {100 * apart:.0f} % up to 7 rad/s",
+        "car follows the path that the other left, with feedforward (F), and fits it over "
+        f"{window:.0f} m, which smooths away what is shorter: at {frequencies[high]:g} rad/s the "
+        f"ratio is {mean[high]:.2f}, with a preview of {SHORT_PREVIEW_S:g} instead of 0.8 s "
+        f"{closer[high]:.2f}, and |F| {trace[high]:.2f}",
         numbers={
             "frequency_radps": frequencies.tolist(),
             "measured_ratio": ratios.tolist(),

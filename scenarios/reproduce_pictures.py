@@ -155,7 +155,7 @@ def measured_propagation(findings: Findings) -> Figure:
         axes.plot(swings, ratios[:, place], MARKS[place], color=GREEN, markersize=4.5, label=label)
     axes.plot(swings, ratios.prod(axis=1) ** (1.0 / ratios.shape[1]), color=GREEN, linewidth=1.0)
     swings, ratios = findings.ratios(SHORT_PREVIEW_S)
-    label = "the same with a preview of 0.2 s, all cars"
+    label = f"the same with a preview of {SHORT_PREVIEW_S:g} s, all cars"
     axes.plot(swings, ratios.mean(axis=1), "D", color=PURPLE, mfc="white", ms=4.5, label=label)
     axes.axhline(1.0, color=GREY, linewidth=0.8)
     axes.set_ylim(0.0, 2.4)

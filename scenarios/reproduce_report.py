@@ -42,8 +42,8 @@ CAPTIONS = {
     "propagation.png": "The paper's G(jω) in closed form and simulated, and what a swing of the "
     "lead becomes in the convoy. G takes the difference of both cars' states at one instant, "
     "heading included and without feedforward. In the convoy a car steers along the path that the "
-    "other left: F(jω), which the measured ratios follow at low frequency. Above, the fit over 32 "
-    "m smooths the path away (a swing of 7 rad/s is 27 m long); over 13 m it does not.",
+    "other left: F(jω), which the measured ratios follow at low frequency. Above, the fit over "
+    "some 35 m smooths the path away (a swing of 7 rad/s is 27 m long), less so with less preview.",
     "field.png": "Field experiment: PL1 drives alone, PL2 behind its record, PL3 behind both.",
 }
 

@@ -22,8 +22,8 @@ FREQUENCIES = (0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0)
 """Frequencies (rad/s) of the swing: from a lazy lane change to beyond what cars do."""
 
 PREVIEW_S = 0.8
-SHORT_PREVIEW_S = 0.2
-"""The paper's preview, and one so short that the fit smooths nothing away."""
+SHORT_PREVIEW_S = 0.25
+"""The paper's preview, and one with which the fit smooths little away."""
 
 SWING = 0.5
 """Largest amplitude of the lead's swing (m)..."""
