@@ -173,7 +173,10 @@ def _machine_readable(
     report: dict[str, Any] = {
         "schema": SCHEMA,
         "cases": list(cases),
-        "claims": [asdict(claim) for claim in claims],
+        "claims": [
+            asdict(claim) | {"noise": claim.noise._asdict() if claim.noise else None}
+            for claim in claims
+        ],
         "runs": {key: _figures(trial) for key, trial in findings.trials.items()},
         "propagation": [
             {

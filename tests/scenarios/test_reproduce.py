@@ -79,6 +79,8 @@ def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
     said = f"Of {len(QUESTIONS)} claims {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot"
     assert said in (whole / "report.md").read_text(encoding="utf-8")
     assert set(report["runs"]) >= {key for case in CASES.values() for key in case}
+    noise = next(claim["noise"] for claim in report["claims"] if claim["name"] == "a_decreasing")
+    assert noise == {"holding": 3, "runs": 3}
     assert report["runs"]["base"]["tracking_error_m_max"] == pytest.approx([0.08, 0.06, 0.05])
     assert all(map(isfinite, numbers_in(report)))
 
