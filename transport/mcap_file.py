@@ -4,7 +4,6 @@ The only module that knows the mcap package; `Writer` is that package's own.
 """
 
 import os
-import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -13,13 +12,10 @@ from pathlib import Path
 from typing import IO, cast
 
 from mcap import records
-from mcap._chunk_builder import ChunkBuilder
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
-from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
-from mcap.writer import Writer
 from zstandard import ZstdError
 
 from transport.log_file import (
@@ -31,41 +27,9 @@ from transport.log_file import (
     messages_in,
     records_in,
 )
+from transport.mcap_writer import Writer
 
-__all__ = ["McapFile", "Writer", "new_writer", "repair"]
-
-_MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_HEAD = 22  # bytes of a message record before its data
-
-
-class _Chunk(ChunkBuilder):
-    """A chunk that packs a message's record in one go: half of the time a virtual run logs."""
-
-    def add_message(self, message: records.Message) -> None:
-        """Add a message; the log is in order of time, so the last is the latest."""
-        at, channel, data = message.log_time, message.channel_id, message.data
-        if self.num_messages == 0:
-            self.message_start_time = at
-        self.message_end_time = at
-        index = self.message_indices.get(channel)
-        if index is None:
-            index = self.message_indices[channel] = records.MessageIndex(channel, [])
-        builder = self.record_writer
-        index.records.append((at, builder.count))
-        self.num_messages += 1
-        length = _MESSAGE_HEAD + len(data)
-        head = _MESSAGE.pack(
-            Opcode.MESSAGE, length, channel, message.sequence, at, message.publish_time
-        )
-        builder.write(head + data)
-
-
-def new_writer(file: IO[bytes]) -> Writer:
-    """Open a writer of messages in order of time."""
-    writer = Writer(file)
-    # The package has no door for this. Should it rename its field, this one is never looked at.
-    writer._Writer__chunk_builder = _Chunk()  # type: ignore[attr-defined]
-    return writer
+__all__ = ["McapFile", "repair"]
 
 
 class McapFile:

@@ -15,7 +15,8 @@ from typing import Any, Self
 from transport.codec import PROTOBUF, RefusedMessageError, decode
 from transport.foxglove import Twin, descriptor_set, twins
 from transport.log_file import LogError
-from transport.mcap_file import McapFile, new_writer, repair
+from transport.mcap_file import McapFile, repair
+from transport.mcap_writer import new_writer
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
