@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import cos, hypot, sin
+from typing import NamedTuple
 
 from vehicles.messages import TruePose
 
@@ -10,13 +12,17 @@ MAX_STEP_BACK = 3
 """Segments the foot point may move backwards in one step; it otherwise only moves forwards, so a
 path that crosses itself or runs beside itself never attracts it."""
 
+Piece = tuple[float, float, float, float, float]
+"""A segment of a path: where it starts, its way east and north, its length (m)."""
+
 
 @dataclass(frozen=True, slots=True)
 class DrivenPath:
     """A driven path as a polyline in the world frame, in order of travel.
 
-    Standstills are left out, and a straight `run_in` (m) is put before the first pose in the
-    direction it faced, because followers start behind the lead, on its straight lead-in.
+    Standstills are left out, and a straight `run_in` (m) is put before the first pose, because
+    followers start behind the lead, on the straight that leads to it. That straight goes in the
+    direction `run_in_yaw` (rad); where it is not known, in the one that the first pose faced.
     """
 
     east: list[float]
@@ -24,11 +30,14 @@ class DrivenPath:
     station: list[float]
 
     @classmethod
-    def of(cls, poses: Sequence[TruePose], run_in: float) -> "DrivenPath":
+    def of(
+        cls, poses: Sequence[TruePose], run_in: float, run_in_yaw: float | None = None
+    ) -> "DrivenPath":
         """Path through `poses`; at least one is needed."""
         first = poses[0]
-        east = [first.east_m - run_in * cos(first.yaw_rad), first.east_m]
-        north = [first.north_m - run_in * sin(first.yaw_rad), first.north_m]
+        yaw = first.yaw_rad if run_in_yaw is None else run_in_yaw
+        east = [first.east_m - run_in * cos(yaw), first.east_m]
+        north = [first.north_m - run_in * sin(yaw), first.north_m]
         station = [-run_in, 0.0]
         for pose in poses[1:]:
             step = hypot(pose.east_m - east[-1], pose.north_m - north[-1])
@@ -38,9 +47,16 @@ class DrivenPath:
                 station.append(station[-1] + step)
         return cls(east, north, station)
 
+    def pieces(self) -> list[Piece]:
+        """The segments in order of travel."""
+        corners = pairwise(zip(self.east, self.north, self.station, strict=True))
+        return [
+            (east, north, next_east - east, next_north - north, next_station - station)
+            for (east, north, station), (next_east, next_north, next_station) in corners
+        ]
 
-@dataclass(frozen=True, slots=True)
-class CrossTrack:
+
+class CrossTrack(NamedTuple):
     """One foot point: its arc length on the lead's path and the distance, left positive (m)."""
 
     at_ns: int
@@ -54,37 +70,37 @@ def cross_track(poses: Sequence[TruePose], path: DrivenPath) -> list[CrossTrack]
     Poses before the path's first point or past its last one are left out: nothing was driven
     there to compare with.
     """
+    pieces, stations = path.pieces(), path.station
+    start, end = stations[0], stations[-1]
     index = 0
     found: list[CrossTrack] = []
     for pose in poses:
-        index = _follow(path, index, pose.east_m, pose.north_m)
-        along, lateral = _foot(path, index, pose.east_m, pose.north_m)
-        station = path.station[index] + along
-        if path.station[0] <= station <= path.station[-1]:
+        index, along, lateral = _follow(pieces, index, pose.east_m, pose.north_m)
+        station = stations[index] + along
+        if start <= station <= end:
             found.append(CrossTrack(pose.true_at_ns, station, lateral))
     return found
 
 
-def _follow(path: DrivenPath, index: int, east: float, north: float) -> int:
-    """Segment that holds the foot point, searched from segment `index` in the order of travel."""
-    last = len(path.station) - 2
+def _follow(
+    pieces: Sequence[Piece], index: int, east: float, north: float
+) -> tuple[int, float, float]:
+    """Segment that holds the foot point, and the foot's distance along it and to its left (m).
+
+    It is searched from segment `index` in the order of travel, then back. This runs for every
+    pose of a run, so a segment is looked at once only.
+    """
+    last = len(pieces) - 1
     floor = max(index - MAX_STEP_BACK, 0)
-    while index < last and _foot(path, index, east, north)[0] > _length(path, index):
-        index += 1
-    while index > floor and _foot(path, index, east, north)[0] < 0.0:
-        index -= 1
-    return index
-
-
-def _length(path: DrivenPath, index: int) -> float:
-    return path.station[index + 1] - path.station[index]
-
-
-def _foot(path: DrivenPath, index: int, east: float, north: float) -> tuple[float, float]:
-    """Distance along segment `index` and to the left of it, m."""
-    along_east = path.east[index + 1] - path.east[index]
-    along_north = path.north[index + 1] - path.north[index]
-    to_east, to_north = east - path.east[index], north - path.north[index]
-    length = _length(path, index)
-    along = (to_east * along_east + to_north * along_north) / length
-    return along, (along_east * to_north - along_north * to_east) / length
+    forwards = True
+    while True:
+        from_east, from_north, along_east, along_north, length = pieces[index]
+        to_east, to_north = east - from_east, north - from_north
+        along = (to_east * along_east + to_north * along_north) / length
+        if forwards and along > length and index < last:
+            index += 1
+        elif along < 0.0 and index > floor:
+            index -= 1
+            forwards = False
+        else:
+            return index, along, (along_east * to_north - along_north * to_east) / length

@@ -1,9 +1,9 @@
 """Figures of a run, gathered message by message: live, in virtual time, or from a log."""
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from statistics import fmean
 from typing import Any
 
@@ -21,7 +21,10 @@ class Extremes:
 
     def add(self, value: float) -> None:
         """Take one value."""
-        self.largest = max(self.largest, abs(value))
+        if value > self.largest:
+            self.largest = value
+        elif -value > self.largest:
+            self.largest = -value
         self.squares += value * value
         self.count += 1
 
@@ -51,7 +54,7 @@ class VehicleFigures:
     truth: list[TruePose] = field(default_factory=list)
     lateral_error: Extremes = field(default_factory=Extremes)
     heading_error: Extremes = field(default_factory=Extremes)
-    gap_min: float = float("inf")
+    gap_min: float = inf
     modes: Counter[str] = field(default_factory=Counter)
     health: Health | None = None
     memory_max: int = 0
@@ -69,36 +72,42 @@ class Metrics:
         self._requested = requested
         self.vehicles = {name: VehicleFigures() for name in vehicles}
         self.links: defaultdict[tuple[str, str], LinkFigures] = defaultdict(LinkFigures)
+        self._take: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
+            TruePose: self._add_truth,
+            Tracking: self._add_tracking,
+            GpsPose: self._add_pose,
+            LinkVerdict: self._add_verdict,
+            Health: self._add_health,
+        }
 
     def add(self, message: Message) -> None:
         """Take one message; kinds that carry no figure, and strangers, are passed over."""
         figures = self.vehicles.get(message.vehicle)
-        if figures is None:
-            return
-        match message:
-            case TruePose():
-                figures.truth.append(message)
-            case Tracking():
-                self._add_tracking(figures, message)
-            case GpsPose():
-                figures.poses += 1
-                figures.last_pose_seq = max(message.seq, figures.last_pose_seq)
-            case LinkVerdict():
-                self._add_verdict(message)
-            case Health():
-                figures.health = message
-                figures.memory_max = max(figures.memory_max, message.memory_bytes)
-                if message.seq and not message.final:  # those cover a second, first and last less
-                    figures.cpu.append(message.cpu_ratio)
+        take = self._take.get(type(message))
+        if figures is not None and take is not None:
+            take(figures, message)
+
+    def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
+        figures.truth.append(pose)
 
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking) -> None:
         figures.lateral_error.add(tracking.lateral_error_m)
         figures.heading_error.add(tracking.heading_error_rad)
         figures.modes[tracking.mode] += 1
-        if isfinite(tracking.gap_m):
-            figures.gap_min = min(figures.gap_min, tracking.gap_m)
+        if -inf < tracking.gap_m < figures.gap_min:  # false for NaN: there is no gap to tell
+            figures.gap_min = tracking.gap_m
 
-    def _add_verdict(self, verdict: LinkVerdict) -> None:
+    def _add_pose(self, figures: VehicleFigures, pose: GpsPose) -> None:
+        figures.poses += 1
+        figures.last_pose_seq = max(pose.seq, figures.last_pose_seq)
+
+    def _add_health(self, figures: VehicleFigures, health: Health) -> None:
+        figures.health = health
+        figures.memory_max = max(figures.memory_max, health.memory_bytes)
+        if health.seq and not health.final:  # those cover a second, first and last less
+            figures.cpu.append(health.cpu_ratio)
+
+    def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict) -> None:
         link = self.links[verdict.sender, verdict.vehicle]
         if verdict.outcome == "dropped":
             link.dropped[verdict.reason] += 1
@@ -111,10 +120,13 @@ class Metrics:
         link.latency_ns_sum += latency
         link.latency_ns_max = max(link.latency_ns_max, latency)
 
-    def summary(self) -> dict[str, Any]:
-        """Figures per vehicle and per link; see README, "The summary"."""
+    def summary(self, road_yaw: float | None = None) -> dict[str, Any]:
+        """Figures per vehicle and per link; see README, "The summary".
+
+        `road_yaw` (rad) is the direction of the road on which the convoy starts.
+        """
         return {
-            "vehicles": [self._vehicle(name) for name in self._names],
+            "vehicles": [self._vehicle(name, road_yaw) for name in self._names],
             "links": [self._link(link) for link in sorted(self._requested, key=self._order)],
         }
 
@@ -122,8 +134,13 @@ class Metrics:
         sender, receiver = link
         return self._names.index(receiver), self._names.index(sender)
 
-    def true_cross_track(self, name: str) -> Extremes:
-        """Distances of `name` from the lead's driven path (m), see `scenarios.cross_track`."""
+    def true_cross_track(self, name: str, road_yaw: float | None = None) -> Extremes:
+        """Distances of `name` from the lead's driven path (m), see `scenarios.cross_track`.
+
+        Followers start behind the lead on a road in direction `road_yaw` (rad), which is not where
+        a lead faces that starts askew. Without it, or with a lead that was on its way when it was
+        first seen, the lead's own direction has to do.
+        """
         lead = self.vehicles[self._names[0]].truth
         own = self.vehicles[name].truth
         extremes = Extremes()
@@ -131,15 +148,17 @@ class Metrics:
             run_in = 5.0 + 2.0 * sqrt(
                 (lead[0].east_m - own[0].east_m) ** 2 + (lead[0].north_m - own[0].north_m) ** 2
             )
-            for foot in cross_track(own, DrivenPath.of(lead, run_in)):
+            at_start = lead[0].distance_m == 0.0
+            path = DrivenPath.of(lead, run_in, road_yaw if at_start else None)
+            for foot in cross_track(own, path):
                 extremes.add(foot.lateral)
         return extremes
 
-    def _vehicle(self, name: str) -> dict[str, Any]:
+    def _vehicle(self, name: str, road_yaw: float | None) -> dict[str, Any]:
         figures = self.vehicles[name]
         health = figures.health
-        true = self.true_cross_track(name)
         is_lead = name == self._names[0]
+        true = Extremes() if is_lead else self.true_cross_track(name, road_yaw)
         return {
             "name": name,
             "role": "lead" if is_lead else "follower",
@@ -148,8 +167,9 @@ class Metrics:
             "lateral_error_m_max": figures.lateral_error.largest,
             "lateral_error_m_rms": figures.lateral_error.rms,
             "heading_error_rad_max": figures.heading_error.largest,
-            "cross_track_error_m_max": None if is_lead else true.largest,
-            "cross_track_error_m_rms": None if is_lead else true.rms,
+            # Where nothing could be compared there is no error, rather than none to speak of.
+            "cross_track_error_m_max": true.largest if true.count else None,
+            "cross_track_error_m_rms": true.rms if true.count else None,
             "gap_m_min": figures.gap_min if isfinite(figures.gap_min) else None,
             "distance_m": figures.truth[-1].distance_m if figures.truth else 0.0,
             "ticks_by_mode": dict(sorted(figures.modes.items())),

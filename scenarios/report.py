@@ -45,7 +45,7 @@ def vehicle_table(summary: dict[str, Any]) -> Table:
             row["name"],
             _pair_cm(row["lateral_error_m_max"], row["lateral_error_m_rms"]),
             _pair_cm(row["cross_track_error_m_max"], row["cross_track_error_m_rms"]),
-            "" if row["gap_m_min"] is None else f"{row['gap_m_min']:.1f}",
+            "-" if row["gap_m_min"] is None else f"{row['gap_m_min']:.1f}",
             str(row["poses"]),
             str(row["missing_poses"]),
             str(row["late_ticks"]),
@@ -79,7 +79,7 @@ def link_table(summary: dict[str, Any]) -> Table:
 
 
 def _pair_cm(largest: float | None, rms: float | None) -> str:
-    return "" if largest is None or rms is None else f"{largest * 100:.1f} / {rms * 100:.1f}"
+    return "-" if largest is None or rms is None else f"{largest * 100:.1f} / {rms * 100:.1f}"
 
 
 def check_table(report: CheckReport) -> Table:

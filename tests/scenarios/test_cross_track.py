@@ -1,5 +1,6 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -130,6 +131,19 @@ def test_behind_the_lead_s_first_pose_its_line_counts() -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=0.3)
     lead = DrivenPath.of(driven(path, every(STEP, 0.0, 99.0)), 20.0)
     found = cross_track(driven(path, [-30.0, -20.5, -19.5, -10.0, -0.1, 0.1], lambda _: 0.5), lead)
+    assert [foot.station for foot in found] == pytest.approx([-19.5, -10.0, -0.1, 0.1])
+    assert [foot.lateral for foot in found] == pytest.approx([0.5] * 4)
+
+
+@pytest.mark.parametrize("yaw", HEADINGS)
+def test_where_the_road_behind_the_lead_is_known_it_does_not_matter_where_the_lead_faced(
+    yaw: float,
+) -> None:
+    path = path_from_segments([Segment(100.0, 0.0)], yaw=yaw)
+    lead = driven(path, every(STEP, 0.0, 99.0))
+    lead[0] = replace(lead[0], yaw_rad=yaw + 0.6)
+    own = driven(path, [-19.5, -10.0, -0.1, 0.1], lambda _: 0.5)
+    found = cross_track(own, DrivenPath.of(lead, 20.0, run_in_yaw=yaw))
     assert [foot.station for foot in found] == pytest.approx([-19.5, -10.0, -0.1, 0.1])
     assert [foot.lateral for foot in found] == pytest.approx([0.5] * 4)
 

@@ -1,6 +1,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from scenarios.metrics import Extremes, Metrics
 from tests.scenarios.made_up import gps, health, start, text, tracking, truth, verdict
-from vehicles.messages import Message
+from vehicles.messages import Message, TruePose
 
 CONVOY = ("v1", "v2", "v3")
 ASKED: Mapping[tuple[str, str], Mapping[str, Any]] = {
@@ -63,6 +64,8 @@ def test_a_run_without_messages_has_a_summary_too() -> None:
         assert (row["poses"], row["missing_poses"], row["ticks"]) == (0, 0, 0)
         assert not row["finished"]
         assert row["gap_m_min"] is None
+        assert row["cross_track_error_m_max"] is None
+        assert row["cross_track_error_m_rms"] is None
     for row in found["links"]:
         assert (row["sent"], row["judged"], row["loss_ratio"]) == (0, 0, 0.0)
     assert json.loads(json.dumps(found, allow_nan=False)) == found
@@ -116,6 +119,39 @@ def test_true_cross_track_error_is_the_distance_from_what_the_lead_drove() -> No
         assert row["cross_track_error_m_max"] == pytest.approx(0.25)
         assert row["cross_track_error_m_rms"] == pytest.approx(0.25)
         assert row["distance_m"] == pytest.approx(59.4)
+
+
+def askew(yaw: float, distance: float = 0.0) -> Metrics:
+    """A lead that first faces `yaw` (rad) on a road eastward, with `distance` (m) behind it."""
+    metrics = Metrics(CONVOY, ASKED)
+    for message in lead_and_follower(0.25):
+        assert isinstance(message, TruePose)
+        first_of_lead = message.vehicle == "v1" and message.seq == 0
+        whole = replace(message, distance_m=message.distance_m + distance)
+        metrics.add(replace(whole, yaw_rad=yaw) if first_of_lead else whole)
+    return metrics
+
+
+@pytest.mark.parametrize("yaw", [0.1, -0.5, 3.0])
+def test_before_the_lead_s_first_pose_the_road_counts_not_where_the_lead_faced(yaw: float) -> None:
+    row = askew(yaw).summary(road_yaw=0.0)["vehicles"][1]
+    assert row["cross_track_error_m_max"] == pytest.approx(0.25)
+    assert row["cross_track_error_m_rms"] == pytest.approx(0.25)
+    assert askew(yaw).true_cross_track("v2").largest > 1.0
+
+
+def test_a_lead_that_was_first_seen_on_its_way_faces_along_the_road_there() -> None:
+    """The road at the start may have gone elsewhere."""
+    found = askew(0.0, distance=80.0).summary(road_yaw=1.5)["vehicles"][1]
+    assert found["cross_track_error_m_max"] == pytest.approx(0.25)
+
+
+def test_a_follower_that_was_nowhere_beside_the_lead_s_path_has_no_distance_from_it() -> None:
+    lead = [message for message in lead_and_follower(0.0) if message.vehicle == "v1"]
+    beyond = [truth("v2", seq, 100.0 + seq, 0.5) for seq in range(20)]
+    for found in (vehicle("v2", *lead), vehicle("v2", *lead, *beyond), vehicle("v2", *beyond)):
+        assert found["cross_track_error_m_max"] is None
+        assert found["cross_track_error_m_rms"] is None
 
 
 def test_the_lead_has_no_distance_from_itself() -> None:

@@ -10,6 +10,9 @@ from scenarios.metrics import Metrics
 from scenarios.report import print_summary
 from tests.scenarios.made_up import gps, health, tracking, truth, verdict
 
+NO_ERROR = ("0.0", "/", "0.0")
+NO_FAULTS = ("0", "0", "0")
+
 
 def summary(reason: str = "", clock: str = "wall") -> dict[str, Any]:
     """Figures of two followers behind a lead, of which v3 has been silent."""
@@ -61,7 +64,11 @@ def test_a_vehicle_s_row_tells_errors_gap_and_counts() -> None:
 
 
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
-    assert row(printed(summary()), "v1 ") == ["v1", *["0.0", "/", "0.0", "21", "0", "0", "0"]]
+    assert row(printed(summary()), "v1 ") == ["v1", *NO_ERROR, "-", "-", "21", *NO_FAULTS]
+
+
+def test_nor_has_a_follower_that_was_never_on_the_road() -> None:
+    assert row(printed(summary()), "v3 ") == ["v3", *NO_ERROR, "-", "-", "0", *NO_FAULTS]
 
 
 def test_a_link_s_row_puts_achieved_beside_requested() -> None:
