@@ -72,6 +72,9 @@ class Recording:
             run_id=folder.name,
             listeners=(self._conductor.listen, *listeners),
         )
+        self._run.recorder.gnss_rates_hz = {
+            name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names
+        }
         self._chores = Chores()
         self._own: list[tuple[str, bytes]] = []
         self._arrivals: SimpleQueue[Arrival] = SimpleQueue()

@@ -1,17 +1,19 @@
 """Takes every message of a run off the bus: into the log, the figures and the picture."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from scenarios.metrics import Metrics
 from transport.codec import RefusedMessageError, decode, encode
 from transport.mcap_log import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
-from vehicles.messages import Health, LogText, Message
+from vehicles.messages import GpsPose, Health, LogText, Message, RunStart
 from vehicles.schedule import SECOND
 
 AHEAD_NS = 60 * SECOND
 """A vehicle's clock may be ahead of the recorder's by so much."""
+ROUNDING = 0.001
+"""Periods; instants are rounded to nanoseconds."""
 
 Listener = Callable[[int, Message], None]
 """Gets the instant of reception (ns) and each accepted message: viewer, progress, conductor."""
@@ -21,6 +23,9 @@ class Recorder:
     """Writes the messages of known vehicles; anything else on their keys is only counted.
 
     `valid_from` (ns) is the first instant of the run: what was valid earlier belongs to another.
+    `gnss_rates_hz` says how often each vehicle measures. Who takes messages off a bus gives it: a
+    pose numbered higher than its vehicle can have counted by then is refused, since one such
+    number would make all those below it missing.
     """
 
     def __init__(
@@ -42,7 +47,9 @@ class Recorder:
         self._listeners = listeners
         self._seen: defaultdict[str, set[int]] = defaultdict(set)
         self._next: Counter[type[Message]] = Counter()
+        self._start_at = 0
         self.valid_from = 0
+        self.gnss_rates_hz: Mapping[str, float] = {}
         self.recorded = 0
         self.rejected: Counter[str] = Counter()
 
@@ -67,9 +74,17 @@ class Recorder:
             self.rejected["in the run's own name"] += 1
         elif not self.valid_from <= instant(message) <= at + AHEAD_NS:
             self.rejected["of another run"] += 1
+        elif isinstance(message, GpsPose) and self._is_ahead(message):
+            self.rejected["ahead of its schedule"] += 1
         else:
             seen.add(message.seq)
             self._record(topic, vehicle, data, at, message)
+
+    def _is_ahead(self, pose: GpsPose) -> bool:
+        rate_hz = self.gnss_rates_hz.get(pose.vehicle)
+        if rate_hz is None:
+            return False
+        return pose.seq > (pose.measured_at_ns - self._start_at) * rate_hz / SECOND + ROUNDING
 
     def witness(self, topic: Topic, data: bytes, message: Message, at: int) -> None:
         """Take a message from a vehicle of the same process at instant `at` (ns)."""
@@ -104,6 +119,8 @@ class Recorder:
         self._next[kind] += 1
         topic = TOPIC_OF[kind]
         data = encode(message)
+        if isinstance(message, RunStart):
+            self._start_at = message.start_at_ns
         self._seen[key(CONDUCTOR, topic)].add(message.seq)
         self._record(topic, CONDUCTOR, data, at, message)
         return data

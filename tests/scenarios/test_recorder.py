@@ -13,6 +13,7 @@ from transport.codec import MAX_BYTES, encode
 from transport.mcap_log import LogReader, LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, key
 from vehicles.messages import LogText, Message, RunEnd, RunStart
+from vehicles.schedule import instant
 
 CONVOY = ("v1", "v2")
 
@@ -213,6 +214,41 @@ def test_another_run_s_messages_take_no_number_from_this_run_s(recorded: Recorde
     recorded.take([gps("v1", 0), gps("v1", 1)])
     assert recorded.recorder.recorded == 2
     assert recorded.recorder.rejected == {"of another run": 3}
+
+
+def scheduled(recorded: Recorded, *, v1_hz: float = 20.0) -> Recorder:
+    """The recorder of a run that has started, of which it knows the GNSS rates."""
+    recorded.recorder.gnss_rates_hz = {"v1": v1_hz, "v2": 20.0}
+    recorded.recorder.put(RunStart, at(-0.5), start_at_ns=START, run_id="trial")
+    return recorded.recorder
+
+
+@pytest.mark.parametrize("number", [1, 40, 2**32, 2**63 - 1])
+def test_a_pose_numbered_ahead_of_its_schedule_makes_none_missing(
+    recorded: Recorded, number: int
+) -> None:
+    recorder = scheduled(recorded)
+    for seq in range(30):
+        recorder.accept("convoy/v1/gps", encode(gps("v1", seq)), at(seq / 20))
+        forged = replace(gps("v1", seq + number), measured_at_ns=at(seq / 20))
+        recorder.accept("convoy/v1/gps", encode(forged), at(seq / 20))
+    assert recorder.rejected == {"ahead of its schedule": 30}
+    row = recorded.metrics.summary()["vehicles"][0]
+    assert (row["poses"], row["missing_poses"]) == (30, 0)
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 3.0, 7.0, 20.0, 30.0, 99.9])
+def test_whoever_keeps_its_schedule_is_never_ahead_of_it(
+    recorded: Recorded, rate_hz: float
+) -> None:
+    recorder = scheduled(recorded, v1_hz=rate_hz)
+    for seq in (0, 1, 2, 3, 100, 4711, 1_000_000):
+        pose = replace(gps("v1", seq), measured_at_ns=instant(START, seq, rate_hz))
+        recorder.accept("convoy/v1/gps", encode(pose), pose.measured_at_ns)
+    assert not recorder.rejected
+    later = replace(gps("v2", 3), measured_at_ns=at(1.0))  # a receiver may leave numbers out
+    recorder.accept("convoy/v2/gps", encode(later), at(1.0))
+    assert not recorder.rejected
 
 
 def test_the_recorder_tells_in_the_log_how_many_it_refused(recorded: Recorded) -> None:
