@@ -126,7 +126,7 @@ class Recorder:
         return data
 
     def _record(self, topic: Topic, vehicle: str, data: bytes, at: int, message: Message) -> None:
-        self._writer.write(topic, vehicle, data, at, instant(message), message)
+        self._writer.write(topic, vehicle, data, at, message=message)
         self.recorded += 1
         self._metrics.add(message)
         for listener in self._listeners:

@@ -1,6 +1,7 @@
 """Which received poses can be true: everything else is refused before it can do harm."""
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import cast
 
 from transport.clock import NS_PER_S
@@ -25,6 +26,7 @@ _LARGEST = {
     "speed_mps": 200.0,
     "yaw_rate_radps": 100.0,
 }
+_numbers = attrgetter(*_LARGEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +50,9 @@ class Admission:
         pose = cast("GpsPose", decode(GPS, data, exact=True))
         if pose.vehicle != self.sender:
             raise RefusedMessageError("foreign", f"{pose.vehicle!r} in the name of {self.sender}")
-        for name, largest in _LARGEST.items():
-            value = getattr(pose, name)
-            if not abs(value) <= largest:  # so that NaN is refused too
-                raise RefusedMessageError("absurd", f"{name} is {value}")
+        for value, largest in zip(_numbers(pose), _LARGEST.values(), strict=True):
+            if not -largest <= value <= largest:  # so that NaN is refused too
+                raise RefusedMessageError("absurd", f"a value of {value}, at most {largest}")
         self._check_schedule(pose, now)
         return pose
 

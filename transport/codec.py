@@ -54,7 +54,7 @@ PROTOBUF: dict[type[Message], Any] = {kind: form.protobuf for kind, form in _FOR
 def encode(message: Message) -> bytes:
     """Serialise `message` as the Protobuf message of the same name."""
     form = _FORMS[type(message)]
-    parsed = form.protobuf(**{name: getattr(message, name) for name in form.names})
+    parsed = form.protobuf(**dict(zip(form.names, form.values(message), strict=True)))
     data: bytes = parsed.SerializeToString()  # no maps, so there is but one way to write it
     return data
 

@@ -8,7 +8,7 @@ from threading import Lock
 
 from transport.admission import GPS, LONGEST_POSE_BYTES, Admission
 from transport.codec import RefusedMessageError
-from transport.link import LinkRule, Verdict, verdict
+from transport.link import Link, LinkRule, Verdict, effects
 from transport.topics import key
 from vehicles.messages import GpsPose, LinkVerdict
 
@@ -18,13 +18,13 @@ WINDOW = 8192
 
 @dataclass(slots=True)
 class HeardLink:
-    """One sender's link: the rule asked for and what became of its messages so far.
+    """One sender's link and what became of its messages so far.
 
     `delivered`, `dropped` (by reason) and `late` count verdicts put out; a late message is among
     the delivered or the dropped as well.
     """
 
-    rule: LinkRule
+    link: Link
     admission: Admission
     delivered: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
@@ -77,10 +77,10 @@ class Inbox:
                 rate_hz = source_rate_hz[sender]
             else:
                 rate_hz = source_rate_hz
-            self.links[sender] = HeardLink(rule, Admission(sender, start_at, rate_hz))
+            link = Link(effects(rule, rate_hz), seed, sender, receiver)
+            self.links[sender] = HeardLink(link, Admission(sender, start_at, rate_hz))
         self.rejected: Counter[str] = Counter()
         self.overflow = 0
-        self._seed = seed
         self._taken_until = start_at - 1
         self._arrived: deque[tuple[str, bytes]] = deque(maxlen=GPS.queue)
         self._lock = Lock()
@@ -153,15 +153,7 @@ class Inbox:
         link = self.links[sender]
         pose = link.admission.admit(data, now)
         link.check_new(pose.seq)
-        judged = verdict(
-            link.rule,
-            source_rate_hz=link.admission.rate_hz,
-            seed=self._seed,
-            sender=sender,
-            receiver=self.receiver,
-            seq=pose.seq,
-            measured_at=pose.measured_at_ns,
-        )
+        judged = link.link.judge(pose.seq, pose.measured_at_ns)
         late = judged.visible_at <= self._taken_until
         heappush(self._waiting, (judged.visible_at, sender, pose.seq, judged, pose, late))
 

@@ -8,7 +8,7 @@ a run in virtual time judge alike.
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache, partial
+from functools import partial
 from hashlib import blake2b
 from math import isfinite
 from typing import Protocol
@@ -125,7 +125,6 @@ class Jitter:
         return round(uniform("jitter") * self.spread)
 
 
-@lru_cache(maxsize=1024)
 def effects(rule: LinkRule, source_rate_hz: float) -> tuple[Effect, ...]:
     """Return the impairments of `rule` for a sender of `source_rate_hz`; the first drop names."""
     found: list[Effect] = []
@@ -158,16 +157,16 @@ def combine(chain: Iterable[Effect], uniform: Uniform, seq: int, measured_at: in
     return Verdict("dropped" if reason else "delivered", reason, measured_at + delay)
 
 
-def verdict(
-    rule: LinkRule,
-    *,
-    source_rate_hz: float,
-    seed: int,
-    sender: str,
-    receiver: str,
-    seq: int,
-    measured_at: int,
-) -> Verdict:
-    """Judge message `seq` of `sender`, measured at `measured_at` (ns), on its way to `receiver`."""
-    uniform = partial(keyed_uniform, seed, sender, receiver, seq)
-    return combine(effects(rule, source_rate_hz), uniform, seq, measured_at)
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A directed link of a run: judges the messages of one sender on their way to one receiver."""
+
+    chain: tuple[Effect, ...]
+    seed: int
+    sender: str
+    receiver: str
+
+    def judge(self, seq: int, measured_at: int) -> Verdict:
+        """Judge message `seq`, measured at `measured_at` (ns)."""
+        uniform = partial(keyed_uniform, self.seed, self.sender, self.receiver, seq)
+        return combine(self.chain, uniform, seq, measured_at)

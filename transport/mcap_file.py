@@ -1,6 +1,6 @@
 """The MCAP file beneath a log: what can be read of it, and making a broken one whole.
 
-The only module that knows the mcap package; `Writer` is that package's own.
+Reads with the mcap package; `transport/mcap_writer.py` writes with it.
 """
 
 import os

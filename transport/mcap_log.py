@@ -86,7 +86,10 @@ class LogWriter:
         if publish_time is None:
             publish_time = valid_at
         publish_time = max(publish_time, 0)  # MCAP's instants are unsigned
-        self._log_time = log_time = max(self._log_time, log_time)
+        if log_time > self._log_time:
+            self._log_time = log_time
+        else:
+            log_time = self._log_time
         channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
         sequence = message.seq & SEQUENCE_MASK
         add = self._writer.add_message

@@ -89,7 +89,7 @@ def advance(
 
 
 def _tyres(p: VehicleParameters) -> _Tyres:
-    """Coefficients of eqs. (1), (2) solved for the derivatives, as far as speed has no part in them.
+    """Coefficients of eqs. (1), (2) solved for the derivatives, without the speed.
 
     v_y' = (A v_y + B r) / v - v r + C delta and r' = (D v_y + E r) / v + F delta.
     """

@@ -63,6 +63,7 @@ class Follower:
         self._reason = ""
         self._refit_due = 0
         self._gap, self._gap_at = nan, 0
+        self._disbelieved = 0
         self._decision: Decision | None = None
 
     def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
@@ -80,11 +81,13 @@ class Follower:
         try:
             heard = from_message(message, self._plane)
         except ValueError:  # well-formed, but from where or as no vehicle of this convoy can be
+            self._disbelieved += 1
             return
         trace = self._traces[message.vehicle]
         trace.add(heard.measured_at, heard.east, heard.north, heard.yaw, heard.speed)
-        pose = self._estimator.at(now)
-        trace.bridge(pose.east, pose.north)
+        if not trace.joined:
+            pose = self._estimator.at(now)
+            trace.bridge(pose.east, pose.north)
         self._refit_due = now
 
     def _decide(self, now: int, pose: Pose) -> Decision:
@@ -107,6 +110,7 @@ class Follower:
             gap=convoy.gap,
             lead_age=self._age(now, self._lead),
             predecessor_age=self._age(now, self._predecessor),
+            disbelieved=self._disbelieved,
         )
 
     def _choose_trajectory(self, now: int, pose: Pose) -> tuple[Mode, str]:

@@ -18,7 +18,7 @@ EXACT = 1e-8
 """Geodetic coordinates are corrected until less than this (m) is left..."""
 
 MOST_CORRECTIONS = 20
-"""...which takes three or four corrections within some kilometres of the origin."""
+"""...which takes three corrections within some kilometres of the origin."""
 
 WGS84 = Ellipsoid.from_name("wgs84")
 
@@ -85,16 +85,19 @@ class LocalPlane:
         latitude, longitude, altitude = 0.0, 0.0, self.origin.altitude_m
         east_left, north_left = east, north
         up_left = (east * east + north * north) / (2.0 * self._north_radius)  # the earth's bend
+        left, shrinking = abs(east_left) + abs(north_left) + abs(up_left), 1.0
         for _ in range(MOST_CORRECTIONS):
             latitude += math.degrees(north_left / self._north_radius)
             longitude += math.degrees(east_left / self._east_radius)
             altitude += up_left
+            if left * shrinking < EXACT:  # the next correction would be no larger than this
+                break
             found = self._topocentric(
                 self.origin.latitude_deg + latitude, self.origin.longitude_deg + longitude, altitude
             )
             east_left, north_left, up_left = east - found[0], north - found[1], -found[2]
-            if abs(east_left) + abs(north_left) + abs(up_left) < EXACT:
-                break
+            before, left = left, abs(east_left) + abs(north_left) + abs(up_left)
+            shrinking = left / before
         return self.origin.latitude_deg + latitude, self.origin.longitude_deg + longitude, altitude
 
     def _topocentric(

@@ -91,23 +91,25 @@ class Polyline:
         first = min(max(bisect_right(self.station, low) - 1, 0), last)
         final = min(max(bisect_left(self.station, high) - 1, first), last)
         best, found = inf, 0.0
+        easts, norths, stations = self.east, self.north, self.station
+        next_east, next_north, next_station = easts[first], norths[first], stations[first]
         for k in range(first, final + 1):
-            way = self.station[k + 1] - self.station[k]
-            span_east = self.east[k + 1] - self.east[k]
-            span_north = self.north[k + 1] - self.north[k]
-            off_east, off_north = east - self.east[k], north - self.north[k]
+            this_east, this_north, station = next_east, next_north, next_station
+            next_east, next_north, next_station = easts[k + 1], norths[k + 1], stations[k + 1]
+            way = next_station - station
+            span_east, span_north = next_east - this_east, next_north - this_north
+            off_east, off_north = east - this_east, north - this_north
             share = (off_east * span_east + off_north * span_north) / (
                 span_east * span_east + span_north * span_north
             )
-            start, end = (low - self.station[k]) / way, (high - self.station[k]) / way
-            if k > 0:
-                start = max(start, 0.0)
-            if k < last:
-                end = min(end, 1.0)
+            start = 0.0 if k and low <= station else (low - station) / way
+            end = 1.0 if k < last and high >= next_station else (high - station) / way
             share = min(max(share, start), end)
-            away = hypot(off_east - share * span_east, off_north - share * span_north)
+            off_east -= share * span_east
+            off_north -= share * span_north
+            away = off_east * off_east + off_north * off_north
             if away < best:
-                best, found = away, self.station[k] + share * way
+                best, found = away, station + share * way
         return found
 
 

@@ -52,14 +52,12 @@ class Sample(NamedTuple):
 class Window(NamedTuple):
     """Samples around the ego in order of travel, arrays of one length.
 
-    World position (m); `station` (m) is arc length from the ego's projection, negative behind it;
-    `received` is False for bridge points.
+    World position (m); `station` (m) is arc length from the ego's projection, negative behind it.
     """
 
     east: Floats
     north: Floats
     station: Floats
-    received: NDArray[np.bool_]
 
 
 def plausible(one: Sample, other: Sample, settings: TraceSettings) -> bool:

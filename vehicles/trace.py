@@ -192,7 +192,6 @@ class Trace:
             np.array(line.east[chosen], dtype=np.float64),
             np.array(line.north[chosen], dtype=np.float64),
             np.array(line.station[chosen], dtype=np.float64) - here,
-            np.array(line.at[chosen], dtype=np.int64) != BRIDGE_AT,
         )
 
     def gap(self, east: float, north: float) -> float | None:

@@ -258,3 +258,16 @@ def test_a_witness_sees_what_the_bus_carries() -> None:
     box.publish(START, BODY, FIX, DECISION)
     assert [decode(topic, data) for topic, data, _ in seen] == bus.said
     assert [message.seq for _, _, message in seen] == [message.seq for message in bus.said]
+
+
+def test_poses_that_the_driver_disbelieves_are_told_once_and_counted_as_refused() -> None:
+    bus = UrgentBus()
+    box = outbox(bus)
+    for k in range(100):
+        box.publish(at(k * 0.02), BODY, None, replace(DECISION, disbelieved=3 if k > 9 else 0))
+    told = [one.text for one in bus.of(LogText) if isinstance(one, LogText)]
+    assert [text for text in told if "refused" in text] == [
+        "3 messages refused: no place or motion of this convoy"
+    ]
+    healths = [one for one in bus.of(Health) if isinstance(one, Health)]
+    assert [one.rejected_messages for one in healths] == [0, 3]

@@ -13,7 +13,7 @@ from transport.admission import HORIZON_NS, LONGEST_POSE_BYTES
 from transport.clock import NS_PER_S, instant, ticks
 from transport.codec import encode
 from transport.inbox import WINDOW, Inbox
-from transport.link import LinkRule, verdict
+from transport.link import Link, LinkRule, effects
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 
@@ -105,16 +105,9 @@ def test_verdicts_say_what_became_of_each_message() -> None:
     assert [v.seq for v in verdicts] == list(range(20))
     assert [v.pose_seq for v in verdicts if v.outcome == "delivered"] == [p.seq for p in heard]
     assert 0 < len(heard) < 20
+    link = Link(effects(rule, RATE_HZ), 1, "lead", "follower_2")
     for v in verdicts:
-        judged = verdict(
-            rule,
-            source_rate_hz=RATE_HZ,
-            seed=1,
-            sender="lead",
-            receiver="follower_2",
-            seq=v.pose_seq,
-            measured_at=v.measured_at_ns,
-        )
+        judged = link.judge(v.pose_seq, v.measured_at_ns)
         assert (v.outcome, v.reason, v.visible_at_ns) == (
             judged.outcome,
             judged.reason,

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 
 from transport.link import (
     Decimation,
+    Link,
     LinkRule,
     Uniform,
     Verdict,
     combine,
     effects,
     keyed_uniform,
-    verdict,
 )
 
 MS = 1_000_000
@@ -37,15 +37,8 @@ def judge(
     receiver: str = "follower_1",
     source_rate_hz: float = RATE_HZ,
 ) -> Verdict:
-    return verdict(
-        rule,
-        source_rate_hz=source_rate_hz,
-        seed=seed,
-        sender=sender,
-        receiver=receiver,
-        seq=seq,
-        measured_at=seq * PERIOD,
-    )
+    link = Link(effects(rule, source_rate_hz), seed, sender, receiver)
+    return link.judge(seq, seq * PERIOD)
 
 
 def test_keyed_uniform_keeps_its_values() -> None:

@@ -42,7 +42,6 @@ def window(
         np.array([east for east, _ in points]),
         np.array([north for _, north in points]),
         np.array([float(station) - ego for station in stations]),
-        np.ones(len(points), dtype=np.bool_),
     )
 
 

@@ -277,7 +277,7 @@ def test_whatever_the_samples_a_fit_is_finite_or_absent(
     windows = []
     for part in (rows[:split], rows[split:]):
         east, north, station = np.array(part, dtype=np.float64).reshape(-1, 3).T
-        windows.append(Window(east, north, station, np.ones(len(part), dtype=np.bool_)))
+        windows.append(Window(east, north, station))
     found = fit_composite(windows[0], windows[1], alpha=alpha, settings=SETTINGS)
     if found is None:
         return
