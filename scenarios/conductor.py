@@ -7,7 +7,11 @@ from vehicles.messages import Health, Message
 from vehicles.schedule import SECOND
 
 DEATH_AFTER_NS = SECOND // 2
-"""A vehicle is dead when its token has been gone for this long while the router was there."""
+"""A vehicle is dead when its token has been gone for this long while the router was there.
+
+One that says its last words early has left by then: whoever stopped it may tell this process, too,
+and why.
+"""
 ROUTER_LOST_AFTER_NS = 5 * SECOND
 """The run ends when the router has been out of reach for this long."""
 LAST_WORDS_NS = 3 * SECOND
@@ -48,6 +52,7 @@ class Conductor:
         self._dead: set[str] = set()
         self._finished: set[str] = set()
         self._early: dict[str, int] = {}
+        self._left: set[str] = set()
         self._router_lost_at: int | None = None
 
     @property
@@ -118,17 +123,21 @@ class Conductor:
             self._router_lost_at = None
             self._gone_since = dict.fromkeys(self._gone_since, now)
         said += self._count_the_dead(now)
-        # A moment later, since whoever stopped them may still tell this process, too, and why.
-        if any(now - at > DEATH_AFTER_NS for at in self._early.values()):
-            self.stop(f"left before the end: {', '.join(sorted(self._early))}")
-        elif self._dead >= set(self._vehicles):
+        said += self._count_the_early(now)
+        self._end_if_over(now)
+        return said
+
+    def _end_if_over(self, now: int) -> None:
+        everyone = set(self._vehicles)
+        if self._dead >= everyone:
             self.stop("all vehicles died")
-        elif not (awaited := set(self._vehicles) - self._finished - self._dead):
-            if not self._early:
+        elif self._dead | self._left >= everyone:
+            self.stop("all vehicles died or left")
+        elif not (awaited := everyone - self._finished - self._dead):
+            if self._left == self._early.keys():  # else it is not yet known why the last one left
                 self.stop("")
         elif now > self.end_at + LAST_WORDS_NS:
             self.stop(f"no last words from {', '.join(sorted(awaited))}")
-        return said
 
     def _count_the_dead(self, now: int) -> list[str]:
         said: list[str] = []
@@ -136,11 +145,25 @@ class Conductor:
             if name in self._finished | self._dead or now - since < DEATH_AFTER_NS:
                 continue
             self._dead.add(name)
-            seconds = (since - self.start_at) / SECOND
-            when = f"{seconds:.1f} s after" if seconds >= 0.0 else "before"
-            line = f"{name} died {when} the start"
+            line = f"{name} died {self._when(since)}"
             if self._goes_on:
                 said.append(f"{line}; the convoy goes on without it")
             else:
                 self.stop(line)
         return said
+
+    def _count_the_early(self, now: int) -> list[str]:
+        said: list[str] = []
+        for name, at in self._early.items():
+            if name in self._left or now - at <= DEATH_AFTER_NS:
+                continue
+            if self._goes_on:
+                self._left.add(name)
+                said.append(f"{name} left {self._when(at)}; the convoy goes on without it")
+            else:
+                self.stop(f"left before the end: {', '.join(sorted(self._early))}")
+        return said
+
+    def _when(self, at: int) -> str:
+        seconds = (at - self.start_at) / SECOND
+        return f"{seconds:.1f} s after the start" if seconds >= 0.0 else "before the start"

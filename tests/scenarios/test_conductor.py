@@ -147,6 +147,37 @@ def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
     assert told.conductor.awaits_last_words()  # v1 has not said anything yet
 
 
+def test_the_convoy_goes_on_without_those_that_left_early_if_it_should() -> None:
+    told = play(*ALL_COME, (STARTED + 7.0, "v2 finishes"), (STARTED + 7.1, "v2 goes"),
+                ALL_FINISH[0], ALL_FINISH[2], goes_on=True)  # fmt: skip
+    assert told.lines[1:] == ["v2 left 7.0 s after the start; the convoy goes on without it"]
+    assert told.reason == ""
+    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
+
+
+def test_one_that_leaves_at_the_very_end_delays_it_by_a_moment() -> None:
+    almost = ENDED - 0.1
+    told = play(*ALL_COME, *ALL_FINISH[:2], (almost, "v3 finishes"), goes_on=True)
+    assert told.lines[1:] == [
+        f"v3 left {almost - STARTED:.1f} s after the start; the convoy goes on without it"
+    ]
+    assert told.reason == ""
+    assert told.over == pytest.approx(almost + DEATH_S, abs=0.11)
+
+
+def test_one_that_leaves_before_the_start_is_told_as_such() -> None:
+    told = play(*ALL_COME, (STARTED - 0.3, "v3 finishes"), goes_on=True)
+    assert told.lines[1:] == ["v3 left before the start; the convoy goes on without it"]
+
+
+@pytest.mark.parametrize("last", ["goes", "finishes"])
+def test_a_convoy_that_all_left_or_died_in_does_not_go_on(last: str) -> None:
+    history = [(10.0, "v1 finishes"), (12.0, "v2 finishes"), (14.0, f"v3 {last}")]
+    told = play(*ALL_COME, *history, goes_on=True)
+    assert told.reason == "all vehicles died or left"
+    assert told.over == pytest.approx(14.0 + DEATH_S, abs=0.11)
+
+
 # ---- Dying
 
 
@@ -290,7 +321,8 @@ def test_every_run_ends(history: list[Event], *, goes_on: bool) -> None:
     told = play(*history, goes_on=goes_on, until=longest + patience)
     assert told.over is not None
     assert told.over <= longest + patience
-    if told.reason == "":  # as planned: all who live have finished
+    if told.reason == "":  # as planned: all who live have finished, and not all of them early
         finished = {event.split()[0] for _, event in history if event.endswith(("ends", "shes"))}
         dead = {line.split()[0] for line in told.lines if " died " in line}
         assert finished | dead >= set(CONVOY)
+        assert goes_on or not any(" left " in line for line in told.lines)

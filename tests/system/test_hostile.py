@@ -96,6 +96,7 @@ def absurd(pose: GpsPose) -> Iterator[Put]:
         {"seq": 2**64 - 1},
     ):
         yield here, encode(replace(pose, **fields))
+    yield here, encode(replace(now(pose), seq=2**63))
 
 
 def conducting(others: dict[Topic, Message]) -> Iterator[Put]:
@@ -196,6 +197,7 @@ def assert_counted(run: Run, sent: int) -> None:
     """Each is counted by the recorder, and those on poses' keys by whoever listens to them."""
     refused = run.summary["recorder_rejected_messages"]
     assert set(refused) == {
+        "ahead of its schedule",
         "in the run's own name",
         "malformed",
         "of another run",
@@ -208,4 +210,12 @@ def assert_counted(run: Run, sent: int) -> None:
     for name in ("v2", "v3"):
         assert run.vehicle(name)["rejected_messages"] > 100
         reasons = {text.rpartition(" ")[2] for text in run.texts(name) if "refused" in text}
-        assert reasons >= {"garbage", "oversized", "foreign", "absurd", "past", "duplicate"}
+        assert reasons >= {
+            "garbage",
+            "oversized",
+            "foreign",
+            "absurd",
+            "past",
+            "duplicate",
+            "sequence",
+        }

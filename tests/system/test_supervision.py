@@ -155,22 +155,38 @@ def test_a_vehicle_that_hangs_for_good_ends_the_run(tmp_path: Path) -> None:
     assert Run(tmp_path / "run").summary["reason"].startswith("v3 died")
 
 
-def test_a_convoy_may_go_on_without_its_dead(tmp_path: Path) -> None:
+def test_a_vehicle_that_is_told_to_leave_ends_the_run(tmp_path: Path) -> None:
+    with start(*three(tmp_path), folder=tmp_path) as convoy:
+        convoy.drive(1.0)
+        convoy.part("v2").terminate()
+        assert convoy.is_gone_in_time()
+        assert convoy.wait() == 1
+        assert_one_clear_line(convoy, "v2 ended with exit code 143; the run ends")
+    run = Run(tmp_path / "run")
+    assert_summary_is_in_the_log(run)
+    assert run.summary["outcome"] == "failed"
+    assert run.summary["reason"] == "v2 ended with exit code 143; the run ends"
+
+
+@pytest.mark.parametrize(
+    ("number", "fate"), [(signal.SIGKILL, "died"), (signal.SIGTERM, "left")], ids=["dies", "leaves"]
+)
+def test_a_convoy_may_go_on_without_one(number: signal.Signals, fate: str, tmp_path: Path) -> None:
     duration_s = 4.0
     arguments = three(tmp_path, 'convoy.when_a_vehicle_dies="go_on"', duration_s=duration_s)
     with start(*arguments, folder=tmp_path) as convoy:
         convoy.drive(1.0)
-        kill(convoy.part("v2"))
+        convoy.part("v2").send_signal(number)
         assert convoy.wait() == 0, convoy.err
         assert not convoy.everyone()
         said = [line for line in convoy.lines() if "v2" in line]
     assert len(said) == 1
-    assert said[0].startswith("run: v2 died ")
+    assert said[0].startswith(f"run: v2 {fate} ")
     assert said[0].endswith("after the start; the convoy goes on without it")
     run = Run(tmp_path / "run")
     assert_sound(run.log)
     assert run.summary["outcome"] == "completed"
-    assert [row["finished"] for row in run.summary["vehicles"]] == [True, False, True]
+    assert [row["finished"] for row in run.summary["vehicles"]] == [True, fate == "left", True]
     assert run.vehicle("v2")["poses"] < duration_s * 20 - 20
     for name in ("v1", "v3"):
         assert len(run.truths[name]) == duration_s * 50
