@@ -1,12 +1,24 @@
+import json
 import platform
+import re
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
+from scenarios.leash import Stop
 from scenarios.run_log import LOG_NAME, RunLog
 from scenarios.scenario import Scenario, load_scenario
-from scenarios.summary import PACKAGES, SCHEMA, about, requested_links, scenario_in, summary_of
+from scenarios.summary import (
+    PACKAGES,
+    SCHEMA,
+    SUMMARY_NAME,
+    about,
+    requested_links,
+    scenario_in,
+    summary_of,
+)
+from scenarios.virtual import run_virtual
 from tests.scenarios.made_up import START, at, gps, health, text, tracking, truth, verdict
 from transport.codec import encode
 from transport.mcap_log import LogError, LogReader, LogWriter, repair
@@ -122,3 +134,31 @@ def test_the_scenario_of_a_log_is_the_one_that_ran(scenario: Scenario, tmp_path:
     again = scenario_in(log, LogReader(log).attachments())
     assert again.tables == scenario.tables
     assert again.text == scenario.text
+
+
+def documented() -> dict[str, str]:
+    """What each field means, by the README; only the first one of a row names its list."""
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    section = readme.split("## The summary")[1].split("\n## ")[0]
+    found = {}
+    for names, meaning in re.findall(r"^\| (`.+?`) \| (.+) \|$", section, flags=re.MULTILINE):
+        first, *others = re.findall(r"`(.+?)`", names)
+        within = first[: first.rindex(".") + 1] if "[]." in first else ""
+        for name in (first, *(within + other for other in others)):
+            assert name not in found
+            found[name] = meaning
+    return found
+
+
+def test_the_readme_says_what_each_field_means(scenario: Scenario, tmp_path: Path) -> None:
+    run_virtual(scenario, tmp_path, Stop())
+    summary = json.loads((tmp_path / SUMMARY_NAME).read_text(encoding="utf-8"))
+    fields = {name for name in summary if name not in {"vehicles", "links"}}
+    for part in ("vehicles", "links"):
+        for row in summary[part]:
+            fields |= {f"{part}[].{name}" for name in row}
+    meaning = documented()
+    assert set(meaning) == fields
+    assert meaning["schema"] == f"`{summary['schema']}`"
+    for asked in summary["links"][0]["requested"]:
+        assert f"`{asked}`" in meaning["links[].requested"]
