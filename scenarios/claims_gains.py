@@ -8,7 +8,7 @@ from vehicles.gain_margins import common_ball, stability_ball
 from vehicles.gains import (
     PAPER_SPEEDS,
     abscissa,
-    gain_box,
+    gain_extremes,
     non_convex_pair,
     stabilises_all,
 )
@@ -22,15 +22,18 @@ CARS = [loaded(LINCOLN_MKZ, loading) for loading in all_loadings()]
 
 
 def _bounded(_: Findings) -> Answer:
-    (_low, lateral), heading, yaw_rate = gain_box([LINCOLN_MKZ], [SPEED])
+    lateral, heading, yaw_rate = (
+        (least[k], most[k]) for k, (least, most) in enumerate(gain_extremes([LINCOLN_MKZ], [SPEED]))
+    )
     pair = non_convex_pair([LINCOLN_MKZ], [SPEED])
+    convex = "no" if pair is None else "two"
     return Answer(
-        ours=f"bounded: k_e < {lateral:.2f} rad/m, k_θ from {heading[0]:.2f} to {heading[1]:.2f}, "
-        f"k_ω from {yaw_rate[0]:.2f} to {yaw_rate[1]:.2f} s; two stabilising choices were found "
-        "whose mean does not stabilise",
+        ours=f"bounded: k_e up to {lateral[1]:.2f} rad/m, k_θ from {heading[0]:.2f} to "
+        f"{heading[1]:.2f}, k_ω from {yaw_rate[0]:.2f} to {yaw_rate[1]:.2f} s; {convex} "
+        "stabilising choices were found whose mean does not stabilise",
         holds=pair is not None,
         numbers={
-            "lateral_rad_per_m_max": lateral,
+            "lateral_rad_per_m_max": lateral[1],
             "heading_rad_per_rad": heading,
             "yaw_rate_s": yaw_rate,
         },

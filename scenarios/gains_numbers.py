@@ -13,6 +13,7 @@ from vehicles.gain_margins import Ball, common_ball, gain_interval, stability_ba
 from vehicles.gains import (
     abscissa,
     gain_box,
+    gain_extremes,
     is_stabilising,
     non_convex_pair,
     singular_frequency,
@@ -122,8 +123,13 @@ def stabilising_set(subject: Subject) -> Report:
 
 
 def _box(cars: Sequence[VehicleParameters], speeds: Sequence[float]) -> Report:
-    lateral, heading, yaw_rate = gain_box(cars, speeds)
-    return {"lateral_rad_per_m": lateral, "heading_rad_per_rad": heading, "yaw_rate_s": yaw_rate}
+    """Least and greatest gains of the set; that it is bounded is what `gain_box` found out."""
+    extremes = gain_extremes(cars, speeds)
+    names = ("lateral_rad_per_m", "heading_rad_per_rad", "yaw_rate_s")
+    return {
+        name: (least[k], most[k])
+        for k, (name, (least, most)) in enumerate(zip(names, extremes, strict=True))
+    }
 
 
 def verification(subject: Subject) -> Report:

@@ -1,5 +1,6 @@
 """Pictures of stabilising gain sets (paper, sections III.F and V.A). Needs matplotlib."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from scenarios.gains_numbers import Subject
 from scenarios.picture_style import RED, SEQUENCE
-from vehicles.gains import boundary_curve, gain_box, stabilises_all
+from vehicles.gains import boundary_curve, gain_extremes, stabilises_all
 from vehicles.linear_model import affine_coefficients
 from vehicles.polynomials import spectral_abscissa
 from vehicles.steering import Gains
@@ -52,6 +53,12 @@ def _boundary(subject: Subject, speed: float, yaw_rate: float, size: Array) -> A
     return np.where((sides[0] != sides[1])[:, None], curve, np.nan)
 
 
+def _extent(subject: Subject, speeds: Sequence[float]) -> tuple[tuple[float, float], ...]:
+    """Least and greatest k_e, k_theta and k_omega of the unloaded car's set."""
+    extremes = gain_extremes([subject.parameters], speeds)
+    return tuple((least[k], most[k]) for k, (least, most) in enumerate(extremes))
+
+
 def _mark(axes: Axes, gains: Gains) -> None:
     axes.plot(
         gains.lateral,
@@ -68,10 +75,10 @@ def _mark(axes: Axes, gains: Gains) -> None:
 
 def stabilising_slices(subject: Subject) -> Figure:
     """Slices of the stabilising set at several k_omega, shaded by how fast errors decay."""
-    (_, k_e), (low, high), (first, last) = gain_box([subject.parameters], [subject.reference])
-    k_e *= 1.1
+    (_, k_e), (low, high), (first, last) = _extent(subject, [subject.reference])
+    k_e, low, high = 1.05 * k_e, low - 0.05 * high, 1.05 * high
     lateral, heading = np.linspace(0.0, k_e, 90), np.linspace(low, high, 90)
-    cuts = np.linspace(first + 0.1 * (last - first), last - 0.12 * (last - first), 6)
+    cuts = np.linspace(first + 0.2 * (last - first), last - 0.12 * (last - first), 6)
     cuts[np.argmin(np.abs(cuts - subject.gains.yaw_rate))] = subject.gains.yaw_rate
     figure = Figure(figsize=(9.0, 5.6), layout="constrained")
     panels = figure.subplots(2, 3, sharex=True, sharey=True)
@@ -109,7 +116,7 @@ def stabilising_slices(subject: Subject) -> Figure:
 
 def stabilising_set(subject: Subject) -> Figure:
     """The stabilising set in three dimensions, as a stack of slices."""
-    (_, k_e), (low, high), (first, last) = gain_box([subject.parameters], [subject.reference])
+    (_, k_e), (low, high), (first, last) = _extent(subject, [subject.reference])
     lateral, heading = np.linspace(0.0, k_e, 150), np.linspace(low, high, 150)
     figure = Figure(figsize=(7.0, 5.6), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
@@ -136,7 +143,7 @@ def stabilising_set(subject: Subject) -> Figure:
 
 def intersection(subject: Subject) -> Figure:
     """The slice at the chosen k_omega: each speed's boundary and what they have in common."""
-    (_, k_e), (low, high), _ = gain_box([subject.parameters], subject.speeds)
+    (_, k_e), (low, high), _ = _extent(subject, subject.speeds)
     k_e, low, high = 1.25 * k_e, min(low, -0.3), 1.15 * high
     lateral, heading = np.linspace(0.0, k_e, 260), np.linspace(low, high, 260)
     gains = _grid(lateral, heading, subject.gains.yaw_rate)

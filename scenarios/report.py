@@ -112,11 +112,11 @@ def check_table(report: CheckReport) -> Table:
 def gains_table(report: Mapping[str, Any]) -> Table:
     """Margins, propagation and certificate of a set of gains, one speed a row."""
     gains, at_all = report["gains"], report["stabilising_set"]["inside_at_all_speeds_and_loadings"]
-    table = Table(
-        title=f"gains {', '.join(f'{value:g}' for value in gains.values())}: "
-        f"{'inside' if at_all else 'OUTSIDE'} the stabilising sets of all speeds and loadings",
-        box=SIMPLE_HEAD,
+    title = (
+        f"gains {', '.join(f'{value:g}' for value in gains.values())} "
+        f"{'stabilise' if at_all else 'do NOT stabilise'} all speeds and loadings"
     )
+    table = Table(title=title, box=SIMPLE_HEAD, min_width=len(title))  # on one line
     for heading in (
         "speed\nm/s",
         "slowest pole\n1/s",
@@ -125,7 +125,7 @@ def gains_table(report: Mapping[str, Any]) -> Table:
     ):
         table.add_column(heading, justify="right")
     for row, passed_on in zip(report["speeds"], report["propagation"], strict=True):
-        peak = passed_on["second_order"]
+        peak = passed_on.get("second_order")
         table.add_row(
             f"{row['speed_mps']:.1f}",
             f"{row['abscissa_per_s']:.2f}",

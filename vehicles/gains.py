@@ -123,12 +123,12 @@ def _rows(equation: Array, x: Array) -> Array:
 def gain_box(
     cars: Sequence[VehicleParameters], speeds: Sequence[float], points: int = 24
 ) -> tuple[tuple[float, float], ...]:
-    """Bounds of k_e, k_theta and k_omega around the intersection over cars and speeds.
+    """Rough bounds of k_e, k_theta and k_omega around the intersection over cars and speeds.
 
     Searched on grids that grow while members lie on their outer faces and shrink onto the members
     otherwise, so exact to a cell (about 1/20 of the extent) and widened by one; tips thinner than
-    a cell may stick out. The grid is skew, along b k_e + k_theta, because A1 > 0 makes the set at
-    low speed a thin wedge along that plane.
+    a cell stick out (`gain_extremes` follows them). The grid is skew, along b k_e + k_theta,
+    because A1 > 0 makes the set at low speed a thin wedge along that plane.
     Raises ValueError if no member is found or the set has no bounds within reach.
     """
     skew = min(car.rear_axle_distance for car in cars)
@@ -155,6 +155,58 @@ def gain_box(
         low = np.where(short, low - step, shrunk)
         high = np.where(long, high + step, start + np.minimum(last + 2, points - 1) * cell)
     raise ValueError("no stabilising gains found, or no bounds to them")
+
+
+SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))
+"""Directions in which `gain_extremes` looks, in units of its reach."""
+
+
+def gain_extremes(
+    cars: Sequence[VehicleParameters], speeds: Sequence[float]
+) -> tuple[tuple[Gains, Gains], ...]:
+    """Members of the intersection with the least and the greatest k_e, k_theta and k_omega.
+
+    Extent of the stabilising set of section V.A, of which the paper shows a picture. The set runs
+    out into tips thinner than a cell of any grid, so from the outermost members of `gain_box` on
+    better ones are looked for around the best so far, near and far at once, until none is found
+    within 1e-5 of the box. All six are members: the set reaches so far at least, and about no
+    further (to 1 or 2 % of its extent). Raises ValueError as `gain_box` does.
+    """
+    low, high = np.array(gain_box(cars, speeds)).T
+    axes = [np.linspace(low[k], high[k], 24) for k in range(3)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = grid[stabilises_all(cars, speeds, grid)]
+    if not len(found):
+        raise ValueError("the stabilising gains are too thin a set for its extent to be found")
+    pairs = []
+    for axis in range(3):
+        least, most = found[found[:, axis].argmin()], found[found[:, axis].argmax()]
+        climbed = [
+            _climbed(cars, speeds, end, side * np.eye(3)[axis], high - low)
+            for end, side in ((least, -1.0), (most, 1.0))
+        ]
+        pairs.append((Gains(*climbed[0].tolist()), Gains(*climbed[1].tolist())))
+    return tuple(pairs)
+
+
+def _climbed(
+    cars: Sequence[VehicleParameters],
+    speeds: Sequence[float],
+    start: Array,
+    way: Array,
+    extent: Array,
+) -> Array:
+    """Move from a member to others that lie further along a `way`; shapes (3,)."""
+    best, reach = start, 0.1
+    while reach > 1e-5:
+        steps = np.concatenate([reach * 0.3**k * SPREAD for k in range(6)]) * extent
+        ahead = best + steps[(steps * way).sum(axis=1) > 0.0]
+        inside = ahead[stabilises_all(cars, speeds, ahead)]
+        if len(inside):
+            best = inside[int(np.argmax((inside * way).sum(axis=1)))]
+        else:
+            reach *= 0.6
+    return best
 
 
 def members(

@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,10 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from rich.console import Console
 
 from scenarios.gains_report import DEFAULT_SPEEDS, gains_report
+from scenarios.report import gains_table
 from vehicles.linear_model import closed_loop_at
 from vehicles.parameters import LINCOLN_MKZ, Loading, loaded
 from vehicles.steering import NOMINAL_GAINS, Gains
@@ -113,3 +116,14 @@ def test_nothing_to_report_on_is_refused() -> None:
 def test_matplotlib_is_not_imported_for_the_numbers() -> None:
     code = "import scenarios.gains_report, sys; assert 'matplotlib' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("gains", [NOMINAL_GAINS, Gains(0.0625, 2.9625, 0.0125)])
+def test_the_table_has_its_title_on_one_line(gains: Gains) -> None:
+    report = gains_report(LINCOLN_MKZ, gains, [30.0], [Loading()])
+    console = Console(width=80, record=True, file=StringIO())
+    console.print(gains_table(report))
+    first = console.export_text().splitlines()[0].strip()
+    assert first.startswith("gains 0.06")
+    assert first.endswith("stabilise all speeds and loadings")
+    assert ("NOT" in first) is (gains is not NOMINAL_GAINS)

@@ -9,6 +9,7 @@ from vehicles.gains import (
     abscissa,
     boundary_curve,
     gain_box,
+    gain_extremes,
     is_stabilising,
     members,
     non_convex_pair,
@@ -131,6 +132,34 @@ def test_the_box_holds_the_set() -> None:
     assert (inside > low - cell).all()
     assert (inside < high + cell).all()
     assert (inside.max(axis=0) - inside.min(axis=0) > 12.0 * cell).all()
+
+
+def test_the_set_runs_out_into_tips_that_no_grid_finds() -> None:
+    """All extremes are members; the surface itself, in closed form, reaches no further."""
+    extremes = np.array(gain_extremes([CAR], [30.0]))
+    assert is_stabilising(CAR, 30.0, extremes).all()
+    reached = [(extremes[k, 0, k], extremes[k, 1, k]) for k in range(3)]
+    assert reached[0] == pytest.approx((0.0, 1.54), abs=0.01)
+    frequencies = np.geomspace(0.02, 90.0, 2000)
+    surface = []
+    for yaw_rate in np.linspace(-0.15, 0.3, 91).tolist():
+        curve = boundary_curve(CAR, 30.0, yaw_rate, frequencies)
+        gains = np.column_stack([curve, np.full(len(curve), yaw_rate)])
+        gains = gains[np.isfinite(curve).all(axis=1) & (curve[:, 0] > 0.0)]
+        beside = gains[:, None, :] + np.array([[0.0, 1e-3, 0.0], [0.0, -1e-3, 0.0]])
+        surface.append(gains[is_stabilising(CAR, 30.0, beside).any(axis=1)])
+    for (least, most), points in zip(reached, np.concatenate(surface).T, strict=True):
+        room = 0.02 * (most - least)
+        assert points.min() > least - room
+        assert points.max() < most + room
+
+
+def test_the_intersection_reaches_no_further_than_its_parts() -> None:
+    one = np.array(gain_extremes([CAR], [30.0]))
+    both = np.array(gain_extremes([CAR], [10.0, 30.0]))
+    for k in range(3):
+        assert both[k, 0, k] > one[k, 0, k] - 0.01
+        assert both[k, 1, k] < one[k, 1, k] + 0.01
 
 
 def test_an_unstabilisable_case_is_refused() -> None:
