@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scenarios.check_preview import preview_warnings
 from scenarios.path_schema import PointsPath
 from scenarios.scenario import Scenario, load_scenario
 
@@ -108,7 +109,13 @@ def _run(scenario: Scenario) -> _Run:
 
 def warnings(scenario: Scenario) -> tuple[str, ...]:
     """Say in a line each what a valid scenario asks for that may surprise."""
-    return (*_trace_warnings(scenario), *_vehicle_warnings(scenario), *_speed_warnings(scenario))
+    speeds = _run(scenario).speeds
+    return (
+        *_trace_warnings(scenario),
+        *_vehicle_warnings(scenario),
+        *preview_warnings(scenario, (min(speeds), max(speeds))),
+        *_speed_warnings(scenario),
+    )
 
 
 def _trace_warnings(scenario: Scenario) -> Iterator[str]:

@@ -46,11 +46,14 @@ def test_the_library_holds_what_is_promised() -> None:
 
 
 @pytest.mark.parametrize("name", library())
-def test_a_shipped_scenario_is_valid_and_gives_no_warning(name: str) -> None:
+def test_a_shipped_scenario_is_valid_and_gives_no_undue_warning(name: str) -> None:
     report = check(name)
     assert report.name == name
     assert report.description
-    assert report.warnings == ()
+    if name == "lossy_lane_change":  # made to hurt: small gaps, late and lost poses
+        assert all("poses of" in warning or "known" in warning for warning in report.warnings)
+    else:
+        assert report.warnings == ()
 
 
 @pytest.mark.parametrize("name", library())
