@@ -17,6 +17,7 @@ import click
 
 from scenarios.cli_study import COMMANDS
 from scenarios.failure import clear_errors
+from scenarios.leash import first_of_all
 from scenarios.options import leash_option, log_options, scenario_options, zenoh_from, zenoh_options
 
 EXAMPLES = """\b
@@ -86,16 +87,11 @@ Examples:
 @leash_option
 def router(*, until_empty: bool, leash: bool, **flags: Any) -> None:
     """Start the Zenoh router that the vehicles and the recorder meet at."""
+    stop = first_of_all(leash=leash)
     from scenarios.router import route
 
     with clear_errors():
-        sys.exit(
-            route(
-                zenoh_from(flags),
-                until_empty=until_empty,
-                leash=leash,
-            )
-        )
+        sys.exit(route(zenoh_from(flags), stop, until_empty=until_empty))
 
 
 @cli.command(
@@ -119,12 +115,13 @@ def vehicle(
     **flags: Any,
 ) -> None:
     """Be one vehicle of SCENARIO; starts when the recorder says so."""
+    stop = first_of_all(leash=leash)
+    from scenarios.scenario import load_scenario
     from scenarios.vehicle import be_vehicle
 
     with clear_errors():
-        sys.exit(
-            be_vehicle(scenario, overrides, seed, name=name, options=zenoh_from(flags), leash=leash)
-        )
+        convoy = load_scenario(scenario, overrides, seed)
+        sys.exit(be_vehicle(convoy, name, zenoh_from(flags), stop))
 
 
 @cli.command(
@@ -160,14 +157,11 @@ def record(
     **flags: Any,
 ) -> None:
     """Gather the vehicles of SCENARIO, start them together, and write the log of their run."""
-    from scenarios.leash import hold_leash, stop_on_signals
+    stop = first_of_all(leash=leash)
     from scenarios.running import record_run
     from scenarios.scenario import load_scenario
 
     with clear_errors():
-        stop = stop_on_signals()
-        if leash:
-            hold_leash(stop)
         sys.exit(
             record_run(
                 load_scenario(scenario, overrides, seed),

@@ -5,15 +5,19 @@ import signal
 from threading import Event, Thread
 from types import FrameType
 
+from scenarios.failure import EXIT_FAILED
+
 
 class Stop:
     """Whether the process was asked to stop, why, and with which exit code it shall end.
 
-    Loops look at it; nobody waits on the event, so a signal handler may set it.
+    Loops look at it; nobody waits on the event, so a signal handler may set it. Until `begun` is
+    set there is nothing that the process would have to wind up.
     """
 
     def __init__(self) -> None:
         self.event = Event()
+        self.begun = False
         self.orphaned = False
         self.reason = ""
         self.exit_code = 0
@@ -46,13 +50,24 @@ def stop_on_signals() -> Stop:
 def hold_leash(stop: Stop) -> None:
     """Stop when the launcher, at the other end of standard input, says why or is gone.
 
-    A launcher that is killed with SIGKILL cannot tell its children, but its pipes close.
+    A launcher that is killed with SIGKILL cannot tell its children, but its pipes close. A child
+    that has not begun by then ends at once: its imports alone may take seconds on a busy machine.
     """
 
     def wait() -> None:
         # Not through sys.stdin: its lock, held by this thread, would abort the interpreter's exit.
         reason = os.read(0, 1024)
+        if not reason and not stop.begun:
+            os._exit(EXIT_FAILED)
         stop.orphaned = not reason
-        stop.ask(reason.decode() if reason else "the launcher is gone", 1)
+        stop.ask(reason.decode() if reason else "the launcher is gone", EXIT_FAILED)
 
     Thread(target=wait, name="leash", daemon=True).start()
+
+
+def first_of_all(*, leash: bool) -> Stop:
+    """Heed signals, and the launcher where there is one, before the slow imports of a command."""
+    stop = stop_on_signals()
+    if leash:
+        hold_leash(stop)
+    return stop

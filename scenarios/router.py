@@ -4,7 +4,7 @@ import time
 
 import click
 
-from scenarios.leash import hold_leash, stop_on_signals
+from scenarios.leash import Stop
 from transport.zenoh_bus import DEFAULT_ENDPOINT, ZenohOptions, open_router
 
 LISTENING = "listening on "
@@ -16,14 +16,12 @@ AFTER_THE_LAUNCHER_S = 2.0
 """How long a router outlives its launcher, so that the recorder still gets the last messages."""
 
 
-def route(options: ZenohOptions, *, until_empty: bool, leash: bool) -> int:
+def route(options: ZenohOptions, stop: Stop, *, until_empty: bool) -> int:
     """Route until asked to stop, or until all who came have left; returns the exit code."""
-    stop = stop_on_signals()
+    stop.begun = True
     listen = options.listen or (DEFAULT_ENDPOINT,)
     with open_router(listen, config=options.config, cfg=options.cfg) as router:
         click.echo(f"{LISTENING}{', '.join(router.endpoints)}")
-        if leash:
-            hold_leash(stop)
         came = False
         empty_since = time.monotonic()
         while not stop.asked:

@@ -75,6 +75,7 @@ def record_run(
     gather_s: float,
 ) -> int:
     """`convoy record`: returns the exit code."""
+    stop.begun = True
     folder = run_folder(scenario, out)
     with open_bus(options) as bus:
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears:

@@ -1,12 +1,12 @@
 """`convoy vehicle`: one vehicle as a process of its own, over Zenoh, on the wall clock."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 from scenarios.assembly import Kit
-from scenarios.leash import Stop, hold_leash, stop_on_signals
+from scenarios.leash import Stop
 from scenarios.probe import ProcessProbe
-from scenarios.scenario import load_scenario
+from scenarios.scenario import Scenario
 from transport.bus import Bus
 from transport.clock import Tick, WallClock, late_after
 from transport.codec import RefusedMessageError, decode
@@ -19,20 +19,10 @@ END_S = 8.0
 """How long a vehicle that has finished waits for the recorder to say that the log is complete."""
 
 
-def be_vehicle(
-    scenario: str,
-    overrides: Sequence[str],
-    seed: int | None,
-    *,
-    name: str,
-    options: ZenohOptions,
-    leash: bool,
-) -> int:
+def be_vehicle(scenario: Scenario, name: str, options: ZenohOptions, stop: Stop) -> int:
     """Be vehicle `name` of `scenario` for one run; returns the exit code."""
-    stop = stop_on_signals()
-    if leash:
-        hold_leash(stop)
-    kit = Kit(load_scenario(scenario, overrides, seed), name)
+    kit = Kit(scenario, name)
+    stop.begun = True
     with open_bus(options) as bus:
         finished = drive(kit, bus, stop)
     return 0 if finished else stop.exit_code

@@ -16,10 +16,9 @@ from scenarios.leash import Stop
 SOON_S = 10.0
 WAITER = """
 import sys, time
-from scenarios.leash import hold_leash, stop_on_signals
-stop = stop_on_signals()
-if "leash" in sys.argv:
-    hold_leash(stop)
+from scenarios.leash import first_of_all
+stop = first_of_all(leash="leash" in sys.argv)
+stop.begun = "importing" not in sys.argv
 print("ready", flush=True)
 deadline = time.monotonic() + 20.0
 while not stop.asked and time.monotonic() < deadline:
@@ -90,6 +89,13 @@ def test_the_end_of_standard_input_is_the_end_of_the_launcher() -> None:
         assert process.stdin is not None
         process.stdin.close()
         assert last_words(process) == ("the launcher is gone orphaned", 1)
+
+
+def test_a_process_that_has_not_begun_ends_with_its_launcher_at_once() -> None:
+    with waiter("leash", "importing") as process:
+        assert process.stdin is not None
+        process.stdin.close()
+        assert last_words(process) == ("", 1)
 
 
 def test_a_launcher_may_say_why() -> None:
