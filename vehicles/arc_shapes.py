@@ -1,4 +1,4 @@
-"""Least squares for line, arc, line→arc and arc→line, in closed form (paper, Section III-A-1).
+"""Least squares for line, arc, line→arc and arc→line, in closed form (paper, Section III-A.1).
 
 One equation serves all. Through a point P with unit tangent u and normal n (left), the arc of
 curvature κ is the set of points q with

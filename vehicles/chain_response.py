@@ -35,7 +35,7 @@ def simulated_propagation(
 ) -> ComplexArray:
     """Second follower's e_lat over the first's, measured on a simulated chain; shape (n,).
 
-    Lead, two followers, feedback on x_i - x_(i-1) (section IV.B); the lead swings sideways at each
+    Lead, two followers, feedback on x_i - x_(i-1) (Section IV-B); the lead swings sideways at each
     frequency (rad/s). Integrated in time (Runge-Kutta, order 4), and once settled the sine of each
     car is read off by least squares. Agrees with `string_stability.propagation` within 1e-3; the
     first follower's own ratio to the lead is not G, as the lead's heading does not follow suit.
@@ -98,7 +98,7 @@ def l2_norm(values: Array, at: Array) -> float:
 
 
 def tracking_norm(lateral: Array, heading: Array) -> float:
-    """L-infinity norm of (e_lat in m, theta~ in rad) over a run: Definition 1 of section IV.B.
+    """L-infinity norm of (e_lat in m, theta~ in rad) over a run: Definition 1 of Section IV-B.
 
     The largest absolute value of either component at any time. It mixes metres and radians, as the
     paper's does; on a lane change the metres decide.
@@ -120,7 +120,7 @@ def head_to_tail(norms: Sequence[float]) -> float:
 
 
 def is_string_stable(norms: Sequence[float], slack: float = 0.0) -> bool:
-    """Definition 1 of section IV.B: norms of the followers, first to last, do not increase.
+    """Definition 1 of Section IV-B: norms of the followers, first to last, do not increase.
 
     `slack` is a relative tolerance for measured convoys.
     """

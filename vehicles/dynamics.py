@@ -1,4 +1,4 @@
-"""The car as it really moves: single-track model with steering actuation (paper, section II).
+"""The car as it really moves: single-track model with steering actuation (paper, Section II).
 
 Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
 second-order actuation of eq. (4), position by integrating the body's velocity. World frame:

@@ -2,7 +2,7 @@
 
 A complementary filter with constant gains. Between fixes the pose moves on an arc with the measured
 speed and yaw rate and, sideways, with the lateral speed that steady cornering has at that speed
-(lateral speed itself is not measured; paper, section III-E). Each fix pulls the pose towards
+(lateral speed itself is not measured; paper, Section III-E). Each fix pulls the pose towards
 itself by a constant share of the difference.
 """
 

@@ -25,7 +25,7 @@ from vehicles.steering import Gains
 def exact_coefficients(parameters: VehicleParameters, gains: Gains) -> list[Exact]:
     """Coefficients of Delta(s, K), descending in s, as exact polynomials in gamma = 1/v.
 
-    Paper, section III.F (the floats of the parameters are taken at their exact binary values).
+    Paper, Section III-F (the floats of the parameters are taken at their exact binary values).
     """
     mass, inertia = Fraction(parameters.mass), Fraction(parameters.yaw_inertia)
     front = Fraction(parameters.front_cornering_stiffness)

@@ -44,7 +44,7 @@ def stability_ball(
     relative change that all gains together may suffer. For each frequency the boundary is a line,
     so its distance squared is a ratio of polynomials in w², and all its stationary points are roots
     of one polynomial: the minimum is global and no grid is involved. Relative accuracy 1e-6.
-    Radius 0 if the gains do not stabilise. Paper, section V.A (which names a ball and no radius).
+    Radius 0 if the gains do not stabilise. Paper, Section V-A (which names a ball and no radius).
     """
     centre = np.array(gains)
     if not is_stabilising(parameters, speed, centre):
@@ -111,7 +111,7 @@ def gain_interval(
     With (1, 0, 0) the changes that k_e alone may suffer, and so on. On a line the two equations of
     the boundary share one unknown; eliminating it leaves a polynomial in w², whose roots are the
     candidates. The first candidate beyond which the loop is unstable ends the interval. Infinite
-    if there is none; (0, 0) if the gains do not stabilise. Paper, section III.F.
+    if there is none; (0, 0) if the gains do not stabilise. Paper, Section III-F.
     """
     centre, step = np.array(gains), np.array(direction)
     if not is_stabilising(parameters, speed, centre):

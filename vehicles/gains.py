@@ -1,6 +1,6 @@
 """Which feedback gains stabilise the car: the set, its boundary, its extent.
 
-D-decomposition (paper, section III.F): a root leaves the left half-plane only where Delta(0, K) = 0
+D-decomposition (paper, Section III-F): a root leaves the left half-plane only where Delta(0, K) = 0
 or Delta(j w, K) = 0. The first is the plane k_e = 0. The second is linear in the gains: for each
 frequency a straight line in the space of (k_e, k_theta, k_omega), and these lines sweep the other
 surface. A6 does not depend on the gains, so there is no third boundary (a root at infinity).
@@ -26,7 +26,7 @@ MILE_PER_HOUR = 0.44704
 """m/s."""
 
 PAPER_SPEEDS = tuple(mph * MILE_PER_HOUR for mph in (10, 20, 30, 40, 50, 60, 67))
-"""The speeds (m/s) of section V.A. The last is 29.95 m/s; the paper rounds it to 30."""
+"""The speeds (m/s) of Section V-A. The last is 29.95 m/s; the paper rounds it to 30."""
 
 
 def _coefficients(parameters: VehicleParameters, speed: float, gains: Array) -> Array:
@@ -38,7 +38,7 @@ def _coefficients(parameters: VehicleParameters, speed: float, gains: Array) -> 
 def is_stabilising(parameters: VehicleParameters, speed: float, gains: Array) -> NDArray[np.bool_]:
     """Membership in the stabilising set at one speed, by Routh-Hurwitz; (..., 3) to (...).
 
-    Paper, section III.F. Agrees with the roots themselves wherever the spectral abscissa is further
+    Paper, Section III-F. Agrees with the roots themselves wherever the spectral abscissa is further
     than 1e-9 of the steering frequency from zero.
     """
     return is_hurwitz(_coefficients(parameters, speed, np.asarray(gains, dtype=np.float64)))
@@ -47,7 +47,7 @@ def is_stabilising(parameters: VehicleParameters, speed: float, gains: Array) ->
 def stabilises_all(
     cars: Sequence[VehicleParameters], speeds: Sequence[float], gains: Array
 ) -> NDArray[np.bool_]:
-    """Membership in the intersection over cars and speeds (paper, sections III.F and V.A)."""
+    """Membership in the intersection over cars and speeds (paper, Sections III-F and V-A)."""
     gains = np.asarray(gains, dtype=np.float64)
     flat = gains.reshape(-1, 3)
     left = np.arange(len(flat))  # those that stabilise every case so far
@@ -99,7 +99,7 @@ def boundary_curve(
 ) -> Array:
     """Gains (k_e, k_theta) with a root at j w for each frequency (rad/s) > 0; shape (n, 2).
 
-    Paper, section III.F: Delta(j w, K) = 0 at fixed k_omega, two linear equations solved in closed
+    Paper, Section III-F: Delta(j w, K) = 0 at fixed k_omega, two linear equations solved in closed
     form. Rows are NaN at the singular frequency, where they contradict each other. The line
     k_e = 0 completes the boundary.
     """
@@ -166,7 +166,7 @@ def gain_extremes(
 ) -> tuple[tuple[Gains, Gains], ...]:
     """Members of the intersection with the least and the greatest k_e, k_theta and k_omega.
 
-    Extent of the stabilising set of section V.A, of which the paper shows a picture. The set runs
+    Extent of the stabilising set of Section V-A, of which the paper shows a picture. The set runs
     out into tips thinner than a cell of any grid, so from the outermost members of `gain_box` on
     better ones are looked for around the best so far, near and far at once, until none is found
     within 1e-5 of the box. All six are members: the set reaches so far at least, and about no
@@ -226,7 +226,7 @@ def non_convex_pair(
 ) -> tuple[Gains, Gains] | None:
     """Two stabilising gains whose midpoint does not stabilise: proof that the set is not convex.
 
-    Section V.A says so of the paper's car. Looked for among all pairs of members of a grid; None if
+    Section V-A says so of the paper's car. Looked for among all pairs of members of a grid; None if
     there is no such pair. Of several the one whose midpoint is furthest into instability.
     """
     axes = [np.linspace(low, high, points + 2)[1:-1] for low, high in gain_box(cars, speeds)]

@@ -1,10 +1,10 @@
-"""The car's motion relative to its trajectory as a linear system (paper, sections II and III.F).
+"""The car's motion relative to its trajectory as a linear system (paper, Sections II and III-F).
 
 State z = (e_lat, theta~, their rates, steering angle, steering rate) in m, rad, s; left positive.
 With gamma = 1/v the matrix is A(gamma) = A0 + gamma A1. Derived anew from eqs. (1), (2) with
 v_y = e' - v theta~ and yaw rate = theta~' + v kappa; against the paper's text:
 
-- Its state equation lacks M^-1 before L, C_0, B and F (section IV.A). The second-order form (3) has
+- Its state equation lacks M^-1 before L, C_0, B and F (Section IV-A). The second-order form (3) has
   the mass matrix and is right, units included: m v² and a C_f - b C_r are both N m per radian.
 - Eq. (3) holds on arcs only. Where curvature changes, theta~'' also contains -v kappa'
   (`curvature_rate_input`).
@@ -104,7 +104,7 @@ def curvature_rate_input(speed: float) -> Array:
 def speed_change_matrix() -> Array:
     """E with z' = (A(1/v) + v' E) z while the speed changes at rate v' (m/s²): v' theta~ in e''.
 
-    From e' = v_y + v theta~; the paper's section IV.A leaves it out.
+    From e' = v_y + v theta~; the paper's Section IV-A leaves it out.
     """
     matrix = np.zeros((6, 6))
     matrix[2, 1] = 1.0
@@ -143,21 +143,21 @@ def handling_polynomial(parameters: VehicleParameters, speed: float) -> Array:
 
 
 def lateral_numerator(parameters: VehicleParameters, speed: float) -> Array:
-    """Numerator of e_lat / delta_f over Delta_o (paper, section III.F); shape (3,)."""
+    """Numerator of e_lat / delta_f over Delta_o (paper, Section III-F); shape (3,)."""
     front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
     length, b = parameters.wheelbase, parameters.rear_axle_distance
     return front * np.array([parameters.yaw_inertia, b * length * rear / speed, length * rear])
 
 
 def heading_numerator(parameters: VehicleParameters, speed: float) -> Array:
-    """Numerator of theta~ / delta_f over Delta_o (paper, section III.F); shape (3,)."""
+    """Numerator of theta~ / delta_f over Delta_o (paper, Section III-F); shape (3,)."""
     front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
     turning = parameters.mass * parameters.front_axle_distance
     return front * np.array([turning, parameters.wheelbase * rear / speed, 0.0])
 
 
 def feedback_numerator(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
-    """N(s) of H(s) = N / Delta_o, from steering command to feedback; shape (4,), section IV.B."""
+    """N(s) of H(s) = N / Delta_o, from steering command to feedback; shape (4,), Section IV-B."""
     heading = np.convolve([gains.yaw_rate, gains.heading], heading_numerator(parameters, speed))
     return np.asarray(
         np.polyadd(gains.lateral * lateral_numerator(parameters, speed), heading), dtype=np.float64
@@ -167,7 +167,7 @@ def feedback_numerator(parameters: VehicleParameters, gains: Gains, speed: float
 def affine_coefficients(parameters: VehicleParameters, speed: float) -> tuple[Array, Array]:
     """Coefficients A6...A0 as constant + slopes @ (k_e, k_theta, k_omega); (7,) and (7, 3).
 
-    Paper, section III.F. A6, A5 and A4 do not depend on the gains, so no root ever passes through
+    Paper, Section III-F. A6, A5 and A4 do not depend on the gains, so no root ever passes through
     infinity.
     """
     lateral = lateral_numerator(parameters, speed)
@@ -184,13 +184,13 @@ def affine_coefficients(parameters: VehicleParameters, speed: float) -> tuple[Ar
 
 
 def characteristic_polynomial(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
-    """Delta(s, K) / w_n² = A6 s^6 + ... + A0, paper section III.F; shape (7,)."""
+    """Delta(s, K) / w_n² = A6 s^6 + ... + A0, paper Section III-F; shape (7,)."""
     constant, slopes = affine_coefficients(parameters, speed)
     return np.asarray(constant + (slopes * np.array(gains)).sum(axis=1))
 
 
 def all_loadings(front: int = 1, rear: int = 3) -> tuple[Loading, ...]:
-    """List the cases of section V.B: up to `front` and `rear` passengers, driver not counted."""
+    """List the cases of Section V-B: up to `front` and `rear` passengers, driver not counted."""
     return tuple(
         Loading(front_passengers=in_front, rear_passengers=behind)
         for in_front in range(front + 1)

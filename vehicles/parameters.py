@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
-    """A car with front steering, as the single-track model sees it (paper, section II).
+    """A car with front steering, as the single-track model sees it (paper, Section II).
 
     mass (kg) and yaw_inertia (kg m²) of the whole car; cornering stiffnesses (N/rad) per axle;
     axle distances (m) from the centre of mass; steering_frequency (rad/s) and steering_damping
@@ -82,7 +82,7 @@ size are not in the paper: they are those of the production car."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
-    """Who sits in the car besides the driver, each with luggage in the boot (paper, section IV).
+    """Who sits in the car besides the driver, each with luggage in the boot (paper, Section IV).
 
     Masses in kg per passenger; luggage_offset is the paper's c, from the rear axle back (m).
     """

@@ -1,6 +1,6 @@
 """Stability while the speed changes: which accelerations are certain to be harmless.
 
-Beyond Proposition 1 of the paper (section IV.A), which says that some bound exists, this gives the
+Beyond Proposition 1 of the paper (Section IV-A), which says that some bound exists, this gives the
 number. While the speed v changes, z' = (A(1/v) + v' E) z (see `linear_model`; the paper leaves E
 out). Take V = w(v) z'P(v)z with A'P + PA = -Q for one fixed diagonal Q. Then
 
@@ -81,7 +81,7 @@ def certify(
     slowest: float = SLOWEST,
     fastest: float = FASTEST,
 ) -> SpeedCertificate:
-    """Certificate over [slowest, fastest] (m/s) with a tuned Q; section IV.A, see the module.
+    """Certificate over [slowest, fastest] (m/s) with a tuned Q; Section IV-A, see the module.
 
     A narrower interval gives larger bounds. Takes some 50 ms, and the result is remembered.
     """

@@ -1,4 +1,4 @@
-"""How lateral errors travel down the convoy: transfer functions in closed form (section IV.B).
+"""How lateral errors travel down the convoy: transfer functions in closed form (Section IV-B).
 
 Two chains of linear loops, each follower steering relative to the one ahead:
 
@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 Actuation = Literal["second order", "instantaneous"]
-"""Steering by eq. (4), or H_a = 1 as in the paper's section IV.B."""
+"""Steering by eq. (4), or H_a = 1 as in the paper's Section IV-B."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def propagation(
     speed: float,
     actuation: Actuation = "second order",
 ) -> Transfer:
-    """G(s) = H / (1 + H) of section IV.B, predecessor's data only, at `speed` (m/s).
+    """G(s) = H / (1 + H) of Section IV-B, predecessor's data only, at `speed` (m/s).
 
     With steering by eq. (4), H becomes H_a H and the denominator Delta(s, K) / w_n².
     """
@@ -97,7 +97,7 @@ def trace_propagation(
     """Lateral offset of a follower over that of the path its predecessor left, beyond the paper.
 
     F = n_e (k_e + (k_theta / v) s + (k_omega / v + (L + K_sg v²) / v²) s²) / Delta: the numerator
-    n_e of e_lat / delta_f (section III.F) times the law of eqs. (6), (7) with the reference's
+    n_e of e_lat / delta_f (Section III-F) times the law of eqs. (6), (7) with the reference's
     course y' / v and curvature y'' / v². Not smoothed by any fit, so it overstates what happens
     above some 5 rad/s; without actuation it does not even fall off towards high frequency. At low
     frequency F = 1 - (e/kappa) w² / v² with the steady cornering error e of
@@ -116,7 +116,7 @@ def trace_propagation(
 
 
 def _instantaneous_denominator(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
-    """s² R(s) + N(s), section IV.B; shape (5,)."""
+    """s² R(s) + N(s), Section IV-B; shape (5,)."""
     denominator = np.zeros(5)
     denominator[:3] = handling_polynomial(parameters, speed)
     denominator[1:] += feedback_numerator(parameters, gains, speed)
@@ -126,7 +126,7 @@ def _instantaneous_denominator(parameters: VehicleParameters, gains: Gains, spee
 def peak(transfer: Transfer, highest: float = np.inf) -> Peak:
     """Largest magnitude on frequencies from 0 to `highest` (rad/s); over all: the H-infinity norm.
 
-    Section IV.B. |T|² is a ratio of polynomials in w², and its stationary points are roots of one
+    Section IV-B. |T|² is a ratio of polynomials in w², and its stationary points are roots of one
     polynomial, so none is missed. The transfer function must be stable and proper.
     """
     stationary = np.sqrt(
@@ -171,7 +171,7 @@ def amplified_band(transfer: Transfer) -> list[tuple[float, float]]:
 def maximum_gain(transfer: Transfer) -> float:
     """Gain in L-infinity: how much the largest value of a signal may grow from car to car.
 
-    The norm of the paper's Definition 1 (section IV.B), of which the H-infinity norm is a lower
+    The norm of the paper's Definition 1 (Section IV-B), of which the H-infinity norm is a lower
     bound. The integral of the impulse response's magnitude, by its partial fractions (simple poles)
     and the trapezoidal rule; within 1e-4. The transfer function must be stable and fall off.
     """
@@ -189,7 +189,7 @@ def maximum_gain(transfer: Transfer) -> float:
 
 
 def low_frequency_growth(parameters: VehicleParameters, gains: Gains, speed: float) -> float:
-    """Find the c (s²) of |G(j w)| = 1 + c w² + O(w^3) for small w: R(0) / N(0), section IV.B.
+    """Find the c (s²) of |G(j w)| = 1 + c w² + O(w^3) for small w: R(0) / N(0), Section IV-B.
 
     G = 1 / (1 + s² R / N). Positive, so that errors grow, whenever R(0) is: see the module.
     Steering actuation does not change it.
