@@ -75,7 +75,7 @@ class FitSettings:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A fitted arc spline in the world, the samples' distances from it and their mean (m)."""
+    """An arc spline in the world (Section III-A), the samples' distances from it, their rms (m)."""
 
     spline: ArcSpline
     offsets: Floats

@@ -111,7 +111,8 @@ def gain_interval(
     With (1, 0, 0) the changes that k_e alone may suffer, and so on. On a line the two equations of
     the boundary share one unknown; eliminating it leaves a polynomial in w², whose roots are the
     candidates. The first candidate beyond which the loop is unstable ends the interval. Infinite
-    if there is none; (0, 0) if the gains do not stabilise. Paper, Section III-F.
+    if there is none; (0, 0) if the gains do not stabilise. The boundary is that of
+    Section III-F; the interval is beyond the paper.
     """
     centre, step = np.array(gains), np.array(direction)
     if not is_stabilising(parameters, speed, centre):

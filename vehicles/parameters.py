@@ -82,7 +82,7 @@ size are not in the paper: they are those of the production car."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
-    """Who sits in the car besides the driver, each with luggage in the boot (paper, Section IV).
+    """Who sits in the car besides the driver, each with luggage in the boot (paper, Section V-B).
 
     Masses in kg per passenger; luggage_offset is the paper's c, from the rear axle back (m).
     """

@@ -10,7 +10,7 @@ from vehicles.tracking import TrackingErrors
 
 
 class Gains(NamedTuple):
-    """Feedback gains k_e (rad/m), k_θ (rad/rad) and k_ω (s), paper, Section III-D."""
+    """Feedback gains k_e (rad/m), k_θ (rad/rad) and k_ω (s) of eq. (7), Section III-E."""
 
     lateral: float
     heading: float
@@ -18,7 +18,7 @@ class Gains(NamedTuple):
 
 
 NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
-"""The paper's nominal gains (Section V)."""
+"""The paper's nominal gains (Section V-A)."""
 
 
 @dataclass(slots=True)
@@ -48,7 +48,7 @@ def limited(feedforward: float, feedback: float, limit: float) -> SteeringComman
 
 
 class FeedforwardFeedback:
-    """The paper's law: δ = δ_ff + δ_fb (Sections III-C and III-D)."""
+    """The paper's law: δ = δ_ff + δ_fb (Sections III-C to III-E)."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
         """`parameters` are what the controller believes of its car."""
