@@ -37,7 +37,7 @@ that would be found one does."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
-    """Constants of the fit (s, m).
+    """Constants of the fit (s, m): those of Section III-A where named, else our own.
 
     Samples count up to `preview_time` times the speed ahead, at least `preview_min` (the paper's
     0.8 s), and `behind_time` times the speed behind, at least `behind_min`. `tolerance` is the
@@ -65,11 +65,11 @@ class FitSettings:
     span_min: float = 1.0
 
     def ahead(self, speed: float) -> float:
-        """Preview distance L (m) at `speed` (m/s)."""
+        """Preview distance L_preview (m) at `speed` (m/s), Section III-A; the floor is our own."""
         return max(self.preview_min, self.preview_time * speed)
 
     def behind(self, speed: float) -> float:
-        """How far behind the ego samples count (m) at `speed` (m/s)."""
+        """How far behind the ego samples count (m) at `speed` (m/s); in Section III-A none do."""
         return max(self.behind_min, self.behind_time * speed)
 
 
@@ -87,8 +87,9 @@ def fit_curve(
 ) -> Curve | None:
     """Fit samples in order of `station` (m), world coordinates (m), any positive weights.
 
-    None where the samples do not determine a curve: fewer than three distinct ones, or travel
-    shorter than `span_min`.
+    The target trajectory of Section III-A, its shape chosen as the module says. None where the
+    samples do not determine a curve: fewer than three distinct ones, or travel shorter than
+    `span_min`.
     """
     count = len(station)
     if count < 3 or not station.item(-1) - station.item(0) >= settings.span_min:

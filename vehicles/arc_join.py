@@ -26,7 +26,7 @@ SIGNED = np.array([[1.0], [-2.0], [-2.0], [1.0]])
 
 
 class Joined(NamedTuple):
-    """A line→arc or arc→line, and the station of its join (m)."""
+    """A line→arc or arc→line (Section III-A: one change of curvature), station of its join (m)."""
 
     shape: Shape
     station: float
@@ -35,7 +35,8 @@ class Joined(NamedTuple):
 def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
     """Best line→arc or arc→line with its join near one of the samples `joins`.
 
-    Each join is tried with the arc after it and with the arc before it.
+    Each join is tried with the arc after it and with the arc before it, by linear least squares.
+    A search of our own; Section III-A splits off the longest straight prefix instead.
     """
     rows, station = samples.rows[:, joins], samples.station[joins]
     count = len(station)
@@ -184,7 +185,7 @@ def _dot(one: Vector, other: Vector) -> float:
 def solved(
     rows: list[list[float]], low: float, high: float
 ) -> tuple[float, float, float, float] | None:
-    """Solve four symmetric positive equations by elimination; None if they are singular.
+    """Solve four symmetric positive equations by Gaussian elimination; None if they are singular.
 
     Each row ends with its right-hand side. The last unknown is held between `low` and `high`, and
     the others are the best ones for the value that it then has.

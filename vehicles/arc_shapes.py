@@ -31,7 +31,7 @@ DETERMINED = 1e-9
 
 
 class Shape(NamedTuple):
-    """A curve of one or two pieces in the local frame.
+    """A curve of one or two pieces (arc spline of Section III-A) in the local frame.
 
     It passes the join P = (x, y) (m) with tangent `angle` (rad), bends with curvature `before` and
     `after` it (1/m). `misfit` is its weighted sum of squared residuals (m²), `freedom` its number
@@ -48,7 +48,7 @@ class Shape(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Samples in the local frame, in order of travel.
+    """Samples of both sources (Section III-A) in the local frame, in order of travel.
 
     `rows` are x² + y², x, y and 1 with x along the travel, y left (m); station (m); weight.
     `sums[i, j, k]` is the weighted sum over the first k + 1 samples of row i times row j.
@@ -61,7 +61,7 @@ class Samples(NamedTuple):
 
 
 class Centred(NamedTuple):
-    """Moments about the weighted mean: weight, means, and the line's slope and misfit."""
+    """Linear regression about the weighted mean: weight, means (m), xx (m²), slope, misfit (m²)."""
 
     weight: float
     mean_x: float
@@ -72,7 +72,7 @@ class Centred(NamedTuple):
 
 
 def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> Samples:
-    """Add up the products of (x² + y², x, y, 1) along the samples."""
+    """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to."""
     rows = np.empty((4, len(x)))
     rows[X], rows[Y], rows[ONE] = x, y, 1.0
     np.multiply(x, x, out=rows[SQUARE])
@@ -82,7 +82,10 @@ def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> Samples:
 
 
 def offsets(shape: Shape, samples: Samples) -> Floats:
-    """Distance of each sample from the curve (m, left positive), to first order."""
+    """Distance of each sample from the curve (m, left positive), to first order.
+
+    The e of Section III-A.1 divided by −2R, left turns having a positive R.
+    """
     ux, uy = cos(shape.angle), sin(shape.angle)
     dx, dy = samples.rows[X] - shape.x, samples.rows[Y] - shape.y
     eta: Floats = dy * ux - dx * uy
@@ -97,7 +100,7 @@ def offsets(shape: Shape, samples: Samples) -> Floats:
 
 
 def centred(samples: Samples) -> Centred | None:
-    """Line through the samples; None if they do not determine one."""
+    """Line through the samples by linear regression of y on x; None if they determine none."""
     total = samples.sums[:, :, -1].tolist()
     weight = total[ONE][ONE]
     mean_x, mean_y = total[X][ONE] / weight, total[Y][ONE] / weight
@@ -111,13 +114,17 @@ def centred(samples: Samples) -> Centred | None:
 
 
 def best_line(line: Centred) -> Shape:
-    """Give the line of least squares."""
+    """Give the line of least squares (linear regression; Section III-A joins two samples)."""
     misfit = line.misfit / (1.0 + line.slope * line.slope)
     return Shape(line.mean_x, line.mean_y, atan(line.slope), 0.0, 0.0, misfit, 2)
 
 
 def best_arc(samples: Samples, line: Centred) -> Shape | None:
-    """Fit the arc of least squares; None unless three distinct samples determine it."""
+    """Fit the arc of least squares; None unless three distinct samples determine it.
+
+    Minimises J of eq. (5) with e divided by −2R, times a factor near one that `_arc` takes out
+    again: three linear equations, as Section III-A.1 says.
+    """
     total = samples.sums[:, :, -1].tolist()
     row = total[SQUARE]
     cross_x = row[X] - line.mean_x * row[ONE]
@@ -134,7 +141,7 @@ def best_arc(samples: Samples, line: Centred) -> Shape | None:
 def drift(arc: Shape, samples: Samples) -> float:
     """How far the distances from an arc add up (m, weighted), at most, along the samples.
 
-    Those of noise alone cancel out sooner than those of a curve that is no arc.
+    Those of noise alone cancel out sooner than those of a curve that is no arc (CUSUM statistic).
     """
     px, py, half = arc.x, arc.y, 0.5 * arc.after
     nx, ny = -sin(arc.angle), cos(arc.angle)

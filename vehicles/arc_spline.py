@@ -12,7 +12,10 @@ STRAIGHT = 1e-12
 
 @dataclass(slots=True)
 class PathPose:
-    """A place on a path: world position (m), yaw of the tangent (rad), signed curvature (1/m)."""
+    """A place on a path: world position (m), yaw of the tangent (rad), signed curvature (1/m).
+
+    As (X_0, Y_0), θ_R and 1/R of Section III-B, curvature being positive in left turns.
+    """
 
     east: float
     north: float
@@ -22,7 +25,7 @@ class PathPose:
 
 @dataclass(slots=True)
 class Foot:
-    """Where a point projects to on a path.
+    """Where a point projects to on a path (Section III-B, Figs. 4 and 5).
 
     Station (m) from the path's start, lateral offset of the point (m, left of the path positive),
     yaw of the tangent (rad) and signed curvature (1/m) there.
@@ -36,7 +39,10 @@ class Foot:
 
 @dataclass(slots=True)
 class Piece:
-    """One line or arc: start (m), yaw there (rad), signed curvature (1/m), length (m)."""
+    """One line or arc: start (m), yaw there (rad), signed curvature (1/m), length (m).
+
+    A piece of the circular arc spline of Section III-A.
+    """
 
     east: float
     north: float
@@ -45,7 +51,10 @@ class Piece:
     length: float
 
     def at(self, station: float) -> PathPose:
-        """Place `station` (m) after the start; the piece extends beyond both of its ends."""
+        """Place `station` (m) after the start; the piece extends beyond both of its ends.
+
+        By the chord of the arc in between (Section III-A has the shape, not the formula).
+        """
         turn = self.curvature * station
         chord = station
         if abs(self.curvature) > STRAIGHT:
@@ -59,7 +68,7 @@ class Piece:
         )
 
     def project(self, east: float, north: float) -> Foot:
-        """Nearest point of the extended piece.
+        """Nearest point of the extended piece (projection and e_lat of Section III-B).
 
         With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ: the arc turned by
         atan2(w, u) to get there and the offset is e = (1 − hypot(u, w))/κ, written so that it
@@ -78,7 +87,10 @@ class Piece:
 
 
 class ArcSpline:
-    """Pieces in order of travel, each beginning where the one before ends, with its tangent."""
+    """Pieces in order of travel, each beginning where the one before ends, with its tangent.
+
+    The circular arc spline of Section III-A.
+    """
 
     __slots__ = ("pieces",)
 
@@ -90,11 +102,14 @@ class ArcSpline:
 
     @property
     def length(self) -> float:
-        """Sum of the pieces' lengths (m)."""
+        """Arc length of the spline of Section III-A (m): the sum of its pieces'."""
         return sum(piece.length for piece in self.pieces)
 
     def at(self, station: float) -> PathPose:
-        """Place at `station` (m); the end pieces extend the path beyond both ends."""
+        """Place at `station` (m); the end pieces extend the path beyond both ends.
+
+        Along the arc spline of Section III-A; the extension is our own.
+        """
         for piece in self.pieces[:-1]:
             if station <= piece.length:
                 return piece.at(station)
@@ -102,7 +117,10 @@ class ArcSpline:
         return self.pieces[-1].at(station)
 
     def curvature_at(self, station: float) -> float:
-        """Signed curvature (1/m) at `station` (m), beyond the ends that of the end pieces."""
+        """Signed curvature (1/m) at `station` (m), beyond the ends that of the end pieces.
+
+        Piecewise constant, as the footnote of Section III-A says of arc splines.
+        """
         for piece in self.pieces[:-1]:
             if station <= piece.length:
                 return piece.curvature
@@ -110,7 +128,10 @@ class ArcSpline:
         return self.pieces[-1].curvature
 
     def project(self, east: float, north: float) -> Foot:
-        """Nearest point of the path, extended beyond both ends by the end pieces."""
+        """Nearest point of the path, extended beyond both ends by the end pieces (Section III-B).
+
+        Between pieces the least sum of offset and way beyond the piece decides: a rule of our own.
+        """
         candidates, start, last = [], 0.0, len(self.pieces) - 1
         for index, piece in enumerate(self.pieces):
             foot = piece.project(east, north)

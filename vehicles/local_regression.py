@@ -24,10 +24,10 @@ _CHUNK = 256  # places smoothed at once: bounds the memory
 def local_cubic(t: FloatArray, values: FloatArray, at: FloatArray, reach: float) -> FloatArray:
     """Smooth `values` (k, n) given at `t` (n,): shape (k, m), at places `at` (m,).
 
-    `t` increases strictly, n >= NEIGHBOURS; `at` is evenly spaced, as good as. Near an end of `t`,
-    where points lie on one side only, the kernel keeps its width by reaching further to the other
-    side; where points are sparse it reaches for NEIGHBOURS of them. It widens gradually, or else
-    the smoothed curve would have a corner where it begins to.
+    Local regression (Cleveland, 1979). `t` increases strictly, n >= NEIGHBOURS; `at` is evenly
+    spaced, as good as. Near an end of `t`, where points lie on one side only, the kernel keeps its
+    width by reaching further to the other side; where points are sparse it reaches for NEIGHBOURS
+    of them. It widens gradually, or else the smoothed curve would have a corner where it begins to.
     """
     reaches = _reaches(t, at, reach)
     chunks = [slice(k, k + _CHUNK) for k in range(0, at.size, _CHUNK)]

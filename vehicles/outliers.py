@@ -21,10 +21,11 @@ def without_jumps(
 ) -> NDArray[np.bool_] | None:
     """Choose the samples to keep (True) when some `offsets` from a fit exceed `tolerance` (m).
 
-    None if no sample stands out. A single jump drags the curve with it, most of all at the end, so
-    it need not be the sample that is furthest off: samples go one by one, each the one without
-    which an arc through the rest fits best. If that finds none, a whole stretch may have jumped:
-    then all go that are far off compared with the median.
+    None if no sample stands out. The paper is silent. A single jump drags the curve with it, most
+    of all at the end, so it need not be the sample that is furthest off: samples go one by one,
+    each the one without which an arc through the rest fits best (deletion by leverage, Cook and
+    Weisberg, 1982). If that finds none, a whole stretch may have jumped: then all go that are far
+    off compared with the median.
     """
     keep = np.ones(len(east), dtype=np.bool_)
     for _ in range(JUMPS_MOST):

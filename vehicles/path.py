@@ -26,7 +26,10 @@ _CORNER = 1e-3
 
 @dataclass(slots=True)
 class PathPoint:
-    """Station (m along the path), position (m), yaw (rad, unwrapped), curvature (1/m)."""
+    """Station (m along the path), position (m), yaw (rad, unwrapped), curvature (1/m).
+
+    A point of the lead's target trajectory (Section V-C, Fig. 8).
+    """
 
     station: float
     east: float
@@ -39,7 +42,7 @@ class PathPoint:
 class PathProjection:
     """Foot of a point on the path: its station (m), yaw (rad, unwrapped) and curvature (1/m).
 
-    `lateral` (m) is the point's distance from it, positive to the left.
+    `lateral` (m) is the point's distance from it, positive to the left: e_lat of Section III-B.
     """
 
     station: float
@@ -50,7 +53,10 @@ class PathProjection:
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A stretch of constant curvature: length (m), curvature (1/m, left positive, 0 straight)."""
+    """A stretch of constant curvature: length (m), curvature (1/m, left positive, 0 straight).
+
+    A line or an arc of an arc spline (Section III-A).
+    """
 
     length: float
     curvature: float
@@ -58,12 +64,12 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """Samples of a path, each array of shape (n,), n >= 2.
+    """Samples of a path (Section V-C, Fig. 8), each array of shape (n,), n >= 2.
 
     station (m, strictly increasing), east and north (m), yaw (rad, unwrapped) and curvature (1/m).
-    Between samples position is a cubic through both ends and their directions, yaw and curvature
-    are linear. Before its first and after its last sample a path goes on straight. The arrays
-    become read-only.
+    Between samples position is a cubic through both ends and their directions (Hermite), yaw and
+    curvature are linear. Before its first and after its last sample a path goes on straight. The
+    arrays become read-only.
     """
 
     station: FloatArray
@@ -91,11 +97,11 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Way from the first sample to the last (m)."""
+        """Arc length of the path (Fig. 8) from its first sample to its last (m)."""
         return self._stations[-1] - self._stations[0]
 
     def at(self, station: float) -> PathPoint:
-        """Point at `station` (m)."""
+        """Point at `station` (m), by cubic Hermite interpolation."""
         index = bisect_right(self._stations, station) - 1
         if index < 0:
             return _straight_on(self._rows[0], station)
@@ -108,6 +114,7 @@ class Path:
     ) -> PathProjection:
         """Foot of (east, north) in metres on the path, sought within `window` (m) of `near` (m).
 
+        The projection of Section III-B for any curve, by Newton's method.
         So a path that crosses itself, or runs over the same ground again, is followed in order. A
         `near` of None seeks along the whole path and takes the first of equally close places.
         """
@@ -179,6 +186,8 @@ def path_from_segments(
     segments: Sequence[Segment], east: float = 0.0, north: float = 0.0, yaw: float = 0.0
 ) -> Path:
     """Straights and arcs one after another from (east, north), metres, in direction `yaw` (rad).
+
+    An arc spline as in the footnote of Section III-A.
 
     Samples lie exactly on them. Where the curvature changes, it changes within the last
     millimetre before the corner.

@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceSettings:
-    """Constants of a trace (m unless said otherwise).
+    """Constants of a trace (m unless said otherwise): our own, the paper is silent.
 
     A sample is kept if it leads on by `spacing` from the one before: a stopped source repeats
     itself, and a fix may lie behind another.
@@ -40,7 +40,10 @@ class TraceSettings:
 
 
 class Sample(NamedTuple):
-    """One received fix: instant (ns), world position (m), yaw (rad), speed (m/s)."""
+    """One received fix: instant (ns), world position (m), yaw (rad), speed (m/s).
+
+    (x_i, y_i) of Section III-A, with more than the position, as Section I says is communicated.
+    """
 
     measured_at: int
     east: float
@@ -50,7 +53,7 @@ class Sample(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Samples around the ego in order of travel, arrays of one length.
+    """Samples around the ego in order of travel, arrays of one length (Section III-A, Fig. 3).
 
     World position (m); `station` (m) is arc length from the ego's projection, negative behind it.
     """
@@ -61,7 +64,7 @@ class Window(NamedTuple):
 
 
 def plausible(one: Sample, other: Sample, settings: TraceSettings) -> bool:
-    """Whether a car could have been at both places at their instants."""
+    """Whether a car could have been at both places at their instants; the paper is silent."""
     span = abs(other.measured_at - one.measured_at) * 1e-9
     reach = settings.jump_ratio * max(abs(one.speed), abs(other.speed)) * span
     distance = hypot(other.east - one.east, other.north - one.north)

@@ -35,7 +35,7 @@ SLOWEST_PROGRESS = 0.5
 
 @dataclass(frozen=True, slots=True)
 class SmoothedPath:
-    """A path and how far (m) it lies from the points it was made of.
+    """A path and how far (m) it lies from the points it was made of, such as a run of Section V-D.
 
     `stations` are those of the given points, in their order and up to `points_used`: of a closed
     drive, points past its start belong to the next lap and are left out. `start` is the station of
@@ -73,7 +73,7 @@ def smooth_path(
     laps: int = 1,
     lead_in: float = 0.0,
 ) -> SmoothedPath:
-    """Make recorded points (m) into a path; see the module for the smoothing.
+    """Make recorded points (m) into a path by local regression; see the module for the smoothing.
 
     `half_width` (m) is the reach of the regression. As wide as the tightest radius it moves the
     path inwards by 0.1 % of that; wider removes more noise: of white noise of s (m) in points d (m)

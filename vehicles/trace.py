@@ -22,7 +22,7 @@ FORGET_CHUNK = 64
 
 
 class Trace:
-    """The samples of one source.
+    """The samples of one source, received and stored as in Section III-A.
 
     `newest` is the newest sample taken as true. Counted are `repeated` samples (that do not lead
     on: a stopped source, a message that came twice), `rejected` ones (jumps, not finite), `late`
@@ -52,11 +52,14 @@ class Trace:
 
     @property
     def newest_at(self) -> int | None:
-        """Instant (ns) of the newest sample taken as true, None before the first."""
+        """Time stamp (ns; Section III-B) of the newest sample taken as true; None without any."""
         return None if self.newest is None else self.newest.measured_at
 
     def add(self, measured_at: int, east: float, north: float, yaw: float, speed: float) -> None:
-        """Take one fix of the source (ns, m, m, rad, m/s) to its place in the order of travel."""
+        """Take one fix of the source (ns, m, m, rad, m/s) to its place in the order of travel.
+
+        Section III-A stores what is received; what is refused here is our own rule.
+        """
         sample = Sample(measured_at, east, north, yaw, speed)
         if not isfinite(east + north + yaw + speed):
             self.rejected += 1
@@ -144,16 +147,19 @@ class Trace:
 
     @property
     def joined(self) -> bool:
-        """Whether there is nothing more to bridge: it was done, or the ego is long on the trace."""
+        """Whether there is nothing more to bridge: it was done, or the ego is long on the trace.
+
+        As with `bridge`, the paper is silent.
+        """
         return self._bridged_from is not None or self._forgotten_at != BRIDGE_AT
 
     def bridge(self, east: float, north: float) -> None:
         """Join the ego's place to the first sample by a straight line, if that lies ahead of it.
 
         A convoy forms up on a straight lead-in, and what a source drove before it was first heard
-        is unknown: points on the straight line let the fit interpolate, where a few noisy samples
-        15 to 60 m ahead would be extrapolated backwards. Does nothing once a bridge is laid, once
-        samples behind the ego were forgotten, or before a sample is held.
+        is unknown (the paper is silent): points on the straight line let the fit interpolate, where
+        a few noisy samples 15 to 60 m ahead would be extrapolated backwards. Does nothing once a
+        bridge is laid, once samples behind the ego were forgotten, or before a sample is held.
         """
         line = self._line
         if not line.at or self.joined:
@@ -178,6 +184,8 @@ class Trace:
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window:
         """Cut out the samples from `behind` to `ahead` (m of travel) of the ego at (east, north).
 
+        The preview data of Section III-A, which sorts by distance and keeps none behind.
+
         Thinned to every second, fourth, … sample until at most `window_samples` are left. The same
         ones are left out while the ego moves, so that thinning does not shake the fit.
         """
@@ -196,6 +204,8 @@ class Trace:
 
     def gap(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego at (east, north) to the source's newest place.
+
+        For keeping gaps, on which the paper is silent.
 
         None before anything was heard. How far the source went since is for the caller to add.
         """

@@ -38,6 +38,8 @@ LEAD, PREDECESSOR = 0, 1
 class Fit:
     """A trajectory, the samples it was fitted to (world, m; in order of station) and how well.
 
+    The composite ELC trajectory of Section III-A and its preview data.
+
     `source` is 0 for lead, 1 for predecessor; `station` (m) is relative to the ego's projection;
     residuals (m) are those of the samples used, `outliers` the number left out as jumps.
     """
@@ -79,8 +81,8 @@ def fit_composite(
 ) -> Fit | None:
     """Line, arc, line→arc or arc→line of the fewest pieces that explains the samples.
 
-    Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (the paper's
-    J, with e the distance from the curve); a source alone gets all the weight. A sample that has
+    Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (J of eq. (5),
+    with e the distance from the curve); a source alone gets all the weight. A sample that has
     jumped out of the tolerance is left out, once. None if the samples support no trajectory.
     """
     merged = _merge(lead, predecessor, alpha)
@@ -119,9 +121,10 @@ def fuse(
 ) -> tuple[tuple[float, Fit], ...]:
     """Trajectories to steer along, each with its share of the command; empty if there is none.
 
-    `composite` is one trajectory through both sources (the paper), `predecessor` one without lead
-    data, `blend` one trajectory per source, whose commands are to be blended. `alpha` in [0, 1] is
-    the predecessor's weight; a source alone gets all of it.
+    `composite` is one trajectory through both sources (Section III-A), `predecessor` one without
+    lead data (Section V-D.1), `blend` one trajectory per source, whose commands are to be blended
+    (not in the paper). `alpha` in [0, 1] is the predecessor's weight of eq. (5); a source alone
+    gets all of it.
     """
     if fusion != "blend":
         heard = lead if fusion == "composite" else None
