@@ -92,7 +92,7 @@ def _amplitudes(signal: Array, times: Array, frequencies: Array) -> ComplexArray
 
 
 def l2_norm(values: Array, at: Array) -> float:
-    """Square root of the integral of values² over `at` (seconds or metres, rising), trapezoidal."""
+    """Root of the integral of values² over `at` (s or m, rising), by the trapezoidal rule."""
     values, at = np.asarray(values), np.asarray(at)
     return float(np.sqrt(np.trapezoid(values * values, at)))
 
@@ -107,7 +107,7 @@ def tracking_norm(lateral: Array, heading: Array) -> float:
 
 
 def amplifications(norms: Sequence[float]) -> tuple[float, ...]:
-    """Ratio of each vehicle's norm to the one's before; infinite after a norm of zero.
+    """Ratio of each vehicle's norm to the one's before (Definition 1); infinite after one of 0.
 
     `norms` front to back. One entry fewer than vehicles.
     """
@@ -115,7 +115,10 @@ def amplifications(norms: Sequence[float]) -> tuple[float, ...]:
 
 
 def head_to_tail(norms: Sequence[float]) -> float:
-    """Ratio of the last vehicle's norm to the first's; the product of `amplifications`."""
+    """Ratio of the last vehicle's norm to the first's, at most 1 under Definition 1.
+
+    The product of `amplifications`.
+    """
     return norms[-1] / norms[0] if norms[0] > 0.0 else np.inf
 
 

@@ -34,7 +34,7 @@ _Tyres = tuple[float, float, float, float, float, float]
 
 @dataclass(slots=True)
 class Body:
-    """State of the car at one instant.
+    """State of the car at one instant, of eqs. (1), (2) and (4), and its place.
 
     east, north (m) of the centre of mass; yaw (rad, not wrapped); speed and lateral_speed (m/s)
     along and across the body; yaw_rate (rad/s); steering (rad) and steering_rate (rad/s) at the
@@ -54,7 +54,10 @@ class Body:
 
 @dataclass(slots=True)
 class Actuation:
-    """What is asked of the car: steering (rad at the road wheels), acceleration (m/s²)."""
+    """What is asked of the car: δ_c of eq. (4) (rad at the road wheels), acceleration (m/s²).
+
+    The acceleration is the paper's dv_x/dt (Section IV-A), which the drive gives at once.
+    """
 
     steering: float
     acceleration: float
@@ -68,6 +71,8 @@ def advance(
     substeps: int | None = None,
 ) -> Body:
     """Move the car on by `span` (s) with `actuation` held meanwhile.
+
+    Eqs. (1), (2) and (4) by the classical Runge–Kutta method; end stop and standstill are our own.
 
     The steering command is clamped to the steering limit and the wheels stop there. A braking car
     comes to rest within the span and stays; it never reverses. `substeps` overrides the number of

@@ -23,7 +23,7 @@ from vehicles.steering import Gains
 
 
 def exact_coefficients(parameters: VehicleParameters, gains: Gains) -> list[Exact]:
-    """Coefficients of Delta(s, K), descending in s, as exact polynomials in gamma = 1/v.
+    """Coefficients of Delta(s, K), descending in s, as exact polynomials in gamma = 1/v (s/m).
 
     Paper, Section III-F (the floats of the parameters are taken at their exact binary values).
     """
@@ -68,8 +68,9 @@ def is_stable_over(
 ) -> bool:
     """Whether at every constant speed in [slowest, fastest] all roots lie left of -decay (1/s).
 
-    The hypothesis of Proposition 1, proven for the whole interval: Hurwitz's minors are polynomials
-    in 1/v, and their positivity is settled in exact rational arithmetic, not on a grid.
+    Speeds in m/s. The hypothesis of Proposition 1, proven for the whole interval: Hurwitz's minors
+    are polynomials in 1/v, and their positivity is settled in exact rational arithmetic, not on a
+    grid.
     """
     if not 0.0 < slowest <= fastest:
         raise ValueError(f"speeds must satisfy 0 < slowest <= fastest: {slowest}, {fastest}")
@@ -84,7 +85,7 @@ def guaranteed_decay(
 ) -> float:
     """Find the sigma (1/s) of Proposition 1: proven decay at every constant speed in the interval.
 
-    Within 1 % below the true one; 0 if the loop is not stable over the interval.
+    Speeds in m/s. Within 1 % below the true one; 0 if the loop is not stable over the interval.
     """
     if not is_stable_over(parameters, gains, slowest, fastest):
         return 0.0

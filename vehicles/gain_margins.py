@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Ball:
-    """The largest ball of stabilising gains around a choice.
+    """The largest ball of stabilising gains around a choice (Section V-A says there is one).
 
     `radius` in the chosen metric, `nearest` the gains where it touches the boundary, `frequency`
     (rad/s) of the root there (0: the plane k_e = 0), and the speed (m/s) that limits it.
@@ -95,7 +95,7 @@ def common_ball(
     gains: Gains,
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
 ) -> Ball:
-    """Largest ball inside the intersection over cars and speeds: the smallest of theirs."""
+    """Largest ball inside the intersection (Section V-A) over cars and speeds: their smallest."""
     balls = [stability_ball(car, speed, gains, scale) for car, speed in product(cars, speeds)]
     return min(balls, key=lambda ball: ball.radius)
 

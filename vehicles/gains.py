@@ -67,7 +67,7 @@ def abscissa(parameters: VehicleParameters, gains: Gains, speeds: Sequence[float
 def singular_frequency(parameters: VehicleParameters) -> float | None:
     """Frequency (rad/s) at which the boundary in a (k_e, k_theta) plane runs to infinity, if any.
 
-    The determinant of the two equations of `boundary_curve` is proportional to
+    Not in the paper: the determinant of the two equations of `boundary_curve` is proportional to
     C_r (a + b) + (m a b - I_z) w², whatever the speed; it vanishes if I_z > m a b. The paper's car
     has I_z just below m a b (they differ by 0.01 %); most loaded ones lie above.
     """
@@ -83,6 +83,7 @@ def singular_frequency(parameters: VehicleParameters) -> float | None:
 def crossing_equations(parameters: VehicleParameters, speed: float) -> tuple[Array, Array]:
     """Delta(j w, K) = 0 as two equations in x = (w / w_n)², linear in (1, k_e, k_theta, k_omega).
 
+    Condition (b) of the D-decomposition in Section III-F.
     Coefficients in descending powers of x: real part (4, 4), imaginary part over w (3, 4); columns
     are the constant and the three gains. Each equation is scaled to a largest constant of one.
     """
@@ -125,6 +126,8 @@ def gain_box(
 ) -> tuple[tuple[float, float], ...]:
     """Rough bounds of k_e, k_theta and k_omega around the intersection over cars and speeds.
 
+    The set of Section V-A, by a search of our own.
+
     Searched on grids that grow while members lie on their outer faces and shrink onto the members
     otherwise, so exact to a cell (about 1/20 of the extent) and widened by one; tips thinner than
     a cell stick out (`gain_extremes` follows them). The grid is skew, along b k_e + k_theta,
@@ -166,9 +169,9 @@ def gain_extremes(
 ) -> tuple[tuple[Gains, Gains], ...]:
     """Members of the intersection with the least and the greatest k_e, k_theta and k_omega.
 
-    Extent of the stabilising set of Section V-A, of which the paper shows a picture. The set runs
-    out into tips thinner than a cell of any grid, so from the outermost members of `gain_box` on
-    better ones are looked for around the best so far, near and far at once, until none is found
+    Extent of the stabilising set of Section V-A, of which Fig. 6 is a picture at one speed. The set
+    runs out into tips thinner than a cell of any grid, so from the outermost members of `gain_box`
+    on better ones are looked for around the best so far, near and far at once, until none is found
     within 1e-5 of the box. All six are members: the set reaches so far at least, and about no
     further (to 1 or 2 % of its extent). Raises ValueError as `gain_box` does.
     """
@@ -216,7 +219,7 @@ def members(
     heading: Array,
     yaw_rate: Array,
 ) -> NDArray[np.bool_]:
-    """Membership on the grid of three axes, indexed [k_e, k_theta, k_omega]."""
+    """Membership (Section V-A) on the grid of three axes, indexed [k_e, k_theta, k_omega]."""
     grid = np.stack(np.meshgrid(lateral, heading, yaw_rate, indexing="ij"), axis=-1)
     return stabilises_all(cars, speeds, grid)
 

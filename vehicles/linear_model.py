@@ -51,7 +51,7 @@ def open_loop(parameters: VehicleParameters) -> tuple[Array, Array]:
 
 
 def steering_input(parameters: VehicleParameters) -> Array:
-    """Column by which the steering command delta_c enters z', from eq. (4)."""
+    """Column by which the steering command delta_c (rad) enters z', from eq. (4); shape (6,)."""
     column = np.zeros(6)
     column[5] = parameters.steering_frequency**2
     return column
@@ -63,14 +63,14 @@ def feedback_row(gains: Gains) -> Array:
 
 
 def closed_loop(parameters: VehicleParameters, gains: Gains) -> tuple[Array, Array]:
-    """A0, A1 with feedback, A(gamma) = A0 + gamma A1 of Proposition 1 (with M^-1 in place)."""
+    """A0, A1 with feedback, A(gamma) = A0 + gamma A1 of Proposition 1, M^-1 in place; (6, 6)."""
     constant, inverse_speed = open_loop(parameters)
     feedback = np.outer(steering_input(parameters), feedback_row(gains))
     return constant - feedback, inverse_speed
 
 
 def closed_loop_at(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
-    """A(1/v) at `speed` (m/s), shape (6, 6)."""
+    """A(gamma) of Proposition 1 at gamma = 1 / `speed` (s/m), shape (6, 6)."""
     constant, inverse_speed = closed_loop(parameters, gains)
     return constant + inverse_speed / speed
 
@@ -133,7 +133,10 @@ def steady_cornering(
 
 
 def handling_polynomial(parameters: VehicleParameters, speed: float) -> Array:
-    """R(s) in Delta_o(s) = s² R(s), the open loop without its double root at 0; shape (3,)."""
+    """R(s) in Delta_o(s) = s² R(s), the open loop without its double root at 0; shape (3,).
+
+    Delta_o is given in Section III-F, R named in Section IV-B.
+    """
     front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
     a, b = parameters.front_axle_distance, parameters.rear_axle_distance
     mass, inertia = parameters.mass, parameters.yaw_inertia
@@ -201,8 +204,8 @@ def all_loadings(front: int = 1, rear: int = 3) -> tuple[Loading, ...]:
 def loaded_with_moved_centre(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
     """Like `loaded`, but the centre of mass moves with the load, as it does in a real car.
 
-    The paper keeps a and b. Same masses at the same places (front axle, rear axle, c behind it);
-    axle distances from the new centre, yaw inertia about it (parallel axes). Tyres unchanged.
+    Section V-B keeps a and b. Same masses at the same places (front axle, rear axle, c behind it);
+    axle distances from the new centre, yaw inertia about it (Steiner's theorem). Tyres unchanged.
     """
     fixed = loaded(parameters, loading)
     passengers = loading.front_passengers + loading.rear_passengers

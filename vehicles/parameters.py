@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
-    """A car with front steering, as the single-track model sees it (paper, Section II).
+    """A car with front steering, as the single-track model sees it (Section II, Table I).
 
     mass (kg) and yaw_inertia (kg m²) of the whole car; cornering stiffnesses (N/rad) per axle;
     axle distances (m) from the centre of mass; steering_frequency (rad/s) and steering_damping
@@ -38,12 +38,12 @@ class VehicleParameters:
 
     @property
     def wheelbase(self) -> float:
-        """Distance between the axles, a + b (m)."""
+        """Distance between the axles, a + b of Table I (m)."""
         return self.front_axle_distance + self.rear_axle_distance
 
     @property
     def steer_gradient(self) -> float:
-        """K_sg in delta = L/R + K_sg v²/R (s² rad/m); positive for an understeering car.
+        """K_sg of eq. (6), delta = L/R + K_sg v²/R (s² rad/m); positive for an understeering car.
 
         Follows from eqs. (1), (2) at rest in lateral speed and yaw rate: K_sg = m (b C_r - a C_f)
         / (L C_f C_r).
@@ -101,7 +101,7 @@ class Loading:
 
 
 def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
-    """Load the car: its mass and yaw inertia grow.
+    """Load the car: its mass and yaw inertia grow (I_update of Section V-B).
 
     I = I_nominal + m_p n_f a² + m_p n_r b² + m_l (n_f + n_r) (b + c)². Like the paper this leaves
     the centre of mass, and so a and b, where they are.

@@ -52,7 +52,10 @@ def spectral_abscissa(coefficients: Array) -> Array:
 
 
 def squared_magnitude(polynomial: Array) -> Array:
-    """|p(j w)|² as a polynomial in x = w²: p(s) p(-s) has even powers only, and s² = -x."""
+    """|p(j w)|² as a polynomial in x = w²: p(s) p(-s) has even powers only, and s² = -x.
+
+    The product that spectral factorisation takes apart.
+    """
     powers = np.arange(len(polynomial))[::-1]
     product = np.convolve(polynomial, polynomial * (-1.0) ** powers)[::2]
     return np.asarray(product * (-1.0) ** powers)
@@ -61,9 +64,9 @@ def squared_magnitude(polynomial: Array) -> Array:
 def stationary_points(numerator: Array, denominator: Array) -> Array:
     """Where numerator / denominator may be stationary on x > 0: every candidate, none missed.
 
-    The real parts of all roots of N' D - N D' in the right half-plane. A spurious candidate does no
-    harm to a caller that evaluates the ratio and takes the extreme, so no tolerance is needed to
-    tell a real root from a nearly real pair. Gives an array, perhaps empty.
+    The real parts of all roots of N' D - N D' (quotient rule) in the right half-plane. A spurious
+    candidate does no harm to a caller that evaluates the ratio and takes the extreme, so no
+    tolerance is needed to tell a real root from a nearly real pair. Gives an array, perhaps empty.
     """
     slope: Array = np.polysub(
         np.polymul(np.polyder(numerator), denominator),
@@ -74,7 +77,7 @@ def stationary_points(numerator: Array, denominator: Array) -> Array:
 
 
 def multiply(left: Exact, right: Exact) -> Exact:
-    """Product of two exact polynomials."""
+    """Product of two exact polynomials (Cauchy product)."""
     product = [Fraction(0)] * (len(left) + len(right) - 1)
     for i, factor in enumerate(left):
         for j, other in enumerate(right):
@@ -83,7 +86,7 @@ def multiply(left: Exact, right: Exact) -> Exact:
 
 
 def add(left: Exact, right: Exact, factor: int = 1) -> Exact:
-    """Sum left + factor * right, exactly."""
+    """Sum left + factor * right, exactly: elementary algebra, term by term."""
     length = max(len(left), len(right))
     a = left + (Fraction(0),) * (length - len(left))
     b = right + (Fraction(0),) * (length - len(right))
@@ -94,8 +97,8 @@ def is_positive_between(polynomial: Exact, low: Fraction, high: Fraction) -> boo
     """Whether polynomial(x) > 0 for every x in [low, high], proven in exact arithmetic.
 
     Bernstein coefficients on an interval bound the polynomial from below, and the first and last
-    are its end values. Where they do not decide, the interval is halved. Answers no where the
-    polynomial touches zero within 2^-40 of the interval.
+    are its end values. Where they do not decide, the interval is halved (de Casteljau). Answers no
+    where the polynomial touches zero within 2^-40 of the interval.
     """
     degree = len(polynomial) - 1
     moved = _affine_argument(polynomial, low, high - low)
@@ -152,7 +155,10 @@ def hurwitz_minors(coefficients: Sequence[Exact]) -> list[Exact]:
 
 
 def shifted(coefficients: Sequence[Exact], decay: Fraction) -> list[Exact]:
-    """Coefficients of p(s - decay): Hurwitz exactly where all roots of p lie left of -decay."""
+    """Coefficients of p(s - decay): Hurwitz exactly where all roots of p lie left of -decay.
+
+    By Horner's scheme, in exact arithmetic.
+    """
     result: list[Exact] = []
     for coefficient in coefficients:
         lowered = [multiply(term, (-decay,)) for term in result]

@@ -45,7 +45,10 @@ _TUNING_SPEEDS = 7
 
 @dataclass(frozen=True, slots=True)
 class AccelerationBounds:
-    """Magnitudes (m/s²) below which braking and accelerating are certified; may be infinite."""
+    """Magnitudes (m/s²) below which braking and accelerating are certified; may be infinite.
+
+    Like mu* of Proposition 1, condition (iii), for which the paper has no number.
+    """
 
     braking: float
     accelerating: float
@@ -54,6 +57,8 @@ class AccelerationBounds:
 @dataclass(frozen=True, slots=True)
 class SpeedCertificate:
     """Certified accelerations of one car and one choice of gains over an interval of speeds (m/s).
+
+    A sufficient bound for Proposition 1, condition (iii), by Lyapunov's method.
 
     `weights` is the diagonal of Q in the units of the state. `holds` is whether the loop is stable
     at every constant speed of the interval; if not, nothing is certified and all bounds are zero.
@@ -67,7 +72,10 @@ class SpeedCertificate:
     holds: bool
 
     def bounds(self, speed: float) -> AccelerationBounds:
-        """Certified braking and acceleration (m/s²) at `speed`; zero outside the interval."""
+        """Certified braking and acceleration (m/s²) at `speed` (m/s); zero outside the interval.
+
+        By Lyapunov's method, see the module; Proposition 1 has no number.
+        """
         if not (self.holds and self.slowest <= speed <= self.fastest):
             return AccelerationBounds(0.0, 0.0)
         change, energy = lyapunov_change(self.parameters, self.gains, speed, self.weights)
@@ -81,7 +89,7 @@ def certify(
     slowest: float = SLOWEST,
     fastest: float = FASTEST,
 ) -> SpeedCertificate:
-    """Certificate over [slowest, fastest] (m/s) with a tuned Q; Section IV-A, see the module.
+    """Certificate over [slowest, fastest] (m/s) with a tuned Q, for Proposition 1 (iii).
 
     A narrower interval gives larger bounds. Takes some 50 ms, and the result is remembered.
     """
@@ -99,7 +107,7 @@ def certified_acceleration(
     slowest: float = SLOWEST,
     fastest: float = FASTEST,
 ) -> tuple[float, float]:
-    """Certified (braking, accelerating) magnitudes in m/s² at `speed` (m/s); see the module.
+    """Certified (braking, accelerating) in m/s² at `speed` (m/s), for Proposition 1 (iii).
 
     (0, 0) if the speed is outside [slowest, fastest] or the loop is not stable all over it.
     """
@@ -117,7 +125,8 @@ def lyapunov_change(
 ) -> tuple[Array, Array]:
     """Q^-1/2 S Q^-1/2 and Q^-1/2 P Q^-1/2 of the module's text, each (6, 6), at `speed`.
 
-    Without `speed_term` E is left out, as in the paper's A(gamma(t)).
+    P solves Lyapunov's equation, and so does its derivative in gamma. Without `speed_term` E is
+    left out, as in the A(gamma(t)) of Proposition 1.
     """
     constant, inverse_speed = closed_loop(parameters, gains)
     root = np.sqrt(np.array(weights))
@@ -139,7 +148,7 @@ def _symmetric(matrix: Array) -> Array:
 
 
 def bounds_from(change: Array) -> AccelerationBounds:
-    """Largest |v'| with v' * change < I, for both signs of v'."""
+    """Largest |v'| (m/s²) with v' * change < I for both signs of v', by Rayleigh's quotient."""
     eigenvalues = np.linalg.eigvalsh(change)
     least, most = float(eigenvalues[0]), float(eigenvalues[-1])
     return AccelerationBounds(
@@ -150,8 +159,9 @@ def bounds_from(change: Array) -> AccelerationBounds:
 def balancing_growth(change: Array, energy: Array) -> float:
     """Growth rate h (s/m) of the weight w(v) that makes both bounds at this speed equal.
 
-    The largest eigenvalue of S + h P rises with h and so does the smallest, P being positive; their
-    sum has one zero, and there the larger of the two magnitudes is least.
+    The largest eigenvalue of S + h P rises with h and so does the smallest, P being positive
+    (Weyl's inequality); their sum has one zero, and there the larger of the two magnitudes is
+    least. Found by Brent's method.
     """
 
     def imbalance(growth: float) -> float:
@@ -168,8 +178,9 @@ def tuned_weights(
     """Diagonal of Q for which the smallest balanced bound over `speeds` is large.
 
     Minimises a high norm of all eigenvalues of Q^-1/2 (S + h P) Q^-1/2 over ln Q and the h of every
-    speed, raising the norm in steps towards the maximum. Deterministic, and rounded to three digits
-    so that the last bits of a linear algebra library do not matter. Any Q > 0 is valid.
+    speed (BFGS method), raising the norm in steps towards the maximum. Deterministic, and rounded
+    to three digits so that the last bits of a linear algebra library do not matter. Any Q > 0 is
+    valid.
     """
     changes, energies = _basis(parameters, gains, speeds)
     unknowns = np.zeros(6 + len(speeds))

@@ -23,7 +23,10 @@ NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
 
 @dataclass(slots=True)
 class SteeringCommand:
-    """Front wheel angle asked for and its two parts before the limit (rad, left positive)."""
+    """Front wheel angle asked for and its two parts before the limit (rad, left positive).
+
+    δ_c, δ_ff and δ_fb of Section III-C.
+    """
 
     steering: float
     feedforward: float
@@ -31,19 +34,19 @@ class SteeringCommand:
 
 
 class LateralController(Protocol):
-    """What steers a vehicle. A user's own class needs this one method.
+    """What steers a vehicle, as in Fig. 1. A user's own class needs this one method.
 
     `load_controller` builds it as `Class(parameters, gains)`. The controller may keep a state; it
     is called at every control instant, and has no clock of its own.
     """
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        """Steering for `errors` against the trajectory at `speed` (m/s)."""
+        """Steering δ_c (Section III-C) for `errors` against the trajectory at `speed` (m/s)."""
         ...
 
 
 def limited(feedforward: float, feedback: float, limit: float) -> SteeringCommand:
-    """Sum of both parts (rad), held within ±`limit` (rad)."""
+    """Sum δ_ff + δ_fb (Section III-C) in rad, held within ±`limit` (rad), which is our own."""
     return SteeringCommand(min(max(feedforward + feedback, -limit), limit), feedforward, feedback)
 
 
@@ -56,7 +59,7 @@ class FeedforwardFeedback:
         self._gains = gains
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        """δ_ff = (a+b)/R + K_sg v²/R and δ_fb = −k_e e_lat − k_θ θ̃ − k_ω dθ̃/dt."""
+        """Eqs. (6), (7): δ_ff = (a+b)/R + K_sg v²/R, δ_fb = −k_e e_lat − k_θ θ̃ − k_ω dθ̃/dt."""
         car, gains = self._parameters, self._gains
         feedforward = (car.wheelbase + car.steer_gradient * speed * speed) * errors.curvature
         feedback = (
@@ -68,12 +71,13 @@ class FeedforwardFeedback:
 
 
 class SlipCompensated:
-    """The paper's law, with feedforward and heading that suit bends, too.
+    """The paper's law, eqs. (6) and (7), with feedforward and heading that suit bends, too.
 
     A car that corners steadily does not point along its path: its body stands at the slip angle
-    β = κ l, l = b − m a v²/((a+b) C_r), to it. On a curve the paper's heading error θ̃ therefore
-    settles at −β, and since the feedback then balances itself, e_lat at k_θ β / k_e: 2 cm at
-    30 m/s on 500 m, but 3 m at walking pace on a radius of 8 m. Adding β to θ̃ removes that offset.
+    β = κ l, l = b − m a v²/((a+b) C_r), to it (eqs. (1), (2) at rest). On a curve the paper's
+    heading error θ̃ therefore settles at −β, and since the feedback then balances itself, e_lat at
+    k_θ β / k_e: 2 cm at 30 m/s on 500 m, but 3 m at walking pace on a radius of 8 m. Adding β to θ̃
+    removes that offset.
 
     Where the path's curvature changes, the turn of the wheels shifts β as well, by l times the
     change: to first order in the way driven, the wheels must follow the curvature l behind the
@@ -92,7 +96,7 @@ class SlipCompensated:
         self._delay = self.HOLD + 2.0 * parameters.steering_damping / parameters.steering_frequency
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        """Steer as the paper does, with θ̃ + β for θ̃, and curvatures from where they count."""
+        """Steer by eqs. (6) and (7) with θ̃ + β for θ̃, and curvatures from where they count."""
         car, gains = self._parameters, self._gains
         lag = car.steady_slip_per_curvature(speed)
         bend = errors.curvature_ahead(speed * self._delay - lag)
@@ -132,7 +136,7 @@ class Stanley:
         )
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        """Bring the front axle back to the path.
+        """Bring the front axle back to the path (Hoffmann et al., 2007).
 
         The path at the front axle is taken from its curvature at the centre of gravity: it has
         turned by κa and lies aside by κa²/2. The feedforward is all that stems from κ.
@@ -151,7 +155,8 @@ class Stanley:
 def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> LateralController:
     """Build the controller class of a dotted name such as `vehicles.steering.Stanley`.
 
-    Raises ValueError if there is no such class, or if it cannot steer.
+    An interface of our own: the paper has one law, Section III-C. Raises ValueError if there is no
+    such class, or if it cannot steer.
     """
     module_name, _, class_name = name.rpartition(".")
     if not module_name or not class_name:

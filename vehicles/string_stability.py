@@ -51,13 +51,13 @@ Actuation = Literal["second order", "instantaneous"]
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
-    """A rational transfer function; coefficients in descending powers of s."""
+    """A rational transfer function (G of Section IV-B); coefficients in descending powers of s."""
 
     numerator: Array
     denominator: Array
 
     def at(self, frequencies: Array) -> ComplexArray:
-        """Value at j w for frequencies w (rad/s)."""
+        """Value at j w for frequencies w (rad/s), like G(j w) of Section IV-B."""
         s = 1j * np.asarray(frequencies, dtype=np.float64)
         value = np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
         return np.asarray(value, dtype=np.complex128)
@@ -65,7 +65,7 @@ class Transfer:
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """Largest magnitude over all frequencies (the H-infinity norm) and where (rad/s)."""
+    """Largest magnitude over all frequencies (H-infinity norm, Section IV-B) and where (rad/s)."""
 
     magnitude: float
     frequency: float
@@ -151,7 +151,7 @@ def peak(transfer: Transfer, highest: float = np.inf) -> Peak:
 
 
 def amplified_band(transfer: Transfer) -> list[tuple[float, float]]:
-    """Frequency intervals (rad/s) on which |T| > 1, where errors grow from car to car.
+    """Frequency intervals (rad/s) on which |T| > 1: where errors grow (Section IV-B for G).
 
     For transfer functions with T(0) = 1. Their ends are real roots of |numerator|² -
     |denominator|², which has a root at zero.
@@ -209,6 +209,7 @@ def largest_weight(transfer: Transfer) -> float:
 def chain(transfer: Transfer, frequencies: Array, alpha: float, followers: int) -> ComplexArray:
     """Offset from the lead's path over the lead's offset, per follower; shape (followers, n).
 
+    Beyond the paper, alpha being that of eq. (5):
     (y_i - y_0) / y_0 for y_i = F (alpha y_(i-1) + (1 - alpha) y_0): with d_0 = 0,
     d_i = alpha F d_(i-1) + F - 1. At alpha = 1 it is F^i - 1 and grows with i wherever F is not 1;
     otherwise it levels off at (F - 1) / (1 - alpha F).
