@@ -15,7 +15,7 @@ from vehicles.trajectory import Fit
 
 @dataclass(slots=True, kw_only=True)
 class Decision:
-    """Commands for steering and drive, and how they came about.
+    """Commands for steering and drive, and how they came about (Fig. 1, Sections III-A to III-C).
 
     Units: gap m, ages s, target_speed m/s. `fresh` is False at instants between two control
     instants, where the last decision is held. `fit` is the trajectory if it was made anew.
@@ -36,7 +36,10 @@ class Decision:
     disbelieved: int = 0
 
     def messages(self, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
-        """The decision as messages for the log: tracking, command, and the trajectory if any."""
+        """The decision as messages for the log: tracking, command, and the trajectory if any.
+
+        Errors of Section III-B, parts of δ_c of Section III-C, arc spline of Section III-A.
+        """
         tracking = Tracking(
             vehicle=vehicle,
             seq=seq,
@@ -86,8 +89,11 @@ class Decision:
 
 
 class Driver(Protocol):
-    """Whatever drives a car: the lead along its path, a follower along what it heard."""
+    """Whatever drives a car: the lead along its path, a follower along what it heard.
+
+    The controller of Fig. 1, together with the drive, which the paper leaves open.
+    """
 
     def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
-        """Decide at instant `now` (ns) from the own fix, if there is one, and the poses heard."""
+        """Decide (Fig. 1) at `now` (ns) from the own fix, if there is one, and the poses heard."""
         ...

@@ -46,7 +46,10 @@ _SECOND = 1e-9
 
 @dataclass(slots=True)
 class Pose:
-    """Estimated position (m), yaw (rad, within (-pi, pi]), speed (m/s) and yaw rate (rad/s)."""
+    """Estimated position (m), yaw (rad, within (-pi, pi]), speed (m/s) and yaw rate (rad/s).
+
+    What the vehicle block of Fig. 1 puts out, in the world frame.
+    """
 
     east: float
     north: float
@@ -65,7 +68,10 @@ class _Track:
 
 
 class PoseEstimator:
-    """Estimates the pose of the vehicle that has `parameters` from its own fixes."""
+    """Estimates the pose of the vehicle that has `parameters` from its own fixes.
+
+    A complementary filter of our own; the paper's car has an integrated GPS and IMU (Section V-D).
+    """
 
     def __init__(self, parameters: VehicleParameters) -> None:
         self._parameters = parameters
@@ -75,6 +81,7 @@ class PoseEstimator:
     def correct(self, fix: Fix) -> None:
         """Take in a fix of the vehicle itself; they come in the order of measurement.
 
+        A complementary filter (see the module), on which the paper is silent.
         The first one is taken as it is, and the gains start from 1/n for the n-th, which is the
         mean of the first few. Fixes that are not finite or not newer than the last are ignored. An
         outlier (see JUMP_DISTANCE) is ignored too, unless it is the third in a row of outliers
@@ -98,7 +105,10 @@ class PoseEstimator:
             self._track, self._rival = self._rival, None
 
     def at(self, now: int) -> Pose:
-        """Pose at `now` (ns) by dead reckoning; ValueError before the first fix."""
+        """Pose at `now` (ns) by dead reckoning; ValueError before the first fix.
+
+        The slip is that of steady cornering by eqs. (1), (2).
+        """
         if self._track is None:
             raise ValueError("no pose before the first fix")
         pose = self._track.pose

@@ -67,7 +67,10 @@ class Follower:
         self._decision: Decision | None = None
 
     def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
-        """Decide at `now` (ns); between control instants the last decision is held."""
+        """Decide at `now` (ns); between control instants the last decision is held.
+
+        Sections III-A to III-E in a row, as in Fig. 1.
+        """
         if fix is not None:
             self._estimator.correct(fix)
         for message in heard:

@@ -63,7 +63,7 @@ class LocalPlane:
     def to_plane(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
     ) -> tuple[float, float]:
-        """East and north of a geodetic point, metres; ValueError when beyond REACH."""
+        """East and north (m) of a WGS84 point by EPSG method 9837; ValueError beyond REACH."""
         if math.isfinite(latitude_deg + longitude_deg + altitude_m):
             east, north, up = self._topocentric(latitude_deg, longitude_deg, altitude_m)
         else:
@@ -78,9 +78,9 @@ class LocalPlane:
     def to_geodetic(self, east: float, north: float) -> tuple[float, float, float]:
         """Latitude (deg), longitude (deg), altitude (m) of a point in the plane (up = 0).
 
-        The inverse of `to_plane` by correction: what is left shrinks by distance over the earth's
-        radius each time. Unlike a closed inverse it needs no function whose last bit depends on
-        the processor, so that logs are equal to the byte on every machine.
+        The inverse of `to_plane` (EPSG method 9837) by correction: what is left shrinks by distance
+        over the earth's radius each time. Unlike a closed inverse it needs no function whose last
+        bit depends on the processor, so that logs are equal to the byte on every machine.
         """
         latitude, longitude, altitude = 0.0, 0.0, self.origin.altitude_m
         east_left, north_left = east, north
@@ -112,17 +112,20 @@ class LocalPlane:
 
 
 def wrap_angle(angle: float) -> float:
-    """Bring an angle (rad) into (-pi, pi] without changing its direction."""
+    """Bring an angle (rad) into (-pi, pi] without changing its direction: IEEE 754 remainder."""
     wrapped = math.remainder(angle, _FULL_TURN)
     return math.pi if wrapped <= -math.pi else wrapped
 
 
 def yaw_from_heading(heading_deg: float) -> float:
-    """Yaw (rad, counter-clockwise from east) of a compass course (deg, clockwise from north)."""
+    """Yaw (rad, counter-clockwise from east) of a compass course (deg, clockwise from north).
+
+    Yaw as θ of Section III-B, counted from the X axis.
+    """
     return wrap_angle(math.radians(90.0 - heading_deg))
 
 
 def heading_from_yaw(yaw: float) -> float:
-    """Compass course in [0, 360) deg of a yaw (rad)."""
+    """Compass course in [0, 360) deg of a yaw (rad, θ of Section III-B)."""
     heading_deg = (90.0 - math.degrees(yaw)) % 360.0
     return heading_deg if heading_deg < 360.0 else 0.0  # -1e-15 % 360 is 360 in floats

@@ -24,7 +24,7 @@ MAX_YAW_RATE = 10.0
 
 @dataclass(slots=True)
 class Fix:
-    """One measurement.
+    """One measurement, with what the vehicle block of Fig. 1 puts out.
 
     Number, instant (ns), position (m), yaw of the body within (-pi, pi] (rad), speed along the
     body (m/s, never negative), yaw rate (rad/s).
@@ -41,7 +41,7 @@ class Fix:
 
 @dataclass(frozen=True, slots=True)
 class GnssNoise:
-    """Standard deviations of the white Gaussian noise.
+    """Standard deviations of the white Gaussian noise (Section III-A names that of position).
 
     position (m) per axis: 2 cm, the paper's RTK receiver. heading (rad) 0.1 deg, speed (m/s) and
     yaw rate (rad/s) 0.1 deg/s: what makers of RTK-aided inertial units with two antennas and a
@@ -63,6 +63,8 @@ class GnssNoise:
 class GnssReceiver:
     """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
 
+    GPS of Section III-A, which says 20 Hz at most.
+
     `random` belongs to this receiver alone: five normal numbers are drawn per measurement, in
     the order of measurements.
     """
@@ -75,7 +77,10 @@ class GnssReceiver:
         self._random = random
 
     def measure(self, body: Body, now: int) -> Fix | None:
-        """Measure `body` if `now` (ns) is an instant of measurement, else None."""
+        """Measure `body` if `now` (ns) is an instant of measurement, else None.
+
+        Each quantity has noise of its own, independent in time; on that the paper is silent.
+        """
         seq = self._cadence.index(now)
         if seq is None:
             return None
@@ -113,7 +118,7 @@ def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
 
 
 def from_message(pose: GpsPose, plane: LocalPlane) -> Fix:
-    """Take a fix off the wire; ValueError names the field of a pose that no vehicle can send."""
+    """Take a WGS84 fix off the wire; ValueError names the field that no vehicle can send."""
     _require("seq", pose.seq, 0, math.inf)
     _require("measured_at_ns", pose.measured_at_ns, 0, math.inf)
     _require("latitude_deg", pose.latitude_deg, -90.0, 90.0)

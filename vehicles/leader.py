@@ -17,7 +17,7 @@ from vehicles.tracking import TrackingErrors
 
 
 class Leader:
-    """Tracks a path from a given station (m) on; hears nobody."""
+    """Tracks a path from a given station (m) on (Section V-C, Fig. 8); hears nobody."""
 
     def __init__(
         self,
@@ -39,7 +39,10 @@ class Leader:
         self._decision: Decision | None = None
 
     def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:  # noqa: ARG002
-        """Decide at `now` (ns); between control instants the last decision is held."""
+        """Decide at `now` (ns); between control instants the last decision is held.
+
+        Errors of Section III-B against the path itself, steering of Section III-C.
+        """
         if fix is not None:
             self._estimator.correct(fix)
         if self._decision is not None and not self._control.due(now):

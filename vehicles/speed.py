@@ -23,7 +23,10 @@ CATCH_UP_DISTANCE = 5.0
 
 
 class SpeedProfile:
-    """Speed (m/s) over time (s), piecewise linear, constant before the first and after the last."""
+    """Speed (m/s) over time (s), piecewise linear, constant before the first and after the last.
+
+    The predetermined profile of Section V-C.3, Fig. 11.
+    """
 
     def __init__(self, times: Sequence[float], speeds: Sequence[float]) -> None:
         if len(times) != len(speeds) or not times:
@@ -36,7 +39,10 @@ class SpeedProfile:
         self._speeds = tuple(map(float, speeds))
 
     def at(self, seconds: float) -> tuple[float, float]:
-        """Speed (m/s) and acceleration (m/s²); at a corner, the acceleration that follows it."""
+        """Speed (m/s) and acceleration (m/s²); at a corner, the acceleration that follows it.
+
+        Velocity and acceleration of Fig. 11, by linear interpolation.
+        """
         times, speeds = self._times, self._speeds
         index = bisect_right(times, seconds) - 1
         if index < 0:
@@ -51,7 +57,7 @@ class SpeedProfile:
 class GapPolicy:
     """The gap to keep (m): `standstill` (m) plus `headway` (s) times speed.
 
-    A headway of 0 keeps a constant distance.
+    Constant time headway policy; a headway of 0 keeps a constant distance. The paper is silent.
     """
 
     standstill: float
@@ -61,13 +67,13 @@ class GapPolicy:
         _require_not_negative(self)
 
     def desired(self, speed: float) -> float:
-        """Gap to keep (m) at `speed` (m/s)."""
+        """Gap to keep (m) at `speed` (m/s), by the constant time headway policy."""
         return self.standstill + self.headway * speed
 
 
 @dataclass(frozen=True, slots=True)
 class GapLimits:
-    """What gap keeping may ask of the drive (m/s², both positive).
+    """What gap keeping may ask of the drive (m/s², both positive); the paper is silent.
 
     2 m/s² is brisk driving; 6 m/s² is hard braking on a dry road with some grip in reserve, twice
     what a lead should use, so that followers can make good their delay.

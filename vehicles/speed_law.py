@@ -16,6 +16,8 @@ PROFILE_CORRECTION = 0.5
 class Convoy:
     """What a follower knows of the vehicles ahead, NaN where it heard nothing.
 
+    For keeping gaps, on which the paper is silent.
+
     The gap to the predecessor (m) is along its trace, extrapolated to now; speeds (m/s) are
     those heard last.
     """
@@ -27,17 +29,17 @@ class Convoy:
 
 @dataclass(slots=True)
 class Drive:
-    """Acceleration asked of the drive (m/s²) and the speed aimed at (m/s)."""
+    """Acceleration asked of the drive (m/s²), dv_x/dt of Section IV-A, and speed aimed at (m/s)."""
 
     acceleration: float
     target_speed: float
 
 
 class SpeedLaw(Protocol):
-    """Decides the longitudinal command at a control instant."""
+    """Decides the longitudinal command at a control instant: that of Section V-C.3 or another."""
 
     def drive(self, now: int, pose: Pose, convoy: Convoy) -> Drive:
-        """Command at `now` (ns) for a vehicle at `pose` in `convoy`."""
+        """Command at `now` (ns) for a vehicle at `pose` in `convoy`, such as Section V-C.3's."""
         ...
 
 
@@ -51,7 +53,10 @@ class ProfileSpeed:
         self._period = period
 
     def drive(self, now: int, pose: Pose, convoy: Convoy) -> Drive:  # noqa: ARG002
-        """Mean acceleration of the profile over the coming period, plus a mild correction."""
+        """Mean acceleration of the profile over the coming period, plus a mild correction.
+
+        The profile is that of Section V-C.3, the correction our own.
+        """
         seconds = (now - self._start_at) / SECOND
         speed, _ = self._profile.at(seconds)
         next_speed, _ = self._profile.at(seconds + self._period)
@@ -60,7 +65,10 @@ class ProfileSpeed:
 
 
 class GapKeeping:
-    """Keeps a constant distance or time gap to what was heard of predecessor and lead."""
+    """Keeps a constant distance or time gap to what was heard of predecessor and lead.
+
+    Beyond the paper; after Swaroop and Hedrick, 1996 (see `gap_acceleration`).
+    """
 
     def __init__(self, policy: GapPolicy, limits: GapLimits) -> None:
         """`policy` sets the gap, `limits` the accelerations."""
@@ -68,7 +76,7 @@ class GapKeeping:
         self._limits = limits
 
     def drive(self, now: int, pose: Pose, convoy: Convoy) -> Drive:  # noqa: ARG002
-        """Coasts at constant speed until the predecessor has been heard."""
+        """Coasts at constant speed until the predecessor has been heard; beyond the paper."""
         if convoy.gap != convoy.gap:
             return Drive(0.0, pose.speed)
         wanted = gap_acceleration(
