@@ -109,7 +109,7 @@ def _two_samples(findings: Findings) -> Answer:
 MODEL: tuple[Question, ...] = (
     Question(
         name="parameters",
-        where="II, Table I; III-C",
+        where="II, Table I; III-D",
         paper="The table's car is understeering (K_sg > 0); m_v = W/g",
         needs=("gains",),
         answer=_table,

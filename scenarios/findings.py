@@ -73,4 +73,4 @@ def in_cm(maxima: tuple[float, ...]) -> str:
 
 def cm(value: float) -> str:
     """A length (m) as text in centimetres."""
-    return f"{100.0 * value:.1f} cm"
+    return f"{100.0 * value:z.1f} cm"

@@ -100,7 +100,7 @@ def error_propagation(subject: Subject, report: Report) -> Figure:
 
 
 def _draw_propagation(axes: Axes, subject: Subject, report: Report) -> None:
-    """|G| over frequency at the slowest, a middle and the reference speed (section IV.B)."""
+    """|G| over frequency at the slowest, a middle and the reference speed (section IV-B)."""
     frequencies = np.geomspace(0.05, 60.0, 900)
     speeds = (subject.speeds[0], subject.speeds[len(subject.speeds) // 2], subject.reference)
     for index, speed in enumerate(dict.fromkeys(speeds)):
@@ -160,7 +160,7 @@ def _draw_chain(axes: Axes, subject: Subject) -> None:
 
 
 def roots_over_loadings(subject: Subject, report: Report) -> Figure:
-    """Roots of Delta(s, K) for every loading at the reference speed (paper, section V.B)."""
+    """Roots of Delta(s, K) for every loading at the reference speed (paper, section V-B)."""
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     panels = figure.subplots(1, 2)
     rows = report["loadings"]

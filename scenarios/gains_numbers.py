@@ -176,7 +176,7 @@ def at_speed(subject: Subject, speed: float) -> Report:
 
 
 def at_loading(subject: Subject, loading: Loading) -> Report:
-    """Collect the roots at the reference speed and what else a loading changes (V.B)."""
+    """Collect the roots at the reference speed and what else a loading changes (V-B)."""
     parameters, gains, speeds = subject.parameters, subject.gains, subject.speeds
     car, speed = loaded(parameters, loading), subject.reference
     roots = np.sort_complex(np.roots(characteristic_polynomial(car, gains, speed)))
@@ -204,7 +204,7 @@ def at_loading(subject: Subject, loading: Loading) -> Report:
 
 
 def varying_speed(subject: Subject) -> Report:
-    """Tabulate the certified accelerations against speed, beside simpler certificates (IV.A)."""
+    """Tabulate the certified accelerations against speed, beside simpler certificates (IV-A)."""
     parameters, gains = subject.parameters, subject.gains
     certificate = certify(parameters, gains)
     rows = []
@@ -233,7 +233,7 @@ def varying_speed(subject: Subject) -> Report:
 
 
 def at_frequencies(subject: Subject, speed: float) -> Report:
-    """Collect the propagation at one speed (IV.B); at the reference speed a simulation as well."""
+    """Collect the propagation at one speed (IV-B); at the reference speed a simulation as well."""
     parameters, gains = subject.parameters, subject.gains
     stable = float(abscissa(parameters, gains, [speed])[0]) < 0.0
     report: Report = {"speed_mps": speed, "stable": stable}

@@ -32,7 +32,7 @@ def gains_report(
     """Analyse `gains` on the car over `speeds` (m/s) and `loadings`; give the report as a dict.
 
     With `out_dir`, writes gains.json there and, unless `pictures` is false, PNG pictures (needs
-    matplotlib). Paper, sections III.F, IV and V.A, V.B. The fastest speed is the reference for what
+    matplotlib). Paper, sections III-F, IV and V-A, V-B. The fastest speed is the reference for what
     is shown at one speed. Raises ValueError for no speed or no loading.
     """
     loadings = all_loadings() if loadings is None else loadings

@@ -1,4 +1,4 @@
-"""Pictures of stabilising gain sets (paper, sections III.F and V.A). Needs matplotlib."""
+"""Pictures of stabilising gain sets (paper, sections III-F and V-A). Needs matplotlib."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -104,8 +104,14 @@ def _in_short(claims: Sequence[Claim]) -> Iterator[str]:
         if found:
             yield f"{SIDES[side]}:"
             yield ""
-            yield from (f"- {claim.paper} ({claim.where})" for claim in found)
+            for claim in found:
+                seeds = "" if side == "does not hold" else f": {_seeds(claim)}"
+                yield f"- {claim.paper} ({claim.where}){seeds}"
             yield ""
+
+
+def _seeds(claim: Claim) -> str:
+    return f"{claim.noise.holding} of {claim.noise.runs} seeds" if claim.noise else ""
 
 
 def _method() -> Iterator[str]:
@@ -137,8 +143,7 @@ def _claims(claims: Sequence[Claim]) -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     for claim in claims:
         verdict = f"**{claim.verdict}**" if claim.verdict == "does not hold" else claim.verdict
-        noise = f"{claim.noise.holding} of {claim.noise.runs} seeds" if claim.noise else ""
-        cells = (claim.where, claim.paper, claim.ours, verdict, noise, claim.reason)
+        cells = (claim.where, claim.paper, claim.ours, verdict, _seeds(claim), claim.reason)
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
     yield ""
     yield "## Pictures"
