@@ -48,7 +48,7 @@ def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
     circle = rows.take(FLIPPED, 0) * SIGNED
     sums = np.einsum("sijk,jk->sik", bent, circle)
     square = np.einsum("sik,ik->sk", sums, circle)
-    of_one, of_x, cross = np.einsum("ri,sik->rsk", _about(line), sums)
+    of_one, of_x, cross = np.add.reduce(_about(line) * sums, 2)
     spread = square - of_one * of_one - of_x * of_x
     half = cross / np.maximum(spread, DETERMINED * square + TINY)
     gain = half * cross
@@ -69,13 +69,13 @@ def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
 def _about(line: Centred) -> Floats:
     """What is taken of the sums: with 1 and x, each normed, and with the distance from the line."""
     x_norm = 1.0 / sqrt(line.xx)
-    return np.array(
-        [
-            (0.0, 0.0, 0.0, 1.0 / sqrt(line.weight)),
-            (0.0, x_norm, 0.0, -line.mean_x * x_norm),
-            (0.0, -line.slope, 1.0, line.slope * line.mean_x - line.mean_y),
-        ]
+    away = line.slope * line.mean_x - line.mean_y
+    factors = (
+        *(0.0, 0.0, 0.0, 1.0 / sqrt(line.weight)),
+        *(0.0, x_norm, 0.0, -line.mean_x * x_norm),
+        *(0.0, -line.slope, 1.0, away),
     )
+    return np.array(factors).reshape(3, 1, 4, 1)
 
 
 def _top(gain: Floats, best: int, station: Floats) -> float:
@@ -142,44 +142,46 @@ def _normal_equations(
     """
     ux, uy = cos(shape.angle), sin(shape.angle)
     px, py = shape.x, shape.y
+    p, q = ux * px + uy * py, ux * py - uy * px  # ξ = ux x + uy y − p, η = ux y − uy x − q
     k = shape.before + shape.after
     half = 0.5 * k
-    rho = (1.0, -2.0 * px, -2.0 * py, px * px + py * py)
-    xi = (0.0, ux, uy, -(ux * px + uy * py))
-    eta = (0.0, -uy, ux, uy * px - ux * py)
-    of_rho, of_xi, of_eta = _times(bent, rho), _times(bent, xi), _times(bent, eta)
-    all_xi, all_eta = _times(total, xi), _times(total, eta)
-    rr, rx, ry = _dot(rho, of_rho), _dot(rho, of_xi), _dot(rho, of_eta)
-    xx, xy, yy = _dot(xi, of_xi), _dot(xi, of_eta), _dot(eta, of_eta)
-    square = of_rho[ONE] - k * ry
-    left_turn = all_xi[ONE] - k * xy
-    left_left = total[ONE][ONE] - k * (2.0 * of_eta[ONE] - k * yy)
-    left_along = -k * (of_xi[ONE] - k * xy)
-    turn_turn, turn_rest = _dot(xi, all_xi), _dot(xi, all_eta) - half * rx
+    # Of all samples: Σξ, Ση, Σξ², Σξη.
+    _, (_, xx, xy, x1), (_, _, yy, y1), (_, _, _, all_1) = total
+    all_xi, all_eta = ux * x1 + uy * y1 - p * all_1, ux * y1 - uy * x1 - q * all_1
+    xi_x, xi_y = ux * xx + uy * xy - p * x1, ux * xy + uy * yy - p * y1
+    turn_turn = ux * xi_x + uy * xi_y - p * all_xi
+    turn_off = ux * xi_y - uy * xi_x - q * all_xi
+    # Of the arc's: the same, and with ρ = s − 2 px x − 2 py y + r, where s = x² + y².
+    (ss, sx, sy, s1), (_, xx, xy, x1), (_, _, yy, y1), (_, _, _, one) = bent
+    fx, fy, r = 2.0 * px, 2.0 * py, px * px + py * py
+    of_xi, of_eta = ux * x1 + uy * y1 - p * one, ux * y1 - uy * x1 - q * one
+    xi_x, xi_y = ux * xx + uy * xy - p * x1, ux * xy + uy * yy - p * y1
+    eta_x, eta_y = ux * xy - uy * xx - q * x1, ux * yy - uy * xy - q * y1
+    xi_xi = ux * xi_x + uy * xi_y - p * of_xi
+    xi_eta = ux * xi_y - uy * xi_x - q * of_xi
+    eta_eta = ux * eta_y - uy * eta_x - q * of_eta
+    of_rho = s1 - fx * x1 - fy * y1 + r * one
+    rho_x, rho_y = sx - fx * xx - fy * xy + r * x1, sy - fx * xy - fy * yy + r * y1
+    rho_rho = ss - fx * sx - fy * sy + r * s1 - fx * rho_x - fy * rho_y + r * of_rho
+    rho_xi = ux * rho_x + uy * rho_y - p * of_rho
+    rho_eta = ux * rho_y - uy * rho_x - q * of_rho
+    square = of_rho - k * rho_eta
+    left_turn = all_xi - k * xi_eta
+    left_left = all_1 - k * (2.0 * of_eta - k * eta_eta)
+    left_along = -k * (of_xi - k * xi_eta)
+    left_off = all_eta - k * eta_eta - half * square
     return [
-        [left_left, left_turn, 0.5 * square, left_along, all_eta[ONE] - k * yy - half * square],
-        [left_turn, turn_turn, 0.5 * rx, -k * xx, turn_rest],
-        [0.5 * square, 0.5 * rx, 0.25 * rr, -half * rx, 0.5 * (ry - half * rr)],
-        [left_along, -k * xx, -half * rx, k * k * xx, -k * (xy - half * rx)],
+        [left_left, left_turn, 0.5 * square, left_along, left_off],
+        [left_turn, turn_turn, 0.5 * rho_xi, -k * xi_xi, turn_off - half * rho_xi],
+        [
+            0.5 * square,
+            0.5 * rho_xi,
+            0.25 * rho_rho,
+            -half * rho_xi,
+            0.5 * (rho_eta - half * rho_rho),
+        ],
+        [left_along, -k * xi_xi, -half * rho_xi, k * k * xi_xi, -k * (xi_eta - half * rho_xi)],
     ]
-
-
-Vector = tuple[float, float, float, float]
-
-
-def _times(matrix: list[list[float]], vector: Vector) -> Vector:
-    a, b, c, d = vector
-    m0, m1, m2, m3 = matrix
-    return (
-        a * m0[0] + b * m0[1] + c * m0[2] + d * m0[3],
-        a * m1[0] + b * m1[1] + c * m1[2] + d * m1[3],
-        a * m2[0] + b * m2[1] + c * m2[2] + d * m2[3],
-        a * m3[0] + b * m3[1] + c * m3[2] + d * m3[3],
-    )
-
-
-def _dot(one: Vector, other: Vector) -> float:
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2] + one[3] * other[3]
 
 
 def solved(

@@ -86,15 +86,20 @@ def offsets(shape: Shape, samples: Samples) -> Floats:
 
     The e of Section III-A.1 divided by −2R, left turns having a positive R.
     """
-    ux, uy = cos(shape.angle), sin(shape.angle)
-    dx, dy = samples.rows[X] - shape.x, samples.rows[Y] - shape.y
-    eta: Floats = dy * ux - dx * uy
-    if shape.before == shape.after == 0.0:
+    x, y, angle, before, after = shape[:5]
+    ux, uy = cos(angle), sin(angle)
+    dx, dy = samples.rows[X] - x, samples.rows[Y] - y
+    eta: Floats = dy * ux
+    eta -= dx * uy
+    if before == after == 0.0:
         return eta
-    bend: Floats = (0.5 * (shape.before or shape.after)) * (dx * dx + dy * dy)
-    if shape.before != shape.after:
-        ahead = dx * ux + dy * uy > 0.0
-        bend *= ahead if shape.after else ~ahead
+    bend: Floats = dx * dx
+    bend += dy * dy
+    bend *= 0.5 * (before or after)
+    if before != after:
+        dx *= ux
+        dy *= -uy
+        bend *= dx > dy if after else dx <= dy
     eta -= bend
     return eta
 
@@ -151,7 +156,8 @@ def drift(arc: Shape, samples: Samples) -> float:
         ny + 2.0 * half * py,
         -(nx * px + ny * py) - half * (px * px + py * py),
     )
-    return float(np.abs(np.einsum("i,ik->k", equation, samples.sums[:, ONE])).max())
+    sums = np.einsum("i,ik->k", equation, samples.sums[:, ONE])
+    return float(np.maximum.reduce(np.abs(sums)))
 
 
 def _arc(offset: float, slope: float, half: float, misfit: float) -> Shape | None:

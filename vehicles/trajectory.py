@@ -89,7 +89,7 @@ def fit_composite(
     curve = None if merged is None else _curve(merged, settings)
     if merged is None or curve is None:
         return None
-    largest = float(np.abs(curve.offsets).max())
+    largest = float(np.maximum.reduce(np.abs(curve.offsets)))
     outliers = 0
     if largest > settings.tolerance:
         keep = without_jumps(*merged[:3], curve.offsets, settings.tolerance)
@@ -98,7 +98,7 @@ def fit_composite(
         if kept is not None and again is not None:
             outliers = len(merged.station) - len(kept.station)
             merged, curve = kept, again
-            largest = float(np.abs(curve.offsets).max())
+            largest = float(np.maximum.reduce(np.abs(curve.offsets)))
     return Fit(
         curve.spline,
         merged.east,
