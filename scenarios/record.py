@@ -113,15 +113,18 @@ class Recording:
         self._arrivals.put((self._clock.now(), heard_key, data))
 
     def _record_arrivals(self) -> None:
-        """Record all that waits; without anything, wait a moment for something."""
-        try:
-            at, heard_key, data = self._arrivals.get(timeout=POLL_S)
-            while True:
-                if (heard_key, data) not in self._own:
-                    self._run.recorder.accept(heard_key, data, at)
-                at, heard_key, data = self._arrivals.get_nowait()
-        except Empty:
-            return
+        """Record what waits; without anything, wait a moment for something.
+
+        What comes meanwhile is left for the next time: in a flood there would be no end to it, and
+        the run has to be conducted and the log flushed.
+        """
+        for _ in range(max(1, self._arrivals.qsize())):
+            try:
+                at, heard_key, data = self._arrivals.get(timeout=POLL_S)
+            except Empty:
+                return
+            if (heard_key, data) not in self._own:
+                self._run.recorder.accept(heard_key, data, at)
 
     def _conduct(self) -> None:
         now = self._clock.now()
