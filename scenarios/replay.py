@@ -10,7 +10,10 @@ from itertools import pairwise
 from math import cos, hypot, sin
 from pathlib import Path
 
+from scenarios.outbox import Witness, nobody
+from scenarios.turns import Actor
 from transport.bus import Bus
+from transport.clock import Tick
 from transport.codec import encode
 from transport.mcap_log import LogError, LogReader
 from transport.topics import TOPIC_OF, instant, key
@@ -29,14 +32,20 @@ class Replay:
     vehicle: str
     messages: tuple[GpsPose | TruePose, ...]
 
-    def events(self) -> Iterator[tuple[int, GpsPose | TruePose]]:
-        """Give every message with the instant (ns) at which to publish it."""
-        return ((instant(message), message) for message in self.messages)
+    def actor(self, bus: Bus, witness: Witness = nobody) -> Actor:
+        """Let it publish each message at its instant, as the vehicle itself would."""
+        said = iter(self.messages)
 
-    def publish(self, message: GpsPose | TruePose, bus: Bus) -> None:
-        """Publish one of the messages as the vehicle itself would."""
-        topic = TOPIC_OF[type(message)]
-        bus.publish(key(self.vehicle, topic), encode(message), urgent=topic.urgent)
+        def step(_: Tick) -> None:
+            message = next(said)
+            topic, data = TOPIC_OF[type(message)], encode(message)
+            bus.publish(key(self.vehicle, topic), data, urgent=topic.urgent)
+            witness(topic, data, message)
+
+        return Actor(self.vehicle, self._ticks, step)
+
+    def _ticks(self) -> Iterator[Tick]:
+        return (Tick(instant(message), 0.0) for message in self.messages)
 
 
 @dataclass(frozen=True, slots=True)

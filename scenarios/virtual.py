@@ -1,18 +1,21 @@
 """`--clock virtual`: the same nodes in one process over a memory bus, as fast as they go."""
 
-from collections.abc import Iterator, Sequence
-from heapq import merge
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from scenarios.assembly import Kit
 from scenarios.leash import Stop
 from scenarios.node import Node
+from scenarios.outbox import Witness, nobody
 from scenarios.probe import NoProbe
 from scenarios.recorder import Listener
+from scenarios.replay import Replay
 from scenarios.run_log import RunLog
 from scenarios.scenario import Scenario
-from transport.clock import Tick, VirtualClock
+from scenarios.turns import Actor, in_turn
+from transport.clock import VirtualClock
 from transport.memory_bus import MemoryBus
 from transport.topics import Topic
 from vehicles.messages import Message
@@ -20,16 +23,20 @@ from vehicles.schedule import SECOND
 
 
 def run_virtual(
-    scenario: Scenario, folder: Path, stop: Stop, *, listeners: Sequence[Listener] = ()
+    scenario: Scenario,
+    folder: Path,
+    stop: Stop,
+    *,
+    listeners: Sequence[Listener] = (),
+    replays: Sequence[Replay] = (),
 ) -> dict[str, Any]:
     """Run `scenario` in virtual time into `folder`; returns the summary.
 
-    Depends on nothing but the scenario, its seed and the versions: the log is equal byte for byte.
+    Vehicles in `replays` say what was recorded, the others are live. Depends on nothing but these,
+    the scenario, its seed and the versions: the log is equal byte for byte.
     """
-    start_at = scenario.start_at_ns
-    end_at = start_at + round(scenario.duration_s * SECOND)
-    clock = VirtualClock(start_at)
-    bus = MemoryBus()
+    world = World(scenario)
+    clock = world.clock
     run = RunLog(
         scenario,
         folder,
@@ -41,37 +48,50 @@ def run_virtual(
     def witness(topic: Topic, data: bytes, message: Message) -> None:
         run.recorder.witness(topic, data, message, clock.now())
 
-    run.start(start_at, start_at)
-    kits = [Kit(scenario, name) for name in scenario.vehicle_names]
-    nodes = [kit.node(start_at, bus, NoProbe(), witness) for kit in kits]
-    for node in nodes:
-        for sender_key in node.inbox.keys:
-            bus.subscribe(sender_key, node.inbox.on_bytes)
-    for tick, node in _in_turn(kits, nodes, start_at):
-        clock.wait_until(tick.at)
-        node.step(tick)
-        if stop.asked:
-            break
-    else:
-        clock.wait_until(end_at)
-    for node in nodes:
+    run.start(clock.now(), clock.now())
+    nodes = world.populate(replays, witness)
+    world.go(stop)
+    for node in nodes.values():
         node.outbox.publish_health(clock.now(), final=True)
     run.end(clock.now(), stop.reason)
     return run.close(clock.now())
 
 
-def _in_turn(
-    kits: Sequence[Kit], nodes: Sequence[Node], start_at: int
-) -> Iterator[tuple[Tick, Node]]:
-    """All ticks of all nodes in order of time, at one instant from the lead backwards."""
-    if len({kit.rates_hz for kit in kits}) == 1:  # as usual; the rest would do, but slowly
-        for tick in kits[0].ticks(start_at):
-            for node in nodes:
-                yield tick, node
-        return
+class World:
+    """The vehicles of a scenario in one process: their bus, their time, their turns."""
 
-    def of_one(place: int) -> Iterator[tuple[int, int, Tick]]:
-        return ((tick.at, place, tick) for tick in kits[place].ticks(start_at))
+    def __init__(self, scenario: Scenario) -> None:
+        self.bus = MemoryBus()
+        self.clock = VirtualClock(scenario.start_at_ns)
+        self._scenario = scenario
+        self._actors: list[Actor] = []
 
-    for _, place, tick in merge(*(of_one(place) for place in range(len(kits)))):
-        yield tick, nodes[place]
+    def populate(
+        self, replays: Sequence[Replay] = (), witness: Witness = nobody
+    ) -> dict[str, Node]:
+        """Put every vehicle on the road; returns those that are live and not replayed."""
+        start_at = self._scenario.start_at_ns
+        recorded = {replay.vehicle: replay for replay in replays}
+        nodes: dict[str, Node] = {}
+        for name in self._scenario.vehicle_names:
+            if name in recorded:
+                self._actors.append(recorded[name].actor(self.bus, witness))
+                continue
+            kit = Kit(self._scenario, name)
+            node = nodes[name] = kit.node(start_at, self.bus, NoProbe(), witness)
+            for sender_key in node.inbox.keys:
+                self.bus.subscribe(sender_key, node.inbox.on_bytes)
+            self._actors.append(Actor(kit.rates_hz, partial(kit.ticks, start_at), node.step))
+        return nodes
+
+    def go(self, stop: Stop) -> None:
+        """Let everyone act until the end of the run, or until asked to stop."""
+        end_at = self._scenario.start_at_ns + round(self._scenario.duration_s * SECOND)
+        for tick, step in in_turn(self._actors):
+            if tick.at >= end_at:  # a record may be longer than the run
+                break
+            self.clock.wait_until(tick.at)
+            step(tick)
+            if stop.asked:
+                return
+        self.clock.wait_until(end_at)

@@ -1,7 +1,6 @@
 """How far each vehicle drives beside the path the lead drove, as the true poses come in."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from vehicles.messages import TruePose
@@ -10,8 +9,6 @@ RUN_IN_M = 1000.0
 """Followers start behind the lead: its path is taken to begin with a straight of this length."""
 LEAST_STEP_M = 0.05
 """Poses of the lead closer together than this make no new piece of its path."""
-Road = tuple[Sequence[float], Sequence[float]]
-"""East and north (m) of points along the path that the lead is to drive."""
 
 
 @dataclass(slots=True)
@@ -19,35 +16,24 @@ class BesideLead:
     """The lead's driven path as it grows, and where beside it each follower was last.
 
     Every follower's foot point is searched onwards from its last one, so another leg or lap of
-    the path never attracts it. `road`, if given, says where the straight at the beginning points,
-    since a lead may start askew.
+    the path never attracts it.
     """
 
-    road: Road | None = None
     points: list[tuple[float, float]] = field(default_factory=list)
     reached: dict[str, int] = field(default_factory=dict)
 
     def lead_at(self, pose: TruePose) -> None:
         """Take in the next pose of the lead."""
         if not self.points:
-            yaw = self._road_yaw(pose)
             self.points.append(
                 (
-                    pose.east_m - RUN_IN_M * math.cos(yaw),
-                    pose.north_m - RUN_IN_M * math.sin(yaw),
+                    pose.east_m - RUN_IN_M * math.cos(pose.yaw_rad),
+                    pose.north_m - RUN_IN_M * math.sin(pose.yaw_rad),
                 )
             )
         east, north = self.points[-1]
         if math.hypot(pose.east_m - east, pose.north_m - north) > LEAST_STEP_M:
             self.points.append((pose.east_m, pose.north_m))
-
-    def _road_yaw(self, pose: TruePose) -> float:
-        if self.road is None or len(self.road[0]) < 2:
-            return pose.yaw_rad
-        points = list(zip(*self.road, strict=True))
-        here = pose.east_m, pose.north_m
-        k = min(range(len(points) - 1), key=lambda k: math.dist(points[k], here))
-        return math.atan2(points[k + 1][1] - points[k][1], points[k + 1][0] - points[k][0])
 
     def offset(self, pose: TruePose) -> float | None:
         """Distance of a follower to the lead's path (m, left positive); None where it ends."""

@@ -22,9 +22,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
-from transport.beside import Road
-
 Colour = tuple[int, int, int]
+Road = tuple[Sequence[float], Sequence[float]]
+"""East and north of the lead's path, m."""
 TIMELINE = "run_time"
 """Time since the start of the run; `time` is the instant itself."""
 

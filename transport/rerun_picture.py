@@ -9,9 +9,9 @@ import numpy as np
 import rerun as rr
 
 from transport.arcs import points_along
-from transport.beside import BesideLead, Road
+from transport.beside import BesideLead
 from transport.link_states import LinkStates, message_state
-from transport.rerun_blueprint import TIMELINE, Colour, blueprint, colour_of, middle
+from transport.rerun_blueprint import TIMELINE, Colour, Road, blueprint, colour_of, middle
 from transport.rerun_curves import Curves
 from transport.rerun_shapes import (
     car,
@@ -75,7 +75,7 @@ class Picture:
         self._due: defaultdict[tuple[str, str], int] = defaultdict(int)
         self._curves = Curves(recording)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-        self._beside = BesideLead(path)
+        self._beside = BesideLead()
         self._states: dict[str, str] = {}
         self._links = LinkStates()
         self._seen: dict[str, int] = {}

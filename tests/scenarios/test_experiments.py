@@ -10,13 +10,11 @@ from scenarios.drives import Drive, Trial
 from scenarios.experiments import CASES, LANE, RADII, Experiment, at_the_same_times, pieces
 from scenarios.field_runs import as_run, field_runs
 from scenarios.fitted_samples import SampleCounter, SampleFigures
-from scenarios.leash import Stop
 from scenarios.linear_prediction import predicted
 from scenarios.run_log import LOG_NAME
 from scenarios.scenario import load_scenario
 from scenarios.summary import scenario_in
 from scenarios.trial import record, rehearse
-from scenarios.virtual import run_virtual
 from scenarios.weaving import PERIODS, amplitudes, weaving_scenario
 from tests.scenarios.made_up import truth
 from transport.mcap_log import LogReader
@@ -91,14 +89,6 @@ def test_a_road_of_the_same_times_asks_for_the_same_lateral_acceleration(speed: 
     assert speed**2 * bend == pytest.approx(-1.8, rel=1e-4)
     assert path.at(start + 4.9 * speed).curvature == 0.0
     assert path.at(start + 20.5 * speed).curvature == pytest.approx(-bend, rel=1e-4)
-
-
-def test_a_recorded_trial_is_the_virtual_run_byte_for_byte(tmp_path: Path) -> None:
-    scenario = load_scenario("lane_change", SHORT)
-    record(scenario, tmp_path / "one")
-    run_virtual(scenario, tmp_path / "other", Stop())
-    for name in (LOG_NAME, "summary.json"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
 
 
 def test_a_rehearsal_gives_the_figures_of_the_logged_run(tmp_path: Path) -> None:

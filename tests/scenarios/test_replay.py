@@ -48,8 +48,9 @@ def published(drive: Record, start_at: int, ahead: float = 0.0) -> list[Message]
     bus.subscribe("convoy/v1/gps", lambda _, data: heard.append(decode(TOPICS["gps"], data)))
     bus.subscribe("convoy/v1/truth", lambda _, data: heard.append(decode(TOPICS["truth"], data)))
     replay = drive.replay(start_at=start_at, ahead=ahead)
-    for _, message in replay.events():
-        replay.publish(message, bus)
+    actor = replay.actor(bus)
+    for tick in actor.ticks():
+        actor.step(tick)
     return heard
 
 
@@ -68,7 +69,7 @@ def test_a_replayed_vehicle_says_what_was_recorded(
 
 
 def test_it_is_replayed_in_order_of_time(lead: Record) -> None:
-    instants = [at for at, _ in lead.replay(start_at=7 * SECOND).events()]
+    instants = [tick.at for tick in lead.replay(start_at=7 * SECOND).actor(MemoryBus()).ticks()]
     assert instants == sorted(instants)
     assert instants[0] == 7 * SECOND
 
@@ -88,8 +89,9 @@ def test_an_inbox_takes_every_replayed_pose(lead: Record, ahead: float) -> None:
     bus = MemoryBus()
     bus.subscribe(inbox.keys[0], inbox.on_bytes)
     replay = lead.replay(start_at=start_at, ahead=ahead)
-    for _, message in replay.events():
-        replay.publish(message, bus)
+    actor = replay.actor(bus)
+    for tick in actor.ticks():
+        actor.step(tick)
     heard = inbox.take(start_at + 10 * SECOND)
     assert not inbox.rejected
     assert len(heard) == sum(isinstance(message, GpsPose) for message in replay.messages)

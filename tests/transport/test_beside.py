@@ -67,12 +67,3 @@ def test_without_a_lead_and_behind_a_standing_one() -> None:
         beside.lead_at(drive.truth("v1", 0))
     assert beside.offset(drive.truth("v2", 0)) is not None
     assert len(beside.points) == 2
-
-
-def test_a_lead_that_starts_askew_does_not_turn_the_road_behind_it() -> None:
-    road = ([0.0, 10.0, 100.0], [0.0, 0.0, 0.0])
-    lead = replace(drive.truth("v1", 0), east_m=12.0, north_m=0.0, yaw_rad=0.05)
-    behind = replace(drive.truth("v2", 0), east_m=-60.0, north_m=0.2, yaw_rad=0.0)
-    for known, offset in ((BesideLead(road), 0.2), (BesideLead(), 0.2 + 72.0 * math.tan(0.05))):
-        known.lead_at(lead)
-        assert known.offset(behind) == pytest.approx(offset, rel=0.01)
