@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import click
 
-from scenarios.refusal import ScenarioError
+from scenarios.errors import ScenarioError
 from transport.bus import BusError
 from transport.log_file import LogError
 from transport.viewer_process import ViewerError

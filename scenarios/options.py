@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import click
 
-from transport.zenoh_bus import ZenohOptions
+from transport.zenoh_options import ZenohOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

@@ -13,10 +13,11 @@ from typing import Any
 
 from scenarios.claims import VERDICTS
 from scenarios.drives import Trial
+from scenarios.errors import ScenarioError
 from scenarios.experiments import CASES, Experiment
 from scenarios.field_runs import FieldRuns, field_runs
 from scenarios.findings import Findings
-from scenarios.refusal import ScenarioError, near
+from scenarios.refusal import near
 from scenarios.scenario import load_scenario
 from scenarios.trial import record, rehearse
 from scenarios.weaving import FREQUENCIES, PREVIEW_S, SHORT_PREVIEW_S, Weaving, weave

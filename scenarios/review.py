@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from scenarios.refusal import ScenarioError
+from scenarios.errors import ScenarioError
 from scenarios.scenario import Scenario, scenario_from_text
 from transport.mcap_log import LogError, LogReader
 from transport.rerun_view import RerunOption, RerunView

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarios.errors import Refused
 from scenarios.lead_speed import Limits, SpeedPlan, recorded, slowed
 from scenarios.path_schema import PointsPath, Segment, SegmentsPath
-from scenarios.refusal import Refused
 from scenarios.schema import ScenarioTables, SpeedTable
 from vehicles import path as paths
 from vehicles.geodesy import yaw_from_heading

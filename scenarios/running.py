@@ -10,13 +10,13 @@ import click
 from rich.console import Console
 
 from scenarios.check import warnings
+from scenarios.errors import ScenarioError
 from scenarios.failure import EXIT_FAILED
 from scenarios.launcher import Launch, launch
 from scenarios.leash import Stop, stop_on_signals
 from scenarios.progress import Progress
 from scenarios.record import Recording
 from scenarios.recorder import Listener
-from scenarios.refusal import ScenarioError
 from scenarios.report import print_summary
 from scenarios.review import open_view
 from scenarios.run_log import LOG_NAME

@@ -8,7 +8,8 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from scenarios import contradictions
-from scenarios.refusal import Refused, ScenarioError, refusals, shown
+from scenarios.errors import Refused, ScenarioError
+from scenarios.refusal import refusals, shown
 from scenarios.route import Route, longest_run, plan_route, vehicle_names
 from scenarios.scenario_files import library, parse, read_text, template
 from scenarios.schema import OriginTable, ScenarioTables

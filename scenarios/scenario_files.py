@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
-from scenarios.refusal import ScenarioError, near
+from scenarios.errors import ScenarioError
+from scenarios.refusal import near
 from scenarios.toml_text import OverrideError, Raw, override, parse_override
 
 PACKAGE = Path(str(files("scenarios")))

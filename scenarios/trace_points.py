@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from scenarios.errors import Refused
 from scenarios.path_schema import PointsPath, TracePath
-from scenarios.refusal import Refused
 from scenarios.scenario_files import TRACES
 from scenarios.schema import OriginTable, ScenarioTables
 from scenarios.trace_formats import TraceError

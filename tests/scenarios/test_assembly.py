@@ -5,9 +5,9 @@ from itertools import pairwise
 import pytest
 
 from scenarios.assembly import Kit
+from scenarios.errors import ScenarioError
 from scenarios.node import Node
 from scenarios.probe import NoProbe
-from scenarios.refusal import ScenarioError
 from scenarios.scenario import Scenario, load_scenario
 from transport.memory_bus import MemoryBus
 from vehicles.follower import Follower

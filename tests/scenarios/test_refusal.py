@@ -4,7 +4,7 @@ from multiprocessing import get_context
 
 import pytest
 
-from scenarios.refusal import Refused, ScenarioError
+from scenarios.errors import Refused, ScenarioError
 from scenarios.scenario import load_scenario
 
 

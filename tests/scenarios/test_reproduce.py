@@ -11,9 +11,9 @@ import pytest
 
 from scenarios import reproduce as reproduction
 from scenarios.claims import VERDICTS
+from scenarios.errors import ScenarioError
 from scenarios.experiments import CASES, Experiment
 from scenarios.findings import Findings
-from scenarios.refusal import ScenarioError
 from scenarios.reproduce import (
     add,
     carry_out,

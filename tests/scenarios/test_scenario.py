@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.check import CheckReport, check, report_of, warnings
-from scenarios.refusal import ScenarioError
+from scenarios.errors import ScenarioError
 from scenarios.scenario import load_scenario, scenario_from_text
 from scenarios.toml_text import override, parse_override, to_toml
 from vehicles.parameters import LINCOLN_MKZ

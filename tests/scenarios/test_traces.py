@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.check import warnings
+from scenarios.errors import ScenarioError
 from scenarios.lead_speed import recorded
-from scenarios.refusal import ScenarioError
 from scenarios.scenario import Scenario, scenario_from_text
 from scenarios.trace_formats import TraceError
 from scenarios.traces import read_trace
