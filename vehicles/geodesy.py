@@ -85,7 +85,9 @@ class LocalPlane:
         latitude, longitude, altitude = 0.0, 0.0, self.origin.altitude_m
         east_left, north_left = east, north
         up_left = (east * east + north * north) / (2.0 * self._north_radius)  # the earth's bend
-        left, shrinking = abs(east_left) + abs(north_left) + abs(up_left), 1.0
+        left = abs(east_left) + abs(north_left) + abs(up_left)
+        shrinking = 1.0
+        slowest = min((abs(east) + abs(north)) / self._east_radius, 1.0)
         for _ in range(MOST_CORRECTIONS):
             latitude += math.degrees(north_left / self._north_radius)
             longitude += math.degrees(east_left / self._east_radius)
@@ -97,7 +99,7 @@ class LocalPlane:
             )
             east_left, north_left, up_left = east - found[0], north - found[1], -found[2]
             before, left = left, abs(east_left) + abs(north_left) + abs(up_left)
-            shrinking = left / before
+            shrinking = max(left / before, slowest)
         return self.origin.latitude_deg + latitude, self.origin.longitude_deg + longitude, altitude
 
     def _topocentric(

@@ -314,7 +314,7 @@ anything = st.builds(
 
 
 @given(history=st.lists(anything, max_size=12), goes_on=st.booleans())
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=60)
 def test_every_run_ends(history: list[Event], *, goes_on: bool) -> None:
     longest = GATHER_S + LEAD_TIME_S + DURATION_S
     patience = (LAST_WORDS_NS + ROUTER_LOST_AFTER_NS) / SECOND + 1.0

@@ -179,7 +179,7 @@ curves = st.lists(
     east=st.floats(-1000.0, 1000.0),
     north=st.floats(-1000.0, 1000.0),
 )
-@settings(max_examples=30, derandomize=True, deadline=None)
+@settings(max_examples=30)
 def test_turning_or_moving_the_world_changes_nothing(
     segments: list[Segment], turn: float, east: float, north: float
 ) -> None:
@@ -197,7 +197,7 @@ def test_turning_or_moving_the_world_changes_nothing(
 
 
 @given(segments=curves)
-@settings(max_examples=30, derandomize=True, deadline=None)
+@settings(max_examples=30)
 def test_it_is_the_distance_to_the_nearest_place_where_the_path_does_not_meet_itself(
     segments: list[Segment],
 ) -> None:

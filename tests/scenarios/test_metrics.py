@@ -45,7 +45,7 @@ def link(sender: str, receiver: str, *messages: Message) -> dict[str, Any]:
 
 
 @given(values=st.lists(st.floats(-1e3, 1e3), max_size=30))
-@settings(max_examples=50, derandomize=True, deadline=None)
+@settings(max_examples=50)
 def test_extremes_are_those_of_the_values(values: list[float]) -> None:
     extremes = Extremes()
     for value in values:
@@ -251,7 +251,7 @@ def test_links_are_ordered_by_receiver_then_sender_from_the_lead_on() -> None:
 
 
 @given(random=st.randoms(use_true_random=False))
-@settings(max_examples=30, derandomize=True, deadline=None)
+@settings(max_examples=30)
 def test_only_the_order_within_a_kind_matters(random: Any) -> None:
     """Kinds of messages come by different ways, and may overtake one another."""
     kinds: list[list[Message]] = [

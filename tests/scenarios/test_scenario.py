@@ -180,7 +180,7 @@ def test_without_a_duration_the_lead_drives_its_whole_path() -> None:
 # --- Overrides
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     key=st.lists(st.from_regex(r"\A[a-z_]{1,8}\Z"), min_size=1, max_size=4),
     value=st.one_of(
@@ -203,7 +203,7 @@ def test_an_override_sets_just_the_value_that_it_gives(key: list[str], value: An
     assert type(found) is type(value)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(alpha=st.floats(0, 1), latency=st.floats(0, 1000), seed=st.integers(0, 2**63 - 1))
 def test_overrides_arrive_in_the_scenario_and_survive_its_text(
     alpha: float, latency: float, seed: int
@@ -222,7 +222,7 @@ def test_overrides_arrive_in_the_scenario_and_survive_its_text(
     assert scenario_from_text(scenario.text).tables == scenario.tables
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     st.recursive(
         st.one_of(
@@ -366,7 +366,7 @@ def test_a_broken_file_is_refused_in_one_line(text: str, key: str, why: str) -> 
     assert why in line
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(
     key=st.sampled_from(
         [

@@ -295,7 +295,7 @@ def written(name: str) -> bytes:
     return WRITERS[name](drive())
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     name=st.sampled_from(sorted(WRITERS)),
     damage=st.lists(

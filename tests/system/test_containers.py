@@ -1,5 +1,6 @@
 """The default scenario in six containers, built from the Dockerfile: router, cars, recorder."""
 
+import os
 import re
 import shutil
 import socket
@@ -32,7 +33,7 @@ PARTS = (
 """What the image and its composition are made of."""
 IMAGE = "convoy-emulator"
 BASE = "python:3.11-slim-bookworm"
-PORTS = (9090, 9876)
+PORT_NAMES = ("CONVOY_PAGE_PORT", "CONVOY_DATA_PORT")
 DURATION_S = 35.0
 BUILD_S = 900.0
 DRIVE_S = 300.0
@@ -48,14 +49,15 @@ def obstacle() -> str | None:
         return "no container engine runs here"
     if call("docker", "image", "inspect", BASE).returncode:
         return f"the base image {BASE} is not here (docker pull {BASE})"
-    for port in PORTS:
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                return f"port {port} of the composition is in use"
     return None
+
+
+def free_ports() -> dict[str, int]:
+    """Choose ports for the page and its data: another test may be serving at the usual ones."""
+    with socket.socket() as page, socket.socket() as data:
+        for probe in (page, data):
+            probe.bind(("127.0.0.1", 0))
+        return dict(zip(PORT_NAMES, (s.getsockname()[1] for s in (page, data)), strict=True))
 
 
 def call(
@@ -93,7 +95,9 @@ def copy_parts(folder: Path) -> None:
 
 
 @contextmanager
-def composed(folder: Path) -> Iterator[tuple["subprocess.Popen[bytes]", str]]:
+def composed(
+    folder: Path, ports: dict[str, int]
+) -> Iterator[tuple["subprocess.Popen[bytes]", str]]:
     """`docker-compose up` under a project name of its own; in the end all of it is taken down."""
     name = f"convoy-test-{uuid4().hex[:8]}"
     compose = ["docker-compose", "-p", name]
@@ -101,6 +105,7 @@ def composed(folder: Path) -> Iterator[tuple["subprocess.Popen[bytes]", str]]:
         up = subprocess.Popen(
             [*compose, "up", "--build", "--exit-code-from", "recorder"],
             cwd=folder,
+            env=os.environ | {name: str(port) for name, port in ports.items()},
             stdout=log,
             stderr=subprocess.STDOUT,
         )
@@ -125,22 +130,24 @@ def containers(name: str) -> list[str]:
     return sorted(re.sub(rf"^{name}[-_](.*)[-_]1$", r"\1", line) for line in shown.split())
 
 
-def page_is_served() -> bool:
+def page_is_served(port: int) -> bool:
     """Say whether Rerun's page is there to watch the run."""
     try:
-        with urllib.request.urlopen("http://127.0.0.1:9090/", timeout=5.0) as page:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5.0) as page:
             return bool(page.status == 200)
     except OSError:
         return False
 
 
 def test_six_containers_drive_the_default_scenario(project: Path, tmp_path: Path) -> None:
-    with composed(project) as (up, name):
+    ports = free_ports()
+    page = ports["CONVOY_PAGE_PORT"]
+    with composed(project, ports) as (up, name):
         said = project / "up.log"
-        assert until(lambda: page_is_served() or up.poll() is not None, DRIVE_S)
+        assert until(lambda: page_is_served(page) or up.poll() is not None, DRIVE_S)
         assert up.poll() is None, said.read_text()
         assert containers(name) == ["recorder", "router", "v1", "v2", "v3", "v4"]
-        assert sorted(published(name)) == [f"127.0.0.1:{port}" for port in PORTS]
+        assert sorted(published(name)) == sorted(f"127.0.0.1:{port}" for port in ports.values())
         assert up.wait(DRIVE_S) == 0, said.read_text()
         assert not containers(name)
     assert not call("docker", "ps", "-a", "-q", "--filter", f"name={name}").stdout
@@ -167,6 +174,14 @@ def assert_drives_as_virtual_time_does(run: Run, folder: Path) -> None:
     print(f"late: {run.late_ticks} ticks, {len(run.late_messages_at)} messages")
     assert found.compared == 4 * DURATION_S * 50
     assert_equal_while_nothing_was_late(run, virtual, within_m=0.05)
+
+
+def test_unless_told_otherwise_the_picture_is_at_rerun_s_usual_ports(project: Path) -> None:
+    shown = call("docker-compose", "config", cwd=project).stdout
+    assert re.findall(r"\S*:\d+:\d+\S*", shown) == [
+        "127.0.0.1:9090:9090/tcp",
+        "127.0.0.1:9876:9876/tcp",
+    ]
 
 
 @pytest.mark.usefixtures("project")

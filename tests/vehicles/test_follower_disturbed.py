@@ -186,7 +186,7 @@ heard_poses = st.tuples(
     speed=st.sampled_from([0.0, 1.0, 10.0, 40.0]),
     keeps_gap=st.booleans(),
 )
-@settings(max_examples=80, derandomize=True, deadline=None)
+@settings(max_examples=80)
 def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
     ticks: list[list[tuple[str, int, tuple[float, float] | None, float, float]]],
     own: dict[int, tuple[float, float]],

@@ -26,7 +26,7 @@ from vehicles.steering import NOMINAL_GAINS, Gains
 Array = np.ndarray
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(CARS, GAINS, SPEEDS)
 def test_polynomial_is_the_determinant(car: VehicleParameters, gains: Gains, speed: float) -> None:
     polynomial = characteristic_polynomial(car, gains, speed)
@@ -156,7 +156,7 @@ def test_left_is_positive() -> None:
     assert curvature_input(CAR, 20.0)[5] > 0.0  # feedforward into a left bend
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(CARS, CARS, SPEEDS)
 def test_steady_cornering_is_the_equilibrium(
     car: VehicleParameters, known: VehicleParameters, speed: float

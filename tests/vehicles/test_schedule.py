@@ -11,7 +11,7 @@ rates = st.sampled_from([1.0, 5.0, 10.0, 20.0, 30.0, 50.0, 99.9, 500.0]) | st.fl
 
 
 @given(rate_hz=rates, k=st.integers(0, 10_000_000))
-@settings(max_examples=200, derandomize=True, deadline=None)
+@settings(max_examples=200)
 def test_every_instant_lies_within_half_a_nanosecond_of_its_place(rate_hz: float, k: int) -> None:
     exact = Fraction(k * SECOND) / Fraction(rate_hz)
     # Ten million periods of a tenth of a hertz are three years: a float holds that to 16 ns.
@@ -20,7 +20,7 @@ def test_every_instant_lies_within_half_a_nanosecond_of_its_place(rate_hz: float
 
 
 @given(rate_hz=rates, k=st.integers(0, 1_000_000))
-@settings(max_examples=200, derandomize=True, deadline=None)
+@settings(max_examples=200)
 def test_a_cadence_knows_the_numbers_of_its_instants_and_no_others(rate_hz: float, k: int) -> None:
     cadence = Cadence(START, rate_hz)
     at = instant(START, k, rate_hz)
@@ -52,7 +52,7 @@ def test_instants_do_not_drift_over_a_day() -> None:
 
 
 @given(rate_hz=rates, k=st.integers(0, 100_000))
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=100)
 def test_the_clock_of_the_transport_has_the_same_instants(rate_hz: float, k: int) -> None:
     """A vehicle decides at a tick only if both agree on it to the nanosecond."""
     assert clock.instant(START, k, rate_hz) == instant(START, k, rate_hz)

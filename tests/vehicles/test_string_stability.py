@@ -32,7 +32,7 @@ BOTH: tuple[Actuation, ...] = ("instantaneous", "second order")
 FREQUENCIES = np.geomspace(0.05, 60.0, 40)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(CARS, GAINS, SPEEDS)
 def test_propagation_is_h_over_one_plus_h(
     car: VehicleParameters, gains: Gains, speed: float
@@ -92,7 +92,7 @@ def test_peak_at_infinity() -> None:
     assert found.magnitude == pytest.approx(abs(transfer.at(np.array([1e7]))[0]), rel=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(CARS, GAINS, SPEEDS)
 def test_predecessor_only_amplifies_at_low_frequency(
     car: VehicleParameters, gains: Gains, speed: float
@@ -149,7 +149,7 @@ def test_amplified_band_by_sampling() -> None:
         assert above.any()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(CARS, CARS, GAINS, SPEEDS)
 def test_trace_propagation_from_the_error_model(
     car: VehicleParameters, known: VehicleParameters, gains: Gains, speed: float
