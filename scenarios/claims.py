@@ -4,24 +4,26 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from scenarios.findings import Findings, Seeds
+from scenarios.findings import Findings, Tally
 
-Verdict = Literal["holds", "does not hold", "not checkable"]
-VERDICTS: tuple[Verdict, ...] = ("holds", "does not hold", "not checkable")
+Verdict = Literal["holds", "undecided", "does not hold", "not checkable"]
+VERDICTS: tuple[Verdict, ...] = ("holds", "undecided", "does not hold", "not checkable")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
     """What we get, and whether the claim holds; None says that this cannot be checked.
 
-    `reason` is why it does not hold, or cannot be checked, or holds only so far. `noise` says in
-    how many runs with a receiver's noise it holds. `numbers` are for machines, units in the keys.
+    `reason` is why it does not hold, or cannot be checked, or holds only so far. `phases` says in
+    how many exact runs it holds, the road moved a little from one to the next, and `noise` in how
+    many with a receiver's noise. `numbers` are for machines, units in the keys.
     """
 
     ours: str
     holds: bool | None
     reason: str = ""
-    noise: Seeds | None = None
+    phases: Tally | None = None
+    noise: Tally | None = None
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -46,7 +48,8 @@ class Claim:
     ours: str
     verdict: Verdict
     reason: str
-    noise: Seeds | None
+    phases: Tally | None
+    noise: Tally | None
     numbers: Mapping[str, Any]
 
 
@@ -61,7 +64,9 @@ def judge(questions: Iterable[Question], findings: Findings) -> list[Claim]:
 
 def _claim(question: Question, answer: Answer) -> Claim:
     verdict: Verdict = "not checkable"
-    if answer.holds is not None:
+    if answer.phases is not None and 0 < answer.phases.holding < answer.phases.runs:
+        verdict = "undecided"
+    elif answer.holds is not None:
         verdict = "holds" if answer.holds else "does not hold"
     return Claim(
         name=question.name,
@@ -70,20 +75,23 @@ def _claim(question: Question, answer: Answer) -> Claim:
         ours=answer.ours,
         verdict=verdict,
         reason=answer.reason,
+        phases=answer.phases,
         noise=answer.noise,
         numbers=answer.numbers,
     )
 
 
 def sides(claims: Iterable[Claim]) -> dict[str, list[Claim]]:
-    """Sort out the claims that do not hold, and those on which noise has a say.
+    """Sort out the claims that do not hold or are undecided, and those on which noise has a say.
 
     `noise spoils`: holds exactly, but not with every seed; `noise helps`: the other way round.
     """
-    found: dict[str, list[Claim]] = {"does not hold": [], "noise spoils": [], "noise helps": []}
+    found: dict[str, list[Claim]] = {
+        side: [] for side in ("does not hold", "undecided", "noise spoils", "noise helps")
+    }
     for claim in claims:
-        if claim.verdict == "does not hold":
-            found["does not hold"].append(claim)
+        if claim.verdict in found:
+            found[claim.verdict].append(claim)
         if claim.noise is None:
             continue
         if claim.verdict == "holds" and claim.noise.holding < claim.noise.runs:

@@ -1,5 +1,6 @@
 """Claims of Section V-C.1: the base case, and what the lead's data do in simulations."""
 
+from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
 
@@ -26,11 +27,16 @@ def numbers_of(trial: Trial) -> dict[str, tuple[float, ...]]:
 def below(limit: float, key: str, findings: Findings) -> Answer:
     """Answer whether all errors against the own trajectory stay under `limit` (m)."""
     trial = findings.trials[key]
+
+    def stays_below(run: Trial) -> bool:
+        return max(run.tracking) < limit
+
     return Answer(
         ours=f"at most {cm(max(trial.tracking))} ({in_cm(trial.tracking)})",
-        holds=max(trial.tracking) < limit,
+        holds=stays_below(trial),
         reason=_radii(limit, findings) if key == "base" else "",
-        noise=findings.seeds(key, lambda noisy: max(noisy.tracking) < limit),
+        phases=findings.phases(stays_below, key),
+        noise=findings.seeds(key, stays_below),
         numbers=numbers_of(trial),
     )
 
@@ -66,9 +72,9 @@ def _where_largest(findings: Findings) -> Answer:
 def decreasing(key: str, findings: Findings) -> Answer:
     """Answer whether no follower's largest error exceeds that of the one ahead."""
     trial = findings.trials[key]
-    holds = non_increasing(trial.tracking)
-    seeds = findings.seeds(key, lambda noisy: non_increasing(noisy.tracking))
-    if not holds:
+    holds = _decreases(trial)
+    phases, seeds = findings.phases(_decreases, key), findings.seeds(key, _decreases)
+    if not holds or (phases is not None and phases.holding < phases.runs):
         reason = why_growing(key, findings)
     elif seeds is not None and seeds.holding < seeds.runs:
         reason = "with a receiver's noise the largest value is a matter of chance"
@@ -76,18 +82,28 @@ def decreasing(key: str, findings: Findings) -> Answer:
         reason = ""
     heading = max(float(np.abs(drive.heading_error).max()) for drive in trial.followers)
     return Answer(
-        ours=f"{in_cm(trial.tracking)}{_growth(trial)}; heading errors up to {heading:.3f} rad",
+        ours=f"{in_cm(trial.tracking)}{_growth(findings.shifted(key))}; heading errors up to "
+        f"{heading:.3f} rad",
         holds=holds,
         reason=reason,
+        phases=phases,
         noise=seeds,
         numbers=numbers_of(trial),
     )
 
 
-def _growth(trial: Trial) -> str:
-    """By how much the largest error grows from one follower to the next, if it does."""
-    steps = [behind - ahead for ahead, behind in pairwise(trial.tracking)]
-    return f", up by {1000.0 * max(steps):.1f} mm" if max(steps) >= SAME else ""
+def _decreases(trial: Trial) -> bool:
+    return non_increasing(trial.tracking)
+
+
+def _growth(trials: Sequence[Trial]) -> str:
+    """By how much the largest error grows from one follower to the next, if it does in any run."""
+    steps = [1000.0 * max(b - a for a, b in pairwise(trial.tracking)) for trial in trials]
+    if max(steps) < 1000.0 * SAME:
+        return ""
+    if len(steps) == 1:
+        return f", up by {steps[0]:.1f} mm"
+    return f", at most {min(steps):+.1f} to {max(steps):+.1f} mm from one to the next"
 
 
 def _true(findings: Findings) -> Answer:
@@ -96,12 +112,17 @@ def _true(findings: Findings) -> Answer:
     return Answer(
         ours=f"against the lead's driven path {in_cm(trial.cross_track)}; of eight cars "
         f"{in_cm(long.cross_track)}",
-        holds=non_increasing(trial.cross_track),
+        holds=_stays_on_track(trial),
         reason="every car adds its own error to half of the one before; they grow, and level off "
         f"(linear theory: {in_cm(expected)}). An error against the own trajectory does not show it",
-        noise=findings.seeds("base", lambda trial: non_increasing(trial.cross_track)),
+        phases=findings.phases(_stays_on_track, "base"),
+        noise=findings.seeds("base", _stays_on_track),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
+
+
+def _stays_on_track(trial: Trial) -> bool:
+    return non_increasing(trial.cross_track)
 
 
 def _amplified(findings: Findings) -> Answer:

@@ -7,8 +7,9 @@ import numpy as np
 
 from scenarios.claims import Answer, Question
 from scenarios.claims_base import below, decreasing
+from scenarios.drives import Trial
 from scenarios.experiments import LANE
-from scenarios.findings import SAME, Findings, Seeds, cm, in_cm
+from scenarios.findings import SAME, Findings, Tally, cm, in_cm
 from vehicles.linear_model import steady_cornering
 from vehicles.parameters import LINCOLN_MKZ, Loading, loaded
 from vehicles.steering import NOMINAL_GAINS
@@ -43,16 +44,17 @@ def _faster(findings: Findings) -> Answer:
     at_10 = _settles_at(10.0, Loading(front_passengers=1, rear_passengers=2))
     at_20 = _settles_at(20.0, Loading(front_passengers=1))
     pairs = list(zip(findings.noisy("a"), findings.noisy("c"), strict=True))
-    holding = sum(max(c.tracking) > max(a.tracking) for a, c in pairs)
+    holding = sum(_is_larger(a, c) for a, c in pairs)
     return Answer(
         ours=f"A {in_cm(slow)}; C {in_cm(fast)}. On roads that take the same time (bends of 56 and "
         f"222 m): {in_cm(slow_times)}; {in_cm(fast_times)}",
-        holds=max(fast) > max(slow),
+        holds=_is_larger(findings.trials["a"], findings.trials["c"]),
         reason="a car in a bend stands at its slip angle to the path, and the law steers against "
         f"that: on 500 m it settles {cm(at_10)} beside the path at 10 m/s, {cm(at_20)} at 20 m/s. "
         f"With the slip compensated the claim holds: {in_cm(slow_known)}; {in_cm(fast_known)}; and "
         "with a receiver's noise, which costs more at speed",
-        noise=Seeds(holding, len(pairs)),
+        phases=findings.phases(_is_larger, "a", "c"),
+        noise=Tally(holding, len(pairs)),
         numbers={
             "a_tracking_error_m_max": slow,
             "c_tracking_error_m_max": fast,
@@ -62,12 +64,26 @@ def _faster(findings: Findings) -> Answer:
     )
 
 
+def _is_larger(one: Trial, other: Trial) -> bool:
+    return max(other.tracking) > max(one.tracking)
+
+
+def _are_alike(one: Trial, other: Trial) -> bool:
+    return _apart(one, other) < max(2.0 * SAME, 0.1 * max(one.tracking))
+
+
+def _apart(one: Trial, other: Trial) -> float:
+    """Largest difference (m) between two runs in the largest error of a follower."""
+    return max(abs(a - b) for a, b in zip(one.tracking, other.tracking, strict=True))
+
+
 def _mass(findings: Findings) -> Answer:
-    heavy, light = findings.trials["a"].tracking, findings.trials["b"].tracking
-    change = max(abs(a - b) for a, b in zip(heavy, light, strict=True))
+    heavy, light = findings.trials["a"], findings.trials["b"]
+    change = _apart(heavy, light)
     return Answer(
-        ours=f"A {in_cm(heavy)}; B {in_cm(light)}: {1000 * change:.1f} mm",
-        holds=change < max(2.0 * SAME, 0.1 * max(heavy)),
+        ours=f"A {in_cm(heavy.tracking)}; B {in_cm(light.tracking)}: {1000 * change:.1f} mm",
+        holds=_are_alike(heavy, light),
+        phases=findings.phases(_are_alike, "a", "b"),
         reason="at 10 m/s. At 30 m/s load matters more, because the feedforward does not know it",
         numbers={"difference_m_max": change},
     )
@@ -75,14 +91,24 @@ def _mass(findings: Findings) -> Answer:
 
 def _uneven(findings: Findings) -> Answer:
     even, uneven = findings.trials["base"], findings.trials["d"]
-    growth = [trial.cross_track[-1] / trial.cross_track[0] for trial in (even, uneven)]
+    growth = [_head_to_tail(trial) for trial in (even, uneven)]
     return Answer(
         ours=f"from the first to the last follower true errors grow {growth[1]:.2f}-fold, in the "
         f"even convoy of the base case {growth[0]:.2f}-fold",
-        holds=growth[1] <= growth[0],
+        holds=_grows_no_more(even, uneven),
+        phases=findings.phases(_grows_no_more, "base", "d"),
         reason="it does no harm; whether errors decrease is the row before",
         numbers={"growth_even_ratio": growth[0], "growth_uneven_ratio": growth[1]},
     )
+
+
+def _head_to_tail(trial: Trial) -> float:
+    """Ratio of the last follower's largest true error to the first one's."""
+    return trial.cross_track[-1] / trial.cross_track[0]
+
+
+def _grows_no_more(even: Trial, uneven: Trial) -> bool:
+    return _head_to_tail(uneven) <= _head_to_tail(even)
 
 
 def _slightly_more(findings: Findings) -> Answer:
@@ -90,6 +116,7 @@ def _slightly_more(findings: Findings) -> Answer:
     return Answer(
         ours=f"{cm(varying)} at most, {cm(constant)} at a constant 30 m/s",
         holds=varying > constant,
+        phases=findings.phases(_is_larger, "base", "variable_speed"),
         reason="on the same bends less speed asks for less lateral acceleration; that the speed "
         "changes costs little. The paper's profiles and road are not known",
         numbers={"varying_m_max": varying, "constant_m_max": constant},
@@ -108,7 +135,7 @@ def _varying_decreasing(findings: Findings) -> Answer:
         f"ahead did: the largest errors come at {', '.join(speeds)} m/s. Besides, the composite, "
         f"as in the base case: with one trajectory for each source {blend} in the first lane change"
     )
-    return answer if answer.holds else replace(answer, reason=why)
+    return replace(answer, reason=why) if answer.reason else answer
 
 
 def _decreasing(key: str, paper: str) -> Question:

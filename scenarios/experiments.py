@@ -31,6 +31,22 @@ NOISE = (
 )
 """An RTK receiver with an inertial unit, as in the other scenarios."""
 
+PHASES = (0.25, 0.5, 0.75)
+"""Shares of `SAMPLING_S` by which the road is moved, to see what hangs on where samples fall."""
+
+SAMPLING_S = 0.1
+"""After so long (s) the pattern of poses (20 Hz) and decisions (50 Hz) repeats."""
+
+ROADS = {
+    "base": (30.0, (150.0, 600.0)),
+    "a": (10.0, (150.0, 600.0)),
+    "b": (10.0, (150.0, 600.0)),
+    "c": (20.0, (150.0, 600.0)),
+    "d": (30.0, (150.0, 600.0)),
+    "variable_speed": (20.0, (100.0, 525.0)),
+}
+"""Of each case's scenario the speed (m/s) at the first bend, and where lane changes begin (m)."""
+
 FIELD_SEEDS = 2
 """Repetitions of the field experiment with other noise."""
 
@@ -113,11 +129,23 @@ def _noisy(key: str, scenario: str, seeds: int, *changes: str) -> dict[str, Expe
     }
 
 
+def _shifted(key: str) -> dict[str, Experiment]:
+    """The case on its own road, moved along by shares of the way between two samples."""
+    speed, begins = ROADS[key]
+    found = {}
+    for phase in PHASES:
+        moved = phase * SAMPLING_S * speed
+        place = road(500.0, 30.0, 30.0, (begins[0] + moved, begins[1] + moved))
+        found[f"{key}/phase/{phase:g}"] = Experiment(scenario=f"paper_{key}", overrides=(place,))
+    return found
+
+
 def _paper(key: str) -> dict[str, Experiment]:
     """One of the paper's cases: exact and logged, noisy, and with a trajectory for each source."""
     name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
     return {
         key: Experiment(scenario=name, logged=True),
+        **_shifted(key),
         **_noisy(key, name, OTHER_SEEDS, until),
         f"{key}/blend": Experiment(scenario=name, overrides=('control.fusion="blend"', until)),
     }
@@ -130,6 +158,7 @@ def _variant(*changes: str) -> Experiment:
 def _base() -> dict[str, Experiment]:
     return {
         "base": Experiment(logged=True),
+        **_shifted("base"),
         **_noisy("base", "paper_base", EXACT_SEEDS),
         "base/as_is": _variant(),
         "base/blend": _variant('control.fusion="blend"'),
@@ -157,6 +186,7 @@ def _lead_data() -> dict[str, Experiment]:
     long = ("convoy.vehicles=8", "duration_s=17.0")
     return {
         "base": Experiment(logged=True),
+        **_shifted("base"),
         **_noisy("base", "paper_base", EXACT_SEEDS),
         "no_lead_data": Experiment(overrides=NO_LEAD_DATA, logged=True),
         **_noisy("no_lead_data", "paper_base", EXACT_SEEDS, *NO_LEAD_DATA),

@@ -15,8 +15,8 @@ SAME = 0.001
 """Largest errors that differ by less than this (m) count as equal."""
 
 
-class Seeds(NamedTuple):
-    """In how many of several runs with a receiver's noise something holds."""
+class Tally(NamedTuple):
+    """In how many of several runs something holds."""
 
     holding: int
     runs: int
@@ -55,10 +55,20 @@ class Findings:
         """Runs with a receiver's noise, a seed each."""
         return [trial for name, trial in self.trials.items() if name.startswith(f"{key}/noise/")]
 
-    def seeds(self, key: str, holds: Callable[[Trial], bool]) -> Seeds | None:
+    def seeds(self, key: str, holds: Callable[[Trial], bool]) -> Tally | None:
         """In how many of the noisy runs something holds; None without such runs."""
         runs = self.noisy(key)
-        return Seeds(sum(map(holds, runs)), len(runs)) if runs else None
+        return Tally(sum(map(holds, runs)), len(runs)) if runs else None
+
+    def shifted(self, key: str) -> list[Trial]:
+        """The exact run, and its repetitions with the road moved by less than between samples."""
+        moved = [trial for name, trial in self.trials.items() if name.startswith(f"{key}/phase/")]
+        return [self.trials[key], *moved]
+
+    def phases(self, holds: Callable[..., bool], *keys: str) -> Tally | None:
+        """In how many of the exact runs something holds of those of `keys`; None with one each."""
+        runs = list(zip(*map(self.shifted, keys), strict=False))
+        return Tally(sum(holds(*trials) for trials in runs), len(runs)) if len(runs) > 1 else None
 
 
 def non_increasing(maxima: tuple[float, ...]) -> bool:

@@ -61,7 +61,7 @@ def lead_data(findings: Findings) -> Figure:
 
 
 def maxima(findings: Findings) -> Figure:
-    """Draw the largest errors of each follower, exact (bars) and with noise (dots)."""
+    """Draw largest errors: exact (bars), with the road moved (dashes), with noise (dots)."""
     known = ("base", "no_lead_data", "a", "b", "c", "d", "variable_speed")
     cases = [key for key in known if findings.has(key)]
     figure = Figure(figsize=(9.6, 5.2), layout="constrained")
@@ -73,11 +73,14 @@ def maxima(findings: Findings) -> Figure:
                 axes.bar(x, 100.0 * value, width=0.22, color=COLOURS[place + 1], alpha=0.85)
                 noisy = [100.0 * getattr(run, measure)[place] for run in findings.noisy(key)]
                 axes.plot([x] * len(noisy), noisy, "o", color="black", markersize=2.2)
+                moved = [100.0 * getattr(run, measure)[place] for run in findings.shifted(key)]
+                axes.plot([x] * len(moved), moved, "_", color="black", markersize=7.0)
         axes.set_ylabel("largest error (cm)")
     for place in PLACES:
         above.bar(0.0, 0.0, color=COLOURS[place + 1], label=f"follower {place + 1}")
+    above.plot([], [], "_", color="black", markersize=7.0, label="the road moved")
     above.plot([], [], "o", color="black", markersize=2.2, label="a run with noise")
-    above.legend(ncols=4, loc="upper right")
+    above.legend(ncols=5, loc="upper right")
     above.set_ylim(0.0, 10.0)
     above.set_title("Off the own trajectory (what the paper shows)")
     below.set_title("Off the lead's driven path")

@@ -15,7 +15,7 @@ from scenarios.claims_model import MODEL
 from scenarios.claims_theory import THEORY
 from scenarios.drives import Drive, Trial
 from scenarios.field_runs import FieldRuns
-from scenarios.findings import Findings, Seeds, in_cm, non_increasing
+from scenarios.findings import Findings, Tally, in_cm, non_increasing
 from scenarios.fitted_samples import SampleFigures
 from scenarios.weaving import FREQUENCIES, PREVIEW_S, SHORT_PREVIEW_S, Weaving
 
@@ -87,7 +87,7 @@ def test_a_limit_holds_or_not_and_noise_is_counted() -> None:
     )
     answer = below(0.11, "variable_speed", findings)
     assert answer.holds
-    assert answer.noise == Seeds(1, 2)
+    assert answer.noise == Tally(1, 2)
     assert "10.8 cm (2.0, 10.8, 5.0 cm)" in answer.ours
     assert not below(0.10, "variable_speed", findings).holds
 
@@ -108,10 +108,34 @@ def test_what_holds_but_for_noise_says_so() -> None:
     )
     answer = decreasing("a", findings)
     assert answer.holds
-    assert answer.noise == Seeds(0, 1)
+    assert answer.noise == Tally(0, 1)
     assert "chance" in answer.reason
     (claim,) = judge([q for q in ALL if q.name == "a_decreasing"], findings)
-    assert sides([claim]) == {"does not hold": [], "noise spoils": [claim], "noise helps": []}
+    assert {side for side, found in sides([claim]).items() if found} == {"noise spoils"}
+
+
+@pytest.mark.parametrize(
+    ("last", "verdict", "holding"),
+    [(0.02, "holds", 3), (0.0325, "undecided", 1), (0.05, "does not hold", 0)],
+)
+def test_what_hangs_on_where_the_samples_fall_is_undecided(
+    last: float, verdict: str, holding: int
+) -> None:
+    findings = Findings(
+        trials={
+            "b": a_trial((0.04, 0.03, last)),
+            "b/blend": a_trial((0.04, 0.03, 0.02)),
+            "b/phase/0.5": a_trial((0.04, 0.031, last - 0.002)),
+            "b/phase/0.75": a_trial((0.04, 0.03, last - 0.001)),
+        }
+    )
+    (claim,) = judge([q for q in ALL if q.name == "b_decreasing"], findings)
+    assert claim.verdict == verdict
+    assert claim.phases == Tally(holding, 3)
+    assert [claim] == (sides([claim]).get(verdict) or [claim])
+    if verdict == "undecided":
+        assert "at most -0.5 to +2.5 mm from one to the next" in claim.ours
+        assert "two effects" in claim.reason
 
 
 def a_paper_come_true() -> Findings:

@@ -76,7 +76,10 @@ def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
     assert [claim["name"] for claim in report["claims"]] == [q.name for q in QUESTIONS]
     assert {claim["verdict"] for claim in report["claims"]} == set(VERDICTS)
     counts = [sum(claim["verdict"] == v for claim in report["claims"]) for v in VERDICTS]
-    said = f"Of {len(QUESTIONS)} claims {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot"
+    said = (
+        f"Of {len(QUESTIONS)} claims {counts[0]} hold, {counts[1]} are undecided, {counts[2]} do "
+        f"not hold, {counts[3]} cannot"
+    )
     assert said in (whole / "report.md").read_text(encoding="utf-8")
     assert set(report["runs"]) >= {key for case in CASES.values() for key in case}
     noise = next(claim["noise"] for claim in report["claims"] if claim["name"] == "a_decreasing")
