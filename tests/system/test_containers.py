@@ -80,8 +80,16 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if first:
             copy_parts(folder)
             built = call("docker", "build", "-t", IMAGE, ".", cwd=folder, timeout=BUILD_S)
+            if built.returncode and not container_reaches_packages():
+                pytest.skip("a container reaches no package index here, so no image can be built")
             assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
     return folder
+
+
+def container_reaches_packages() -> bool:
+    """Say whether pip can fetch something from inside a container of the base image."""
+    fetch = ("python3", "-m", "pip", "download", "-q", "--no-deps", "--dest", "/tmp", "click")
+    return call("docker", "run", "--rm", BASE, *fetch, timeout=BUILD_S).returncode == 0
 
 
 def copy_parts(folder: Path) -> None:
