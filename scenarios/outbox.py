@@ -54,6 +54,7 @@ class Outbox:
         self._late_ticks = 0
         self._disbelieved = 0
         self._mode = ""
+        self._waiting: list[tuple[str, bytes, bool]] = []
 
     def publish(self, now: int, body: Body, fix: Fix | None, decision: Decision) -> None:
         """Publish what came about at tick `now` (ns)."""
@@ -67,10 +68,16 @@ class Outbox:
             self._publish_decision(now, decision)
         if now >= self._health_due:  # not every schedule has a tick at each whole second
             self._health_due += SECOND
-            self.publish_health(now)
+            self._say_health(now, final=False)
+        self._hand_over()
 
-    def say(self, now: int, text: str, level: messages.Level = "info") -> None:
-        """Publish a line of text for the log."""
+    def publish_health(self, now: int, *, final: bool = False) -> None:
+        """Publish the counters; the last ones of a run are `final`."""
+        self._say_health(now, final=final)
+        self._hand_over()
+
+    def _say(self, now: int, text: str, level: messages.Level = "info") -> None:
+        """Say a line of text for the log."""
         self._send(
             messages.LogText(
                 vehicle=self._vehicle,
@@ -81,15 +88,14 @@ class Outbox:
             )
         )
 
-    def publish_health(self, now: int, *, final: bool = False) -> None:
-        """Publish the counters; the last ones of a run are `final`."""
+    def _say_health(self, now: int, *, final: bool) -> None:
         usage = self._probe.read()
         for reason, count in self._inbox.rejections():
-            self.say(now, f"{count} messages refused: {reason}", "warning")
+            self._say(now, f"{count} messages refused: {reason}", "warning")
         if usage.late_ticks > self._late_ticks:
             late = usage.late_ticks - self._late_ticks
             worst = usage.lateness_ms_max
-            self.say(now, f"{late} ticks came late, the worst so far {worst:.1f} ms", "warning")
+            self._say(now, f"{late} ticks came late, the worst so far {worst:.1f} ms", "warning")
             self._late_ticks = usage.late_ticks
         self._send(
             messages.Health(
@@ -136,16 +142,22 @@ class Outbox:
             self._send(message)
         if decision.disbelieved > self._disbelieved:
             new, self._disbelieved = decision.disbelieved - self._disbelieved, decision.disbelieved
-            self.say(now, f"{new} messages refused: no place or motion of this convoy", "warning")
+            self._say(now, f"{new} messages refused: no place or motion of this convoy", "warning")
         if decision.mode != self._mode:
             self._mode = decision.mode
             why = f" ({decision.reason})" if decision.reason else ""
-            self.say(now, f"steers along: {decision.mode}{why}")
+            self._say(now, f"steers along: {decision.mode}{why}")
 
     def _send(self, message: Message) -> None:
         kind = type(message)
         where, topic = self._places[kind]
         self._next[kind] += 1
         data = encode(message)
-        self._bus.publish(where, data, urgent=topic.urgent)
+        self._waiting.append((where, data, topic.urgent))
         self._witness(topic, data, message)
+
+    def _hand_over(self) -> None:
+        """Publish what waits, in one go: on the wire several messages then share a packet."""
+        for where, data, urgent in self._waiting:
+            self._bus.publish(where, data, urgent=urgent)
+        self._waiting.clear()
