@@ -58,7 +58,15 @@ def headless_viewer(source: str, size: str = "1600x1000") -> Iterator[ViewerClie
 
 def take_picture(client: ViewerClient, at_s: float) -> Any:
     """Take the viewer's picture at a time of the run (s), without its menu."""
-    client.set_time("run_time", duration=at_s, play_state="paused")
+    deadline = time.monotonic() + START_S
+    while True:
+        try:
+            client.set_time("run_time", duration=at_s, play_state="paused")
+            break
+        except ConnectionError:  # it has not got the recording yet
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.2)
     time.sleep(SETTLE_S)
     picture = Image.open(io.BytesIO(client.take_screenshot())).convert("RGB")
     return picture.crop((0, TOP_BAR, picture.width, picture.height))
