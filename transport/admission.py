@@ -50,9 +50,9 @@ class Admission:
         pose = cast("GpsPose", decode(GPS, data, exact=True))
         if pose.vehicle != self.sender:
             raise RefusedMessageError("foreign", f"{pose.vehicle!r} in the name of {self.sender}")
-        for value, largest in zip(_numbers(pose), _LARGEST.values(), strict=True):
+        for (name, largest), value in zip(_LARGEST.items(), _numbers(pose), strict=True):
             if not -largest <= value <= largest:  # so that NaN is refused too
-                raise RefusedMessageError("absurd", f"a value of {value}, at most {largest}")
+                raise RefusedMessageError("absurd", f"{name} is {value}, at most {largest}")
         self._check_schedule(pose, now)
         return pose
 
