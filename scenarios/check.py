@@ -92,7 +92,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         skipped_lines=trace.skipped_lines if trace else None,
         deviation_m_rms=route.smoothed.deviation_rms if route.smoothed else None,
         deviation_m_max=route.smoothed.deviation_max if route.smoothed else None,
-        warnings=warnings(scenario),
+        warnings=_warnings(scenario, run),
     )
 
 
@@ -109,12 +109,15 @@ def _run(scenario: Scenario) -> _Run:
 
 def warnings(scenario: Scenario) -> tuple[str, ...]:
     """Say in a line each what a valid scenario asks for that may surprise."""
-    speeds = _run(scenario).speeds
+    return _warnings(scenario, _run(scenario))
+
+
+def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
     return (
         *_trace_warnings(scenario),
         *_vehicle_warnings(scenario),
-        *preview_warnings(scenario, (min(speeds), max(speeds))),
-        *_speed_warnings(scenario),
+        *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
+        *_speed_warnings(scenario, run),
     )
 
 
@@ -143,8 +146,8 @@ def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:
             yield f"{name} measures at {rate:g} Hz, receivers reach about {USUAL_GNSS_RATE:g} Hz"
 
 
-def _speed_warnings(scenario: Scenario) -> Iterator[str]:
-    run, speed = _run(scenario), scenario.tables.speed
+def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
+    speed = scenario.tables.speed
     sharpest = max(map(abs, run.curvatures))
     cars = [scenario.vehicle(name).parameters for name in scenario.vehicle_names]
     car = max(cars, key=lambda car: car.wheelbase / car.steering_limit)
