@@ -21,8 +21,7 @@ class DrivenPath:
     """A driven path as a polyline in the world frame, in order of travel.
 
     Standstills are left out, and a straight `run_in` (m) is put before the first pose, because
-    followers start behind the lead, on the straight that leads to it. That straight goes in the
-    direction `run_in_yaw` (rad); where it is not known, in the one that the first pose faced.
+    followers start behind the lead, on the straight that leads to it.
     """
 
     east: list[float]
@@ -31,11 +30,17 @@ class DrivenPath:
 
     @classmethod
     def of(
-        cls, poses: Sequence[TruePose], run_in: float, run_in_yaw: float | None = None
+        cls, poses: Sequence[TruePose], run_in: float, road_yaw: float | None = None
     ) -> "DrivenPath":
-        """Path through `poses`; at least one is needed."""
+        """Path through `poses`; at least one is needed.
+
+        The convoy starts on a road in direction `road_yaw` (rad), which is not where a lead faces
+        that starts askew. Without it, or with a lead that was on its way when it was first seen,
+        the run-in goes in the direction that the first pose faced.
+        """
         first = poses[0]
-        yaw = first.yaw_rad if run_in_yaw is None else run_in_yaw
+        at_start = first.distance_m == 0.0
+        yaw = road_yaw if road_yaw is not None and at_start else first.yaw_rad
         east = [first.east_m - run_in * cos(yaw), first.east_m]
         north = [first.north_m - run_in * sin(yaw), first.north_m]
         station = [-run_in, 0.0]

@@ -107,10 +107,7 @@ class Diary:
         names = [name for name in scenario.vehicle_names if name in self._truth]
         first, last = self._truth[names[0]][0], self._truth[names[-1]][0]
         apart = hypot(first.east_m - last.east_m, first.north_m - last.north_m)
-        # A lead may start askew; one that was recorded is on its way.
-        road_yaw = scenario.route.path.at(scenario.route.start).yaw
-        yaw = road_yaw if first.distance_m == 0.0 else None
-        path = DrivenPath.of(self._truth[names[0]], RUN_IN + apart, yaw)
+        path = DrivenPath.of(self._truth[names[0]], RUN_IN + apart, scenario.route.start_yaw)
         drives = tuple(self._drive(name, path, scenario.start_at_ns) for name in names)
         return Trial(drives, self._samples.figures)
 

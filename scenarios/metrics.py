@@ -135,12 +135,7 @@ class Metrics:
         return self._names.index(receiver), self._names.index(sender)
 
     def true_cross_track(self, name: str, road_yaw: float | None = None) -> Extremes:
-        """Distances of `name` from the lead's driven path (m), see `scenarios.cross_track`.
-
-        Followers start behind the lead on a road in direction `road_yaw` (rad), which is not where
-        a lead faces that starts askew. Without it, or with a lead that was on its way when it was
-        first seen, the lead's own direction has to do.
-        """
+        """Distances of `name` from the lead's driven path (m), see `scenarios.cross_track`."""
         lead = self.vehicles[self._names[0]].truth
         own = self.vehicles[name].truth
         extremes = Extremes()
@@ -148,9 +143,7 @@ class Metrics:
             run_in = 5.0 + 2.0 * sqrt(
                 (lead[0].east_m - own[0].east_m) ** 2 + (lead[0].north_m - own[0].north_m) ** 2
             )
-            at_start = lead[0].distance_m == 0.0
-            path = DrivenPath.of(lead, run_in, road_yaw if at_start else None)
-            for foot in cross_track(own, path):
+            for foot in cross_track(own, DrivenPath.of(lead, run_in, road_yaw)):
                 extremes.add(foot.lateral)
         return extremes
 

@@ -61,6 +61,11 @@ class Route:
         return self.start - sum(self.gaps[: place + 1])
 
     @property
+    def start_yaw(self) -> float:
+        """Direction (rad) of the path where the lead starts."""
+        return self.path.at(self.start).yaw
+
+    @property
     def length(self) -> float:
         """Way (m) from the lead's start to the end of the path."""
         return self.path.length - self.start

@@ -61,7 +61,7 @@ def summarise(
         "duration_s": scenario.duration_s,
         "ran_s": min(ran_ns * 1e-9, scenario.duration_s),
         "recorder_rejected_messages": dict(sorted(rejected.items())),
-        **metrics.summary(scenario.route.path.at(scenario.route.start).yaw),
+        **metrics.summary(scenario.route.start_yaw),
     }
 
 

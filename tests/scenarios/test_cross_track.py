@@ -143,7 +143,7 @@ def test_where_the_road_behind_the_lead_is_known_it_does_not_matter_where_the_le
     lead = driven(path, every(STEP, 0.0, 99.0))
     lead[0] = replace(lead[0], yaw_rad=yaw + 0.6)
     own = driven(path, [-19.5, -10.0, -0.1, 0.1], lambda _: 0.5)
-    found = cross_track(own, DrivenPath.of(lead, 20.0, run_in_yaw=yaw))
+    found = cross_track(own, DrivenPath.of(lead, 20.0, road_yaw=yaw))
     assert [foot.station for foot in found] == pytest.approx([-19.5, -10.0, -0.1, 0.1])
     assert [foot.lateral for foot in found] == pytest.approx([0.5] * 4)
 
