@@ -36,7 +36,7 @@ def below(limit: float, key: str, findings: Findings) -> Answer:
         holds=stays_below(trial),
         reason=_radii(limit, findings) if key == "base" else "",
         phases=findings.phases(stays_below, key),
-        noise=findings.seeds(key, stays_below),
+        noise=findings.seeds(stays_below, key),
         numbers=numbers_of(trial),
     )
 
@@ -73,7 +73,7 @@ def decreasing(key: str, findings: Findings) -> Answer:
     """Answer whether no follower's largest error exceeds that of the one ahead."""
     trial = findings.trials[key]
     holds = _decreases(trial)
-    phases, seeds = findings.phases(_decreases, key), findings.seeds(key, _decreases)
+    phases, seeds = findings.phases(_decreases, key), findings.seeds(_decreases, key)
     if not holds or (phases is not None and phases.holding < phases.runs):
         reason = why_growing(key, findings)
     elif seeds is not None and seeds.holding < seeds.runs:
@@ -116,7 +116,7 @@ def _true(findings: Findings) -> Answer:
         reason="every car adds its own error to half of the one before; they grow, and level off "
         f"(linear theory: {in_cm(expected)}). An error against the own trajectory does not show it",
         phases=findings.phases(_stays_on_track, "base"),
-        noise=findings.seeds("base", _stays_on_track),
+        noise=findings.seeds(_stays_on_track, "base"),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
@@ -133,7 +133,7 @@ def _amplified(findings: Findings) -> Answer:
         f"against the own trajectory only {in_cm(trial.tracking)}",
         holds=_grows(trial),
         reason=f"as linear theory says: {in_cm(expected)}",
-        noise=findings.seeds("no_lead_data", _grows),
+        noise=findings.seeds(_grows, "no_lead_data"),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 

@@ -9,7 +9,7 @@ from scenarios.claims import Answer, Question
 from scenarios.claims_base import below, decreasing
 from scenarios.drives import Trial
 from scenarios.experiments import LANE
-from scenarios.findings import SAME, Findings, Tally, cm, in_cm
+from scenarios.findings import SAME, Findings, cm, in_cm
 from vehicles.linear_model import steady_cornering
 from vehicles.parameters import LINCOLN_MKZ, Loading, loaded
 from vehicles.steering import NOMINAL_GAINS
@@ -43,8 +43,6 @@ def _faster(findings: Findings) -> Answer:
     slow_times, fast_times = (findings.trials[f"{key}/same_times"].tracking for key in ("a", "c"))
     at_10 = _settles_at(10.0, Loading(front_passengers=1, rear_passengers=2))
     at_20 = _settles_at(20.0, Loading(front_passengers=1))
-    pairs = list(zip(findings.noisy("a"), findings.noisy("c"), strict=True))
-    holding = sum(_is_larger(a, c) for a, c in pairs)
     return Answer(
         ours=f"A {in_cm(slow)}; C {in_cm(fast)}. On roads that take the same time (bends of 56 and "
         f"222 m): {in_cm(slow_times)}; {in_cm(fast_times)}",
@@ -54,7 +52,7 @@ def _faster(findings: Findings) -> Answer:
         f"With the slip compensated the claim holds: {in_cm(slow_known)}; {in_cm(fast_known)}; and "
         "with a receiver's noise, which costs more at speed",
         phases=findings.phases(_is_larger, "a", "c"),
-        noise=Tally(holding, len(pairs)),
+        noise=findings.seeds(_is_larger, "a", "c"),
         numbers={
             "a_tracking_error_m_max": slow,
             "c_tracking_error_m_max": fast,

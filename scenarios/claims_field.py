@@ -69,7 +69,7 @@ def _amplified(findings: Findings) -> Answer:
         f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
         f"{_in_words(errors.tracking, errors.tracking_rms)}",
         holds=_grow(errors.cross_track_rms),
-        noise=findings.seeds("field/without", lambda t: _grow(settled(t).cross_track_rms)),
+        noise=findings.seeds(lambda t: _grow(settled(t).cross_track_rms), "field/without"),
         numbers=numbers_of(errors),
     )
 
@@ -84,7 +84,7 @@ def _not_amplified(findings: Findings) -> Answer:
         reason="off the lead's driven path they grow all the same, "
         f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
         f"without the lead's data {other:.2f}-fold",
-        noise=findings.seeds("field/with", lambda t: not _grow(settled(t).tracking_rms)),
+        noise=findings.seeds(lambda t: not _grow(settled(t).tracking_rms), "field/with"),
         numbers=numbers_of(errors),
     )
 

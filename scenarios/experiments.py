@@ -140,13 +140,21 @@ def _shifted(key: str) -> dict[str, Experiment]:
     return found
 
 
-def _paper(key: str) -> dict[str, Experiment]:
-    """One of the paper's cases: exact and logged, noisy, and with a trajectory for each source."""
-    name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
+def _repeated(key: str, seeds: int, *until: str) -> dict[str, Experiment]:
+    """A case of the paper, exact and logged; moved along its road; and with noise."""
+    name = f"paper_{key}"
     return {
         key: Experiment(scenario=name, logged=True),
         **_shifted(key),
-        **_noisy(key, name, OTHER_SEEDS, until),
+        **_noisy(key, name, seeds, *until),
+    }
+
+
+def _paper(key: str) -> dict[str, Experiment]:
+    """One of the paper's other cases, and the same with a trajectory for each source."""
+    name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
+    return {
+        **_repeated(key, OTHER_SEEDS, until),
         f"{key}/blend": Experiment(scenario=name, overrides=('control.fusion="blend"', until)),
     }
 
@@ -157,9 +165,7 @@ def _variant(*changes: str) -> Experiment:
 
 def _base() -> dict[str, Experiment]:
     return {
-        "base": Experiment(logged=True),
-        **_shifted("base"),
-        **_noisy("base", "paper_base", EXACT_SEEDS),
+        **_repeated("base", EXACT_SEEDS),
         "base/as_is": _variant(),
         "base/blend": _variant('control.fusion="blend"'),
         "base/lead_only": _variant("control.alpha_ratio=0.0"),
@@ -185,9 +191,7 @@ def _a_or_c(key: str, speed: float) -> dict[str, Experiment]:
 def _lead_data() -> dict[str, Experiment]:
     long = ("convoy.vehicles=8", "duration_s=17.0")
     return {
-        "base": Experiment(logged=True),
-        **_shifted("base"),
-        **_noisy("base", "paper_base", EXACT_SEEDS),
+        **_repeated("base", EXACT_SEEDS),
         "no_lead_data": Experiment(overrides=NO_LEAD_DATA, logged=True),
         **_noisy("no_lead_data", "paper_base", EXACT_SEEDS, *NO_LEAD_DATA),
         "long/with": Experiment(overrides=long),

@@ -1,6 +1,6 @@
 """What the runs of `convoy reproduce` found, before it is judged and drawn."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
@@ -55,20 +55,25 @@ class Findings:
         """Runs with a receiver's noise, a seed each."""
         return [trial for name, trial in self.trials.items() if name.startswith(f"{key}/noise/")]
 
-    def seeds(self, key: str, holds: Callable[[Trial], bool]) -> Tally | None:
-        """In how many of the noisy runs something holds; None without such runs."""
-        runs = self.noisy(key)
-        return Tally(sum(map(holds, runs)), len(runs)) if runs else None
-
     def shifted(self, key: str) -> list[Trial]:
         """The exact run, and its repetitions with the road moved by less than between samples."""
         moved = [trial for name, trial in self.trials.items() if name.startswith(f"{key}/phase/")]
         return [self.trials[key], *moved]
 
+    def seeds(self, holds: Callable[..., bool], *keys: str) -> Tally | None:
+        """In how many noisy runs something holds of those of `keys`; None without such runs."""
+        return _tally(holds, *map(self.noisy, keys))
+
     def phases(self, holds: Callable[..., bool], *keys: str) -> Tally | None:
-        """In how many of the exact runs something holds of those of `keys`; None with one each."""
-        runs = list(zip(*map(self.shifted, keys), strict=False))
-        return Tally(sum(holds(*trials) for trials in runs), len(runs)) if len(runs) > 1 else None
+        """In how many exact runs something holds of those of `keys`; None with but one each."""
+        tally = _tally(holds, *map(self.shifted, keys))
+        return tally if tally and tally.runs > 1 else None
+
+
+def _tally(holds: Callable[..., bool], *runs: Sequence[Trial]) -> Tally | None:
+    """In how many of the runs side by side something holds; None without any."""
+    together = list(zip(*runs, strict=False))
+    return Tally(sum(holds(*trials) for trials in together), len(together)) if together else None
 
 
 def non_increasing(maxima: tuple[float, ...]) -> bool:

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from scenarios.drives import Drive, Trial
-from scenarios.experiments import CASES, LANE, RADII, Experiment, at_the_same_times, pieces
+from scenarios.experiments import (
+    CASES,
+    LANE,
+    RADII,
+    ROADS,
+    Experiment,
+    at_the_same_times,
+    pieces,
+    road,
+)
 from scenarios.field_runs import as_run, field_runs
 from scenarios.fitted_samples import SampleCounter, SampleFigures
 from scenarios.linear_prediction import predicted
@@ -89,6 +98,26 @@ def test_a_road_of_the_same_times_asks_for_the_same_lateral_acceleration(speed: 
     assert speed**2 * bend == pytest.approx(-1.8, rel=1e-4)
     assert path.at(start + 4.9 * speed).curvature == 0.0
     assert path.at(start + 20.5 * speed).curvature == pytest.approx(-bend, rel=1e-4)
+
+
+@pytest.mark.parametrize("case", ROADS)
+def test_a_road_that_is_not_moved_is_the_case_s_own(case: str) -> None:
+    """And a moved one is the same, but later by the way of a part of 0.1 s."""
+    speed, begins = ROADS[case]
+    own, again, moved = (
+        load_scenario(f"paper_{case}", overrides).route
+        for overrides in (
+            (),
+            (road(500.0, 30.0, 30.0, begins),),
+            CASES[case][f"{case}/phase/0.5"].overrides,
+        )
+    )
+    assert own.plan.at(begins[0] / speed) == speed
+    for station in np.arange(0.0, 750.0, 0.25):
+        here = own.path.at(own.start + station).curvature
+        assert again.path.at(again.start + station).curvature == pytest.approx(here, abs=1e-12)
+        later = moved.path.at(moved.start + station + 0.05 * speed).curvature
+        assert later == pytest.approx(here, abs=1e-12)
 
 
 def test_a_rehearsal_gives_the_figures_of_the_logged_run(tmp_path: Path) -> None:
