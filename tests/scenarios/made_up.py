@@ -18,6 +18,15 @@ from vehicles.schedule import SECOND
 START = 1_790_000_000 * SECOND
 MS = SECOND // 1000
 
+STRAIGHT = """
+name = "straight"
+duration_s = 20.0
+[path]
+kind = "segments"
+segments = [{ length_m = 1000.0 }]
+"""
+"""A scenario of four vehicles on a straight road."""
+
 
 def at(seconds: float) -> int:
     return START + round(seconds * SECOND)
