@@ -21,9 +21,9 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from scenarios.leash import Stop
-from scenarios.scenario import load_scenario
-from scenarios.virtual import run_virtual
+from scenarios.definition.scenario import load_scenario
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
 from tests.system.logs import Run, agreement
 from tests.system.processes import Process, run_to_the_end, start
 

@@ -13,10 +13,10 @@ from time import process_time
 
 import numpy as np
 
-from tests.vehicles.arc_courses import course, shaken, window
-from vehicles.samples import Window
-from vehicles.trace import Trace
-from vehicles.trajectory import FitSettings, fit_composite
+from tests.made.arc_courses import course, shaken, window
+from vehicles.preview.samples import Window
+from vehicles.preview.trace import Trace
+from vehicles.preview.trajectory import FitSettings, fit_composite
 
 SHAPES = {
     "line": [(0.0, 32.0)],

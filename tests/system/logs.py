@@ -11,8 +11,8 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from transport.mcap_log import LogReader
-from transport.viewer_process import program, quiet_environment
+from transport.log.mcap_log import LogReader
+from transport.picture.viewer_process import program, quiet_environment
 from vehicles.messages import (
     CompositeTrajectory,
     GpsPose,

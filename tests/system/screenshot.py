@@ -18,9 +18,9 @@ from typing import Any
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from scenarios.review import review
-from transport import viewer_process
-from transport.rerun_view import parse_rerun_option
+from scenarios.results.review import review
+from transport.picture import viewer_process
+from transport.picture.view import parse_rerun_option
 
 START_S = 20.0
 SETTLE_S = 1.5

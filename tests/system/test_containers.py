@@ -13,7 +13,7 @@ from uuid import uuid4
 
 import pytest
 
-from scenarios.scenario import library
+from scenarios.definition.scenario import library
 from tests.system.conftest import first_only, shared
 from tests.system.logs import (
     Run,

@@ -15,10 +15,10 @@ from tests.system.logs import (
     assert_summary_is_in_the_log,
 )
 from tests.system.processes import Process, run_to_the_end, start
-from transport.bus import Bus
+from transport.bus.bus import Bus
+from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.codec import encode
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
-from transport.zenoh_bus import ZenohOptions, open_bus
 from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking
 
 DURATION_S = 5.0

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from rerun.experimental import ViewerClient
 
+from tests.made import drive
 from tests.system.screenshot import can_take_pictures, headless_viewer, take_picture
-from tests.transport import drive
-from transport.rerun_blueprint import colour_of
-from transport.rerun_view import RerunView, parse_rerun_option
+from transport.picture.blueprint import colour_of
+from transport.picture.view import RerunView, parse_rerun_option
 
 pytestmark = pytest.mark.skipif(
     not can_take_pictures(), reason="no Vulkan driver here to draw with (mesa-vulkan-drivers)"

@@ -11,16 +11,20 @@ import vehicles
 
 FOLDER = Path(vehicles.__file__).parent
 SCIENCE = (
-    "arc_fit", "arc_join", "arc_shapes", "arc_spline", "chain_response", "decision", "dynamics",
-    "estimation", "follower", "frozen_stability", "gain_margins", "gains", "geodesy", "gnss",
-    "leader", "linear_model", "local_regression", "outliers", "parameters", "path", "polynomials",
-    "samples", "smoothing", "speed", "speed_law", "stability", "steering", "string_stability",
-    "trace", "tracking", "trajectory",
+    "car.dynamics", "car.gnss", "car.parameters", "driver.decision", "driver.follower",
+    "driver.leader", "driver.pose_estimator", "driver.speed", "driver.speed_law",
+    "driver.steering", "driver.tracking", "geometry.arc_spline", "geometry.geodesy",
+    "geometry.local_regression", "geometry.path", "geometry.smoothing", "preview.curve_fit",
+    "preview.fit_arc", "preview.fit_joined", "preview.outliers", "preview.samples",
+    "preview.trace", "preview.trajectory", "theory.constant_speed", "theory.gain_margins",
+    "theory.gain_sets", "theory.linear_model", "theory.polynomials", "theory.simulated_chain",
+    "theory.string_stability", "theory.varying_speed",
 )  # fmt: skip
 PLUMBING = {
-    "__init__": "holds nothing",
+    "geometry.driven_path": "distances from a polyline of recorded poses",
+    "geometry.trajectory_points": "points along a message's arcs, for pictures",
     "messages": "what goes over the wire and into the log; its quantities are defined elsewhere",
-    "polyline": "lists of points with their arc length, for `trace`",
+    "preview.polyline": "lists of points with their arc length, for `trace`",
     "schedule": "which nanosecond instants belong to a periodic schedule",
 }
 """Modules without a formula of the field, and why."""
@@ -53,7 +57,11 @@ Documented = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
 def source(module: str) -> ast.Module:
-    return ast.parse((FOLDER / f"{module}.py").read_text(encoding="utf-8"))
+    return ast.parse(path_of(module).read_text(encoding="utf-8"))
+
+
+def path_of(module: str) -> Path:
+    return FOLDER.joinpath(*module.split(".")).with_suffix(".py")
 
 
 def public(node: ast.Module | ast.ClassDef, inside: str = "") -> Iterator[tuple[str, Documented]]:
@@ -74,7 +82,12 @@ def has_source(text: str) -> bool:
 
 
 def test_every_module_is_science_or_plumbing() -> None:
-    assert {path.stem for path in FOLDER.glob("*.py")} == {*SCIENCE, *PLUMBING}
+    found = {
+        ".".join(path.relative_to(FOLDER).with_suffix("").parts)
+        for path in FOLDER.rglob("*.py")
+        if path.stem != "__init__"
+    }
+    assert found == {*SCIENCE, *PLUMBING}
 
 
 @pytest.mark.parametrize("module", SCIENCE)
@@ -85,7 +98,7 @@ def test_everything_public_cites_its_source(module: str) -> None:
 
 @pytest.mark.parametrize("module", SCIENCE)
 def test_what_is_cited_of_the_paper_exists(module: str) -> None:
-    text = " ".join((FOLDER / f"{module}.py").read_text(encoding="utf-8").split())
+    text = " ".join(path_of(module).read_text(encoding="utf-8").split())
     for cited in re.findall(r"\b[Ee]qs?\. ((?:\(\d+\)(?:, | and )?)+)", text):
         assert all(int(n) <= HIGHEST_EQUATION for n in re.findall(r"\d+", cited)), cited
     for section, letter in re.findall(r"\b([IV]+)-([A-Z])\b", text):

@@ -1,0 +1,94 @@
+"""Options that several commands share."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from transport.bus.zenoh_options import ZenohOptions
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def scenario_options(command: Command) -> Command:
+    """SCENARIO, `--set` and `--seed`."""
+    for decorate in (
+        click.option("--seed", type=click.IntRange(min=0), help="Seed instead of the scenario's."),
+        click.option(
+            "--set",
+            "overrides",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help="Override a scenario value, such as links.loss_ratio=0.2. May be repeated.",
+        ),
+        click.argument("scenario", default="lane_change"),
+    ):
+        command = decorate(command)
+    return command
+
+
+def log_options(command: Command) -> Command:
+    """`--out`, `--rerun` and `--quiet`."""
+    for decorate in (
+        click.option("--quiet", is_flag=True, help="Print only what goes wrong."),
+        click.option(
+            "--rerun",
+            default="off",
+            show_default=True,
+            metavar="off|spawn|serve|connect=URL|save=PATH",
+            help="Show the run in Rerun while it goes on.",
+        ),
+        click.option(
+            "--out",
+            type=click.Path(file_okay=False, path_type=Path),
+            help="Folder for run.mcap and summary.json; by default runs/<start>-<scenario>/.",
+        ),
+    ):
+        command = decorate(command)
+    return command
+
+
+def zenoh_options(command: Command) -> Command:
+    """Zenoh's usual flags."""
+    for decorate in (
+        click.option("--cfg", multiple=True, metavar="KEY:VALUE", help="Zenoh setting, in JSON5."),
+        click.option(
+            "-c",
+            "--config",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            help="Zenoh configuration file.",
+        ),
+        click.option("-l", "--listen", multiple=True, metavar="ENDPOINT", help="Listen here."),
+        click.option(
+            "-e",
+            "--connect",
+            multiple=True,
+            metavar="ENDPOINT",
+            help="Connect there, such as tcp/127.0.0.1:7447.",
+        ),
+        click.option(
+            "-m", "--mode", type=click.Choice(["client", "peer"]), help="Zenoh session mode."
+        ),
+    ):
+        command = decorate(command)
+    return command
+
+
+def leash_option(command: Command) -> Command:
+    """`--leash`, for processes that must not outlive the one that started them."""
+    return click.option(
+        "--leash", is_flag=True, help="Stop when standard input ends (set by `convoy run`)."
+    )(command)
+
+
+def zenoh_from(flags: dict[str, Any]) -> ZenohOptions:
+    """The Zenoh flags of a command as one value; by default a client of the local router."""
+    return ZenohOptions(
+        mode=flags["mode"],
+        connect=flags["connect"],
+        listen=flags["listen"],
+        config=flags["config"],
+        cfg=flags["cfg"],
+        connect_timeout_s=flags.get("connect_timeout_s", 10.0),
+    )

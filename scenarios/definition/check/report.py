@@ -1,0 +1,171 @@
+"""`convoy check`: the figures of a scenario before it is run, and what deserves a warning."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenarios.definition.check.preview import preview_warnings
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.path import PointsPath
+
+USUAL_GNSS_RATE = 20.0
+"""Receivers for driving measure at most this often (Hz; paper, Section III-A)."""
+
+FAR_FROM_POINTS = 0.5
+"""A path that lies further than this (m) from recorded points is not what was driven."""
+
+STEP = 0.05
+"""Time (s) between the places at which the lead's planned run is looked at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckReport:
+    """Figures of a valid scenario, of the lead's planned run unless another is named.
+
+    `radius_m_min` is None on a straight road. `deviation_m_rms` and `deviation_m_max` say how far
+    the path lies from the recorded points, None where it is made of segments.
+    """
+
+    name: str
+    description: str
+    vehicles: tuple[str, ...]
+    gaps_m: tuple[float, ...]
+    duration_s: float
+    path_length_m: float
+    driven_m: float
+    radius_m_min: float | None
+    speed_mps_min: float
+    speed_mps_max: float
+    acceleration_mps2_max: float
+    braking_mps2_max: float
+    lateral_acceleration_mps2_max: float
+    points: int | None
+    skipped_lines: int | None
+    deviation_m_rms: float | None
+    deviation_m_max: float | None
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """The lead's planned run: lists of speeds (m/s) and curvatures (1/m) at every STEP."""
+
+    speeds: Sequence[float]
+    curvatures: Sequence[float]
+
+    @property
+    def lateral_max(self) -> float:
+        """Greatest lateral acceleration (m/s²)."""
+        return max(v * v * abs(k) for v, k in zip(self.speeds, self.curvatures, strict=True))
+
+
+def check(
+    name_or_path: str | Path, overrides: Sequence[str] = (), seed: int | None = None
+) -> CheckReport:
+    """Read a scenario as `load_scenario` does, and look at what it asks for."""
+    return report_of(load_scenario(name_or_path, overrides, seed))
+
+
+def report_of(scenario: Scenario) -> CheckReport:
+    """Gather the figures of a scenario."""
+    route, run, table = scenario.route, _run(scenario), scenario.tables.path
+    changes = np.diff(run.speeds) / STEP
+    sharpest = max(map(abs, run.curvatures))
+    trace = table if isinstance(table, PointsPath) else None
+    return CheckReport(
+        name=scenario.name,
+        description=scenario.tables.description,
+        vehicles=scenario.vehicle_names,
+        gaps_m=route.gaps[1:],
+        duration_s=scenario.duration_s,
+        path_length_m=route.length,
+        driven_m=route.plan.distance(scenario.duration_s),
+        radius_m_min=1.0 / sharpest if sharpest > 1e-6 else None,
+        speed_mps_min=min(run.speeds),
+        speed_mps_max=max(run.speeds),
+        acceleration_mps2_max=float(np.max(changes, initial=0.0)),
+        braking_mps2_max=float(np.max(0.0 - changes, initial=0.0)),
+        lateral_acceleration_mps2_max=run.lateral_max,
+        points=len(trace.east_m) if trace else None,
+        skipped_lines=trace.skipped_lines if trace else None,
+        deviation_m_rms=route.smoothed.deviation_rms if route.smoothed else None,
+        deviation_m_max=route.smoothed.deviation_max if route.smoothed else None,
+        warnings=_warnings(scenario, run),
+    )
+
+
+def _run(scenario: Scenario) -> _Run:
+    plan, path, station = scenario.route.plan, scenario.route.path, scenario.route.start
+    steps = max(int(scenario.duration_s / STEP), 1)
+    speeds = [plan.at(k * STEP) for k in range(steps + 1)]
+    curvatures = []
+    for k, speed in enumerate(speeds):
+        curvatures.append(path.at(station).curvature)
+        station += 0.5 * (speed + speeds[min(k + 1, steps)]) * STEP
+    return _Run(speeds, curvatures)
+
+
+def warnings(scenario: Scenario) -> tuple[str, ...]:
+    """Say in a line each what a valid scenario asks for that may surprise."""
+    return _warnings(scenario, _run(scenario))
+
+
+def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
+    return (
+        *_trace_warnings(scenario),
+        *_vehicle_warnings(scenario),
+        *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
+        *_speed_warnings(scenario, run),
+    )
+
+
+def _trace_warnings(scenario: Scenario) -> Iterator[str]:
+    table, smoothed = scenario.tables.path, scenario.route.smoothed
+    if not isinstance(table, PointsPath) or smoothed is None:
+        return
+    if table.skipped_lines:
+        lines = "1 bad line" if table.skipped_lines == 1 else f"{table.skipped_lines} bad lines"
+        yield f"{table.source}: {lines} skipped, the first is {table.skipped_first}"
+    if smoothed.deviation_max > FAR_FROM_POINTS:
+        yield (
+            f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
+            f"(rms {smoothed.deviation_rms:.2f} m): noisy points, or path.smoothing_m = "
+            f"{table.smoothing_m:g} is too wide"
+        )
+    convoy = sum(scenario.route.gaps)
+    if table.closed and convoy > smoothed.lap_length:
+        yield f"the convoy is {convoy:.0f} m long, more than a lap of {smoothed.lap_length:.0f} m"
+
+
+def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:
+    for name in scenario.vehicle_names:
+        rate = scenario.vehicle(name).gnss.rate_hz
+        if rate > USUAL_GNSS_RATE:
+            yield f"{name} measures at {rate:g} Hz, receivers reach about {USUAL_GNSS_RATE:g} Hz"
+
+
+def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
+    speed = scenario.tables.speed
+    sharpest = max(map(abs, run.curvatures))
+    cars = [scenario.vehicle(name).parameters for name in scenario.vehicle_names]
+    car = max(cars, key=lambda car: car.wheelbase / car.steering_limit)
+    tightest = car.wheelbase / car.steering_limit
+    if sharpest * tightest > 1.0:
+        yield (
+            f"the path bends to a radius of {1.0 / sharpest:.1f} m, the cars turn at "
+            f"{tightest:.1f} m: widen path.smoothing_m, or expect them beside the path"
+        )
+    if speed.profile and speed.lead != "profile":
+        yield f'speed.profile is not used, since speed.lead = "{speed.lead}"'
+    if speed.lead == "set" and min(run.speeds) < speed.set_mps:
+        yield (
+            f"the set speed of {speed.set_mps:g} m/s is lowered to {min(run.speeds):.1f} m/s in "
+            "curves, to keep speed.lateral_acceleration_mps2_max"
+        )
+    if run.lateral_max > speed.lateral_acceleration_mps2_max * 1.1:
+        yield (
+            f"the recorded speed takes curves at {run.lateral_max:.1f} m/s², more than "
+            f"speed.lateral_acceleration_mps2_max = {speed.lateral_acceleration_mps2_max:g}"
+        )

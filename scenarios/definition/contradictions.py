@@ -1,0 +1,153 @@
+"""What only a look at several keys of a scenario shows: where they contradict each other."""
+
+import itertools
+from collections.abc import Iterator
+
+from scenarios.definition.refusal import shown
+from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
+from scenarios.definition.schema.path import Segment
+from scenarios.definition.schema.tables import CONTROLLERS, LinkEntry, ScenarioTables
+from scenarios.definition.vehicle_setup import vehicle_setup
+from transport.topics import CONDUCTOR
+from vehicles.car.parameters import NOMINAL_GAINS
+from vehicles.driver.steering import load_controller
+
+ANY = "*"
+"""Stands for every vehicle in a link's `sender` or `receiver`."""
+
+Problem = tuple[str, str]
+"""Key, and what is wrong with it."""
+
+
+def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
+    """Give every key that does not fit the others, before the path is made."""
+    yield from _names(tables)
+    yield from _links(tables)
+    yield from _speed(tables)
+    yield from _path(tables)
+
+
+def _names(tables: ScenarioTables) -> Iterator[Problem]:
+    convoy, names = tables.convoy, vehicle_names(tables)
+    usual = type(convoy).model_fields["vehicles"].default  # beside names it means nothing
+    if convoy.names and convoy.vehicles not in {len(names), usual}:
+        yield "convoy.vehicles", f"given {convoy.vehicles}, but convoy.names has {len(names)} names"
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            first = names.index(name)
+            yield f"convoy.names[{index}]", f"given {shown(name)}, already convoy.names[{first}]"
+        elif name == CONDUCTOR:
+            yield f"convoy.names[{index}]", f"given {shown(name)}, which is the launcher's own name"
+    for name, vehicle in tables.vehicle.items():
+        if name not in names:
+            yield f"vehicle.{name}", f"no such vehicle, allowed {', '.join(names)}"
+        elif name == names[0] and vehicle.gap_m is not None:
+            yield f"vehicle.{name}.gap_m", "given for the lead, which has nobody ahead"
+
+
+def _links(tables: ScenarioTables) -> Iterator[Problem]:
+    names = vehicle_names(tables)
+    for index, link in enumerate(tables.link):
+        unknown = [end for end in ("sender", "receiver") if getattr(link, end) not in {*names, ANY}]
+        for end in unknown:
+            given = shown(getattr(link, end))
+            allowed = ", ".join(map(shown, [*names, ANY]))
+            yield f"link[{index}].{end}", f"given {given}, allowed {allowed}"
+        if not unknown and not any(touches(link, *pair) for pair in heard_pairs(names)):
+            yield (
+                f"link[{index}]",
+                f"from {link.sender} to {link.receiver}: no vehicle listens there, followers hear "
+                f"{names[0]} and the vehicle ahead of them",
+            )
+
+
+def touches(link: LinkEntry, sender: str, receiver: str) -> bool:
+    """Tell whether an entry of the scenario is about the link from `sender` to `receiver`."""
+    return link.sender in {sender, ANY} and link.receiver in {receiver, ANY}
+
+
+def heard_pairs(names: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Sender and receiver of every link: lead to each follower, and each to the next."""
+    pairs = [(names[0], receiver) for receiver in names[1:]]
+    return pairs + list(itertools.pairwise(names[1:]))
+
+
+def _speed(tables: ScenarioTables) -> Iterator[Problem]:
+    speed = tables.speed
+    if speed.lead == "profile" and not speed.profile:
+        yield "speed.profile", 'missing, needed with speed.lead = "profile"'
+    for index, (before, after) in enumerate(itertools.pairwise(speed.profile), 1):
+        if after.at_s <= before.at_s:
+            allowed = f"allowed more than {before.at_s}, the entry before"
+            yield f"speed.profile[{index}].at_s", f"given {after.at_s}, {allowed}"
+
+
+def _path(tables: ScenarioTables) -> Iterator[Problem]:
+    path = tables.path
+    if path.kind == "segments":
+        for index, segment in enumerate(path.segments):
+            yield from _segment(f"path.segments[{index}]", segment)
+    elif not path.closed and path.laps > 1:
+        yield "path.laps", f"given {path.laps}, allowed 1 unless path.closed = true"
+    if path.kind == "points":
+        yield from _points(path.model_dump())
+
+
+def _segment(key: str, segment: Segment) -> Iterator[Problem]:
+    if (segment.radius_m is None) != (segment.turn is None):
+        given, needed = ("turn", "radius_m") if segment.radius_m is None else ("radius_m", "turn")
+        yield f"{key}.{needed}", f"missing, needed with {given}"
+    if segment.radius_m is not None and segment.curvature_per_m is not None:
+        yield f"{key}.curvature_per_m", "given together with radius_m, allowed one of them"
+
+
+def _points(path: dict[str, tuple[float, ...]]) -> Iterator[Problem]:
+    wanted = len(path["east_m"])
+    for key in ("north_m", "time_s", "speed_mps"):
+        if len(path[key]) != wanted and (path[key] or key == "north_m"):
+            yield f"path.{key}", f"given {len(path[key])} numbers, allowed {wanted} as path.east_m"
+
+
+def controllers(tables: ScenarioTables) -> Iterator[Problem]:
+    """Give every controller that is not one that ships, nor a class of the user's own."""
+    refused: dict[str, str] = {}
+    for name in vehicle_names(tables):
+        setup, own = vehicle_setup(tables, name), tables.vehicle.get(name)
+        table = f"vehicle.{name}.control" if own and own.control else "control"
+        try:
+            load_controller(setup.controller, setup.assumed_parameters, NOMINAL_GAINS)
+        except ValueError as error:
+            allowed = ", ".join(map(shown, CONTROLLERS))
+            refused[f"{table}.controller"] = f"{error}, allowed {allowed} or a class of your own"
+    yield from refused.items()
+
+
+def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
+    """Give what does not fit once the path is made: gaps that touch, and a path too short."""
+    names = vehicle_names(tables)
+    lengths = [vehicle_setup(tables, name).parameters.length for name in names]
+    found: list[Problem] = []
+    for place in range(1, len(names)):
+        least = 0.5 * (lengths[place - 1] + lengths[place])
+        own, kept = tables.vehicle.get(names[place]), tables.speed.gap
+        keys = (
+            {"speed.gap.standstill_m": kept.standstill_m} if tables.speed.followers == "gap" else {}
+        )
+        keys[
+            f"vehicle.{names[place]}.gap_m" if own and own.gap_m is not None else "convoy.gap_m"
+        ] = route.gaps[place]
+        for key, given in keys.items():
+            if given <= least:
+                why = f"given {given:g}, allowed more than {least:g}, the length of a vehicle"
+                found.append((key, why))
+    yield from dict.fromkeys(found)  # a value of the convoy is wrong once, not for each vehicle
+    duration = tables.duration_s
+    if duration is None and not 0.0 < longest_run(route) < LONGEST:
+        yield "duration_s", "missing, needed where the lead does not reach the end of its path"
+    elif duration is not None and route.plan.distance(duration) > route.length + 1e-3:
+        driven = route.plan.distance(duration)
+        yield (
+            "duration_s",
+            f"given {duration:g}, allowed at most {longest_run(route):g}: the lead would drive "
+            f"{driven:.1f} m, its path is {route.length:.1f} m long",
+        )

@@ -1,0 +1,27 @@
+"""What is wrong with a scenario, as exceptions; `scenarios.definition.refusal` words them."""
+
+from collections.abc import Iterable
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be run; `lines` names each problem in one line."""
+
+    def __init__(self, lines: Iterable[str]) -> None:
+        self.lines = tuple(lines)
+        super().__init__("\n".join(self.lines))
+
+    def __reduce__(self) -> tuple[type["ScenarioError"], tuple[tuple[str, ...]]]:
+        """Let it cross from a worker process: made again from its lines, not from their text."""
+        return type(self), (self.lines,)
+
+
+class Refused(ValueError):  # noqa: N818 - one problem on its way to a ScenarioError
+    """A problem that only a look at several keys shows: its key and the rest of the line."""
+
+    def __init__(self, key: str, why: str) -> None:
+        self.key, self.why = key, why
+        super().__init__(f"{key}: {why}")
+
+    def __reduce__(self) -> tuple[type["Refused"], tuple[str, str]]:
+        """Let it cross from a worker process."""
+        return type(self), (self.key, self.why)

@@ -1,0 +1,1 @@
+"""The lead's path and speed, and where everyone starts."""

@@ -1,0 +1,177 @@
+"""A scenario: read from a file, refused in clear lines, or resolved to all that a run needs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from scenarios.definition import contradictions
+from scenarios.definition.errors import Refused, ScenarioError
+from scenarios.definition.library import library, parse, read_text, template
+from scenarios.definition.refusal import refusals, shown
+from scenarios.definition.road.route import Route, longest_run, plan_route, vehicle_names
+from scenarios.definition.schema.tables import OriginTable, ScenarioTables
+from scenarios.definition.toml_text import to_toml
+from scenarios.definition.traces.points import with_points
+from scenarios.definition.vehicle_setup import VehicleSetup, overlay, vehicle_setup
+from transport.links.link import LinkRule
+from vehicles.driver.speed import GapLimits, GapPolicy
+from vehicles.geometry.geodesy import Origin
+
+__all__ = ["Scenario", "library", "load_scenario", "scenario_from_text", "template"]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A valid scenario with its trace read and its duration known.
+
+    `tables` holds every key. A scenario depends on no file any more: `text` is all of it.
+    """
+
+    tables: ScenarioTables
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario, for folders and titles."""
+        return self.tables.name
+
+    @property
+    def seed(self) -> int:
+        """Seed of all that is random in the run."""
+        return self.tables.seed
+
+    @cached_property
+    def duration_s(self) -> float:
+        """How long the run lasts: as given, or until the lead has driven its path."""
+        given = self.tables.duration_s
+        return longest_run(self.route) if given is None else given
+
+    @property
+    def start_at_ns(self) -> int:
+        """Unix time at which a virtual run starts; a wall-clock run starts when it starts."""
+        start = self.tables.start_at
+        return int(start.timestamp()) * 1_000_000_000 + start.microsecond * 1000
+
+    @property
+    def control_rate_hz(self) -> float:
+        """Rate at which every vehicle decides."""
+        return self.tables.control.rate_hz
+
+    @property
+    def goes_on_without_the_dead(self) -> bool:
+        """Whether a vehicle that dies unasked leaves the others driving."""
+        return self.tables.convoy.when_a_vehicle_dies == "go_on"
+
+    @property
+    def vehicle_names(self) -> tuple[str, ...]:
+        """Names in order, the lead first."""
+        return vehicle_names(self.tables)
+
+    @property
+    def lead(self) -> str:
+        """Name of the first vehicle."""
+        return self.vehicle_names[0]
+
+    @property
+    def origin(self) -> Origin:
+        """Where the plane touches the earth."""
+        table = self.tables.origin or OriginTable()
+        return Origin(table.latitude_deg, table.longitude_deg, table.altitude_m)
+
+    @cached_property
+    def route(self) -> Route:
+        """Path, places at the start, and the lead's speed."""
+        return plan_route(self.tables)
+
+    @property
+    def gap_policy(self) -> GapPolicy:
+        """The gap that followers keep, if they keep one."""
+        return GapPolicy(self.tables.speed.gap.standstill_m, self.tables.speed.gap.headway_s)
+
+    @property
+    def gap_limits(self) -> GapLimits:
+        """What gap keeping may ask of the drive."""
+        gap = self.tables.speed.gap
+        return GapLimits(gap.acceleration_mps2_max, gap.braking_mps2_max)
+
+    def vehicle(self, name: str) -> VehicleSetup:
+        """All about the vehicle called `name`; raises ScenarioError if there is none."""
+        if name not in self.vehicle_names:
+            known = ", ".join(self.vehicle_names)
+            raise ScenarioError([f"{self.name}: no vehicle {shown(name)}, allowed {known}"])
+        return vehicle_setup(self.tables, name)
+
+    def links_into(self, receiver: str) -> Mapping[str, LinkRule]:
+        """Return the link from each vehicle that `receiver` hears; later entries win."""
+        found = {}
+        for sender in self.vehicle(receiver).hears:
+            link = self.tables.links
+            for entry in self.tables.link:
+                if contradictions.touches(entry, sender, receiver):
+                    link = overlay(link, entry)
+            found[sender] = LinkRule(**link.model_dump())
+        return found
+
+    @property
+    def text(self) -> str:
+        """The scenario as one self-contained TOML file, which `scenario_from_text` reads back."""
+        tables = self.tables
+        whole = tables.model_dump(exclude_none=True, exclude={"link", "vehicle"})
+        # What one link or vehicle leaves out must stay left out: it is the convoy's value.
+        some = tables.model_dump(exclude_unset=True, include={"link", "vehicle"})
+        return to_toml(whole | some)
+
+
+def load_scenario(
+    name_or_path: str | Path, overrides: Sequence[str] = (), seed: int | None = None
+) -> Scenario:
+    """Read a shipped scenario by its name, or a file; `overrides` are `key.path=value` in TOML.
+
+    Raises ScenarioError, whose lines each name file, key, what was given and what is allowed.
+    """
+    label, folder, text = read_text(name_or_path)
+    return scenario_from_text(text, label=label, folder=folder, overrides=overrides, seed=seed)
+
+
+def scenario_from_text(
+    text: str,
+    *,
+    label: str = "scenario",
+    folder: Path | None = None,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+) -> Scenario:
+    """Read a scenario from text; `label` names it in refusals, traces are sought in `folder`."""
+    raw, changed = parse(text, label, overrides)
+    if seed is not None:
+        raw["seed"] = seed
+
+    def refuse(problems: Sequence[tuple[str, str]]) -> ScenarioError:
+        return ScenarioError(
+            f"{_blame(key, label, changed)}: {key}: {why}" for key, why in problems
+        )
+
+    try:
+        tables = ScenarioTables.model_validate(raw)
+    except ValidationError as error:
+        raise refuse(refusals(error)) from error
+    problems = list(contradictions.between_keys(tables)) or list(contradictions.controllers(tables))
+    if problems:
+        raise refuse(problems)
+    try:
+        scenario = Scenario(with_points(tables, folder or Path()))
+        problems = list(contradictions.on_the_road(scenario.tables, scenario.route))
+    except Refused as error:
+        raise refuse([(error.key, error.why)]) from error
+    if problems:
+        raise refuse(problems)
+    return scenario
+
+
+def _blame(key: str, label: str, changed: Sequence[str]) -> str:
+    """Name where a problem comes from: an override of the key, or of one inside it or around it."""
+    plain = key.replace("[", ".").replace("]", "") + "."
+    inside = (f"{one}." for one in changed)
+    return "--set" if any(plain.startswith(o) or o.startswith(plain) for o in inside) else label

@@ -1,0 +1,1 @@
+"""The tables of a scenario file: keys with units, defaults and limits."""

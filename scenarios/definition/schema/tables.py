@@ -1,0 +1,190 @@
+"""What a scenario file may say: its tables, their keys with units, defaults and limits.
+
+Every number's key ends in its unit. Nothing is converted: a text where a number belongs, an
+unknown key, NaN or infinity is refused. A heading is a compass course in degrees (clockwise from
+north); left is positive for curvature and for offsets from the path.
+"""
+
+from datetime import UTC, datetime
+from typing import Annotated, Literal
+
+from pydantic import AwareDatetime, Field
+
+from scenarios.definition.schema.path import PathTable
+from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
+
+CONTROLLERS = {
+    "slip_compensated": "vehicles.driver.steering.SlipCompensated",
+    "feedforward_feedback": "vehicles.driver.steering.FeedforwardFeedback",
+    "stanley": "vehicles.driver.steering.Stanley",
+}
+"""Controllers that ship; any other is the dotted name of the user's own class."""
+
+
+class OriginTable(Table):
+    """Where the east-north plane touches the earth (WGS84)."""
+
+    latitude_deg: float = Field(default=30.6380, ge=-90, le=90)
+    longitude_deg: float = Field(default=-96.4810, ge=-180, le=180)
+    altitude_m: float = Field(default=80.0, ge=-500, le=10_000)
+
+
+class ConvoyTable(Table):
+    """Who drives, in order from the lead, and how far apart.
+
+    A gap is the distance along the path from one vehicle's centre of mass to the next one's.
+    Without `gap_m` the convoy starts at 15 m, or at the gap that its policy keeps.
+    """
+
+    vehicles: int = Field(default=4, ge=1, le=200)
+    names: Annotated[tuple[Name, ...], Field(strict=False)] = ()
+    gap_m: float | None = Field(default=None, gt=0, le=1000)
+    when_a_vehicle_dies: Literal["end", "go_on"] = "end"
+
+
+class GainsTable(Table):
+    """Feedback gains of the steering law (paper, Section III-E); the nominal ones by default."""
+
+    lateral_rad_per_m: float = Field(default=0.06, ge=0, le=10)
+    heading_rad_per_rad: float = Field(default=0.96, ge=0, le=100)
+    yaw_rate_s: float = Field(default=0.08, ge=0, le=10)
+
+
+class SteeringTable(Table):
+    """How a vehicle makes its trajectory from what it heard, and steers along it."""
+
+    controller: str = "slip_compensated"
+    fusion: Literal["composite", "predecessor", "blend"] = "composite"
+    alpha_ratio: Ratio = 0.5
+    preview_s: float = Field(default=0.8, ge=0.1, le=10)
+    tolerance_m: float = Field(default=0.1, gt=0, le=10)
+    knows_loading: bool = False
+    gains: GainsTable = GainsTable()
+
+
+class ControlTable(SteeringTable):
+    """Steering of all vehicles, and the rate at which they decide."""
+
+    rate_hz: float = Field(default=50.0, ge=5, le=500)
+
+
+class GnssTable(Table):
+    """The emulated receiver: its rate and the standard deviations of its white noise."""
+
+    rate_hz: float = Field(default=20.0, gt=0, le=100)
+    position_noise_m: float = Field(default=0.02, ge=0, le=100)
+    heading_noise_deg: float = Field(default=0.1, ge=0, le=45)
+    speed_noise_mps: float = Field(default=0.03, ge=0, le=10)
+    yaw_rate_noise_radps: float = Field(default=0.00175, ge=0, le=1)
+
+
+class ProfilePoint(Table):
+    """The speed wanted at a time after the start; between two points it changes linearly."""
+
+    at_s: NotNegative
+    speed_mps: Speed
+
+
+class GapTable(Table):
+    """Gap keeping: `standstill_m + headway_s * speed` to the vehicle ahead, and its limits.
+
+    Followers brake harder than their lead, to make good what they hear late.
+    """
+
+    standstill_m: float = Field(default=8.0, gt=0, le=1000)
+    headway_s: float = Field(default=0.5, ge=0, le=10)
+    acceleration_mps2_max: float = Field(default=2.0, ge=0.1, le=10)
+    braking_mps2_max: float = Field(default=6.0, ge=0.1, le=12)
+
+
+class SpeedTable(Table):
+    """How fast the convoy goes.
+
+    The lead drives one set speed, a profile, or the speed recorded in its trace. Before curves,
+    set speeds and profiles are lowered to keep the lateral acceleration. The others drive the
+    same speed at the same time (as in the paper), or keep their gap.
+    """
+
+    lead: Literal["set", "profile", "recorded"] = "set"
+    set_mps: float = Field(default=20.0, ge=0.1, le=100)
+    profile: Annotated[tuple[ProfilePoint, ...], Field(strict=False)] = ()
+    followers: Literal["same", "gap"] = "same"
+    lateral_acceleration_mps2_max: float = Field(default=3.0, ge=0.1, le=20)
+    acceleration_mps2_max: float = Field(default=1.5, ge=0.1, le=10)
+    braking_mps2_max: float = Field(default=2.5, ge=0.1, le=12)
+    gap: GapTable = GapTable()
+
+
+class LinkTable(Table):
+    """What a link does to messages: the rate it lets through at most, delay and loss."""
+
+    rate_hz: float | None = Field(default=None, gt=0, le=1000)
+    latency_ms: float = Field(default=20.0, ge=0, le=60_000)
+    jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
+    loss_ratio: Ratio = 0.0
+
+
+class LinkEntry(LinkTable):
+    """Other values for the link from `sender` to `receiver`; "*" stands for any vehicle."""
+
+    sender: str
+    receiver: str
+
+
+class ParametersTable(Table):
+    """The empty car; a key that is left out keeps the value of the paper's Table I."""
+
+    mass_kg: float | None = Field(default=None, gt=100, le=100_000)
+    yaw_inertia_kgm2: float | None = Field(default=None, gt=10, le=1_000_000)
+    front_cornering_stiffness_n_per_rad: float | None = Field(default=None, gt=1e3, le=1e8)
+    rear_cornering_stiffness_n_per_rad: float | None = Field(default=None, gt=1e3, le=1e8)
+    front_axle_distance_m: float | None = Field(default=None, gt=0.1, le=20)
+    rear_axle_distance_m: float | None = Field(default=None, gt=0.1, le=20)
+    steering_frequency_radps: float | None = Field(default=None, gt=0.1, le=1000)
+    steering_damping_ratio: float | None = Field(default=None, gt=0, le=10)
+    steering_limit_rad: float | None = Field(default=None, gt=0.01, le=1.5)
+    length_m: float | None = Field(default=None, gt=0.5, le=50)
+    width_m: float | None = Field(default=None, gt=0.3, le=10)
+
+
+class LoadingTable(Table):
+    """Who and what sits in the car besides the driver (paper, Section V-B)."""
+
+    front_passengers: int = Field(default=0, ge=0, le=8)
+    rear_passengers: int = Field(default=0, ge=0, le=60)
+    passenger_mass_kg: float = Field(default=70.0, ge=0, le=500)
+    luggage_mass_kg: float = Field(default=50.0, ge=0, le=1000)
+    luggage_offset_m: float = Field(default=0.5, ge=0, le=10)
+
+
+class VehicleTable(Table):
+    """What is different about one vehicle; keys that are left out keep the convoy's values."""
+
+    gap_m: float | None = Field(default=None, gt=0, le=1000)
+    lateral_offset_m: float = Field(default=0.0, ge=-20, le=20)
+    heading_offset_deg: float = Field(default=0.0, ge=-90, le=90)
+    control: SteeringTable | None = None
+    gnss: GnssTable | None = None
+    parameters: ParametersTable | None = None
+    loading: LoadingTable | None = None
+
+
+class ScenarioTables(Table):
+    """A scenario file as a whole."""
+
+    name: Name
+    description: str = ""
+    duration_s: float | None = Field(default=None, gt=0, le=86_400)
+    seed: int = Field(default=1, ge=0, le=2**63 - 1)
+    start_at: AwareDatetime = datetime(2026, 1, 1, tzinfo=UTC)
+    origin: OriginTable | None = None
+    convoy: ConvoyTable = ConvoyTable()
+    control: ControlTable = ControlTable()
+    gnss: GnssTable = GnssTable()
+    speed: SpeedTable = SpeedTable()
+    path: PathTable
+    links: LinkTable = LinkTable()
+    link: Annotated[tuple[LinkEntry, ...], Field(strict=False)] = ()
+    parameters: ParametersTable = ParametersTable()
+    loading: LoadingTable = LoadingTable()
+    vehicle: dict[str, VehicleTable] = Field(default_factory=dict)

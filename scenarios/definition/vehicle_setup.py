@@ -1,0 +1,107 @@
+"""One vehicle of a scenario: its own tables laid over the convoy's."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.table import Table
+from scenarios.definition.schema.tables import (
+    CONTROLLERS,
+    GnssTable,
+    LoadingTable,
+    ParametersTable,
+    ScenarioTables,
+    SteeringTable,
+)
+from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
+
+AnyTable = TypeVar("AnyTable", bound=Table)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleSetup:
+    """One vehicle; `place` counts from the lead, which is 0, `gap_m` is to the vehicle ahead.
+
+    `parameters` are those of the loaded car; `assumed_parameters` are what its controller and
+    estimator reckon with, without the load unless the scenario says that they know it. `hears`
+    are the vehicles whose poses it uses: lead and predecessor, nobody for the lead itself.
+    `controller` is the dotted name of the class that steers.
+    """
+
+    name: str
+    place: int
+    lead: str
+    predecessor: str | None
+    hears: tuple[str, ...]
+    lateral_offset_m: float
+    heading_offset_rad: float
+    parameters: VehicleParameters
+    assumed_parameters: VehicleParameters
+    controller: str
+    steering: SteeringTable
+    gnss: GnssTable
+
+
+def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
+    """Put together what `tables` say of the vehicle `name`; raises ValueError if there is none."""
+    names = vehicle_names(tables)
+    place, own = names.index(name), tables.vehicle.get(name)
+    steering = overlay(tables.control, own and own.control)
+    empty = _car(overlay(tables.parameters, own and own.parameters))
+    full = loaded(empty, _loading(overlay(tables.loading, own and own.loading)))
+    predecessor = names[place - 1] if place else None
+    return VehicleSetup(
+        name=name,
+        place=place,
+        lead=names[0],
+        predecessor=predecessor,
+        hears=tuple(dict.fromkeys((names[0], predecessor))) if predecessor else (),
+        lateral_offset_m=own.lateral_offset_m if own else 0.0,
+        heading_offset_rad=math.radians(own.heading_offset_deg) if own else 0.0,
+        parameters=full,
+        assumed_parameters=full if steering.knows_loading else empty,
+        controller=CONTROLLERS.get(steering.controller, steering.controller),
+        steering=steering,
+        gnss=overlay(tables.gnss, own and own.gnss),
+    )
+
+
+def overlay(base: AnyTable, own: Table | None) -> AnyTable:
+    """Return `base` with every key that was written in `own`, table by table."""
+    if own is None:
+        return base
+    fields = type(base).model_fields
+    changes = {key: getattr(own, key) for key in own.model_fields_set if key in fields}
+    for key, value in changes.items():
+        if isinstance(value, Table):
+            changes[key] = overlay(getattr(base, key), value)
+    return base.model_copy(update=changes)
+
+
+def _car(table: ParametersTable) -> VehicleParameters:
+    """Return the empty car: the paper's, with the keys that the scenario gives."""
+    given = {
+        "mass": table.mass_kg,
+        "yaw_inertia": table.yaw_inertia_kgm2,
+        "front_cornering_stiffness": table.front_cornering_stiffness_n_per_rad,
+        "rear_cornering_stiffness": table.rear_cornering_stiffness_n_per_rad,
+        "front_axle_distance": table.front_axle_distance_m,
+        "rear_axle_distance": table.rear_axle_distance_m,
+        "steering_frequency": table.steering_frequency_radps,
+        "steering_damping": table.steering_damping_ratio,
+        "steering_limit": table.steering_limit_rad,
+        "length": table.length_m,
+        "width": table.width_m,
+    }
+    return replace(LINCOLN_MKZ, **{key: value for key, value in given.items() if value is not None})
+
+
+def _loading(table: LoadingTable) -> Loading:
+    return Loading(
+        front_passengers=table.front_passengers,
+        rear_passengers=table.rear_passengers,
+        passenger_mass=table.passenger_mass_kg,
+        luggage_mass=table.luggage_mass_kg,
+        luggage_offset=table.luggage_offset_m,
+    )

@@ -1,0 +1,128 @@
+"""What the vehicles of one run did, as arrays: the errors the paper shows, and the true ones."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.fitted_samples import SampleCounter, SampleFigures
+from vehicles.geometry.driven_path import DrivenPath, cross_track
+from vehicles.messages import Message, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+Array = NDArray[np.float64]
+
+RUN_IN = 20.0
+"""The lead's path is extended backwards this much (m) further than the last vehicle starts."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What one vehicle did, an entry per control instant (s from the start, m, m/s, rad).
+
+    `lateral_error` and `heading_error` are the paper's: against the trajectory it steers along.
+    `station` and `cross_track` are its true place along and beside the lead's driven path, an
+    entry wherever the lead has driven.
+    """
+
+    name: str
+    at: Array
+    east: Array
+    north: Array
+    speed: Array
+    lateral_error: Array
+    heading_error: Array
+    station: Array
+    cross_track: Array
+
+    @property
+    def tracking_max(self) -> float:
+        """Largest |e_lat| (m) against the own trajectory: what the paper shows."""
+        return _largest(self.lateral_error)
+
+    @property
+    def cross_track_max(self) -> float:
+        """Largest true distance (m) from the lead's driven path."""
+        return _largest(self.cross_track)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The drives of one run, the lead first; `samples` counts those of the followers, if logged."""
+
+    drives: tuple[Drive, ...]
+    samples: SampleFigures
+
+    @property
+    def lead(self) -> Drive:
+        """The lead's drive."""
+        return self.drives[0]
+
+    @property
+    def followers(self) -> tuple[Drive, ...]:
+        """All but the lead."""
+        return self.drives[1:]
+
+    @cached_property
+    def tracking(self) -> tuple[float, ...]:
+        """Largest |e_lat| (m) of each follower against its own trajectory."""
+        return tuple(drive.tracking_max for drive in self.followers)
+
+    @cached_property
+    def cross_track(self) -> tuple[float, ...]:
+        """Largest true cross-track error (m) of each follower."""
+        return tuple(drive.cross_track_max for drive in self.followers)
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+class Diary:
+    """Keeps what is needed of a run, vehicle by vehicle."""
+
+    def __init__(self) -> None:
+        self._truth: defaultdict[str, list[TruePose]] = defaultdict(list)
+        self._errors: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
+        self._samples = SampleCounter()
+
+    def listen(self, message: Message) -> None:
+        """Take a message; kinds that are not needed are passed over."""
+        self._samples.listen(message)
+        if isinstance(message, TruePose):
+            self._truth[message.vehicle].append(message)
+        elif isinstance(message, Tracking):
+            self.note(message.vehicle, message.lateral_error_m, message.heading_error_rad)
+
+    def note(self, vehicle: str, lateral: float, heading: float) -> None:
+        """Take the tracking errors (m, rad) of one control instant."""
+        self._errors[vehicle].append((lateral, heading))
+
+    def trial(self, scenario: Scenario) -> Trial:
+        """Work out the drives of all vehicles that were on the road."""
+        names = [name for name in scenario.vehicle_names if name in self._truth]
+        first, last = self._truth[names[0]][0], self._truth[names[-1]][0]
+        apart = hypot(first.east_m - last.east_m, first.north_m - last.north_m)
+        path = DrivenPath.of(self._truth[names[0]], RUN_IN + apart, scenario.route.start_yaw)
+        drives = tuple(self._drive(name, path, scenario.start_at_ns) for name in names)
+        return Trial(drives, self._samples.figures)
+
+    def _drive(self, name: str, path: DrivenPath, start_at: int) -> Drive:
+        truth = self._truth[name]
+        feet = cross_track(truth, path)
+        errors = np.array(self._errors.get(name) or np.zeros((0, 2)), dtype=np.float64)
+        return Drive(
+            name=name,
+            at=np.array([pose.true_at_ns - start_at for pose in truth]) / SECOND,
+            east=np.array([pose.east_m for pose in truth]),
+            north=np.array([pose.north_m for pose in truth]),
+            speed=np.array([pose.speed_mps for pose in truth]),
+            lateral_error=errors[:, 0],
+            heading_error=errors[:, 1],
+            station=np.array([foot.station for foot in feet]),
+            cross_track=np.array([foot.lateral for foot in feet]),
+        )

@@ -1,0 +1,199 @@
+"""Figures of a run, gathered message by message: live, in virtual time, or from a log."""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf, isfinite, sqrt
+from statistics import fmean
+from typing import Any
+
+from vehicles.geometry.driven_path import DrivenPath, cross_track
+from vehicles.messages import GpsPose, Health, LinkVerdict, Message, Tracking, TruePose
+
+
+@dataclass(slots=True)
+class Extremes:
+    """Largest magnitude and root mean square of a signal, gathered one value at a time."""
+
+    largest: float = 0.0
+    squares: float = 0.0
+    count: int = 0
+
+    def add(self, value: float) -> None:
+        """Take one value."""
+        if value > self.largest:
+            self.largest = value
+        elif -value > self.largest:
+            self.largest = -value
+        self.squares += value * value
+        self.count += 1
+
+    @property
+    def rms(self) -> float:
+        """Root mean square, 0 without values."""
+        return sqrt(self.squares / self.count) if self.count else 0.0
+
+
+@dataclass(slots=True)
+class LinkFigures:
+    """What one directed link did."""
+
+    heard: int = 0
+    late: int = 0
+    dropped: Counter[str] = field(default_factory=Counter)
+    latency_ns_sum: int = 0
+    latency_ns_max: int = 0
+
+
+@dataclass(slots=True)
+class VehicleFigures:
+    """What one vehicle did."""
+
+    poses: int = 0
+    last_pose_seq: int = -1
+    truth: list[TruePose] = field(default_factory=list)
+    lateral_error: Extremes = field(default_factory=Extremes)
+    heading_error: Extremes = field(default_factory=Extremes)
+    gap_min: float = inf
+    modes: Counter[str] = field(default_factory=Counter)
+    health: Health | None = None
+    memory_max: int = 0
+    cpu: list[float] = field(default_factory=list)
+
+
+class Metrics:
+    """Gathers the figures of a run from its messages."""
+
+    def __init__(
+        self, vehicles: Sequence[str], requested: Mapping[tuple[str, str], Mapping[str, Any]]
+    ):
+        """Take the vehicles' names, lead first, and what was asked of each (sender, receiver)."""
+        self._names = list(vehicles)
+        self._requested = requested
+        self.vehicles = {name: VehicleFigures() for name in vehicles}
+        self.links: defaultdict[tuple[str, str], LinkFigures] = defaultdict(LinkFigures)
+        self._take: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
+            TruePose: self._add_truth,
+            Tracking: self._add_tracking,
+            GpsPose: self._add_pose,
+            LinkVerdict: self._add_verdict,
+            Health: self._add_health,
+        }
+
+    def add(self, message: Message) -> None:
+        """Take one message; kinds that carry no figure, and strangers, are passed over."""
+        figures = self.vehicles.get(message.vehicle)
+        take = self._take.get(type(message))
+        if figures is not None and take is not None:
+            take(figures, message)
+
+    def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
+        figures.truth.append(pose)
+
+    def _add_tracking(self, figures: VehicleFigures, tracking: Tracking) -> None:
+        figures.lateral_error.add(tracking.lateral_error_m)
+        figures.heading_error.add(tracking.heading_error_rad)
+        figures.modes[tracking.mode] += 1
+        if -inf < tracking.gap_m < figures.gap_min:  # false for NaN: there is no gap to tell
+            figures.gap_min = tracking.gap_m
+
+    def _add_pose(self, figures: VehicleFigures, pose: GpsPose) -> None:
+        figures.poses += 1
+        figures.last_pose_seq = max(pose.seq, figures.last_pose_seq)
+
+    def _add_health(self, figures: VehicleFigures, health: Health) -> None:
+        figures.health = health
+        figures.memory_max = max(figures.memory_max, health.memory_bytes)
+        if health.seq and not health.final:  # those cover a second, first and last less
+            figures.cpu.append(health.cpu_ratio)
+
+    def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict) -> None:
+        link = self.links[verdict.sender, verdict.vehicle]
+        if verdict.outcome == "dropped":
+            link.dropped[verdict.reason] += 1
+            return
+        link.heard += 1
+        link.late += verdict.late
+        latency = (verdict.heard_at_ns if verdict.late else verdict.visible_at_ns) - (
+            verdict.measured_at_ns
+        )
+        link.latency_ns_sum += latency
+        link.latency_ns_max = max(link.latency_ns_max, latency)
+
+    def summary(self, road_yaw: float | None = None) -> dict[str, Any]:
+        """Figures per vehicle and per link; see README, "The summary".
+
+        `road_yaw` (rad) is the direction of the road on which the convoy starts.
+        """
+        return {
+            "vehicles": [self._vehicle(name, road_yaw) for name in self._names],
+            "links": [self._link(link) for link in sorted(self._requested, key=self._order)],
+        }
+
+    def _order(self, link: tuple[str, str]) -> tuple[int, int]:
+        sender, receiver = link
+        return self._names.index(receiver), self._names.index(sender)
+
+    def true_cross_track(self, name: str, road_yaw: float | None = None) -> Extremes:
+        """Distances of `name` from the lead's driven path (m), see `driven_path`."""
+        lead = self.vehicles[self._names[0]].truth
+        own = self.vehicles[name].truth
+        extremes = Extremes()
+        if lead and own:
+            run_in = 5.0 + 2.0 * sqrt(
+                (lead[0].east_m - own[0].east_m) ** 2 + (lead[0].north_m - own[0].north_m) ** 2
+            )
+            for foot in cross_track(own, DrivenPath.of(lead, run_in, road_yaw)):
+                extremes.add(foot.lateral)
+        return extremes
+
+    def _vehicle(self, name: str, road_yaw: float | None) -> dict[str, Any]:
+        figures = self.vehicles[name]
+        health = figures.health
+        is_lead = name == self._names[0]
+        true = Extremes() if is_lead else self.true_cross_track(name, road_yaw)
+        return {
+            "name": name,
+            "role": "lead" if is_lead else "follower",
+            "poses": figures.poses,
+            "missing_poses": max(figures.last_pose_seq + 1 - figures.poses, 0),
+            "lateral_error_m_max": figures.lateral_error.largest,
+            "lateral_error_m_rms": figures.lateral_error.rms,
+            "heading_error_rad_max": figures.heading_error.largest,
+            # Where nothing could be compared there is no error, rather than none to speak of.
+            "cross_track_error_m_max": true.largest if true.count else None,
+            "cross_track_error_m_rms": true.rms if true.count else None,
+            "gap_m_min": figures.gap_min if isfinite(figures.gap_min) else None,
+            "distance_m": figures.truth[-1].distance_m if figures.truth else 0.0,
+            "ticks_by_mode": dict(sorted(figures.modes.items())),
+            "ticks": health.ticks if health else 0,
+            "late_ticks": health.late_ticks if health else 0,
+            "lateness_ms_max": health.lateness_ms_max if health else 0.0,
+            "rejected_messages": health.rejected_messages if health else 0,
+            "memory_bytes_max": figures.memory_max,
+            "cpu_ratio": fmean(figures.cpu) if figures.cpu else 0.0,
+            "finished": bool(health and health.final),
+        }
+
+    def _link(self, link: tuple[str, str]) -> dict[str, Any]:
+        sender, receiver = link
+        figures = self.links[link]
+        dropped = sum(figures.dropped.values())
+        judged = figures.heard + dropped
+        # A link's rate holds messages back before they are sent on it, so they cannot be lost.
+        carried = judged - figures.dropped["rate"]
+        return {
+            "sender": sender,
+            "receiver": receiver,
+            "requested": dict(self._requested[link]),
+            "sent": self.vehicles[sender].poses,
+            "judged": judged,
+            "heard": figures.heard,
+            "dropped": dict(sorted(figures.dropped.items())),
+            "loss_ratio": figures.dropped["loss"] / carried if carried else 0.0,
+            "late": figures.late,
+            "latency_ms_mean": figures.latency_ns_sum / figures.heard * 1e-6
+            if figures.heard
+            else 0.0,
+            "latency_ms_max": figures.latency_ns_max * 1e-6,
+        }

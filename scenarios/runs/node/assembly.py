@@ -1,0 +1,155 @@
+"""Puts one vehicle together from what the scenario says of it."""
+
+from collections.abc import Iterator
+from math import cos, radians, sin
+
+import numpy as np
+
+from scenarios.definition.scenario import Scenario
+from scenarios.runs.node.node import Node
+from scenarios.runs.node.outbox import Outbox, Witness, nobody
+from scenarios.runs.node.probe import Probe
+from transport.bus.bus import Bus
+from transport.clock import Tick, ticks
+from transport.links.inbox import Inbox
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import GnssNoise, GnssReceiver
+from vehicles.car.parameters import Gains
+from vehicles.driver.decision import Driver
+from vehicles.driver.follower import Follower
+from vehicles.driver.leader import Leader
+from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.speed_law import GapKeeping, ProfileSpeed, SpeedLaw
+from vehicles.driver.steering import LateralController, load_controller
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.preview.trajectory import FitSettings
+from vehicles.schedule import SECOND, Cadence
+
+
+class Kit:
+    """All parts of one vehicle, ready to be put together once the start instant is known."""
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        """Raises ScenarioError if `scenario` has no vehicle called `name`."""
+        self.name = name
+        self._scenario = scenario
+        self._setup = scenario.vehicle(name)
+        self._plane = LocalPlane(scenario.origin)
+        self._route = scenario.route
+        self.duration_ns = round(scenario.duration_s * SECOND)
+        self.control_rate_hz = scenario.control_rate_hz
+        self.rates_hz = (scenario.control_rate_hz, self._setup.gnss.rate_hz)
+
+    def ticks(self, start_at: int) -> Iterator[Tick]:
+        """The vehicle's schedule from `start_at` (ns) to the end of the run."""
+        end_at = start_at + self.duration_ns
+        return ticks(start_at, end_at, *self.rates_hz)
+
+    def node(self, start_at: int, bus: Bus, probe: Probe, witness: Witness = nobody) -> Node:
+        """The vehicle as a node that starts at `start_at` (ns) and publishes on `bus`."""
+        scenario, setup = self._scenario, self._setup
+        inbox = Inbox(
+            self.name,
+            scenario.links_into(self.name),
+            seed=scenario.seed,
+            start_at=start_at,
+            source_rate_hz={name: scenario.vehicle(name).gnss.rate_hz for name in setup.hears},
+        )
+        return Node(
+            body=self._body(),
+            parameters=setup.parameters,
+            gnss=self._receiver(start_at),
+            driver=self._driver(start_at),
+            inbox=inbox,
+            outbox=Outbox(
+                vehicle=self.name,
+                bus=bus,
+                plane=self._plane,
+                inbox=inbox,
+                probe=probe,
+                start_at=start_at,
+                witness=witness,
+            ),
+        )
+
+    def _body(self) -> Body:
+        """The car where the scenario puts it: on the path, its gap behind the one ahead."""
+        setup = self._setup
+        place = self._route.path.at(self._route.start_station(setup.place))
+        aside = setup.lateral_offset_m
+        return Body(
+            east=place.east - aside * sin(place.yaw),
+            north=place.north + aside * cos(place.yaw),
+            yaw=place.yaw + setup.heading_offset_rad,
+            speed=self._route.profile.at(0.0)[0],
+        )
+
+    def _receiver(self, start_at: int) -> GnssReceiver:
+        table = self._setup.gnss
+        noise = GnssNoise(
+            position=table.position_noise_m,
+            heading=radians(table.heading_noise_deg),
+            speed=table.speed_noise_mps,
+            yaw_rate=table.yaw_rate_noise_radps,
+        )
+        # Each receiver has its own stream, so that one vehicle more changes nobody else's noise.
+        random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
+        return GnssReceiver(noise, table.rate_hz, start_at, random)
+
+    def _driver(self, start_at: int) -> Driver:
+        setup = self._setup
+        control = Cadence(start_at, self.control_rate_hz)
+        estimator = PoseEstimator(setup.assumed_parameters)
+        if setup.predecessor is None:
+            return Leader(
+                estimator=estimator,
+                controller=self._controller(),
+                speed_law=self._profile(start_at),
+                control=control,
+                path=self._route.path,
+                station=self._route.start_station(0),
+            )
+        steering = setup.steering
+        return Follower(
+            estimator=estimator,
+            controller=self._controller(),
+            speed_law=self._speed_law(start_at),
+            control=control,
+            plane=self._plane,
+            lead=setup.lead,
+            predecessor=setup.predecessor,
+            alpha=steering.alpha_ratio,
+            fusion=steering.fusion,
+            settings=self._fit_settings(),
+        )
+
+    def _fit_settings(self) -> FitSettings:
+        """The fit reckons with the noise of the receivers heard, and never with less than RTK's.
+
+        Its tolerance is the scenario's, or five times that noise (as are the paper's 10 cm).
+        """
+        steering = self._setup.steering
+        heard = (self._scenario.vehicle(name).gnss for name in self._setup.hears)
+        noise = max(FitSettings().position_noise, *(gnss.position_noise_m for gnss in heard))
+        return FitSettings(
+            preview_time=steering.preview_s,
+            tolerance=max(steering.tolerance_m, 5.0 * noise),
+            position_noise=noise,
+        )
+
+    def _controller(self) -> LateralController:
+        steering = self._setup.steering
+        gains = Gains(
+            steering.gains.lateral_rad_per_m,
+            steering.gains.heading_rad_per_rad,
+            steering.gains.yaw_rate_s,
+        )
+        return load_controller(self._setup.controller, self._setup.assumed_parameters, gains)
+
+    def _profile(self, start_at: int) -> SpeedLaw:
+        return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)
+
+    def _speed_law(self, start_at: int) -> SpeedLaw:
+        if self._scenario.tables.speed.followers == "same":
+            return self._profile(start_at)
+        return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)

@@ -1,0 +1,31 @@
+"""One vehicle as a node: the same object under the wall clock and in virtual time."""
+
+from dataclasses import dataclass
+
+from scenarios.runs.node.outbox import Outbox
+from transport.clock import Tick
+from transport.links.inbox import Inbox
+from vehicles.car.dynamics import Body, advance
+from vehicles.car.gnss import GnssReceiver
+from vehicles.car.parameters import VehicleParameters
+from vehicles.driver.decision import Driver
+
+
+@dataclass(slots=True, kw_only=True)
+class Node:
+    """A car, its GNSS receiver, its driver, and what it hears and says."""
+
+    body: Body
+    parameters: VehicleParameters
+    gnss: GnssReceiver
+    driver: Driver
+    inbox: Inbox
+    outbox: Outbox
+
+    def step(self, tick: Tick) -> None:
+        """One tick of the schedule: hear, measure, decide, tell, move on to the next tick."""
+        heard = self.inbox.take(tick.at)
+        fix = self.gnss.measure(self.body, tick.at)
+        decision = self.driver.step(tick.at, fix, heard)
+        self.outbox.publish(tick.at, self.body, fix, decision)
+        self.body = advance(self.body, decision.actuation, tick.span_s, self.parameters)

@@ -1,0 +1,37 @@
+"""`convoy router`: the Zenoh router of a convoy as a process of its own."""
+
+import time
+
+import click
+
+from scenarios.runs.stop import Stop
+from transport.bus.zenoh_bus import DEFAULT_ENDPOINT, ZenohOptions, open_router
+
+LISTENING = "listening on "
+"""What the first line of output begins with; the endpoints follow."""
+POLL_S = 0.05
+EMPTY_S = 2.0
+"""How long nobody must be there before `--until-empty` ends the router."""
+AFTER_THE_LAUNCHER_S = 2.0
+"""How long a router outlives its launcher, so that the recorder still gets the last messages."""
+
+
+def route(options: ZenohOptions, stop: Stop, *, until_empty: bool) -> int:
+    """Route until asked to stop, or until all who came have left; returns the exit code."""
+    stop.begun = True
+    listen = options.listen or (DEFAULT_ENDPOINT,)
+    with open_router(listen, config=options.config, cfg=options.cfg) as router:
+        click.echo(f"{LISTENING}{', '.join(router.endpoints)}")
+        came = False
+        empty_since = time.monotonic()
+        while not stop.asked:
+            time.sleep(POLL_S)
+            present = router.occupied()
+            came = came or present
+            if present:
+                empty_since = time.monotonic()
+            elif until_empty and came and time.monotonic() - empty_since > EMPTY_S:
+                return 0
+        if stop.orphaned:
+            time.sleep(AFTER_THE_LAUNCHER_S)
+    return stop.exit_code

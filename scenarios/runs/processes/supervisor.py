@@ -1,0 +1,107 @@
+"""Keeps the processes of a run together: starts them, sees them die, leaves none behind."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from scenarios.runs.processes.router import LISTENING
+from transport.bus.bus import BusError
+
+GRACE_S = 3.0
+"""Time between the request to stop and SIGKILL; with it every run ends within five seconds."""
+
+
+@dataclass(slots=True)
+class Child:
+    """A process of the run, by its name."""
+
+    name: str
+    process: "subprocess.Popen[bytes]"
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs; negative for the signal that killed it."""
+        return self.process.poll()
+
+    def fate(self) -> str:
+        """How it ended, for a person."""
+        code = self.process.poll()
+        if code is None:
+            return f"{self.name} still runs"
+        if code < 0:
+            return f"{self.name} was killed by signal {-code}"
+        return f"{self.name} ended with exit code {code}"
+
+
+class Supervisor:
+    """Owns the children of a run.
+
+    Each is a session of its own, so that a Ctrl-C in the terminal reaches only the launcher, and
+    holds the read end of a pipe: when the launcher dies, however it dies, the pipe ends and the
+    child stops by itself.
+    """
+
+    def __init__(self) -> None:
+        self.children: list[Child] = []
+
+    def start(self, name: str, arguments: Sequence[str]) -> Child:
+        """Start `convoy ARGUMENTS` as a child."""
+        child = Child(name, self._spawn(arguments))
+        self.children.append(child)
+        return child
+
+    def _spawn(
+        self, arguments: Sequence[str], stdout: int | None = None
+    ) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(  # noqa: S603 - our own command line, no shell
+            [sys.executable, "-m", "scenarios.cli", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=stdout,
+            start_new_session=True,
+        )
+
+    def start_router(self) -> str:
+        """Start a router on a free port of the loopback interface; returns its endpoint."""
+        process = self._spawn(
+            ["router", "--leash", "-l", "tcp/127.0.0.1:0"], stdout=subprocess.PIPE
+        )
+        self.children.append(Child("router", process))
+        said = process.stdout.readline().decode() if process.stdout else ""
+        if not said.startswith(LISTENING):
+            raise BusError("the router did not start")
+        return said.removeprefix(LISTENING).strip()
+
+    def tell(self, name: str, reason: str) -> None:
+        """Tell a child why it shall stop; nothing happens if it has ended."""
+        for child in self.children:
+            if child.name == name and child.process.stdin:
+                with suppress(OSError):
+                    child.process.stdin.write(reason.encode())
+                    child.process.stdin.flush()
+
+    def ended(self) -> list[Child]:
+        """Children that have ended, taken out of the ones that are watched."""
+        gone = [child for child in self.children if child.exit_code is not None]
+        self.children = [child for child in self.children if child not in gone]
+        return gone
+
+    def stop(self, names: Sequence[str] | None = None, grace_s: float = GRACE_S) -> list[Child]:
+        """Ask the named children (all of them by default) to stop, and kill those that do not.
+
+        Returns those that had to be killed.
+        """
+        chosen = [c for c in self.children if names is None or c.name in names]
+        for child in chosen:
+            child.process.terminate()
+        deadline = time.monotonic() + grace_s
+        while time.monotonic() < deadline and any(c.exit_code is None for c in chosen):
+            time.sleep(0.01)
+        stubborn = [child for child in chosen if child.exit_code is None]
+        for child in stubborn:
+            child.process.kill()
+            child.process.wait()
+        self.children = [child for child in self.children if child not in chosen]
+        return stubborn

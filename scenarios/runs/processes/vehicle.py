@@ -1,0 +1,99 @@
+"""`convoy vehicle`: one vehicle as a process of its own, over Zenoh, on the wall clock."""
+
+import time
+from collections.abc import Iterable, Iterator
+
+from scenarios.definition.scenario import Scenario
+from scenarios.runs.node.assembly import Kit
+from scenarios.runs.node.probe import ProcessProbe
+from scenarios.runs.stop import Stop
+from transport.bus.bus import Bus
+from transport.bus.zenoh_bus import ZenohOptions, open_bus
+from transport.clock import Tick, WallClock, late_after
+from transport.codec import RefusedMessageError, decode
+from transport.topics import CONDUCTOR, TOPICS, key
+from vehicles.messages import RunEnd, RunStart
+
+POLL_S = 0.01
+END_S = 8.0
+"""How long a vehicle that has finished waits for the recorder to say that the log is complete."""
+
+
+def be_vehicle(scenario: Scenario, name: str, options: ZenohOptions, stop: Stop) -> int:
+    """Be vehicle `name` of `scenario` for one run; returns the exit code."""
+    kit = Kit(scenario, name)
+    stop.begun = True
+    with open_bus(options) as bus:
+        finished = drive(kit, bus, stop)
+    return 0 if finished else stop.exit_code
+
+
+class Conducted:
+    """What the conductor announced: when the run starts, and that it is over.
+
+    The bytes of some other messages pass for a start or an end too. They are told by the vehicle
+    that they name or, a start that came under the end's key, by its instant.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self.start: RunStart | None = None
+        self.end: RunEnd | None = None
+        for name in ("start", "end"):
+            bus.subscribe(key(CONDUCTOR, TOPICS[name]), self._hear)
+
+    def _hear(self, heard_key: str, data: bytes) -> None:
+        try:
+            message = decode(TOPICS[heard_key.rsplit("/", 1)[-1]], data, exact=True)
+        except RefusedMessageError:
+            return
+        if message.vehicle != CONDUCTOR:
+            return
+        if isinstance(message, RunStart):
+            self.start = self.start or message
+        elif isinstance(message, RunEnd) and self._is_of_this_run(message):
+            self.end = message
+
+    def _is_of_this_run(self, end: RunEnd) -> bool:
+        return self.start is not None and end.end_at_ns != self.start.start_at_ns
+
+
+def drive(kit: Kit, bus: Bus, stop: Stop) -> bool:
+    """Announce the vehicle, wait for the start, drive, tell how it went.
+
+    Returns whether it drove until the run was over, rather than until it was asked to stop.
+    """
+    conducted = Conducted(bus)
+    bus.announce(kit.name)
+    while conducted.start is None and not stop.asked:
+        time.sleep(POLL_S)
+    if conducted.start is None:
+        return False
+    start_at = conducted.start.start_at_ns
+    end_at = start_at + kit.duration_ns
+    clock = WallClock(stop.event)
+    probe = ProcessProbe(late_after(kit.control_rate_hz))
+    node = kit.node(start_at, bus, probe)
+    for sender_key in node.inbox.keys:
+        bus.subscribe(sender_key, node.inbox.on_bytes)
+    for tick in punctual(kit.ticks(start_at), clock, probe):
+        if stop.asked or conducted.end is not None:
+            break
+        node.step(tick)
+    clock.wait_until(0 if conducted.end is not None else end_at)
+    finished = not stop.asked
+    node.outbox.publish_health(min(clock.now(), end_at), final=True)
+    _wait_for_end(conducted, stop)
+    return finished
+
+
+def punctual(ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe) -> Iterator[Tick]:
+    """Yield each tick at its instant; after a delay the missed ones follow one by one, at once."""
+    for tick in ticks:
+        probe.tick_began(clock.wait_until(tick.at))
+        yield tick
+
+
+def _wait_for_end(conducted: Conducted, stop: Stop) -> None:
+    deadline = time.monotonic() + END_S
+    while conducted.end is None and not stop.asked and time.monotonic() < deadline:
+        time.sleep(POLL_S)

@@ -1,0 +1,1 @@
+"""`convoy gains`: stabilising sets, margins, certificates, propagation."""

@@ -1,0 +1,1 @@
+"""`convoy reproduce`: the paper's experiments run, its claims judged."""

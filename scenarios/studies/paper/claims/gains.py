@@ -1,0 +1,137 @@
+"""Claims of Sections V-A and V-B: the stabilising sets of gains, and the roots over loadings."""
+
+import numpy as np
+
+from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.findings import Findings
+from vehicles.car.parameters import (
+    LINCOLN_MKZ,
+    NOMINAL_GAINS,
+    all_loadings,
+    loaded,
+    loaded_with_moved_centre,
+)
+from vehicles.theory.gain_margins import common_ball, stability_ball
+from vehicles.theory.gain_sets import (
+    PAPER_SPEEDS,
+    abscissa,
+    gain_extremes,
+    non_convex_pair,
+    stabilises_all,
+)
+from vehicles.theory.linear_model import handling_polynomial
+
+SPEED = 30.0
+SPEEDS = (*PAPER_SPEEDS, SPEED)
+CARS = [loaded(LINCOLN_MKZ, loading) for loading in all_loadings()]
+
+
+def _bounded(_: Findings) -> Answer:
+    lateral, heading, yaw_rate = (
+        (least[k], most[k]) for k, (least, most) in enumerate(gain_extremes([LINCOLN_MKZ], [SPEED]))
+    )
+    pair = non_convex_pair([LINCOLN_MKZ], [SPEED])
+    convex = "no" if pair is None else "two"
+    return Answer(
+        ours=f"bounded: k_e up to {lateral[1]:.2f} rad/m, k_θ from {heading[0]:.2f} to "
+        f"{heading[1]:.2f}, k_ω from {yaw_rate[0]:.2f} to {yaw_rate[1]:.2f} s; {convex} "
+        "stabilising choices were found whose mean does not stabilise",
+        holds=pair is not None,
+        numbers={
+            "lateral_rad_per_m_max": lateral[1],
+            "heading_rad_per_rad": heading,
+            "yaw_rate_s": yaw_rate,
+        },
+    )
+
+
+def _inside(_: Findings) -> Answer:
+    slowest = {speed: float(abscissa(LINCOLN_MKZ, NOMINAL_GAINS, [speed])[0]) for speed in SPEEDS}
+    inside = bool(stabilises_all([LINCOLN_MKZ], SPEEDS, np.array(NOMINAL_GAINS)))
+    return Answer(
+        ours="yes; slowest root from "
+        f"{max(slowest.values()):.2f} 1/s (10 mph) to {min(slowest.values()):.2f} 1/s",
+        holds=inside,
+        numbers={f"abscissa_per_s_at_{speed:.2f}_mps": value for speed, value in slowest.items()},
+    )
+
+
+def _ball(_: Findings) -> Answer:
+    plain = stability_ball(LINCOLN_MKZ, SPEED, NOMINAL_GAINS)
+    relative = common_ball(CARS, SPEEDS, NOMINAL_GAINS, NOMINAL_GAINS)
+    return Answer(
+        ours=f"radius {plain.radius:.2f} at 30 m/s, limited by k_e = 0; over all speeds and "
+        f"loadings all gains together may change by {100 * relative.radius:.0f} %",
+        holds=plain.radius > 0.0 and relative.radius > 0.0,
+        numbers={"ball_radius": plain.radius, "relative_ball_ratio": relative.radius},
+    )
+
+
+def _loadings(_: Findings) -> Answer:
+    at_speed = [float(abscissa(car, NOMINAL_GAINS, [SPEED])[0]) for car in CARS]
+    moved = [
+        float(abscissa(loaded_with_moved_centre(LINCOLN_MKZ, loading), NOMINAL_GAINS, [SPEED])[0])
+        for loading in all_loadings()
+    ]
+    everywhere = bool(stabilises_all(CARS, SPEEDS, np.array(NOMINAL_GAINS)))
+    return Answer(
+        ours=f"slowest root from {max(at_speed):.2f} to {min(at_speed):.2f} 1/s over all eight "
+        "loadings; stable at the other speeds, too",
+        holds=max(at_speed) < 0.0 and everywhere,
+        reason="the paper leaves the centre of mass where it was; with the load it moves back, and "
+        f"the slowest root is then from {max(moved):.2f} to {min(moved):.2f} 1/s",
+        numbers={
+            "abscissa_per_s_max": max(at_speed),
+            "abscissa_per_s_min": min(at_speed),
+            "abscissa_moved_centre_per_s_max": max(moved),
+        },
+    )
+
+
+def _open_loop(_: Findings) -> Answer:
+    roots = np.roots(handling_polynomial(LINCOLN_MKZ, SPEED))
+    return Answer(
+        ours="Δ_o(s) = s² R(s) has a double root at the origin, whatever the load; the others lie "
+        f"at {roots[0].real:.1f} ± {abs(roots[0].imag):.1f}j 1/s",
+        holds=False,
+        reason="the figure must show the roots of the closed loop, Δ(s, K), as the row above does",
+    )
+
+
+GAINS: tuple[Question, ...] = (
+    Question(
+        name="stabilising_set",
+        where="V-A, figure of the stabilising set",
+        paper="The set at 30 m/s is bounded and not convex",
+        needs=("gains",),
+        answer=_bounded,
+    ),
+    Question(
+        name="inside_the_intersection",
+        where="V-A",
+        paper="(0.06, 0.96, 0.08) lies inside the sets of 10, 20, … 60, 67 mph",
+        needs=("gains",),
+        answer=_inside,
+    ),
+    Question(
+        name="ball",
+        where="V-A",
+        paper="A ball around the gains fits into the set",
+        needs=("gains",),
+        answer=_ball,
+    ),
+    Question(
+        name="all_loadings",
+        where="V-B, figure of the roots",
+        paper="With n_f ≤ 1, n_r ≤ 3 all roots stay in the left half-plane at 30 m/s",
+        needs=("gains",),
+        answer=_loadings,
+    ),
+    Question(
+        name="open_loop_roots",
+        where="V-B, figure of the roots",
+        paper="These are roots of Δ_o(s)",
+        needs=("gains",),
+        answer=_open_loop,
+    ),
+)

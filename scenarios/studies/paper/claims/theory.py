@@ -1,0 +1,155 @@
+"""Claims of Sections III-F and IV: the characteristic polynomial, Proposition 1, G(jω)."""
+
+import numpy as np
+
+from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.findings import Findings
+from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
+from vehicles.theory.constant_speed import guaranteed_decay
+from vehicles.theory.gain_sets import PAPER_SPEEDS
+from vehicles.theory.linear_model import (
+    characteristic_polynomial,
+    closed_loop_at,
+    heading_numerator,
+    lateral_numerator,
+)
+from vehicles.theory.simulated_chain import simulated_propagation
+from vehicles.theory.string_stability import amplified_band, low_frequency_growth, peak, propagation
+from vehicles.theory.varying_speed import certified_acceleration
+
+SPEED = 30.0
+TEN_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
+
+
+def _polynomial(_: Findings) -> Answer:
+    worst = 0.0
+    for speed in PAPER_SPEEDS:
+        for loading in all_loadings():
+            car = loaded(LINCOLN_MKZ, loading)
+            roots = np.roots(characteristic_polynomial(car, NOMINAL_GAINS, speed))
+            states = np.linalg.eigvals(closed_loop_at(car, NOMINAL_GAINS, speed))
+            gaps = np.abs(roots[:, None] - states[None, :]).min(axis=0) / np.abs(states)
+            worst = max(worst, float(gaps.max()))
+    return Answer(
+        ours="their roots are the eigenvalues of eqs. (3), (4) with the feedback, to a relative "
+        f"{worst:.0e}, over all speeds and loadings",
+        holds=worst < 1e-6,
+        reason="the polynomial of the equation before them is ω_n² times as large",
+        numbers={"roots_against_eigenvalues_ratio_max": worst},
+    )
+
+
+def _state_equation(_: Findings) -> Answer:
+    car = LINCOLN_MKZ
+    right = closed_loop_at(car, NOMINAL_GAINS, SPEED)
+    printed = right.copy()
+    printed[2] *= car.mass
+    printed[3] *= car.yaw_inertia
+    wrong = float(np.linalg.eigvals(printed).real.max())
+    slow = float(np.linalg.eigvals(right).real.max())
+    return Answer(
+        ours=f"as printed the slowest root at 30 m/s is {wrong:+.2g} 1/s, by eq. (3) {slow:+.2f}",
+        holds=False,
+        reason="M⁻¹ is missing before L, C_0, B and F, and for a changing speed the term v̇ θ̃",
+        numbers={"abscissa_as_printed_per_s": wrong, "abscissa_per_s": slow},
+    )
+
+
+def _frozen(_: Findings) -> Answer:
+    slowest, fastest = PAPER_SPEEDS[0], SPEED
+    decay = guaranteed_decay(LINCOLN_MKZ, NOMINAL_GAINS, slowest, fastest)
+    bounds = {
+        speed: min(certified_acceleration(LINCOLN_MKZ, NOMINAL_GAINS, speed, slowest, fastest))
+        for speed in (slowest, 10.0, 20.0, fastest)
+    }
+    table = ", ".join(f"{bound:.0f} at {speed:.1f} m/s" for speed, bound in bounds.items())
+    return Answer(
+        ours=f"σ = {decay:.3f} 1/s from {slowest:.1f} to {fastest:.0f} m/s, proven for all speeds "
+        f"between; a number for μ*: stable for |v̇| below {table} (m/s²)",
+        holds=decay > 0.0 and min(bounds.values()) > 0.0,
+        reason="the paper has no number; this one includes the term v̇ θ̃ that it leaves out",
+        numbers={"decay_per_s": decay}
+        | {f"certified_mps2_at_{speed:.1f}_mps": bound for speed, bound in bounds.items()},
+    )
+
+
+def _norm(_: Findings) -> Answer:
+    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
+    lagging = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
+    first, second = peak(plain), peak(lagging)
+    growth = low_frequency_growth(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
+    simulated = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, TEN_FREQUENCIES)
+    wrong = float(np.abs(simulated / lagging.at(TEN_FREQUENCIES) - 1.0).max())
+    return Answer(
+        ours=f"‖G‖∞ = {first.magnitude:.3f} at {first.frequency:.2f} rad/s, above 1 for all "
+        f"frequencies up to {amplified_band(plain)[0][1]:.2f} rad/s; with steering actuation "
+        f"{second.magnitude:.3f} at {second.frequency:.1f} rad/s; |G| = 1 + {growth:.4f} s² ω² + … "
+        f"A simulated chain gives the same G at ten frequencies to {100 * wrong:.3f} %",
+        holds=first.magnitude > 1.0 and second.magnitude > 1.0 and growth > 0.0 and wrong < 0.02,
+        numbers={
+            "norm_instantaneous_ratio": first.magnitude,
+            "norm_instantaneous_at_radps": first.frequency,
+            "norm_ratio": second.magnitude,
+            "norm_at_radps": second.frequency,
+            "low_frequency_growth_s2": growth,
+            "simulated_chain_error_ratio_max": wrong,
+        },
+    )
+
+
+def _equivalent(_: Findings) -> Answer:
+    frequencies = np.geomspace(0.01, 100.0, 4000)
+    s = 1j * frequencies
+    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
+    outputs = [np.polyval(n(LINCOLN_MKZ, SPEED), s) for n in (lateral_numerator, heading_numerator)]
+    feedback = [NOMINAL_GAINS.lateral, np.abs(NOMINAL_GAINS.heading + NOMINAL_GAINS.yaw_rate * s)]
+    # A matrix of rank one, b k, has the singular value |b| |k|.
+    sizes = np.hypot(*np.abs(outputs)) * np.hypot(*feedback)
+    largest = float((sizes / np.abs(np.polyval(plain.denominator, s))).max())
+    return Answer(
+        ours=f"sup σ_max is {largest:.2f} on the axis, ‖G‖∞ {peak(plain).magnitude:.2f}: the "
+        "matrix has rank one and |G| is only its non-zero eigenvalue",
+        holds=False,
+        reason="|G| ≤ 1 is necessary, not equivalent (and σ_max adds metres to radians); the "
+        "argument needs no more than that. N(0) also lacks the factor C_f, without consequence",
+        numbers={"sigma_max": largest},
+    )
+
+
+THEORY: tuple[Question, ...] = (
+    Question(
+        name="polynomial",
+        where="III-F",
+        paper="The coefficients A_6 … A_0 of Δ(s, K)",
+        needs=("gains",),
+        answer=_polynomial,
+    ),
+    Question(
+        name="state_equation",
+        where="IV-A",
+        paper="The matrix A(γ) of the closed loop",
+        needs=("gains",),
+        answer=_state_equation,
+    ),
+    Question(
+        name="proposition_1",
+        where="IV-A, Proposition 1",
+        paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
+        needs=("gains",),
+        answer=_frozen,
+    ),
+    Question(
+        name="norm_of_g",
+        where="IV-B",
+        paper="With the predecessor's data only, ‖G‖∞ > 1, at low frequencies",
+        needs=("propagation",),
+        answer=_norm,
+    ),
+    Question(
+        name="equivalence",
+        where="IV-B",
+        paper="sup σ_max(…) ≤ 1 is equivalent to ‖G‖∞ ≤ 1",
+        needs=("propagation",),
+        answer=_equivalent,
+    ),
+)

@@ -1,0 +1,101 @@
+"""The paper's field experiment as it was done (Section V-D): one car, run after run.
+
+Run 1 drives the course alone and is recorded. Run i drives behind the records of run 1, its lead,
+and of run i − 1, its predecessor.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.drives import Drive, Trial
+from scenarios.results.fitted_samples import SampleFigures
+from scenarios.runs.rehearsal import record
+from scenarios.runs.replay import Replay, head_start, read_record
+from scenarios.runs.run_log import LOG_NAME
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.preview.trajectory import Fusion
+
+BREAK = timedelta(minutes=5)
+"""Time from one run's start to the next one's."""
+
+WITH_LEAD_DATA: Fusion = "composite"
+WITHOUT_LEAD_DATA: Fusion = "predecessor"
+
+
+@dataclass(frozen=True)
+class FieldRuns:
+    """The drives of all runs, the lead's first, and the folders' names of their logs."""
+
+    with_lead_data: Trial
+    without_lead_data: Trial
+    logs: tuple[str, ...]
+
+
+def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
+    """Drive all runs of `scenario`, each logged in a sub-folder of `folder`.
+
+    The first two are driven once: with only the lead ahead, there is nothing to leave out.
+    """
+    shared: list[tuple[Drive, Path]] = []
+    for place in range(min(2, len(scenario.vehicle_names))):
+        shared.append(_drive(scenario, place, WITH_LEAD_DATA, folder, shared))
+    trials: dict[Fusion, Trial] = {}
+    logs = [log for _, log in shared]
+    for fusion in (WITH_LEAD_DATA, WITHOUT_LEAD_DATA):
+        done = list(shared)
+        for place in range(2, len(scenario.vehicle_names)):
+            done.append(_drive(scenario, place, fusion, folder, done))
+        trials[fusion] = Trial(tuple(drive for drive, _ in done), SampleFigures())
+        logs += [log for _, log in done[len(shared) :]]
+    names = tuple(log.name for log in logs)
+    return FieldRuns(trials[WITH_LEAD_DATA], trials[WITHOUT_LEAD_DATA], names)
+
+
+def _drive(
+    scenario: Scenario,
+    place: int,
+    fusion: Fusion,
+    folder: Path,
+    before: Sequence[tuple[Drive, Path]],
+) -> tuple[Drive, Path]:
+    """Drive run `place` (from 0) behind the logs of those before it; gives its drive and log."""
+    run = as_run(scenario, place, fusion)
+    kind = "" if place < 2 else f"_{fusion}"
+    name = run.vehicle_names[place]
+    log = folder / f"run_{place + 1}_{name}{kind}"
+    trial = record(run, log, _replays(run, [path for _, path in before]))
+    return next(drive for drive in trial.drives if drive.name == name), log
+
+
+def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> Scenario:
+    """Give the run in which the vehicle at `place` (from 0) drives, later than those before it."""
+    tables, names = scenario.tables, scenario.vehicle_names[: place + 1]
+    return Scenario(
+        tables.model_copy(
+            update={
+                "name": f"{scenario.name}_run_{place + 1}",
+                "duration_s": scenario.duration_s,
+                "start_at": tables.start_at + place * BREAK,
+                "convoy": tables.convoy.model_copy(update={"names": names, "vehicles": len(names)}),
+                "control": tables.control.model_copy(update={"fusion": fusion}),
+                "vehicle": {name: own for name, own in tables.vehicle.items() if name in names},
+            }
+        )
+    )
+
+
+def _replays(run: Scenario, logs: Sequence[Path]) -> list[Replay]:
+    """Put lead and predecessor back on the road, each its gaps ahead of the car that drives."""
+    names, route = run.vehicle_names, run.route
+    ego = len(names) - 1
+    found = []
+    for place in sorted({0, ego - 1}) if ego else []:
+        recorded = read_record(logs[place] / LOG_NAME, names[place])
+        start = route.path.at(route.start_station(ego))
+        gap = sum(route.gaps[place + 1 : ego + 1])
+        ahead = head_start(recorded, LocalPlane(run.origin), (start.east, start.north), gap)
+        found.append(recorded.replay(start_at=run.start_at_ns, ahead=ahead))
+    return found

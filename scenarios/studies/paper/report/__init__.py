@@ -1,0 +1,1 @@
+"""The report on the paper: text, tables and pictures."""

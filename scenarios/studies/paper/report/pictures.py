@@ -1,0 +1,182 @@
+"""Pictures of largest errors and of propagation. Needs matplotlib: import it when drawing."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from scenarios.studies.paper.experiments import RADII
+from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
+from scenarios.studies.paper.report import error_pictures as errors
+from scenarios.studies.paper.report.error_pictures import COLOURS
+from scenarios.studies.picture_style import BLUE, GREEN, GREY, PURPLE, RED
+from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
+from vehicles.theory.simulated_chain import simulated_propagation
+from vehicles.theory.string_stability import propagation, trace_propagation
+
+MARKS = ("o", "s", "^")
+PLACES = range(3)
+"""The followers of the main cases."""
+
+SPEED = 30.0
+Draw = Callable[[Findings], Figure]
+
+
+def lead_data(findings: Findings) -> Figure:
+    """Draw true errors without and with the lead's data, and their maxima along eight cars."""
+    figure = Figure(figsize=(10.4, 3.6), layout="constrained")
+    left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1.2, 1.0))
+    errors.true_errors(left, findings.trials["no_lead_data"])
+    errors.true_errors(middle, findings.trials["base"])
+    left.set_title("Without the lead's data")
+    middle.set_title("With the lead's data")
+    middle.sharey(left)
+    left.legend(loc="lower right")
+    for key, colour in (("without", RED), ("with", BLUE)):
+        trial = findings.trials[f"long/{key}"]
+        cars = np.arange(2, 2 + len(trial.followers))
+        for values, line, name in (
+            (trial.cross_track, "o-", "off the lead's path"),
+            (trial.tracking, "s:", "off the own trajectory"),
+        ):
+            right.plot(
+                cars,
+                100.0 * np.array(values),
+                line,
+                color=colour,
+                markersize=4.0,
+                linewidth=1.2,
+                label=f"{key}: {name}",
+            )
+    right.set_ylim(bottom=0.0)
+    right.set_xlabel("car")
+    right.set_ylabel("largest error (cm)")
+    right.set_title("Eight cars, first lane change")
+    right.legend(fontsize=7.0)
+    return figure
+
+
+def maxima(findings: Findings) -> Figure:
+    """Draw largest errors: exact (bars), with the road moved (dashes), with noise (dots)."""
+    known = ("base", "no_lead_data", "a", "b", "c", "d", "variable_speed")
+    cases = [key for key in known if findings.has(key)]
+    figure = Figure(figsize=(9.6, 5.2), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    for axes, measure in ((above, "tracking"), (below, "cross_track")):
+        for column, key in enumerate(cases):
+            for place, value in enumerate(getattr(findings.trials[key], measure)):
+                x = column + 0.25 * (place - 1)
+                axes.bar(x, 100.0 * value, width=0.22, color=COLOURS[place + 1], alpha=0.85)
+                noisy = [100.0 * getattr(run, measure)[place] for run in findings.noisy(key)]
+                axes.plot([x] * len(noisy), noisy, "o", color="black", markersize=2.2)
+                moved = [100.0 * getattr(run, measure)[place] for run in findings.shifted(key)]
+                axes.plot([x] * len(moved), moved, "_", color="black", markersize=7.0)
+        axes.set_ylabel("largest error (cm)")
+    for place in PLACES:
+        above.bar(0.0, 0.0, color=COLOURS[place + 1], label=f"follower {place + 1}")
+    above.plot([], [], "_", color="black", markersize=7.0, label="the road moved")
+    above.plot([], [], "o", color="black", markersize=2.2, label="a run with noise")
+    above.legend(ncols=5, loc="upper right")
+    above.set_ylim(0.0, 10.0)
+    above.set_title("Off the own trajectory (what the paper shows)")
+    below.set_title("Off the lead's driven path")
+    below.set_xticks(range(len(cases)), [_label(key) for key in cases])
+    return figure
+
+
+def _label(key: str) -> str:
+    return key.upper() if len(key) == 1 else key.replace("_", " ")
+
+
+def radius(findings: Findings) -> Figure:
+    """Draw how the errors depend on the radius of the bends."""
+    figure = Figure(figsize=(9.6, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _followers_over_radius(left, findings)
+    for suffix, colour, mark, label in (
+        ("/no_lead_data", RED, "o", "without the lead's data"),
+        ("", BLUE, "s", "with them"),
+        ("/slip_compensated", GREEN, "^", "with them, slip compensated"),
+    ):
+        values = [findings.trials[f"radius/{r:g}{suffix}"].cross_track[-1] for r in RADII]
+        right.plot(
+            RADII, 100.0 * np.array(values), color=colour, marker=mark, markersize=4, label=label
+        )
+    right.set_ylabel("off the lead's path (cm)")
+    right.set_title("The third follower")
+    for axes in (left, right):
+        axes.legend()
+        axes.set_xlabel("radius of the bends (m)")
+        axes.set_ylim(bottom=0.0)
+    return figure
+
+
+def _followers_over_radius(axes: Axes, findings: Findings) -> None:
+    for place in PLACES:
+        look: dict[str, Any] = {"color": COLOURS[place + 1], "marker": MARKS[place]}
+        values = [findings.trials[f"radius/{r:g}"].tracking[place] for r in RADII]
+        label = f"follower {place + 1}"
+        axes.plot(RADII, 100.0 * np.array(values), markersize=4.0, label=label, **look)
+        for r in RADII:
+            noisy = [100.0 * run.tracking[place] for run in findings.noisy(f"radius/{r:g}")]
+            axes.plot([r] * len(noisy), noisy, linestyle="", markersize=2.5, alpha=0.6, **look)
+    axes.axhline(9.0, color=RED, linestyle=":", linewidth=1.0)
+    axes.annotate(
+        "the paper's 9 cm",
+        (RADII[-1], 9.0),
+        (0, 3),
+        textcoords="offset points",
+        ha="right",
+        color=RED,
+        fontsize=8.0,
+    )
+    axes.set_ylabel("off the own trajectory (cm)")
+    axes.set_title("With the lead's data (small: with noise)")
+
+
+def measured_propagation(findings: Findings) -> Figure:
+    """Draw |G| and |F|, the simulated chain, and the ratios measured in the convoy."""
+    fine, ten = np.geomspace(0.3, 30.0, 600), np.geomspace(0.3, 25.0, 10)
+    figure = Figure(figsize=(7.6, 4.2), layout="constrained")
+    axes = figure.subplots()
+    paper = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
+    trace = trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
+    chain = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, ten)
+    label = "G(jω), the paper's: steering by the difference of states"
+    axes.semilogx(fine, np.abs(paper.at(fine)), color=RED, label=label)
+    label = "simulated chain of the same linear loops"
+    axes.plot(ten, np.abs(chain), "o", color=RED, mfc="white", markersize=4.5, label=label)
+    label = "F(jω): steering along the path left behind"
+    axes.plot(fine, np.abs(trace.at(fine)), color=BLUE, linestyle="--", label=label)
+    swings, ratios = findings.ratios(PREVIEW_S)
+    for place in range(ratios.shape[1]):
+        label = f"measured in the convoy, car {place + 2} over car {place + 1}"
+        axes.plot(swings, ratios[:, place], MARKS[place], color=GREEN, markersize=4.5, label=label)
+    axes.plot(swings, ratios.prod(axis=1) ** (1.0 / ratios.shape[1]), color=GREEN, linewidth=1.0)
+    swings, ratios = findings.ratios(SHORT_PREVIEW_S)
+    label = f"the same with a preview of {SHORT_PREVIEW_S:g} s, all cars"
+    axes.plot(swings, ratios.mean(axis=1), "D", color=PURPLE, mfc="white", ms=4.5, label=label)
+    axes.axhline(1.0, color=GREY, linewidth=0.8)
+    axes.set_ylim(0.0, 2.4)
+    axes.set_xlabel("frequency (rad/s)")
+    axes.set_ylabel("amplitude over that of the car ahead")
+    axes.set_title("Propagation with the predecessor's data only, 30 m/s")
+    axes.legend(loc="upper left")
+    return figure
+
+
+PICTURES: dict[str, tuple[tuple[str, ...], Draw]] = {
+    "road.png": (("base",), errors.road),
+    "errors_base.png": (("base",), errors.base),
+    "errors_a_to_d.png": (("a", "b", "c", "d"), errors.a_to_d),
+    "errors_variable_speed.png": (("variable_speed",), errors.variable_speed),
+    "maxima.png": (("base",), maxima),
+    "lead_data.png": (("base", "no_lead_data", "long/with", "long/without"), lead_data),
+    "radius.png": (tuple(f"radius/{r:g}" for r in RADII), radius),
+    "propagation.png": (("propagation",), measured_propagation),
+    "field.png": (("field",), errors.field),
+}
+"""What each picture needs, and how it is drawn."""

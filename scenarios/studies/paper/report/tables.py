@@ -1,0 +1,88 @@
+"""Tables of the report on the paper's experiments, as lines of Markdown."""
+
+from collections.abc import Iterator, Sequence
+
+from scenarios.results.drives import Trial
+from scenarios.studies.paper.experiments import RADII, pieces
+from scenarios.studies.paper.findings import Findings, in_cm, non_increasing
+from scenarios.studies.paper.growth import linear
+
+EXPECTED = ("base", "no_lead_data", "a", "b", "c")
+"""Cases of equal cars at constant speed."""
+
+CHANGED = {
+    "base/as_is": "nothing: the base case",
+    "base/blend": "one trajectory for each source, commands blended",
+    "base/lead_only": "lead's data only (α = 0)",
+    "base/slip_compensated": "slip compensated in bends (the product's default law)",
+    "base/knows_loading": "controller knows its load",
+    "base/slip_compensated_knows_loading": "both",
+    "base/own_state_at_50_hz": "own state measured at 50 Hz instead of 20 Hz",
+    "base/gap_25_m": "gaps of 25 m: the predecessor, too, is beyond the preview",
+}
+
+
+def tables(findings: Findings) -> Iterator[str]:
+    """Give all tables for which there are results."""
+    rows = [(text, findings.trials[key]) for key, text in CHANGED.items() if findings.has(key)]
+    if rows:
+        yield from _table("What the base case depends on (first lane change)", "changed", rows)
+    if any(map(findings.has, EXPECTED)):
+        yield from _expected(findings)
+    if findings.has(f"radius/{RADII[0]:g}"):
+        yield from _radii(findings)
+
+
+def _radii(findings: Findings) -> Iterator[str]:
+    rows = [
+        (f"{r:g} m, {word} ({_road(r)})", findings.trials[f"radius/{r:g}{suffix}"])
+        for r in RADII
+        for suffix, word in (("", "with"), ("/no_lead_data", "without"))
+    ]
+    yield from _table("Radius of the bends, with and without the lead's data", "radius", rows)
+    decreasing = sum(non_increasing(trial.tracking) for _, trial in rows[::2])
+    better = sum(
+        a.cross_track[-1] < b.cross_track[-1]
+        for (_, a), (_, b) in zip(rows[::2], rows[1::2], strict=True)
+    )
+    yield ""
+    yield (
+        f"With the lead's data largest errors against the own trajectory decrease on {decreasing} "
+        f"of {len(RADII)} roads; the last car is nearer to the lead's path on {better}."
+    )
+
+
+def _road(radius: float) -> str:
+    arc, straight = pieces(radius)
+    return f"arcs of {arc:.0f} m, {straight:.0f} m between"
+
+
+def _table(title: str, what: str, rows: Sequence[tuple[str, Trial]]) -> Iterator[str]:
+    yield from ("", f"## {title}", "")
+    yield f"| {what} | off the own trajectory | decreasing | off the lead's path |"
+    yield "|---|---|---|---|"
+    for text, trial in rows:
+        word = "yes" if non_increasing(trial.tracking) else "no"
+        yield f"| {text} | {in_cm(trial.tracking)} | {word} | {in_cm(trial.cross_track)} |"
+
+
+def _expected(findings: Findings) -> Iterator[str]:
+    yield from (
+        "",
+        "## Against linear theory",
+        "",
+        "The lead's driven path put through F(jω), car by car: without sampling, fit and links.",
+        "",
+        "| case | own trajectory: theory | simulated | lead's path: theory | simulated |",
+        "|---|---|---|---|---|",
+    )
+    for key in EXPECTED:
+        if findings.has(key):
+            own, true = linear(findings, key)
+            trial = findings.trials[key]
+            cells = (own, trial.tracking, true, trial.cross_track)
+            yield (
+                f"| {key.upper() if len(key) == 1 else key.replace('_', ' ')} | "
+                + " | ".join(map(in_cm, cells))
+                + " |"
+            )

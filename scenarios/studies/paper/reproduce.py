@@ -1,0 +1,161 @@
+"""`convoy reproduce`: runs the paper's experiments, judges its claims, writes one report."""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from functools import partial
+from itertools import islice
+from multiprocessing import get_context, parent_process
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.refusal import near
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.drives import Trial
+from scenarios.runs.rehearsal import record, rehearse
+from scenarios.studies.paper.claims.claim import VERDICTS
+from scenarios.studies.paper.experiments import CASES, Experiment
+from scenarios.studies.paper.field_runs import FieldRuns, field_runs
+from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.frequency_response import (
+    FREQUENCIES,
+    PREVIEW_S,
+    SHORT_PREVIEW_S,
+    Weaving,
+    weave,
+)
+
+Jobs = Mapping[str, Callable[[], Any]]
+REPORT = "report.md"
+WORKERS = 2
+
+
+def reproduce(
+    cases: Sequence[str], out: Path, progress: Callable[[str], None], *, workers: int = WORKERS
+) -> int:
+    """Run `cases` (all, if none is named) and write report, pictures and logs into `out`.
+
+    `progress` gets a line for each part that is done. Returns the exit code: a claim that does
+    not hold is a result like another. Raises ScenarioError for a case that there is not, or a
+    folder with a report in it.
+    """
+    from scenarios.studies.paper.report.report import write_report  # noqa: PLC0415 - brings matplotlib
+
+    chosen = chosen_cases(cases)
+    if (out / REPORT).exists():
+        raise ScenarioError([f"{out / REPORT}: exists; give another folder by --out"])
+    out.mkdir(parents=True, exist_ok=True)
+    jobs = jobs_of(chosen, out)
+    results: dict[str, Any] = {}
+    began = time.monotonic()
+    for key, result in carry_out(jobs, workers):
+        results[key] = result
+        took = time.monotonic() - began
+        progress(f"{took:5.1f} s  {len(results):3d} of {len(jobs)}  {key}")
+    findings = Findings()
+    for key in jobs:  # in one order, whichever part was done first
+        add(findings, key, results[key])
+    claims = write_report(findings, chosen, out)
+    counts = ", ".join(f"{v}: {sum(c.verdict == v for c in claims)}" for v in VERDICTS)
+    progress(f"{len(claims)} claims ({counts}); report: {out / REPORT}")
+    return 0
+
+
+def chosen_cases(cases: Sequence[str]) -> list[str]:
+    """Return the named cases in the order of the paper; raises ScenarioError for strangers."""
+    strangers = [case for case in cases if case not in CASES]
+    if strangers:
+        allowed = ", ".join(CASES)
+        raise ScenarioError(
+            f"--case {name}: no such case{near(name, list(CASES))}, allowed {allowed}"
+            for name in strangers
+        )
+    return [case for case in CASES if case in cases or not cases]
+
+
+def jobs_of(cases: Sequence[str], out: Path) -> dict[str, Callable[[], Any]]:
+    """Return what there is to do, the longest parts first."""
+    jobs: dict[str, Callable[[], Any]] = {}
+    if "field" in cases:
+        jobs["field"] = partial(_field, out / "field")
+    if "gains" in cases:
+        jobs["gains"] = partial(_gains, out / "gains")
+    runs = {key: experiment for case in cases for key, experiment in CASES[case].items()}
+    for key, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
+        jobs[key] = partial(run_experiment, experiment, out / key)
+    if "propagation" in cases:
+        for preview in (PREVIEW_S, SHORT_PREVIEW_S):
+            for frequency in FREQUENCIES:
+                name = f"propagation at {frequency:g} rad/s, preview {preview:g} s"
+                jobs[name] = partial(weave, frequency, preview)
+    return jobs
+
+
+def run_experiment(experiment: Experiment, folder: Path) -> Trial:
+    """Do one run, with its log in `folder` if it is to have one."""
+    scenario = load_scenario(experiment.scenario, experiment.overrides, experiment.seed)
+    return record(scenario, folder) if experiment.logged else rehearse(scenario)
+
+
+def _field(folder: Path) -> FieldRuns:
+    return field_runs(load_scenario("paper_field"), folder)
+
+
+def _gains(folder: Path) -> tuple[str, ...]:
+    """Let the report on the gains draw its pictures."""
+    from scenarios.studies.gains.report import gains_report  # noqa: PLC0415 - brings matplotlib
+    from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS  # noqa: PLC0415
+
+    report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder)
+    return tuple(report["pictures"])
+
+
+def add(findings: Findings, key: str, result: object) -> None:
+    """Put one result where it belongs."""
+    match result:
+        case Trial():
+            findings.trials[key] = result
+        case Weaving():
+            findings.weavings.append(result)
+        case FieldRuns():
+            findings.field = result
+        case tuple():
+            findings.gains_pictures = result
+
+
+def carry_out(jobs: Jobs, workers: int) -> Iterator[tuple[str, Any]]:
+    """Do all jobs on so many processes (0: in this one); gives each result as it comes.
+
+    When one fails, or the caller stops listening, those under way are waited for and no more begun.
+    """
+    if not workers:
+        yield from ((key, job()) for key, job in jobs.items())
+        return
+    # Inherited by the workers; see the same line of the command line.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    waiting = iter(jobs.items())
+    spawn = get_context("spawn")
+    with ProcessPoolExecutor(workers, spawn, initializer=_end_with_parent) as pool:
+        under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
+        while under_way:
+            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+            for future in done:
+                key, result = under_way.pop(future), future.result()
+                for next_key, job in islice(waiting, 1):
+                    under_way[pool.submit(job)] = next_key
+                yield key, result
+
+
+def _end_with_parent() -> None:
+    """Let a worker end when its parent is gone, even if that was killed outright."""
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    Thread(target=watch, daemon=True).start()

@@ -1,0 +1,117 @@
+"""Cars with exact receivers, driven by a driver, and sources that tell exactly where they are."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from vehicles.car.dynamics import Body, advance
+from vehicles.car.gnss import Fix, to_message
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.decision import Decision, Driver
+from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.geometry.path import Path, PathPoint
+from vehicles.messages import GpsPose
+from vehicles.schedule import SECOND, Cadence, instant
+
+START = 1_790_000_000 * SECOND
+CONTROL_HZ, GNSS_HZ = 50.0, 20.0
+GNSS = Cadence(START, GNSS_HZ)
+PLANE = LocalPlane(Origin(30.638, -96.481, 80.0))
+LATENCY_NS = SECOND // 50
+
+
+@dataclass(frozen=True)
+class Step:
+    """One tick of a drive: its instant, the car before it, and what was decided."""
+
+    now: int
+    body: Body
+    decision: Decision
+
+    @property
+    def seconds(self) -> float:
+        return (self.now - START) / SECOND
+
+
+def measured(body: Body, now: int) -> Fix | None:
+    seq = GNSS.index(now)
+    if seq is None:
+        return None
+    return Fix(seq, now, body.east, body.north, body.yaw, body.speed, body.yaw_rate)
+
+
+def instants(seconds: float, control_hz: float = CONTROL_HZ) -> list[int]:
+    end = START + round(seconds * SECOND)
+    all_of = {
+        instant(START, k, rate)
+        for rate in (control_hz, GNSS_HZ)
+        for k in range(math.ceil(seconds * rate) + 1)
+    }
+    return sorted(at for at in all_of if at <= end)
+
+
+def drive(
+    driver: Driver,
+    body: Body,
+    seconds: float,
+    hear: Callable[[int], Sequence[GpsPose]] = lambda _: (),
+    *,
+    control_hz: float = CONTROL_HZ,
+    fix: Callable[[Body, int], Fix | None] = measured,
+) -> list[Step]:
+    steps = []
+    ticks = instants(seconds, control_hz)
+    for now, after in pairwise(ticks):
+        decision = driver.step(now, fix(body, now), hear(now))
+        steps.append(Step(now, body, decision))
+        body = advance(body, decision.actuation, (after - now) / SECOND, CAR)
+    return steps
+
+
+def on(path: Path, station: float, speed: float, aside: float = 0.0) -> Body:
+    """A car on `path`, or `aside` (m) to its left."""
+    point = path.at(station)
+    return Body(*beside(point, aside), yaw=point.yaw, speed=speed)
+
+
+def beside(point: PathPoint, aside: float) -> tuple[float, float]:
+    return point.east - aside * math.sin(point.yaw), point.north + aside * math.cos(point.yaw)
+
+
+@dataclass
+class Source:
+    """A vehicle that drives exactly along `path` and is heard `LATENCY_NS` after it measures.
+
+    `heard` (s, from and until) says when its messages come through.
+    """
+
+    name: str
+    path: Path
+    station: float
+    speed: float
+    heard: Sequence[tuple[float, float]] = ((0.0, math.inf),)
+    _next: int = 0
+
+    def place(self, now: int) -> float:
+        """Station (m) at instant `now`."""
+        return self.station + self.speed * (now - START) / SECOND
+
+    def message(self, seq: int) -> GpsPose:
+        at = instant(START, seq, GNSS_HZ)
+        point = self.path.at(self.place(at))
+        turning = self.speed * point.curvature
+        fix = Fix(seq, at, point.east, point.north, point.yaw, self.speed, turning)
+        return to_message(fix, self.name, PLANE)
+
+    def messages_by(self, now: int) -> Iterator[GpsPose]:
+        """What has become visible since the last call."""
+        while (at := instant(START, self._next, GNSS_HZ)) + LATENCY_NS <= now:
+            seconds = (at - START) / SECOND
+            if any(since <= seconds < until for since, until in self.heard):
+                yield self.message(self._next)
+            self._next += 1
+
+
+def hearing(*sources: Source) -> Callable[[int], list[GpsPose]]:
+    return lambda now: [pose for source in sources for pose in source.messages_by(now)]

@@ -1,0 +1,68 @@
+"""A follower on a road behind sources that tell exactly where they are."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from tests.made.exact_drives import CONTROL_HZ, PLANE, START, Source, Step
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.follower import Follower
+from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.speed import SpeedProfile
+from vehicles.driver.speed_law import ProfileSpeed, SpeedLaw
+from vehicles.driver.steering import SlipCompensated
+from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.preview.trajectory import FitSettings, Fusion
+from vehicles.schedule import Cadence
+
+FUSIONS: list[Fusion] = ["composite", "predecessor", "blend"]
+STRAIGHT = path_from_segments([Segment(600.0, 0.0)])
+BEND = path_from_segments([Segment(60.0, 0.0), Segment(500.0, 1 / 100)])
+GAP = 15.0
+Spans = Sequence[tuple[float, float]]
+ALWAYS: Spans = ((0.0, math.inf),)
+
+
+def follower(
+    *,
+    lead: str = "v1",
+    predecessor: str = "v2",
+    alpha: float = 0.5,
+    fusion: Fusion = "composite",
+    speed: float = 10.0,
+    law: SpeedLaw | None = None,
+) -> Follower:
+    return Follower(
+        estimator=PoseEstimator(CAR),
+        controller=SlipCompensated(CAR),
+        speed_law=law or ProfileSpeed(SpeedProfile((0.0,), (speed,)), START, 1.0 / CONTROL_HZ),
+        control=Cadence(START, CONTROL_HZ),
+        plane=PLANE,
+        lead=lead,
+        predecessor=predecessor,
+        alpha=alpha,
+        fusion=fusion,
+        settings=FitSettings(),
+    )
+
+
+def lead_of(path: Path, speed: float = 10.0, heard: Spans = ALWAYS) -> Source:
+    return Source("v1", path, 2 * GAP, speed, heard)
+
+
+def predecessor_of(path: Path, speed: float = 10.0, heard: Spans = ALWAYS) -> Source:
+    return Source("v2", path, GAP, speed, heard)
+
+
+def lateral(path: Path, steps: Sequence[Step]) -> list[float]:
+    """True distance (m) of the car from the path, by how far it has come."""
+    return [path.project(s.body.east, s.body.north, s.body.distance).lateral for s in steps]
+
+
+def modes(steps: Sequence[Step]) -> list[tuple[str, float]]:
+    """Every mode in turn, with the second at which it began."""
+    found: list[tuple[str, float]] = [(steps[0].decision.mode, 0.0)]
+    for before, step in pairwise(steps):
+        if step.decision.mode != before.decision.mode:
+            found.append((step.decision.mode, step.seconds))
+    return found

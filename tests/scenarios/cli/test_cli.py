@@ -1,0 +1,382 @@
+import json
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
+from scenarios.definition.scenario import library, load_scenario, template
+from scenarios.runs.run_log import RunLog
+from transport.codec import encode
+from transport.log.mcap_log import LogReader
+from transport.topics import CONDUCTOR, TOPIC_OF, key
+from vehicles.schedule import SECOND
+
+COMMANDS = sorted(cli.commands)
+SHORT = ("lane_change", "--clock", "virtual", "--set", "duration_s=2")
+
+
+@pytest.fixture(autouse=True)
+def own_signals() -> Iterator[None]:
+    """Commands set signal handlers; the test run keeps its own."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def convoy(*arguments: str | Path) -> Result:
+    """Run a command in this process."""
+    return CliRunner().invoke(cli, list(map(str, arguments)))
+
+
+def process(*arguments: str | Path, **environment: str) -> "subprocess.CompletedProcess[str]":
+    """Run a command as a process, as a user does."""
+    return subprocess.run(
+        [sys.executable, "-m", "scenarios.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        env={"PATH": "/usr/bin:/bin", "COLUMNS": "80", **environment},
+        check=False,
+    )
+
+
+def refused(result: Result) -> str:
+    """The one line with which a command refuses its input."""
+    assert result.exit_code == 2, (result.output, result.exception)
+    assert isinstance(result.exception, SystemExit)
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a finished run."""
+    folder = tmp_path_factory.mktemp("runs") / "finished"
+    assert convoy("run", *SHORT, "--out", folder, "--quiet").exit_code == 0
+    return folder
+
+
+# ---- Help
+
+
+def examples(help_text: str) -> list[str]:
+    """Command lines of a help text, without what is said of them."""
+    line = r"^\s*(?:Example:)?\s+convoy (.*?)(?:\s{3,}.*| > .*)?$"
+    found = re.findall(line, help_text, re.MULTILINE)
+    return [line for line in found if line]
+
+
+def test_help_lists_every_command_with_examples() -> None:
+    result = convoy("--help")
+    assert result.exit_code == 0
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} ", result.stdout, re.MULTILINE)
+    assert len(examples(result.stdout)) >= 4
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_every_command_has_examples_that_it_understands(command: str) -> None:
+    result = convoy(command, "--help")
+    assert result.exit_code == 0
+    shown = [line for line in examples(result.stdout) if line.split()[0] == command]
+    assert shown
+    for line in shown:
+        arguments = shlex.split(line)[1:]
+        with cli.commands[command].make_context(command, arguments):  # raises if it does not
+            pass
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_is_explained(command: str) -> None:
+    for parameter in cli.commands[command].params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help, parameter.name
+
+
+def test_the_version_is_that_of_the_distribution() -> None:
+    result = convoy("--version")
+    assert result.exit_code == 0
+    assert re.search(r"\b\d+\.\d+\.\d+\b", result.stdout)
+
+
+def test_help_of_a_process_comes_without_loading_what_is_not_needed() -> None:
+    code = "import scenarios.cli, sys; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert not {"numpy", "scipy", "rerun", "mcap", "rich", "matplotlib"} & set(
+        loaded.stdout.split()
+    )
+
+
+# ---- list, new, check
+
+
+def test_list_names_the_scenarios_that_ship() -> None:
+    result = convoy("list")
+    assert result.exit_code == 0
+    lines = result.stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(library())
+    for line, name in zip(lines, library(), strict=True):
+        assert line.endswith(load_scenario(name).tables.description)
+
+
+def test_new_writes_a_scenario_that_can_be_checked_and_run(tmp_path: Path) -> None:
+    file = tmp_path / "my.toml"
+    result = convoy("new", file)
+    assert result.exit_code == 0
+    assert f"convoy run {file}" in result.stdout
+    assert file.read_text(encoding="utf-8") == template()
+    assert convoy("check", file).exit_code == 0
+    ran = convoy(
+        "run", file, "--clock", "virtual", "--set", "duration_s=1", "--out", tmp_path / "run"
+    )
+    assert ran.exit_code == 0
+
+
+def test_new_does_not_overwrite(tmp_path: Path) -> None:
+    file = tmp_path / "my.toml"
+    file.write_text("precious", encoding="utf-8")
+    assert refused(convoy("new", file)) == f"{file}: file exists"
+    assert file.read_text(encoding="utf-8") == "precious"
+
+
+def test_new_without_a_file_writes_to_standard_output() -> None:
+    result = convoy("new")
+    assert (result.exit_code, result.stdout) == (0, template())
+
+
+def test_new_into_no_folder_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "nowhere" / "my.toml"
+    assert refused(convoy("new", file)) == f"{file}: no such file or directory"
+
+
+def test_check_tells_what_a_scenario_asks_for(tmp_path: Path) -> None:
+    before = sorted(tmp_path.iterdir())
+    result = convoy("check", "lane_change", "--set", "convoy.gap_m=12", "--set", "duration_s=30")
+    assert result.exit_code == 0
+    assert "v1, v2, v3, v4" in result.stdout
+    assert "30.0 s" in result.stdout
+    assert "12, 12, 12" in result.stdout
+    assert sorted(tmp_path.iterdir()) == before
+    figures = json.loads(convoy("check", "lane_change", "--json").stdout)
+    assert figures["name"] == "lane_change"
+    assert figures["vehicles"] == ["v1", "v2", "v3", "v4"]
+    assert figures["speed_mps_max"] == pytest.approx(30.0)
+
+
+# ---- What cannot be used
+
+
+WRONG: dict[str, tuple[Sequence[str], str]] = {
+    "unknown key": (["lane_change", "--set", "speed.fast=3"], "speed.fast: unknown key"),
+    "wrong type": (["lane_change", "--set", "duration_s=soon"], 'duration_s: given "soon"'),
+    "negative rate": (["lane_change", "--set", "gnss.rate_hz=-20"], "gnss.rate_hz: given -20"),
+    "not a number": (["lane_change", "--set", "speed.set_mps=nan"], "speed.set_mps: given nan"),
+    "no value": (["lane_change", "--set", "seed"], "key=value"),
+    "no such scenario": (["lane_chagne"], "did you mean lane_change?"),
+    "no such file": (["nowhere/my.toml"], "nowhere/my.toml: no such file"),
+}
+
+
+@pytest.mark.parametrize("command", ["run", "check", "record"])
+@pytest.mark.parametrize("case", WRONG)
+def test_a_broken_scenario_is_refused_in_one_line(
+    command: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments, expected = WRONG[case]
+    assert expected in refused(convoy(command, *arguments))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_vehicle_that_is_not_in_the_scenario_is_refused() -> None:
+    line = refused(convoy("vehicle", "lane_change", "--name", "v9"))
+    assert '"v9", allowed v1, v2, v3, v4' in line
+
+
+@pytest.mark.parametrize("option", ["telepathy", "save", "connect="])
+def test_a_viewer_that_there_is_not_is_refused_before_anything_is_written(
+    option: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    line = refused(convoy("run", *SHORT, "--rerun", option, "--out", out))
+    assert "spawn" in line or "save=" in line
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("command", ["report", "review"])
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [(None, "no such file"), (b"", "empty"), (b"rubbish" * 100, "not an MCAP log")],
+)
+def test_a_log_that_is_none_is_refused_in_one_line(
+    command: str, content: bytes | None, why: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.mcap"
+    if content is not None:
+        log.write_bytes(content)
+    assert why in refused(convoy(command, log)).lower().replace("mcap", "MCAP")
+
+
+def test_as_a_process_it_refuses_with_one_line_and_exit_code_2(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.toml"
+    broken.write_text('name = "broken"\nduration_s = -3\n[path]\nkind = "loop"\n', encoding="utf-8")
+    ended = process("run", broken, "--out", tmp_path / "run")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    lines = ended.stderr.splitlines()
+    assert len(lines) == 2  # a line for each of the two problems
+    assert all(line.startswith(f"{broken}: ") for line in lines)
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_option_that_there_is_not_is_a_matter_of_usage() -> None:
+    result = convoy("run", "--fast")
+    assert result.exit_code == 2
+    assert "Usage:" in result.stderr
+    assert "--fast" in result.stderr
+
+
+# ---- run
+
+
+def test_run_writes_a_log_and_a_summary(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "run"
+    result = convoy("run", *SHORT, "--seed", "5", "--out", out)
+    assert result.exit_code == 0
+    assert sorted(path.name for path in out.iterdir()) == ["run.mcap", "summary.json"]
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["outcome"], summary["seed"], summary["ran_s"]) == ("completed", 5, 2.0)
+    assert not LogReader(out / "run.mcap").truncated
+    assert "lane_change, virtual clock, seed 5, 2.0 s" in result.stdout
+    assert "v1 → v4" in result.stdout
+    assert result.stdout.endswith(f"log: {out / 'run.mcap'}\n")
+
+
+def test_a_log_is_never_overwritten(finished: Path) -> None:
+    before = (finished / "run.mcap").read_bytes()
+    log = finished / "run.mcap"
+    line = refused(convoy("run", *SHORT, "--seed", "9", "--out", finished))
+    assert line == f"{log}: exists; give another folder by --out"
+    assert log.read_bytes() == before
+
+
+def test_without_a_folder_it_is_named_by_start_and_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert convoy("run", *SHORT, "--quiet").exit_code == 0
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert re.fullmatch(r"\d{8}-\d{6}-lane_change", folder.name)
+
+
+def test_quiet_is_quiet(tmp_path: Path) -> None:
+    result = convoy("run", *SHORT, "--quiet", "--out", tmp_path / "run")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_another_process_writes_the_same_bytes(finished: Path, tmp_path: Path) -> None:
+    ended = process(
+        "run", *SHORT, "--out", tmp_path, "--quiet",
+        PYTHONHASHSEED="12345", TZ="Asia/Tokyo", LC_ALL="C", OPENBLAS_NUM_THREADS="2",
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+    for name in ("run.mcap", "summary.json"):
+        assert (tmp_path / name).read_bytes() == (finished / name).read_bytes()
+
+
+def test_ctrl_c_ends_a_run_with_a_whole_log(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    arguments = ["lane_change", "--clock", "virtual", "--out", str(out), "--quiet"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "scenarios.cli", "run", *arguments, "--set", "gnss.rate_hz=100"],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with running:
+        deadline = time.monotonic() + 30.0
+        while not (out / "run.mcap").exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        running.send_signal(signal.SIGINT)
+        assert running.wait(30.0) == 130
+        assert running.stderr is not None
+        assert "Traceback" not in running.stderr.read()
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["outcome"], summary["reason"]) == ("failed", "stopped by SIGINT")
+    assert 0.0 <= summary["ran_s"] < 35.0
+    assert not LogReader(out / "run.mcap").truncated
+
+
+# ---- report
+
+
+def test_report_prints_the_tables_of_the_run(finished: Path) -> None:
+    log = finished / "run.mcap"
+    result = convoy("report", log)
+    assert result.exit_code == 0
+    assert "lane_change, virtual clock, seed 1, 2.0 s" in result.stdout
+    rows = [line.split()[0] for line in result.stdout.splitlines() if line.strip()]
+    assert [name for name in rows if re.fullmatch(r"v\d", name)][:4] == ["v1", "v2", "v3", "v4"]
+    assert result.stdout.endswith(f"log: {log}\n")
+
+
+def test_report_as_json_is_the_summary(finished: Path) -> None:
+    result = convoy("report", finished / "run.mcap", "--json")
+    assert result.exit_code == 0
+    assert result.stdout == (finished / "summary.json").read_text(encoding="utf-8")
+
+
+def test_a_log_alone_is_enough(finished: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "elsewhere.mcap"
+    copy.write_bytes((finished / "run.mcap").read_bytes())
+    assert convoy("report", copy, "--json").stdout == (finished / "summary.json").read_text()
+
+
+def test_a_log_that_breaks_off_is_reported_as_far_as_it_goes(
+    finished: Path, tmp_path: Path
+) -> None:
+    """Its recorder is killed after the first second, in which it brought all to the file."""
+    scenario = load_scenario("lane_change", ["duration_s=2"])
+    run = RunLog(scenario, tmp_path, clock="wall", run_id="killed")
+    run.start(scenario.start_at_ns, scenario.start_at_ns)
+    for at, vehicle, message in LogReader(finished / "run.mcap").messages():
+        if vehicle != CONDUCTOR and at < scenario.start_at_ns + SECOND:
+            run.recorder.accept(key(vehicle, TOPIC_OF[type(message)]), encode(message), at)
+    run.flush()
+    log = tmp_path / "run.mcap"
+    result = convoy("report", log)
+    assert result.exit_code == 0
+    assert "ended early: the log breaks off" in result.stdout
+    summary = json.loads(convoy("report", log, "--json").stdout)
+    assert (summary["outcome"], summary["clock"]) == ("failed", "wall")
+    assert [row["poses"] for row in summary["vehicles"]] == [20] * 4
+    run.close(scenario.start_at_ns)
+
+
+def test_wherever_a_log_is_cut_it_is_reported_or_refused_in_one_line(
+    finished: Path, tmp_path: Path
+) -> None:
+    whole = (finished / "run.mcap").read_bytes()
+    cut = tmp_path / "run.mcap"
+    summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
+    for part in range(40):
+        cut.write_bytes(whole[: len(whole) * part // 40])
+        result = convoy("report", cut, "--json")
+        if result.exit_code == 0:  # the summary lies near the end and may be whole
+            found = json.loads(result.stdout)
+            assert found["reason"] == "the log breaks off" or found == summary
+        else:
+            assert str(cut) in refused(result)

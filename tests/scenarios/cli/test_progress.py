@@ -1,0 +1,193 @@
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from scenarios.cli import progress
+from scenarios.cli.progress import PLAIN_EVERY_S, REDRAW_S, Progress
+from tests.made.messages import START, gps, health, start, text, tracking, truth, verdict
+
+CONVOY = ("v1", "v2")
+
+
+class FakeTime:
+    """A monotonic clock that stands until it is moved."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
+    fake = FakeTime()
+    monkeypatch.setattr(progress, "time", fake)
+    return fake
+
+
+@pytest.fixture
+def plain(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Progress]:
+    """Progress into a file or a pipe."""
+    for name in ("FORCE_COLOR", "TTY_COMPATIBLE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("COLUMNS", "100")
+    del clock
+    with Progress(CONVOY, 35.0) as shown:
+        yield shown
+
+
+@pytest.fixture
+def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Progress]:
+    """Progress on a terminal."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "100")
+    del clock
+    with Progress(CONVOY, 35.0) as shown:
+        yield shown
+
+
+def drive(shown: Progress, seconds: float = 12.0) -> None:
+    """What two vehicles tell until `seconds` after the start."""
+    seq = round(seconds * 50)
+    for name, error in (("v1", 0.02), ("v2", -0.345)):
+        shown.listen(START, truth(name, seq, 0.0, 0.0))
+        shown.listen(START, tracking(name, seq, lateral_error_m=error, mode="lead"))
+    for number in range(5):
+        shown.listen(START, verdict("v1", "v2", number))
+    shown.listen(START, verdict("v1", "v2", 5, dropped="loss"))
+    shown.listen(START, verdict("v1", "v2", 6, dropped="rate"))
+    shown.listen(START, verdict("v1", "v2", 7, heard_after_ms=90.0))
+    shown.listen(START, health("v2", late_ticks=3))
+
+
+def test_nothing_is_shown_before_the_start(
+    plain: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive(plain)
+    clock.now += 60.0
+    drive(plain)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_without_a_terminal_a_plain_line_now_and_then(
+    plain: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain.listen(START, start())
+    assert capsys.readouterr().err.split() == (
+        [
+            "0.0",
+            "of",
+            "35.0",
+            "s",
+            "lateral",
+            "error",
+            "0.0",
+            "cm",
+            "heard",
+            "0",
+            "lost",
+            "0",
+            "late",
+            "0",
+        ]
+    )
+    drive(plain)
+    clock.now += PLAIN_EVERY_S - 0.1
+    plain.listen(START, gps("v1", 0))
+    assert capsys.readouterr().err == ""
+    clock.now += 0.2
+    plain.listen(START, gps("v1", 1))
+    plain.listen(START, gps("v1", 2))
+    out, err = capsys.readouterr()
+    assert out == ""  # standard output is for what the command is asked for
+    assert err.split() == (
+        # lost is what was lost, not what the link's rate held back; late are messages and ticks
+        [
+            "12.0",
+            "of",
+            "35.0",
+            "s",
+            "lateral",
+            "error",
+            "34.5",
+            "cm",
+            "heard",
+            "6",
+            "lost",
+            "1",
+            "late",
+            "4",
+        ]
+    )
+
+
+def test_the_time_shown_does_not_go_back(
+    plain: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain.listen(START, start())
+    plain.listen(START, truth("v1", 500, 0.0, 0.0))
+    clock.now += PLAIN_EVERY_S
+    plain.listen(START, truth("v2", 450, 0.0, 0.0))
+    assert capsys.readouterr().err.splitlines()[-1].split()[0] == "10.0"
+
+
+def test_a_terminal_shows_a_row_for_each_vehicle(
+    live: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+) -> None:
+    live.listen(START, start())
+    drive(live)
+    live.listen(START, tracking("v2", 601, lateral_error_m=0.1, mode="composite"))
+    capsys.readouterr()
+    clock.now += REDRAW_S
+    live.listen(START, gps("v1", 0))
+    err = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err)
+    assert "12.0 of 35.0 s" in err
+    rows = {line.split()[1]: line.split()[3::2] for line in err.splitlines() if " v" in line}
+    assert rows["v1"] == ["lead", "20.0", "2.0", "2.0", "0", "0", "0", "0"]
+    # The error now, and the largest so far.
+    assert rows["v2"] == ["composite", "20.0", "10.0", "34.5", "6", "1", "1", "3"]
+
+
+def test_a_terminal_is_redrawn_at_most_so_often(
+    live: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+) -> None:
+    live.listen(START, start())
+    capsys.readouterr()
+    for _ in range(10):
+        clock.now += REDRAW_S / 11
+        live.listen(START, gps("v1", 0))
+    assert capsys.readouterr().err == ""
+
+
+def test_what_the_run_says_and_what_goes_wrong_is_printed(
+    plain: Progress, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain.listen(START, text("run", 0, "all 2 vehicles are present"))
+    plain.listen(START, text("run", 1, "the router was out of reach for 1.0 s", "warning"))
+    plain.listen(START, text("v1", 0, "steers along: path"))
+    plain.listen(START, text("v2", 0, "3 ticks came late", "warning"))
+    plain.listen(START, text("v2", 1, "no way", "error"))
+    assert capsys.readouterr().err.splitlines() == [
+        "run: all 2 vehicles are present",
+        "run: the router was out of reach for 1.0 s",
+        "v2: no way",
+    ]
+
+
+@pytest.mark.parametrize("words", ["[/red] gone", "[bold]not bold", ":bomb:", "links[0]"])
+def test_texts_are_printed_as_they_are(
+    plain: Progress, capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    plain.listen(START, text("v2", 0, words, "error"))
+    assert capsys.readouterr().err == f"v2: {words}\n"
+
+
+def test_strangers_are_not_shown(plain: Progress, capsys: pytest.CaptureFixture[str]) -> None:
+    plain.listen(START, start())
+    capsys.readouterr()
+    plain.listen(START, truth("v9", 1, 0.0, 0.0))
+    plain.listen(START, tracking("v9", 1))
+    plain.listen(START, health("v9"))
+    assert capsys.readouterr().err == ""

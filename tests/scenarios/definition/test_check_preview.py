@@ -1,0 +1,52 @@
+"""What `convoy check` says of followers that hear too little of the path ahead of them."""
+
+import pytest
+
+from scenarios.definition.check.report import check
+
+SLOW_POSES = ("gnss.rate_hz=2.0",)
+LATE = ("links.latency_ms=180.0",)
+ALONE = ('control.fusion="predecessor"',)
+GAP_KEPT = ('speed.followers="gap"', "speed.gap.headway_s=0.3")
+
+
+@pytest.mark.parametrize(
+    ("changes", "who", "why"),
+    [
+        ((), "", ""),
+        (("convoy.gap_m=8.0",), "v2:", "known 5.9 m ahead, less than the 10.5 m behind"),
+        (("convoy.gap_m=8.0", *ALONE), "v2, v3, v4:", "known 5.9 m ahead"),
+        # 15 m less 30 m/s for 0.18 + 0.05 s
+        (LATE, "v2:", "known 8.1 m ahead"),
+        ((*LATE, *ALONE), "v2, v3, v4:", "known 8.1 m ahead"),
+        ((*LATE, 'control.fusion="blend"'), "v2, v3, v4:", "known 8.1 m ahead"),
+        (("links.latency_ms=600.0",), "v2:", "0.0 poses of v1 lie in the preview"),
+        (("links.loss_ratio=1.0",), "v2, v3, v4:", "0.0 poses"),
+        (SLOW_POSES, "v2, v3, v4:", "a trajectory takes 3"),
+        (("convoy.gap_m=60.0", *SLOW_POSES), "v2, v3, v4:", "1.6 poses"),
+        (("control.preview_s=0.1",), "v2, v3, v4:", "2.7 poses"),
+        # 8 m and 0.3 s: 17 m at 30 m/s
+        (GAP_KEPT, "", ""),
+        ((*GAP_KEPT, *LATE), "v2:", "known 10.1 m ahead"),
+    ],
+)
+def test_too_short_a_preview_is_said_in_one_line(
+    changes: tuple[str, ...], who: str, why: str
+) -> None:
+    found = check("lane_change", changes).warnings
+    assert len(found) == bool(who)
+    for line in found:
+        assert line.startswith(f"{who} at 30 m/s ")
+        assert why in line
+        assert "\n" not in line
+
+
+def test_only_the_link_that_is_late_counts() -> None:
+    late = 'link=[{sender="v2",receiver="v3",latency_ms=180.0}]'
+    assert check("lane_change", [late]).warnings == ()  # the lead reaches further
+    (line,) = check("lane_change", [late, *ALONE]).warnings
+    assert line.startswith("v3: at 30 m/s the path of v2")
+
+
+def test_at_walking_pace_the_preview_is_never_too_short() -> None:
+    assert check("lane_change", ["convoy.gap_m=5.0", "speed.set_mps=1.5"]).warnings == ()

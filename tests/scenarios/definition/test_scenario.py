@@ -1,0 +1,240 @@
+"""Scenario files: what they resolve to, and how overrides act."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.definition.check.report import warnings
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.toml_text import override, parse_override, to_toml
+from tests.made.messages import STRAIGHT
+from vehicles.car.parameters import LINCOLN_MKZ
+
+COORDINATES = "t_s,x_m,y_m\n" + "".join(f"{k},{10 * k},0\n" for k in range(20))
+
+
+# --- What a scenario resolves to
+
+
+def test_defaults_are_the_paper_s() -> None:
+    scenario = scenario_from_text(STRAIGHT)
+    assert scenario.vehicle_names == ("v1", "v2", "v3", "v4")
+    assert scenario.route.gaps == (0.0, 15.0, 15.0, 15.0)
+    assert (scenario.control_rate_hz, scenario.vehicle("v2").gnss.rate_hz) == (50.0, 20.0)
+    steering = scenario.vehicle("v3").steering
+    gains = steering.gains
+    assert (gains.lateral_rad_per_m, gains.heading_rad_per_rad, gains.yaw_rate_s) == (
+        0.06,
+        0.96,
+        0.08,
+    )
+    assert (steering.alpha_ratio, steering.preview_s, steering.tolerance_m) == (0.5, 0.8, 0.1)
+    assert scenario.vehicle("v4").parameters == LINCOLN_MKZ
+    assert scenario.start_at_ns == 1_767_225_600 * 10**9  # 2026-01-01, counted in days from 1970
+
+
+def test_followers_hear_the_lead_and_the_vehicle_ahead() -> None:
+    scenario = scenario_from_text(STRAIGHT)
+    hears = {name: scenario.vehicle(name).hears for name in scenario.vehicle_names}
+    assert hears == {"v1": (), "v2": ("v1",), "v3": ("v1", "v2"), "v4": ("v1", "v3")}
+    assert scenario.vehicle("v3").predecessor == "v2"
+    assert {name: set(scenario.links_into(name)) for name in hears} == {
+        name: set(heard) for name, heard in hears.items()
+    }
+
+
+def test_vehicles_start_behind_each_other_on_a_straight_through_the_origin() -> None:
+    scenario = scenario_from_text(
+        STRAIGHT, overrides=["vehicle.v3.gap_m=40", "convoy.gap_m=10", "path.heading_deg=0"]
+    )
+    places = [scenario.route.path.at(scenario.route.start_station(k)) for k in range(4)]
+    assert [(round(p.east, 9), round(p.north, 9)) for p in places] == [
+        (0.0, 0.0),
+        (0.0, -10.0),
+        (0.0, -50.0),
+        (0.0, -60.0),
+    ]
+
+
+def test_one_vehicle_differs_only_in_what_its_table_says() -> None:
+    text = (
+        STRAIGHT
+        + """
+[control]
+preview_s = 1.0
+[control.gains]
+lateral_rad_per_m = 0.1
+[loading]
+rear_passengers = 2
+[vehicle.v2.control]
+alpha_ratio = 0.25
+knows_loading = true
+[vehicle.v2.control.gains]
+yaw_rate_s = 0.2
+[vehicle.v2.loading]
+front_passengers = 1
+[vehicle.v2.parameters]
+mass_kg = 2000.0
+[vehicle.v2.gnss]
+position_noise_m = 0.5
+"""
+    )
+    scenario = scenario_from_text(text)
+    other, own = scenario.vehicle("v3"), scenario.vehicle("v2")
+    assert (own.steering.alpha_ratio, other.steering.alpha_ratio) == (0.25, 0.5)
+    assert own.steering.preview_s == other.steering.preview_s == 1.0
+    assert own.steering.gains.model_dump() == {
+        "lateral_rad_per_m": 0.1,
+        "heading_rad_per_rad": 0.96,
+        "yaw_rate_s": 0.2,
+    }
+    assert own.parameters.mass == 2000.0 + 3 * 120.0
+    assert own.assumed_parameters == own.parameters
+    assert other.parameters.mass == LINCOLN_MKZ.mass + 2 * 120.0
+    assert other.assumed_parameters == LINCOLN_MKZ
+    assert (own.gnss.position_noise_m, other.gnss.position_noise_m) == (0.5, 0.02)
+    assert own.gnss.rate_hz == 20.0
+
+
+def test_the_last_entry_that_fits_a_link_wins_key_by_key() -> None:
+    text = (
+        STRAIGHT
+        + """
+[links]
+latency_ms = 30.0
+[[link]]
+sender = "v1"
+receiver = "*"
+loss_ratio = 0.5
+jitter_ms = 7.0
+[[link]]
+sender = "*"
+receiver = "v3"
+loss_ratio = 0.1
+"""
+    )
+    scenario = scenario_from_text(text)
+    v2, v3 = scenario.links_into("v2"), scenario.links_into("v3")
+    assert (v2["v1"].loss_ratio, v2["v1"].jitter_ms, v2["v1"].latency_ms) == (0.5, 7.0, 30.0)
+    assert (v3["v1"].loss_ratio, v3["v1"].jitter_ms) == (0.1, 7.0)
+    assert (v3["v2"].loss_ratio, v3["v2"].jitter_ms, v3["v2"].latency_ms) == (0.1, 0.0, 30.0)
+    assert scenario.links_into("v4")["v3"].loss_ratio == 0.0
+
+
+def test_a_scenario_s_text_holds_all_of_it(tmp_path: Path) -> None:
+    (tmp_path / "drive.csv").write_text(COORDINATES + "13,nonsense,0\n")
+    text = """
+name = "whole"
+[path]
+kind = "trace"
+file = "drive.csv"
+[speed]
+lead = "recorded"
+[[link]]
+sender = "*"
+receiver = "v2"
+loss_ratio = 0.25
+[vehicle.v3.control]
+alpha_ratio = 1.0
+"""
+    scenario = scenario_from_text(text, folder=tmp_path)
+    (tmp_path / "drive.csv").unlink()
+    again = scenario_from_text(scenario.text, folder=tmp_path)
+    assert again.tables == scenario.tables
+    assert again.duration_s == scenario.duration_s
+    assert again.links_into("v2") == scenario.links_into("v2")
+    assert again.vehicle("v3") == scenario.vehicle("v3")
+    assert warnings(again) == warnings(scenario)
+    assert "drive.csv: 1 bad line skipped" in warnings(again)[0]
+
+
+def test_the_seed_argument_wins_over_file_and_override() -> None:
+    assert scenario_from_text(STRAIGHT, overrides=["seed=5"]).seed == 5
+    assert scenario_from_text(STRAIGHT, overrides=["seed=5"], seed=7).seed == 7
+
+
+def test_without_a_duration_the_lead_drives_its_whole_path() -> None:
+    text = STRAIGHT.replace("duration_s = 20.0\n", "")
+    assert scenario_from_text(text, overrides=["speed.set_mps=25"]).duration_s == 40.0
+
+
+# --- Overrides
+
+
+@settings(max_examples=50)
+@given(
+    key=st.lists(st.from_regex(r"\A[a-z_]{1,8}\Z"), min_size=1, max_size=4),
+    value=st.one_of(
+        st.integers(-(2**62), 2**62),
+        st.floats(allow_nan=False),
+        st.booleans(),
+        st.lists(st.floats(-1e3, 1e3), max_size=3),
+        st.text(st.characters(exclude_categories=["Cs"]), max_size=12),
+    ),
+)
+def test_an_override_sets_just_the_value_that_it_gives(key: list[str], value: Any) -> None:
+    written = to_toml({"x": value}).removeprefix("x = ").rstrip("\n")
+    parts, parsed = parse_override(f"{'.'.join(key)}={written}")
+    table: dict[str, Any] = {"untouched": 1, key[0]: {}} if key[0] != "untouched" else {}
+    override(table, parts, parsed)
+    found: Any = table
+    for part in key:
+        found = found[part]
+    assert found == value
+    assert type(found) is type(value)
+
+
+@settings(max_examples=50)
+@given(alpha=st.floats(0, 1), latency=st.floats(0, 1000), seed=st.integers(0, 2**63 - 1))
+def test_overrides_arrive_in_the_scenario_and_survive_its_text(
+    alpha: float, latency: float, seed: int
+) -> None:
+    scenario = scenario_from_text(
+        STRAIGHT,
+        overrides=[
+            f"control.alpha_ratio={alpha!r}",
+            f"links.latency_ms={latency!r}",
+            f"seed={seed}",
+        ],
+    )
+    assert scenario.vehicle("v3").steering.alpha_ratio == alpha
+    assert scenario.links_into("v3")["v2"].latency_ms == latency
+    assert scenario.seed == seed
+    assert scenario_from_text(scenario.text).tables == scenario.tables
+
+
+@settings(max_examples=50)
+@given(
+    st.recursive(
+        st.one_of(
+            st.integers(-(2**62), 2**62),
+            st.floats(allow_nan=False),
+            st.booleans(),
+            st.text(st.characters(exclude_categories=["Cs"])),
+            st.lists(st.floats(allow_nan=False, allow_infinity=False), max_size=3),
+        ),
+        lambda inner: st.dictionaries(st.text(st.characters(exclude_categories=["Cs"])), inner),
+        max_leaves=12,
+    ).filter(lambda value: isinstance(value, dict))
+)
+def test_written_toml_reads_back_equal(table: dict[str, Any]) -> None:
+    assert tomllib.loads(to_toml(table)) == table
+
+
+def test_an_override_may_be_written_without_quotes_and_with_indices() -> None:
+    scenario = scenario_from_text(
+        STRAIGHT,
+        overrides=[
+            "control.fusion=predecessor",
+            "path.segments.0.length_m=500",
+            "path.segments[1].length_m=700",
+            "link.0={sender='*', receiver='v2', loss_ratio=0.5}",
+        ],
+    )
+    assert scenario.vehicle("v2").steering.fusion == "predecessor"
+    assert scenario.route.length == pytest.approx(1200.0)
+    assert scenario.links_into("v2")["v1"].loss_ratio == 0.5

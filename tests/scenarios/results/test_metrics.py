@@ -1,0 +1,269 @@
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.results.metrics import Extremes, Metrics
+from tests.made.messages import gps, health, start, text, tracking, truth, verdict
+from vehicles.messages import Message, TruePose
+
+CONVOY = ("v1", "v2", "v3")
+ASKED: Mapping[tuple[str, str], Mapping[str, Any]] = {
+    ("v2", "v3"): {"latency_ms": 30.0, "loss_ratio": 0.5},
+    ("v1", "v3"): {"latency_ms": 20.0, "loss_ratio": 0.0},
+    ("v1", "v2"): {"latency_ms": 20.0, "loss_ratio": 0.0},
+}
+
+
+def summary_of(*messages: Message) -> dict[str, Any]:
+    metrics = Metrics(CONVOY, ASKED)
+    for message in messages:
+        metrics.add(message)
+    return metrics.summary()
+
+
+def vehicle(name: str, *messages: Message) -> dict[str, Any]:
+    found: dict[str, Any] = next(
+        row for row in summary_of(*messages)["vehicles"] if row["name"] == name
+    )
+    return found
+
+
+def link(sender: str, receiver: str, *messages: Message) -> dict[str, Any]:
+    found: dict[str, Any] = next(
+        row
+        for row in summary_of(*messages)["links"]
+        if (row["sender"], row["receiver"]) == (sender, receiver)
+    )
+    return found
+
+
+@given(values=st.lists(st.floats(-1e3, 1e3), max_size=30))
+@settings(max_examples=50)
+def test_extremes_are_those_of_the_values(values: list[float]) -> None:
+    extremes = Extremes()
+    for value in values:
+        extremes.add(value)
+    assert extremes.count == len(values)
+    assert extremes.largest == max(map(abs, values), default=0.0)
+    squares = np.square(values)
+    assert extremes.rms == pytest.approx(math.sqrt(squares.mean()) if values else 0.0)
+
+
+def test_a_run_without_messages_has_a_summary_too() -> None:
+    found = summary_of()
+    assert [row["name"] for row in found["vehicles"]] == list(CONVOY)
+    assert [row["role"] for row in found["vehicles"]] == ["lead", "follower", "follower"]
+    for row in found["vehicles"]:
+        assert (row["poses"], row["missing_poses"], row["ticks"]) == (0, 0, 0)
+        assert not row["finished"]
+        assert row["gap_m_min"] is None
+        assert row["cross_track_error_m_max"] is None
+        assert row["cross_track_error_m_rms"] is None
+    for row in found["links"]:
+        assert (row["sent"], row["judged"], row["loss_ratio"]) == (0, 0, 0.0)
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+
+
+def test_tracking_errors_are_summed_up() -> None:
+    errors = [(0.1, 0.01), (-0.4, 0.03), (0.2, -0.05), (0.2, 0.0)]
+    row = vehicle(
+        "v2",
+        *(
+            tracking("v2", seq, lateral_error_m=lateral, heading_error_rad=heading)
+            for seq, (lateral, heading) in enumerate(errors)
+        ),
+        tracking("v3", 0, lateral_error_m=9.0),
+    )
+    assert row["lateral_error_m_max"] == 0.4
+    assert row["lateral_error_m_rms"] == pytest.approx(0.25)
+    assert row["heading_error_rad_max"] == 0.05
+
+
+def test_modes_are_counted_and_the_smallest_gap_kept() -> None:
+    modes_and_gaps = [("straight", math.nan), ("lead", 14.0), ("composite", 12.5), ("lead", 13.0)]
+    row = vehicle(
+        "v2",
+        *(
+            tracking("v2", seq, mode=mode, gap_m=gap)
+            for seq, (mode, gap) in enumerate(modes_and_gaps)
+        ),
+    )
+    assert row["ticks_by_mode"] == {"composite": 1, "lead": 2, "straight": 1}
+    assert row["gap_m_min"] == 12.5
+    alone = vehicle("v2", tracking("v2", 0, gap_m=math.nan))
+    assert alone["gap_m_min"] is None
+
+
+def lead_and_follower(aside: float) -> Sequence[Message]:
+    """The lead drives 60 m east, v2 15 m behind and `aside` to its left."""
+    return [
+        message
+        for seq in range(100)
+        for message in (
+            truth("v1", seq, 0.6 * seq, 0.0, distance=0.6 * seq),
+            truth("v2", seq, 0.6 * seq - 15.0, aside, distance=0.6 * seq),
+        )
+    ]
+
+
+def test_true_cross_track_error_is_the_distance_from_what_the_lead_drove() -> None:
+    for aside in (0.25, -0.25):
+        row = vehicle("v2", *lead_and_follower(aside))
+        assert row["cross_track_error_m_max"] == pytest.approx(0.25)
+        assert row["cross_track_error_m_rms"] == pytest.approx(0.25)
+        assert row["distance_m"] == pytest.approx(59.4)
+
+
+def askew(yaw: float, distance: float = 0.0) -> Metrics:
+    """A lead that first faces `yaw` (rad) on a road eastward, with `distance` (m) behind it."""
+    metrics = Metrics(CONVOY, ASKED)
+    for message in lead_and_follower(0.25):
+        assert isinstance(message, TruePose)
+        first_of_lead = message.vehicle == "v1" and message.seq == 0
+        whole = replace(message, distance_m=message.distance_m + distance)
+        metrics.add(replace(whole, yaw_rad=yaw) if first_of_lead else whole)
+    return metrics
+
+
+@pytest.mark.parametrize("yaw", [0.1, -0.5, 3.0])
+def test_before_the_lead_s_first_pose_the_road_counts_not_where_the_lead_faced(yaw: float) -> None:
+    row = askew(yaw).summary(road_yaw=0.0)["vehicles"][1]
+    assert row["cross_track_error_m_max"] == pytest.approx(0.25)
+    assert row["cross_track_error_m_rms"] == pytest.approx(0.25)
+    assert askew(yaw).true_cross_track("v2").largest > 1.0
+
+
+def test_a_lead_that_was_first_seen_on_its_way_faces_along_the_road_there() -> None:
+    """The road at the start may have gone elsewhere."""
+    found = askew(0.0, distance=80.0).summary(road_yaw=1.5)["vehicles"][1]
+    assert found["cross_track_error_m_max"] == pytest.approx(0.25)
+
+
+def test_a_follower_that_was_nowhere_beside_the_lead_s_path_has_no_distance_from_it() -> None:
+    lead = [message for message in lead_and_follower(0.0) if message.vehicle == "v1"]
+    beyond = [truth("v2", seq, 100.0 + seq, 0.5) for seq in range(20)]
+    for found in (vehicle("v2", *lead), vehicle("v2", *lead, *beyond), vehicle("v2", *beyond)):
+        assert found["cross_track_error_m_max"] is None
+        assert found["cross_track_error_m_rms"] is None
+
+
+def test_the_lead_has_no_distance_from_itself() -> None:
+    row = vehicle("v1", *lead_and_follower(0.25))
+    assert row["cross_track_error_m_max"] is None
+    assert row["cross_track_error_m_rms"] is None
+
+
+@pytest.mark.parametrize(
+    ("numbers", "missing"),
+    [
+        ([0, 1, 2, 3], 0),
+        ([0, 1, 2, 5, 6], 2),
+        ([2, 3], 2),
+        ([0, 2, 1, 3], 0),
+        ([3, 2, 1, 0], 0),
+        ([5], 5),
+        ([0, 5, 1], 3),
+    ],
+)
+def test_poses_are_missing_up_to_the_newest_whatever_their_order(
+    numbers: list[int], missing: int
+) -> None:
+    row = vehicle("v1", *(gps("v1", seq) for seq in numbers))
+    assert (row["poses"], row["missing_poses"]) == (len(numbers), missing)
+
+
+def test_health_is_the_last_one_and_memory_the_largest() -> None:
+    row = vehicle(
+        "v3",
+        health("v3", 0, memory_bytes=50, cpu_ratio=0.5, ticks=10),
+        health("v3", 1, memory_bytes=70, cpu_ratio=0.2, ticks=20, late_ticks=1),
+        health("v3", 2, memory_bytes=65, cpu_ratio=0.4, ticks=25, late_ticks=1),
+        health(
+            "v3", 3, final=True, memory_bytes=60, cpu_ratio=0.03, ticks=30, late_ticks=2,
+            lateness_ms_max=11.5, rejected_messages=4,
+        ),
+    )  # fmt: skip
+    assert row["memory_bytes_max"] == 70
+    assert (row["ticks"], row["late_ticks"], row["lateness_ms_max"]) == (30, 2, 11.5)
+    assert (row["rejected_messages"], row["cpu_ratio"], row["finished"]) == (
+        4,
+        pytest.approx(0.3),
+        True,
+    )
+    assert not vehicle("v3", health("v3", 0))["finished"]
+
+
+def test_strangers_and_the_conductor_count_for_nothing() -> None:
+    assert summary_of(start(), text("run", 0, "so far"), gps("v9", 0), health("run")) == (
+        summary_of()
+    )
+
+
+def test_a_link_is_told_from_its_verdicts() -> None:
+    row = link(
+        "v2",
+        "v3",
+        *(gps("v2", seq) for seq in range(6)),
+        verdict("v2", "v3", 0, latency_ms=30.0),
+        verdict("v2", "v3", 1, dropped="loss"),
+        verdict("v2", "v3", 2, latency_ms=50.0),
+        verdict("v2", "v3", 3, dropped="loss"),
+        verdict("v2", "v3", 4, latency_ms=30.0, heard_after_ms=100.0),
+        verdict("v1", "v3", 4, latency_ms=500.0),
+        verdict("v1", "v2", 4, dropped="loss"),
+    )
+    assert row["requested"] == ASKED["v2", "v3"]
+    assert (row["sent"], row["judged"], row["heard"], row["late"]) == (6, 5, 3, 1)
+    assert row["dropped"] == {"loss": 2}
+    assert row["loss_ratio"] == pytest.approx(2 / 5)
+    # A late message took as long as it really took.
+    assert row["latency_ms_mean"] == pytest.approx((30 + 50 + 100) / 3)
+    assert row["latency_ms_max"] == pytest.approx(100.0)
+
+
+def test_what_a_link_s_rate_holds_back_is_not_lost() -> None:
+    row = link(
+        "v1",
+        "v2",
+        verdict("v1", "v2", 0),
+        verdict("v1", "v2", 1, dropped="rate"),
+        verdict("v1", "v2", 2, dropped="loss"),
+        verdict("v1", "v2", 3, dropped="rate"),
+    )
+    assert row["dropped"] == {"loss": 1, "rate": 2}
+    assert row["loss_ratio"] == pytest.approx(1 / 2)
+    held_back = link("v1", "v2", verdict("v1", "v2", 0, dropped="rate"))
+    assert held_back["loss_ratio"] == 0.0
+
+
+def test_links_are_ordered_by_receiver_then_sender_from_the_lead_on() -> None:
+    asked = [("v3", "v4"), ("v2", "v3"), ("v1", "v4"), ("v1", "v2"), ("v1", "v3")]
+    metrics = Metrics((*CONVOY, "v4"), {link: {} for link in asked})
+    order = [(row["sender"], row["receiver"]) for row in metrics.summary()["links"]]
+    assert order == [("v1", "v2"), ("v1", "v3"), ("v2", "v3"), ("v1", "v4"), ("v3", "v4")]
+
+
+@given(random=st.randoms(use_true_random=False))
+@settings(max_examples=30)
+def test_only_the_order_within_a_kind_matters(random: Any) -> None:
+    """Kinds of messages come by different ways, and may overtake one another."""
+    kinds: list[list[Message]] = [
+        [message for message in lead_and_follower(0.3) if message.vehicle == "v1"],
+        [message for message in lead_and_follower(0.3) if message.vehicle == "v2"],
+        [gps("v1", seq) for seq in range(20)],
+        [tracking("v2", seq, lateral_error_m=0.01 * seq) for seq in range(20)],
+        [verdict("v1", "v2", seq, dropped="loss" if seq % 3 else "") for seq in range(20)],
+        [health("v2", seq, ticks=seq) for seq in range(3)],
+    ]
+    expected = summary_of(*(message for kind in kinds for message in kind))
+    mixed = []
+    while any(kinds):
+        mixed.append(random.choice([kind for kind in kinds if kind]).pop(0))
+    assert summary_of(*mixed) == expected

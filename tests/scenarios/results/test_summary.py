@@ -1,0 +1,164 @@
+import json
+import platform
+import re
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.summary import (
+    PACKAGES,
+    SCHEMA,
+    SUMMARY_NAME,
+    about,
+    requested_links,
+    scenario_in,
+    summary_of,
+)
+from scenarios.runs.run_log import LOG_NAME, RunLog
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
+from tests.made.messages import START, at, gps, health, text, tracking, truth, verdict
+from transport.codec import encode
+from transport.log.mcap_log import LogError, LogReader, LogWriter, repair
+from transport.topics import TOPIC_OF, TOPICS, key
+from vehicles.messages import Message
+
+LINKS = [
+    "links.latency_ms=30",
+    'link=[{sender="v1", receiver="v3", loss_ratio=0.25}]',
+]
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load_scenario("lane_change", ["duration_s=5", "convoy.vehicles=3", *LINKS], seed=3)
+
+
+def written(scenario: Scenario, folder: Path) -> RunLog:
+    run = RunLog(scenario, folder, clock="wall", run_id="today")
+    run.start(START, START)
+    for seq in range(40):
+        for name in scenario.vehicle_names:
+            sound: list[Message] = [
+                truth(name, seq, 0.6 * seq, 0.0),
+                tracking(name, seq, lateral_error_m=0.01 * seq),
+                gps(name, seq),
+                verdict("v1", name, seq, dropped="" if seq % 4 else "loss"),
+            ]
+            for message in sound[: 3 if name == "v1" else 4]:
+                run.recorder.accept(
+                    key(name, TOPIC_OF[type(message)]), encode(message), at(seq / 20)
+                )
+    return run
+
+
+def test_a_run_is_known_by_scenario_seed_clock_and_versions(scenario: Scenario) -> None:
+    what = about(scenario, "wall", "today")
+    assert what["schema"] == SCHEMA
+    assert (what["scenario"], what["seed"], what["run_id"]) == ("lane_change", "3", "today")
+    assert what["python"] == platform.python_version()
+    assert {name: what[name] for name in PACKAGES} == {name: version(name) for name in PACKAGES}
+    assert all(isinstance(value, str) for value in what.values())  # metadata of a log are texts
+
+
+def test_what_is_asked_of_each_link(scenario: Scenario) -> None:
+    asked = requested_links(scenario)
+    assert list(asked) == [("v1", "v2"), ("v1", "v3"), ("v2", "v3")]
+    plain = {"latency_ms": 30.0, "jitter_ms": 0.0, "loss_ratio": 0.0, "rate_hz": None}
+    assert asked["v1", "v2"] == asked["v2", "v3"] == plain
+    assert asked["v1", "v3"] == plain | {"loss_ratio": 0.25}
+
+
+def test_the_summary_of_a_complete_log_is_the_one_inside(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    run = written(scenario, tmp_path)
+    run.end(at(5.0), "")
+    assert run.close(at(5.0)) == summary_of(tmp_path / LOG_NAME)
+
+
+def test_the_summary_of_a_log_that_breaks_off_is_worked_out_from_its_messages(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    whole = written(scenario, tmp_path / "whole")
+    whole.end(at(2.0), "stopped by SIGTERM")
+    expected = whole.close(at(2.0))
+    broken = written(scenario, tmp_path / "broken")
+    broken.flush()
+    log = tmp_path / "broken" / LOG_NAME
+    found = summary_of(log)
+    assert (found["outcome"], found["reason"]) == ("failed", "the log breaks off")
+    assert found["ran_s"] == pytest.approx(39 / 20)
+    differing = {"reason", "ran_s"}
+    assert {k: v for k, v in found.items() if k not in differing} == {
+        k: v for k, v in expected.items() if k not in differing
+    }
+    assert found["links"][1]["loss_ratio"] == 0.25
+    # Repaired it is complete, but still without a summary: the same is said of it.
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(log.read_bytes())
+    assert repair(copy)
+    assert summary_of(copy) == found
+    broken.end(at(2.0), "")
+    broken.close(at(2.0))
+
+
+def test_a_log_that_breaks_off_before_the_start_ran_for_no_time(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
+    run.recorder.say(at(0.0), "waiting")
+    run.recorder.accept("convoy/v1/health", encode(health("v1")), at(30.0))
+    run.flush()
+    assert summary_of(tmp_path / LOG_NAME)["ran_s"] == 0.0
+    run.close(at(30.0))
+
+
+def test_a_log_without_its_scenario_is_refused_in_one_line(tmp_path: Path) -> None:
+    log = tmp_path / "foreign.mcap"
+    with LogWriter(log) as writer:
+        writer.write(TOPICS["log"], "v1", encode(text("v1", 0, "hello")), START)
+    with pytest.raises(LogError, match="holds no scenario") as refused:
+        summary_of(log)
+    assert str(log) in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_the_scenario_of_a_log_is_the_one_that_ran(scenario: Scenario, tmp_path: Path) -> None:
+    run = written(scenario, tmp_path)
+    run.end(at(5.0), "")
+    run.close(at(5.0))
+    log = tmp_path / LOG_NAME
+    again = scenario_in(log, LogReader(log).attachments())
+    assert again.tables == scenario.tables
+    assert again.text == scenario.text
+
+
+def documented() -> dict[str, str]:
+    """What each field means, by the README; only the first one of a row names its list."""
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    section = readme.split("## The summary")[1].split("\n## ")[0]
+    found = {}
+    for names, meaning in re.findall(r"^\| (`.+?`) \| (.+) \|$", section, flags=re.MULTILINE):
+        first, *others = re.findall(r"`(.+?)`", names)
+        within = first[: first.rindex(".") + 1] if "[]." in first else ""
+        for name in (first, *(within + other for other in others)):
+            assert name not in found
+            found[name] = meaning
+    return found
+
+
+def test_the_readme_says_what_each_field_means(scenario: Scenario, tmp_path: Path) -> None:
+    run_virtual(scenario, tmp_path, Stop())
+    summary = json.loads((tmp_path / SUMMARY_NAME).read_text(encoding="utf-8"))
+    fields = {name for name in summary if name not in {"vehicles", "links"}}
+    for part in ("vehicles", "links"):
+        for row in summary[part]:
+            fields |= {f"{part}[].{name}" for name in row}
+    meaning = documented()
+    assert set(meaning) == fields
+    assert meaning["schema"] == f"`{summary['schema']}`"
+    for asked in summary["links"][0]["requested"]:
+        assert f"`{asked}`" in meaning["links[].requested"]

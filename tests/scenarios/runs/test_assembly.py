@@ -1,0 +1,176 @@
+import math
+from dataclasses import astuple
+from itertools import pairwise
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.node.assembly import Kit
+from scenarios.runs.node.node import Node
+from scenarios.runs.node.probe import NoProbe
+from transport.bus.memory_bus import MemoryBus
+from vehicles.car.gnss import Fix
+from vehicles.car.parameters import LINCOLN_MKZ, Loading, loaded
+from vehicles.driver.follower import Follower
+from vehicles.driver.leader import Leader
+from vehicles.schedule import SECOND
+
+START = 1_790_000_000 * SECOND
+
+
+def scenario(*overrides: str, seed: int = 1) -> Scenario:
+    return load_scenario("lane_change", ["duration_s=5", *overrides], seed)
+
+
+def node(made: Scenario, name: str) -> Node:
+    return Kit(made, name).node(START, MemoryBus(), NoProbe())
+
+
+def fixes(made: Scenario, name: str, count: int = 20) -> list[Fix]:
+    """First measurements of a vehicle that stays where it starts."""
+    one = node(made, name)
+    measured = [one.gnss.measure(one.body, START + k * SECOND // 20) for k in range(count)]
+    return [fix for fix in measured if fix is not None]
+
+
+def test_vehicles_start_behind_each_other_at_the_lead_s_speed() -> None:
+    made = scenario("convoy.gap_m=12")
+    bodies = [node(made, name).body for name in made.vehicle_names]
+    assert len(bodies) == 4
+    for before, body in pairwise(bodies):
+        assert math.hypot(before.east - body.east, before.north - body.north) == pytest.approx(12)
+    assert {body.speed for body in bodies} == {30.0}
+    assert {round(body.yaw, 9) for body in bodies} == {0.0}  # heading east
+    assert {body.distance for body in bodies} == {0.0}
+
+
+@pytest.mark.parametrize("heading_deg", [0, 90, 180, 270, 33])
+def test_an_offset_to_the_left_is_to_the_left_in_every_heading(heading_deg: int) -> None:
+    plain = scenario(f"path.heading_deg={heading_deg}")
+    beside = scenario(
+        f"path.heading_deg={heading_deg}",
+        "vehicle.v2.lateral_offset_m=0.5",
+        "vehicle.v2.heading_offset_deg=3",
+    )
+    on_path, body = node(plain, "v2").body, node(beside, "v2").body
+    left = (-math.sin(on_path.yaw), math.cos(on_path.yaw))
+    assert body.east - on_path.east == pytest.approx(0.5 * left[0])
+    assert body.north - on_path.north == pytest.approx(0.5 * left[1])
+    assert body.yaw - on_path.yaw == pytest.approx(math.radians(3))
+    compass = math.radians(90 - heading_deg)
+    assert math.remainder(on_path.yaw - compass, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_lead_follows_its_path_and_the_others_whom_they_hear() -> None:
+    made = scenario()
+    assert isinstance(node(made, "v1").driver, Leader)
+    heard = {name: node(made, name).inbox.keys for name in made.vehicle_names}
+    assert heard["v1"] == []
+    assert heard["v2"] == ["convoy/v1/gps"]
+    assert heard["v4"] == ["convoy/v1/gps", "convoy/v3/gps"]
+    for name in ("v2", "v3", "v4"):
+        assert isinstance(node(made, name).driver, Follower)
+
+
+def test_a_vehicle_that_is_not_in_the_scenario_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="v9"):
+        Kit(scenario(), "v9")
+
+
+def test_the_schedule_is_that_of_control_and_receiver() -> None:
+    made = scenario("control.rate_hz=40", "vehicle.v2.gnss.rate_hz=10", "duration_s=3")
+    lead = [tick.at - START for tick in Kit(made, "v1").ticks(START)]
+    assert len(lead) == 3 * 40  # 20 Hz nest in 40 Hz
+    second = list(Kit(scenario("duration_s=3"), "v2").ticks(START))
+    assert len(second) == 3 * (50 + 20 - 10)  # ten instants of a second are in both
+    assert sum(tick.span_s for tick in second) == pytest.approx(3.0)
+    assert second[-1].at + round(second[-1].span_s * SECOND) == START + 3 * SECOND
+    assert len(fixes(made, "v1")) == 20
+    assert len(fixes(made, "v2")) == 10
+
+
+def test_noise_depends_on_seed_and_place_alone() -> None:
+    alone = fixes(scenario("convoy.vehicles=2"), "v2")
+    assert fixes(scenario("convoy.vehicles=4"), "v2") == alone
+    assert fixes(scenario("vehicle.v1.gnss.position_noise_m=0.5"), "v2") == alone
+    assert fixes(scenario(seed=2), "v2") != alone
+    lead = fixes(scenario(), "v1")
+    here = node(scenario(), "v1").body
+    there = node(scenario(), "v2").body
+    for own, other in zip(lead, alone, strict=True):
+        assert abs((own.east - here.east) - (other.east - there.east)) > 1e-6
+
+
+def test_each_receiver_has_the_noise_that_it_should() -> None:
+    made = scenario(
+        "gnss.position_noise_m=0", "gnss.heading_noise_deg=0", "gnss.speed_noise_mps=0",
+        "gnss.yaw_rate_noise_radps=0", "vehicle.v3.gnss.position_noise_m=0.5",
+        "vehicle.v4.gnss.heading_noise_deg=2",
+    )  # fmt: skip
+    for name in made.vehicle_names:
+        body = node(made, name).body
+        measured = fixes(made, name, 400)
+        aside = [math.hypot(fix.east - body.east, fix.north - body.north) for fix in measured]
+        rms = math.sqrt(sum(value * value for value in aside) / len(aside) / 2)
+        assert rms == pytest.approx(0.5 if name == "v3" else 0.0, rel=0.1)
+        turned = [math.degrees(fix.yaw - body.yaw) for fix in measured]
+        spread = math.sqrt(sum(value * value for value in turned) / len(turned))
+        assert spread == pytest.approx(2.0 if name == "v4" else 0.0, rel=0.1)
+        assert {fix.speed for fix in measured} == {body.speed}
+
+
+def first_steering(made: Scenario, name: str = "v1") -> float:
+    """What a lead beside its path decides first."""
+    one = node(made, name)
+    fix = one.gnss.measure(one.body, START)
+    return one.driver.step(START, fix, []).actuation.steering
+
+
+def test_controller_and_gains_are_those_of_the_scenario() -> None:
+    quiet = [
+        "gnss.position_noise_m=0", "gnss.heading_noise_deg=0", "gnss.speed_noise_mps=0",
+        "gnss.yaw_rate_noise_radps=0", "vehicle.v1.lateral_offset_m=0.5",
+    ]  # fmt: skip
+    plain = scenario(*quiet, "control.controller=feedforward_feedback")
+    assert first_steering(plain) == pytest.approx(-0.06 * 0.5)
+    gains = scenario(
+        *quiet, "control.controller=feedforward_feedback", "control.gains.lateral_rad_per_m=0.1"
+    )
+    assert first_steering(gains) == pytest.approx(-0.1 * 0.5)
+    own = scenario(
+        *quiet, "control.controller=feedforward_feedback",
+        "vehicle.v1.control.gains.lateral_rad_per_m=0.02",
+    )  # fmt: skip
+    assert first_steering(own) == pytest.approx(-0.02 * 0.5)
+    stanley = first_steering(scenario(*quiet, "control.controller=stanley"))
+    assert stanley == pytest.approx(-math.atan(2.5 * 0.5 / 31.0))
+
+
+def test_the_car_is_the_loaded_one_whatever_its_controller_knows() -> None:
+    full = loaded(LINCOLN_MKZ, Loading(front_passengers=1, rear_passengers=3))
+    for knows in ("true", "false"):
+        made = scenario(f"control.knows_loading={knows}")  # lane_change is driven with passengers
+        assert astuple(node(made, "v2").parameters) == astuple(full)
+    assert made.vehicle("v2").assumed_parameters == LINCOLN_MKZ
+
+
+def test_followers_keep_the_profile_or_a_gap() -> None:
+    same = scenario("convoy.gap_m=30")
+    gap = scenario(
+        "convoy.gap_m=30", 'speed.followers="gap"', "speed.gap.standstill_m=8",
+        "speed.gap.headway_s=0.5",
+    )  # fmt: skip
+    asked = {}
+    for made in (same, gap):
+        second, told = node(made, "v2"), MemoryBus()
+        told.subscribe("convoy/v1/gps", second.inbox.on_bytes)
+        lead = Kit(made, "v1").node(START, told, NoProbe())
+        for tick in Kit(made, "v1").ticks(START):
+            if tick.at > START + SECOND // 2:
+                break
+            lead.step(tick)
+            second.step(tick)
+        asked[made.tables.speed.followers] = second.body.speed
+    assert asked["same"] == pytest.approx(30.0, abs=0.05)
+    assert asked["gap"] > 30.3  # 30 m are more than 8 + 0.5 * 30

@@ -1,0 +1,328 @@
+"""A run as a history: who came and went when, what was said about it, how and when it ended."""
+
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.runs.processes.conductor import (
+    DEATH_AFTER_NS,
+    LAST_WORDS_NS,
+    LEAD_TIME_NS,
+    ROUTER_LOST_AFTER_NS,
+    Conductor,
+    Phase,
+)
+from tests.made.messages import START, at, health, tracking
+from vehicles.schedule import SECOND
+
+PERIOD_NS = SECOND // 20
+DURATION_S = 20.0
+GATHER_S = 10.0
+LEAD_TIME_S = LEAD_TIME_NS / SECOND
+DEATH_S = DEATH_AFTER_NS / SECOND
+CONVOY = ("v1", "v2", "v3")
+ALL_COME = [(1.0, "v1 comes"), (1.2, "v2 comes"), (2.0, "v3 comes")]
+STARTED = 2.0 + LEAD_TIME_S
+ENDED = STARTED + DURATION_S
+ALL_FINISH = [(ENDED + 0.1, f"{name} finishes") for name in CONVOY]
+Event = tuple[float, str]
+
+
+@dataclass
+class Told:
+    """What became of a run: instants in s after the conductor began to gather."""
+
+    conductor: Conductor
+    started: float | None = None
+    over: float | None = None
+    lines: list[str] = field(default_factory=list)
+
+    @property
+    def reason(self) -> str:
+        return self.conductor.reason
+
+
+def play(*history: Event, goes_on: bool = False, until: float = 40.0) -> Told:
+    """Let the conductor live through `history`, asked every 50 ms how it goes on."""
+    conductor = Conductor(
+        CONVOY,
+        duration_ns=round(DURATION_S * SECOND),
+        goes_on_without_the_dead=goes_on,
+        gather_until=at(GATHER_S),
+    )
+    told = Told(conductor)
+    waiting, connected = sorted(history), True
+    for now in range(START, at(until), PERIOD_NS):
+        while waiting and at(waiting[0][0]) <= now:
+            when, event = waiting.pop(0)
+            name, what = event.split()
+            if what in {"comes", "goes"}:
+                conductor.presence(name, alive=what == "comes", at=at(when))
+            elif what == "finishes":
+                conductor.listen(now, health(name, seconds=when, final=True))
+            elif what == "ends":  # as planned, by its own word
+                conductor.listen(now, health(name, seconds=ENDED, final=True))
+            else:
+                connected = what == "returns"
+        told.lines += conductor.advance(now, connected=connected)
+        if conductor.phase is Phase.RUNNING and told.started is None:
+            told.started = (conductor.start_at - START) / SECOND
+        if conductor.phase is Phase.OVER and told.over is None:
+            told.over = (now - START) / SECOND
+    return told
+
+
+# ---- Gathering and starting
+
+
+def test_a_run_starts_when_all_are_present_with_time_to_hear_of_it() -> None:
+    told = play(*ALL_COME, until=5.0)
+    assert told.conductor.phase is Phase.RUNNING
+    assert told.started == pytest.approx(STARTED)
+    assert told.lines == ["all 3 vehicles are present"]
+    assert told.conductor.end_at - told.conductor.start_at == DURATION_S * SECOND
+
+
+def test_a_vehicle_that_does_not_come_in_time_is_named() -> None:
+    told = play(ALL_COME[0], ALL_COME[2])
+    assert told.started is None
+    assert told.reason == "not present in time: v2"
+    assert told.over == pytest.approx(GATHER_S, abs=0.11)
+
+
+def test_a_vehicle_that_left_again_is_waited_for() -> None:
+    told = play((0.5, "v1 comes"), (1.0, "v1 goes"), (1.1, "v2 comes"), (1.2, "v3 comes"), until=9)
+    assert told.conductor.phase is Phase.GATHERING
+    assert told.conductor.missing() == ["v1"]
+    again = play((0.5, "v1 comes"), (0.7, "v1 goes"), *ALL_COME, until=5.0)
+    assert again.started == pytest.approx(STARTED)
+
+
+def test_strangers_count_for_nothing() -> None:
+    told = play((0.5, "v9 comes"), *ALL_COME, (5.0, "v9 goes"), (6.0, "v9 finishes"), *ALL_FINISH)
+    assert told.reason == ""
+    assert told.lines == ["all 3 vehicles are present"]
+
+
+# ---- Ending as planned
+
+
+def test_a_run_is_over_when_all_have_finished() -> None:
+    told = play(*ALL_COME, *ALL_FINISH)
+    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
+    assert told.reason == ""
+    assert not told.conductor.awaits_last_words()
+
+
+def test_only_the_last_word_of_health_finishes_a_vehicle() -> None:
+    told = play(*ALL_COME, until=5.0)
+    for name in CONVOY:
+        told.conductor.listen(at(5.0), health(name, seconds=30.0))
+        told.conductor.listen(at(5.0), tracking(name, 0))
+    assert told.conductor.advance(at(5.0), connected=True) == []
+    assert told.conductor.phase is Phase.RUNNING
+    assert told.conductor.awaits_last_words()
+
+
+def test_vehicles_may_go_once_they_have_finished() -> None:
+    gone = [(ENDED + 0.2, "v1 goes"), (ENDED + 0.2, "v2 goes")]
+    late = [(ENDED + 0.1, "v1 ends"), (ENDED + 0.1, "v2 ends"), (ENDED + 2.0, "v3 ends")]
+    told = play(*ALL_COME, *gone, *late)
+    assert told.reason == ""
+    assert told.over == pytest.approx(ENDED + 2.0, abs=0.06)
+
+
+def test_a_vehicle_without_last_words_is_named() -> None:
+    told = play(*ALL_COME, ALL_FINISH[0], ALL_FINISH[2])
+    assert told.reason == "no last words from v2"
+    assert told.over == pytest.approx(ENDED + LAST_WORDS_NS / SECOND, abs=0.11)
+
+
+def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
+    told = play(*ALL_COME, (10.0, "v3 finishes"), (10.0, "v2 finishes"))
+    assert told.over == pytest.approx(10.0 + DEATH_S, abs=0.1)
+    assert told.reason == "left before the end: v2, v3"
+    assert told.conductor.awaits_last_words()  # v1 has not said anything yet
+
+
+def test_the_convoy_goes_on_without_those_that_left_early_if_it_should() -> None:
+    told = play(*ALL_COME, (STARTED + 7.0, "v2 finishes"), (STARTED + 7.1, "v2 goes"),
+                ALL_FINISH[0], ALL_FINISH[2], goes_on=True)  # fmt: skip
+    assert told.lines[1:] == ["v2 left 7.0 s after the start; the convoy goes on without it"]
+    assert told.reason == ""
+    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
+
+
+def test_one_that_leaves_at_the_very_end_delays_it_by_a_moment() -> None:
+    almost = ENDED - 0.1
+    told = play(*ALL_COME, *ALL_FINISH[:2], (almost, "v3 finishes"), goes_on=True)
+    assert told.lines[1:] == [
+        f"v3 left {almost - STARTED:.1f} s after the start; the convoy goes on without it"
+    ]
+    assert told.reason == ""
+    assert told.over == pytest.approx(almost + DEATH_S, abs=0.11)
+
+
+def test_one_that_leaves_before_the_start_is_told_as_such() -> None:
+    told = play(*ALL_COME, (STARTED - 0.3, "v3 finishes"), goes_on=True)
+    assert told.lines[1:] == ["v3 left before the start; the convoy goes on without it"]
+
+
+@pytest.mark.parametrize("last", ["goes", "finishes"])
+def test_a_convoy_that_all_left_or_died_in_does_not_go_on(last: str) -> None:
+    history = [(10.0, "v1 finishes"), (12.0, "v2 finishes"), (14.0, f"v3 {last}")]
+    told = play(*ALL_COME, *history, goes_on=True)
+    assert told.reason == "all vehicles died or left"
+    assert told.over == pytest.approx(14.0 + DEATH_S, abs=0.11)
+
+
+# ---- Dying
+
+
+def test_a_vehicle_that_dies_ends_the_run() -> None:
+    told = play(*ALL_COME, (STARTED + 7.0, "v2 goes"))
+    assert told.reason == "v2 died 7.0 s after the start"
+    assert told.over == pytest.approx(STARTED + 7.0 + DEATH_S, abs=0.06)
+    assert told.conductor.awaits_last_words()
+
+
+def test_the_convoy_goes_on_without_the_dead_if_it_should() -> None:
+    told = play(*ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], ALL_FINISH[2], goes_on=True)
+    assert told.lines[1:] == ["v2 died 7.0 s after the start; the convoy goes on without it"]
+    assert told.reason == ""
+    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
+
+
+def test_a_convoy_of_which_nobody_is_left_does_not_go_on() -> None:
+    deaths = [(STARTED + 3.0 + k, f"{name} goes") for k, name in enumerate(CONVOY)]
+    told = play(*ALL_COME, *deaths, goes_on=True)
+    assert len(told.lines) == 1 + 3
+    assert told.reason == "all vehicles died"
+    assert told.over == pytest.approx(STARTED + 5.0 + DEATH_S, abs=0.06)
+
+
+def test_of_the_dead_no_last_words_are_awaited() -> None:
+    told = play(*ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], goes_on=True)
+    assert told.reason == "no last words from v3"
+
+
+def test_a_death_before_the_start_is_told_as_such() -> None:
+    told = play(*ALL_COME, (STARTED - 0.3, "v3 goes"))
+    assert told.reason == "v3 died before the start"
+
+
+def test_a_token_that_is_soon_back_is_no_death() -> None:
+    blink = [(5.0, "v2 goes"), (5.0 + 0.8 * DEATH_S, "v2 comes")]
+    told = play(*ALL_COME, *blink, *ALL_FINISH)
+    assert told.reason == ""
+    assert told.lines == ["all 3 vehicles are present"]
+
+
+def test_being_told_of_one_absence_twice_delays_nothing() -> None:
+    told = play(*ALL_COME, (5.0, "v2 goes"), (5.3, "v2 goes"))
+    assert told.over == pytest.approx(5.0 + DEATH_S, abs=0.06)
+
+
+# ---- Losing the router: everyone seems to vanish
+
+
+def vanish(seconds: float) -> list[Event]:
+    return [(seconds, f"{name} goes") for name in CONVOY]
+
+
+def reappear(seconds: float) -> list[Event]:
+    return [(seconds, f"{name} comes") for name in CONVOY]
+
+
+@pytest.mark.parametrize("noticed_after", [-0.1, 0.0, 0.3])
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_nobody_is_dead_when_the_router_was_out_of_reach_for_a_while(
+    noticed_after: float, *, goes_on: bool
+) -> None:
+    told = play(
+        *ALL_COME,
+        *vanish(6.0),
+        (6.0 + noticed_after, "router vanishes"),
+        (9.0, "router returns"),
+        *reappear(9.2),
+        *ALL_FINISH,
+        goes_on=goes_on,
+    )
+    assert told.reason == ""
+    assert told.lines[1:] == [f"the router was out of reach for {3.0 - noticed_after:.1f} s"]
+    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
+
+
+def test_a_vehicle_that_does_not_come_back_after_an_outage_is_dead() -> None:
+    told = play(
+        *ALL_COME,
+        *vanish(6.0),
+        (6.0, "router vanishes"),
+        (9.0, "router returns"),
+        (9.2, "v1 comes"),
+        (9.2, "v3 comes"),
+    )
+    assert told.reason == f"v2 died {9.0 - STARTED:.1f} s after the start"
+    assert told.over == pytest.approx(9.0 + DEATH_S, abs=0.06)
+
+
+def test_each_outage_is_told() -> None:
+    outages = [
+        *((6.0, "router vanishes"), (8.0, "router returns")),
+        *((9.0, "router vanishes"), (13.5, "router returns")),
+    ]
+    told = play(*ALL_COME, *outages, *ALL_FINISH)
+    assert told.lines[1:] == [
+        "the router was out of reach for 2.0 s",
+        "the router was out of reach for 4.5 s",
+    ]
+    assert told.reason == ""
+
+
+def test_a_router_that_stays_away_ends_the_run() -> None:
+    told = play(*ALL_COME, *vanish(6.0), (6.0, "router vanishes"))
+    assert told.reason == "the router is gone"
+    assert told.over == pytest.approx(6.0 + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
+
+
+# ---- Stopping
+
+
+def test_the_first_reason_to_stop_stays() -> None:
+    told = play(*ALL_COME, until=5.0)
+    told.conductor.stop("stopped by SIGINT")
+    told.conductor.stop("something else")
+    assert told.conductor.phase is Phase.OVER
+    assert told.reason == "stopped by SIGINT"
+    assert told.conductor.advance(at(60.0), connected=False) == []
+    assert told.reason == "stopped by SIGINT"
+
+
+names = st.sampled_from(CONVOY)
+anything = st.builds(
+    lambda seconds, name, what: (round(seconds, 2), f"{name} {what}"),
+    st.floats(0.0, 30.0),
+    names,
+    st.sampled_from(["comes", "goes", "finishes", "ends"]),
+) | st.builds(
+    lambda seconds, what: (round(seconds, 2), f"router {what}"),
+    st.floats(0.0, 30.0),
+    st.sampled_from(["vanishes", "returns"]),
+)
+
+
+@given(history=st.lists(anything, max_size=12), goes_on=st.booleans())
+@settings(max_examples=60)
+def test_every_run_ends(history: list[Event], *, goes_on: bool) -> None:
+    longest = GATHER_S + LEAD_TIME_S + DURATION_S
+    patience = (LAST_WORDS_NS + ROUTER_LOST_AFTER_NS) / SECOND + 1.0
+    told = play(*history, goes_on=goes_on, until=longest + patience)
+    assert told.over is not None
+    assert told.over <= longest + patience
+    if told.reason == "":  # as planned: all who live have finished, and not all of them early
+        finished = {event.split()[0] for _, event in history if event.endswith(("ends", "shes"))}
+        dead = {line.split()[0] for line in told.lines if " died " in line}
+        assert finished | dead >= set(CONVOY)
+        assert goes_on or not any(" left " in line for line in told.lines)

@@ -1,0 +1,273 @@
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import replace
+
+from scenarios.runs.node.outbox import Outbox
+from scenarios.runs.node.probe import NoProbe, Probe, Usage
+from tests.made.messages import START, at, gps
+from transport.bus.memory_bus import MemoryBus
+from transport.clock import ticks
+from transport.codec import decode, encode
+from transport.links.inbox import Inbox
+from transport.links.link import LinkRule
+from transport.topics import TOPIC_OF, TOPICS, Topic, key
+from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.gnss import Fix, from_message
+from vehicles.driver.decision import Decision
+from vehicles.driver.steering import SteeringCommand
+from vehicles.driver.tracking import TrackingErrors
+from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.messages import Command, GpsPose, Health, LinkVerdict, LogText, Message, TruePose
+from vehicles.schedule import SECOND
+
+PLANE = LocalPlane(Origin(30.638, -96.481, 80.0))
+BODY = Body(
+    east=10.0, north=-20.0, yaw=0.5, speed=15.0, lateral_speed=0.1, yaw_rate=0.02, steering=0.01,
+    distance=33.0,
+)  # fmt: skip
+FIX = Fix(seq=4, measured_at=START, east=10.01, north=-20.02, yaw=0.51, speed=15.1, yaw_rate=0.03)
+DECISION = Decision(
+    actuation=Actuation(0.02, 0.5),
+    steering=SteeringCommand(0.02, 0.015, 0.005),
+    errors=TrackingErrors(0.1, 0.0, 0.0, 0.0),
+    mode="lead",
+    reason="v2 never heard",
+    gap=14.0,
+    lead_age=0.02,
+    predecessor_age=0.04,
+)
+HELD = replace(DECISION, fresh=False)
+
+
+class UrgentBus(MemoryBus):
+    """A memory bus that keeps what was said, and what of it was urgent."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.said: list[Message] = []
+        self.urgent: dict[str, set[bool]] = defaultdict(set)
+
+    def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
+        _, vehicle, name = key.split("/")
+        message = decode(TOPICS[name], data)
+        assert message.vehicle == vehicle
+        self.said.append(message)
+        self.urgent[name].add(urgent)
+
+    def of(self, kind: type[Message]) -> list[Message]:
+        return [message for message in self.said if type(message) is kind]
+
+
+class Slow:
+    """A process whose ticks come late."""
+
+    def __init__(self) -> None:
+        self.usage = Usage(memory_bytes=60_000_000, cpu_ratio=0.03)
+
+    def read(self) -> Usage:
+        return self.usage
+
+
+def ear() -> Inbox:
+    links = {"v1": LinkRule(latency_ms=20.0), "v2": LinkRule(loss_ratio=1.0)}
+    return Inbox("v3", links, seed=1, start_at=START, source_rate_hz=20.0)
+
+
+def outbox(bus: MemoryBus, inbox: Inbox | None = None, probe: Probe | None = None) -> Outbox:
+    return Outbox(
+        vehicle="v3",
+        bus=bus,
+        plane=PLANE,
+        inbox=inbox or ear(),
+        probe=probe or NoProbe(),
+        start_at=START,
+    )
+
+
+def test_a_tick_tells_fix_truth_and_decision() -> None:
+    bus = UrgentBus()
+    outbox(bus).publish(at(0.1), BODY, FIX, DECISION)
+    pose = bus.of(GpsPose)[0]
+    assert isinstance(pose, GpsPose)
+    back = from_message(pose, PLANE)
+    assert (back.seq, back.measured_at, back.speed) == (FIX.seq, FIX.measured_at, FIX.speed)
+    assert abs(back.east - FIX.east) + abs(back.north - FIX.north) < 1e-6
+    assert bus.of(TruePose) == [
+        TruePose(
+            vehicle="v3", seq=0, true_at_ns=at(0.1), east_m=10.0, north_m=-20.0, yaw_rad=0.5,
+            speed_mps=15.0, lateral_speed_mps=0.1, yaw_rate_radps=0.02, steering_rad=0.01,
+            distance_m=33.0,
+        )
+    ]  # fmt: skip
+    told = DECISION.messages("v3", 0, at(0.1))
+    assert [message for message in bus.said if message in told] == list(told)
+
+
+def test_between_decisions_only_what_was_measured_and_heard_is_told() -> None:
+    bus, inbox = UrgentBus(), ear()
+    box = outbox(bus, inbox)
+    box.publish(at(0.0), BODY, FIX, DECISION)
+    inbox.on_bytes("convoy/v1/gps", encode(gps("v1", 0)))
+    inbox.take(at(0.025))
+    before = len(bus.said)
+    box.publish(at(0.025), BODY, replace(FIX, seq=5), HELD)
+    assert [type(message) for message in bus.said[before:]] == [GpsPose, LinkVerdict]
+    box.publish(at(0.05), BODY, None, HELD)
+    assert len(bus.said) == before + 2
+
+
+def test_every_verdict_is_told_once() -> None:
+    bus, inbox = UrgentBus(), ear()
+    box = outbox(bus, inbox)
+    for seq in range(4):
+        for name in ("v1", "v2"):
+            inbox.on_bytes(key(name, TOPICS["gps"]), encode(gps(name, seq)))
+    inbox.take(at(1.0))
+    box.publish(at(1.0), BODY, None, DECISION)
+    box.publish(at(1.02), BODY, None, DECISION)
+    verdicts = [message for message in bus.of(LinkVerdict) if isinstance(message, LinkVerdict)]
+    assert [(v.sender, v.pose_seq, v.outcome) for v in verdicts] == [
+        (name, seq, "delivered" if name == "v1" else "dropped")
+        for seq in range(4)
+        for name in ("v1", "v2")
+    ]
+
+
+def test_numbers_of_each_kind_follow_one_another() -> None:
+    bus = UrgentBus()
+    box = outbox(bus)
+    for k, tick in enumerate(ticks(START, at(3.0), 50.0, 20.0)):
+        due = (tick.at - START) % (SECOND // 50) == 0
+        fix = replace(FIX, seq=0) if k == 0 else None
+        box.publish(tick.at, BODY, fix, DECISION if due else HELD)
+    kinds = {type(message) for message in bus.said}
+    assert {TruePose, Command, Health, LogText} <= kinds
+    for kind in kinds:
+        assert [message.seq for message in bus.of(kind)] == list(range(len(bus.of(kind))))
+    assert len(bus.of(TruePose)) == 150
+
+
+def test_what_the_convoy_waits_for_is_urgent_and_nothing_else() -> None:
+    bus = UrgentBus()
+    outbox(bus).publish(START, BODY, FIX, DECISION)
+    assert bus.urgent == {
+        TOPIC_OF[type(message)].name: {TOPIC_OF[type(message)].urgent} for message in bus.said
+    }
+    assert bus.urgent["gps"] == {True}
+    assert bus.urgent["truth"] == {False}
+
+
+def reports(*rates_hz: float) -> list[float]:
+    """Seconds at which health is told on a schedule of these rates, over ten seconds."""
+    bus = UrgentBus()
+    box = outbox(bus)
+    for tick in ticks(START, at(10.0), *rates_hz):
+        box.publish(tick.at, BODY, None, HELD)
+    return [
+        (message.reported_at_ns - START) / SECOND
+        for message in bus.of(Health)
+        if isinstance(message, Health)
+    ]
+
+
+def test_health_is_told_once_a_second() -> None:
+    assert reports(50.0, 20.0) == [float(k) for k in range(10)]
+
+
+def test_health_is_told_once_a_second_whatever_the_rates() -> None:
+    for rates in ((7.3, 3.1), (33.3, 7.7), (5.0,)):
+        told = reports(*rates)
+        assert len(told) == 10
+        for k, second in enumerate(told):
+            assert k <= second < k + 1.0 / min(5.0, *rates)
+
+
+def test_health_counts_ticks_and_messages() -> None:
+    bus, inbox, slow = UrgentBus(), ear(), Slow()
+    box = outbox(bus, inbox, slow)
+    for name in ("v1", "v2"):
+        inbox.on_bytes(key(name, TOPICS["gps"]), encode(gps(name, 0)))
+    inbox.on_bytes("convoy/v1/gps", b"rubbish")
+    inbox.take(at(0.1))
+    for k in range(5):
+        box.publish(at(0.1 + k / 50), BODY, None, DECISION)
+    slow.usage = replace(slow.usage, late_ticks=2, lateness_ms_max=14.0)
+    box.publish_health(at(0.5), final=True)
+    last = bus.of(Health)[-1]
+    assert isinstance(last, Health)
+    assert (last.ticks, last.late_ticks, last.lateness_ms_max) == (5, 2, 14.0)
+    assert (last.heard, last.dropped, last.rejected_messages) == (1, 1, 1)
+    assert (last.memory_bytes, last.cpu_ratio, last.final) == (60_000_000, 0.03, True)
+    assert last.published == len(bus.said) - 1  # all before itself
+
+
+def texts(bus: UrgentBus) -> list[tuple[str, str]]:
+    return [(m.level, m.text) for m in bus.of(LogText) if isinstance(m, LogText)]
+
+
+def test_a_change_of_mode_is_told_with_its_reason() -> None:
+    bus = UrgentBus()
+    box = outbox(bus)
+    composite = replace(DECISION, mode="composite", reason="")
+    for k, decision in enumerate([DECISION, DECISION, composite, composite, DECISION]):
+        box.publish(at(k / 50), BODY, None, decision)
+    assert texts(bus) == [
+        ("info", "steers along: lead (v2 never heard)"),
+        ("info", "steers along: composite"),
+        ("info", "steers along: lead (v2 never heard)"),
+    ]
+
+
+def test_refused_messages_and_late_ticks_are_told_once() -> None:
+    bus, inbox, slow = UrgentBus(), ear(), Slow()
+    box = outbox(bus, inbox, slow)
+    refuse(inbox, [b"", b"rubbish", bytes(5000)])
+    slow.usage = replace(slow.usage, late_ticks=3, lateness_ms_max=12.34)
+    box.publish_health(at(1.0))
+    box.publish_health(at(2.0))
+    refuse(inbox, [b"?"])
+    slow.usage = replace(slow.usage, late_ticks=4)
+    box.publish_health(at(3.0))
+    assert texts(bus) == [
+        ("warning", "2 messages refused: garbage"),
+        ("warning", "1 messages refused: oversized"),
+        ("warning", "3 ticks came late, the worst so far 12.3 ms"),
+        ("warning", "1 messages refused: garbage"),
+        ("warning", "1 ticks came late, the worst so far 12.3 ms"),
+    ]
+
+
+def refuse(inbox: Inbox, wrong: Iterable[bytes]) -> None:
+    for data in wrong:
+        inbox.on_bytes("convoy/v1/gps", data)
+    inbox.take(at(1.0))
+
+
+def test_a_witness_sees_what_the_bus_carries() -> None:
+    seen: list[tuple[Topic, bytes, Message]] = []
+    bus = UrgentBus()
+    box = Outbox(
+        vehicle="v3",
+        bus=bus,
+        plane=PLANE,
+        inbox=ear(),
+        probe=NoProbe(),
+        start_at=START,
+        witness=lambda topic, data, message: seen.append((topic, data, message)),
+    )
+    box.publish(START, BODY, FIX, DECISION)
+    assert [decode(topic, data) for topic, data, _ in seen] == bus.said
+    assert [message.seq for _, _, message in seen] == [message.seq for message in bus.said]
+
+
+def test_poses_that_the_driver_disbelieves_are_told_once_and_counted_as_refused() -> None:
+    bus = UrgentBus()
+    box = outbox(bus)
+    for k in range(100):
+        box.publish(at(k * 0.02), BODY, None, replace(DECISION, disbelieved=3 if k > 9 else 0))
+    told = [one.text for one in bus.of(LogText) if isinstance(one, LogText)]
+    assert [text for text in told if "refused" in text] == [
+        "3 messages refused: no place or motion of this convoy"
+    ]
+    healths = [one for one in bus.of(Health) if isinstance(one, Health)]
+    assert [one.rejected_messages for one in healths] == [0, 3]

@@ -1,0 +1,162 @@
+"""A recorded vehicle back on the bus: the same messages, and followers that cannot tell."""
+
+from dataclasses import replace
+from math import cos, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.drives import Trial
+from scenarios.runs.rehearsal import record, rehearse
+from scenarios.runs.replay import Record, head_start, read_record
+from scenarios.runs.run_log import LOG_NAME
+from transport.bus.memory_bus import MemoryBus
+from transport.codec import decode
+from transport.links.inbox import Inbox
+from transport.links.link import LinkRule
+from transport.log.mcap_log import LogError, LogReader
+from transport.topics import TOPICS
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import GpsPose, Message, TruePose
+
+SECOND = 1_000_000_000
+SPEED = 30.0
+
+
+@pytest.fixture(scope="module")
+def convoy() -> Scenario:
+    return load_scenario("lane_change", ["duration_s=6.0", "convoy.vehicles=3"], seed=5)
+
+
+@pytest.fixture(scope="module")
+def recorded(convoy: Scenario, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trial]:
+    folder = tmp_path_factory.mktemp("recorded")
+    return folder / LOG_NAME, record(convoy, folder)
+
+
+@pytest.fixture(scope="module")
+def lead(recorded: tuple[Path, Trial]) -> Record:
+    return read_record(recorded[0], "v1")
+
+
+def published(drive: Record, start_at: int, ahead: float = 0.0) -> list[Message]:
+    """What comes over the bus while the record is replayed."""
+    heard: list[Message] = []
+    bus = MemoryBus()
+    bus.subscribe("convoy/v1/gps", lambda _, data: heard.append(decode(TOPICS["gps"], data)))
+    bus.subscribe("convoy/v1/truth", lambda _, data: heard.append(decode(TOPICS["truth"], data)))
+    replay = drive.replay(start_at=start_at, ahead=ahead)
+    actor = replay.actor(bus)
+    for tick in actor.ticks():
+        actor.step(tick)
+    return heard
+
+
+def test_a_replayed_vehicle_says_what_was_recorded(
+    convoy: Scenario, recorded: tuple[Path, Trial], lead: Record
+) -> None:
+    later = convoy.start_at_ns + 300 * SECOND
+    said = published(lead, later)
+    log = [m for _, _, m in LogReader(recorded[0]).messages(topics=("gps",), vehicles=("v1",))]
+    poses = [message for message in said if isinstance(message, GpsPose)]
+    back = [replace(p, measured_at_ns=p.measured_at_ns - 300 * SECOND) for p in poses]
+    assert len(poses) == 120
+    assert back == log
+    truth = [message for message in said if isinstance(message, TruePose)]
+    assert [t.true_at_ns - later for t in truth] == [k * SECOND // 50 for k in range(300)]
+
+
+def test_it_is_replayed_in_order_of_time(lead: Record) -> None:
+    instants = [tick.at for tick in lead.replay(start_at=7 * SECOND).actor(MemoryBus()).ticks()]
+    assert instants == sorted(instants)
+    assert instants[0] == 7 * SECOND
+
+
+def test_further_ahead_it_begins_later_in_its_record_and_is_numbered_anew(lead: Record) -> None:
+    poses = [m for m in published(lead, 7 * SECOND, ahead=0.5) if isinstance(m, GpsPose)]
+    assert [pose.seq for pose in poses] == list(range(110))
+    assert poses[0].measured_at_ns == 7 * SECOND
+    assert poses[0].latitude_deg == lead.poses[10].latitude_deg
+    assert poses[0].speed_mps == lead.poses[10].speed_mps
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.5, 0.513])
+def test_an_inbox_takes_every_replayed_pose(lead: Record, ahead: float) -> None:
+    start_at = 1_000 * SECOND
+    inbox = Inbox("v2", {"v1": LinkRule()}, seed=1, start_at=start_at, source_rate_hz=20.0)
+    bus = MemoryBus()
+    bus.subscribe(inbox.keys[0], inbox.on_bytes)
+    replay = lead.replay(start_at=start_at, ahead=ahead)
+    actor = replay.actor(bus)
+    for tick in actor.ticks():
+        actor.step(tick)
+    heard = inbox.take(start_at + 10 * SECOND)
+    assert not inbox.rejected
+    assert len(heard) == sum(isinstance(message, GpsPose) for message in replay.messages)
+
+
+def test_it_may_take_another_name(lead: Record) -> None:
+    replay = lead.replay(start_at=0, vehicle="PL1")
+    assert {message.vehicle for message in replay.messages} == {"PL1"}
+
+
+def test_followers_cannot_tell_a_replayed_car_from_a_live_one(
+    convoy: Scenario, recorded: tuple[Path, Trial]
+) -> None:
+    log, live = recorded
+    replays = [read_record(log, name).replay(start_at=convoy.start_at_ns) for name in ("v1", "v2")]
+    again = rehearse(convoy, replays)
+    assert [drive.name for drive in again.drives] == ["v1", "v2", "v3"]
+    for drive, before in zip(again.drives, live.drives, strict=True):
+        assert np.array_equal(drive.east, before.east)
+        assert np.array_equal(drive.cross_track, before.cross_track)
+    assert np.array_equal(again.drives[2].lateral_error, live.drives[2].lateral_error)
+    assert again.drives[0].lateral_error.size == 0  # a replayed car decides nothing
+
+
+def test_the_log_of_a_run_behind_a_replay_holds_the_replayed_car(
+    convoy: Scenario, recorded: tuple[Path, Trial], tmp_path: Path
+) -> None:
+    replay = read_record(recorded[0], "v1").replay(start_at=convoy.start_at_ns)
+    record(convoy, tmp_path, [replay])
+    counts = LogReader(tmp_path / LOG_NAME).counts
+    assert counts["v1", "gps"] == 120
+    assert counts["v1", "truth"] == 300
+    assert ("v1", "command") not in counts
+    assert counts["v2", "command"] == 300
+
+
+def test_a_gap_behind_its_start_the_record_begins_at_once(convoy: Scenario, lead: Record) -> None:
+    start = convoy.route.path.at(convoy.route.start_station(1))
+    ahead = head_start(lead, LocalPlane(convoy.origin), (start.east, start.north), 15.0)
+    assert ahead == pytest.approx(0.0, abs=0.1 / SPEED)
+
+
+@pytest.mark.parametrize("aside", [0.0, 1.0])
+def test_from_the_same_start_the_record_is_a_gap_further_on(
+    convoy: Scenario, lead: Record, aside: float
+) -> None:
+    start = convoy.route.path.at(convoy.route.start + 40.0)
+    place = (start.east - aside * sin(start.yaw), start.north + aside * cos(start.yaw))
+    ahead = head_start(lead, LocalPlane(convoy.origin), place, 15.0)
+    assert ahead * SPEED == pytest.approx(55.0, abs=0.8)  # half the way from fix to fix
+
+
+def test_a_record_that_begins_too_far_ahead_is_taken_from_its_start(
+    convoy: Scenario, lead: Record
+) -> None:
+    assert head_start(lead, LocalPlane(convoy.origin), (-60.0, 0.0), 15.0) == 0.0
+
+
+def test_a_record_shorter_than_the_gap_is_refused(convoy: Scenario, lead: Record) -> None:
+    with pytest.raises(ValueError, match="shorter than"):
+        head_start(lead, LocalPlane(convoy.origin), (0.0, 0.0), 500.0)
+
+
+def test_a_vehicle_that_the_log_does_not_hold_is_named_with_those_it_does(
+    recorded: tuple[Path, Trial],
+) -> None:
+    with pytest.raises(LogError, match=r"no poses of 'v9', but of v1, v2, v3"):
+        read_record(recorded[0], "v9")

@@ -1,0 +1,154 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.results.summary import METADATA_NAME, SCENARIO_NAME, SUMMARY_NAME
+from scenarios.runs.run_log import LOG_NAME, RunLog
+from tests.made.messages import START, at, gps, health, tracking, truth
+from transport.codec import decode, encode
+from transport.log.mcap_log import LogReader
+from transport.topics import TOPIC_OF, TOPICS, key
+from vehicles.messages import Health, Message, RunEnd, RunStart
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load_scenario("lane_change", ["duration_s=5", "convoy.vehicles=2"], seed=7)
+
+
+def begun(scenario: Scenario, folder: Path) -> RunLog:
+    run = RunLog(scenario, folder, clock="wall", run_id="today")
+    run.start(START, START)
+    for seq in range(10):
+        for name in ("v1", "v2"):
+            take(run, gps(name, seq), seq)
+            take(run, truth(name, seq, 0.6 * seq, 0.1 if name == "v2" else 0.0), seq)
+            take(run, tracking(name, seq, lateral_error_m=0.01 * seq), seq)
+    return run
+
+
+def take(run: RunLog, message: Message, seq: int = 0) -> None:
+    run.recorder.accept(
+        key(message.vehicle, TOPIC_OF[type(message)]), encode(message), at(seq / 20)
+    )
+
+
+def test_a_run_is_a_log_and_a_summary_that_say_the_same(scenario: Scenario, tmp_path: Path) -> None:
+    folder = tmp_path / "some" / "folder"
+    run = begun(scenario, folder)
+    run.end(at(5.0), "")
+    summary = run.close(at(5.1))
+    assert sorted(path.name for path in folder.iterdir()) == [LOG_NAME, SUMMARY_NAME]
+    assert json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8")) == summary
+    reader = LogReader(folder / LOG_NAME)
+    assert not reader.truncated
+    attached = reader.attachments()
+    assert attached[SUMMARY_NAME] == (folder / SUMMARY_NAME).read_bytes()
+    assert scenario_from_text(attached[SCENARIO_NAME].decode()).tables == scenario.tables
+    about = reader.metadata()[METADATA_NAME]
+    assert about["run_id"] == "today"
+    assert (about["scenario"], about["seed"], about["clock"]) == ("lane_change", "7", "wall")
+    for package in ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "python"):
+        assert about[package][0].isdigit()
+
+
+def test_a_run_that_ends_as_planned_is_completed(scenario: Scenario, tmp_path: Path) -> None:
+    run = begun(scenario, tmp_path)
+    run.end(at(5.3), "")  # the last words take a moment more
+    summary = run.close(at(6.0))
+    assert (summary["outcome"], summary["reason"]) == ("completed", "")
+    assert (summary["duration_s"], summary["ran_s"]) == (5.0, 5.0)
+    assert summary["seed"] == 7
+    assert [row["poses"] for row in summary["vehicles"]] == [10, 10]
+
+
+def test_a_run_with_a_reason_to_end_is_failed(scenario: Scenario, tmp_path: Path) -> None:
+    run = begun(scenario, tmp_path)
+    run.end(at(2.0), "v2 died 1.5 s after the start")
+    summary = run.close(at(3.0))
+    assert (summary["outcome"], summary["ran_s"]) == ("failed", 2.0)
+    assert summary["reason"] == "v2 died 1.5 s after the start"
+
+
+def test_a_run_that_never_started_ran_for_no_time(scenario: Scenario, tmp_path: Path) -> None:
+    run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
+    run.end(at(60.0), "not present in time: v2")
+    assert run.close(at(60.0))["ran_s"] == 0.0
+    messages = [message for _, _, message in LogReader(tmp_path / LOG_NAME).messages()]
+    assert [type(message) for message in messages] == [RunEnd, Health]
+
+
+def test_start_and_end_are_announced_as_they_are_logged(scenario: Scenario, tmp_path: Path) -> None:
+    run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
+    start = decode(TOPICS["start"], run.start(at(0.0), at(0.5)))
+    end = decode(TOPICS["end"], run.end(at(9.0), "enough"))
+    run.close(at(9.1))
+    assert start == RunStart(vehicle="run", seq=0, start_at_ns=at(0.5), run_id="today")
+    assert end == RunEnd(vehicle="run", seq=0, end_at_ns=at(9.0), reason="enough")
+    logged = [message for _, _, message in LogReader(tmp_path / LOG_NAME).messages()]
+    assert logged[:2] == [start, end]
+
+
+def test_last_words_after_the_end_are_recorded_until_it_closes(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    run = begun(scenario, tmp_path)
+    run.end(at(2.0), "stopped by SIGINT")
+    take(run, health("v2", seconds=2.1, final=True), 41)
+    summary = run.close(at(2.2))
+    assert [row["finished"] for row in summary["vehicles"]] == [False, True]
+
+
+def test_what_was_refused_is_in_the_summary(scenario: Scenario, tmp_path: Path) -> None:
+    run = begun(scenario, tmp_path)
+    for where, data in (("convoy/v1/gps", b"?"), ("convoy/v7/gps", b"?"), ("convoy/v1/gps", b"!")):
+        run.recorder.accept(where, data, at(1.0))
+    run.end(at(5.0), "")
+    assert run.close(at(5.0))["recorder_rejected_messages"] == {"malformed": 2, "unknown key": 1}
+
+
+def test_a_log_that_is_being_written_can_be_read_up_to_its_last_flush(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    run = begun(scenario, tmp_path)
+    run.flush()
+    take(run, gps("v1", 10), 10)
+    reader = LogReader(tmp_path / LOG_NAME)
+    assert reader.truncated
+    assert len(list(reader.messages())) == 1 + 60
+    assert SCENARIO_NAME in reader.attachments()
+    run.end(at(5.0), "")
+    run.close(at(5.0))
+
+
+def test_the_same_run_gives_the_same_bytes(scenario: Scenario, tmp_path: Path) -> None:
+    logs = []
+    for name in ("one", "other"):
+        run = begun(scenario, tmp_path / name)
+        run.end(at(5.0), "")
+        run.close(at(5.0))
+        logs.append((tmp_path / name / LOG_NAME).read_bytes())
+    assert logs[0] == logs[1]
+
+
+def test_listeners_hear_of_everything(scenario: Scenario, tmp_path: Path) -> None:
+    heard: list[Message] = []
+    run = RunLog(
+        scenario,
+        tmp_path,
+        clock="virtual",
+        run_id="x",
+        listeners=[lambda _at, message: heard.append(message)],
+    )
+    run.start(START, START)
+    take(run, gps("v1", 0))
+    run.end(at(1.0), "")
+    run.close(at(1.0))
+    assert [type(message).__name__ for message in heard] == [
+        "RunStart",
+        "GpsPose",
+        "RunEnd",
+        "Health",
+    ]

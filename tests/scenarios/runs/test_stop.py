@@ -1,0 +1,133 @@
+"""Processes that are asked to stop, each in a small process of its own."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from scenarios.runs.stop import Stop
+
+SOON_S = 10.0
+WAITER = """
+import sys, time
+from scenarios.runs.stop import first_of_all
+stop = first_of_all(leash="leash" in sys.argv)
+stop.begun = "importing" not in sys.argv
+print("ready", flush=True)
+deadline = time.monotonic() + 20.0
+while not stop.asked and time.monotonic() < deadline:
+    time.sleep(0.005)
+print(stop.reason, "orphaned" if stop.orphaned else "held", flush=True)
+sys.exit(stop.exit_code)
+"""
+LAUNCHER = """
+import subprocess, sys, time
+subprocess.Popen([sys.executable, "-c", sys.argv[1], "leash"], stdin=subprocess.PIPE)
+time.sleep(20.0)
+"""
+
+
+@contextmanager
+def waiter(*arguments: str) -> Iterator["subprocess.Popen[str]"]:
+    """A process that waits until it is asked to stop, and then says why."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", WAITER, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def last_words(process: "subprocess.Popen[str]") -> tuple[str, int]:
+    assert process.stdout is not None
+    said = process.stdout.readline()
+    return said.strip(), process.wait(SOON_S)
+
+
+def test_the_first_who_asks_decides() -> None:
+    stop = Stop()
+    assert not stop.asked
+    stop.ask("stopped by SIGTERM", 143)
+    stop.ask("the launcher is gone", 1)
+    assert stop.asked
+    assert (stop.reason, stop.exit_code) == ("stopped by SIGTERM", 143)
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "code"), [(signal.SIGINT, "SIGINT", 130), (signal.SIGTERM, "SIGTERM", 143)]
+)
+def test_signals_ask_to_stop_with_the_exit_code_of_the_shell(
+    number: signal.Signals, name: str, code: int
+) -> None:
+    with waiter() as process:
+        process.send_signal(number)
+        assert last_words(process) == (f"stopped by {name} held", code)
+
+
+def test_a_second_signal_changes_nothing() -> None:
+    with waiter() as process:
+        process.send_signal(signal.SIGTERM)
+        process.send_signal(signal.SIGINT)
+        assert last_words(process)[1] in {130, 143}  # the kernel may deliver either first
+
+
+def test_the_end_of_standard_input_is_the_end_of_the_launcher() -> None:
+    with waiter("leash") as process:
+        assert process.stdin is not None
+        process.stdin.close()
+        assert last_words(process) == ("the launcher is gone orphaned", 1)
+
+
+def test_a_process_that_has_not_begun_ends_with_its_launcher_at_once() -> None:
+    with waiter("leash", "importing") as process:
+        assert process.stdin is not None
+        process.stdin.close()
+        assert last_words(process) == ("", 1)
+
+
+def test_a_launcher_may_say_why() -> None:
+    with waiter("leash") as process:
+        assert process.stdin is not None
+        process.stdin.write("v2 was killed by signal 9; the run ends")
+        process.stdin.flush()
+        assert last_words(process) == ("v2 was killed by signal 9; the run ends held", 1)
+
+
+def test_without_a_leash_the_end_of_standard_input_means_nothing() -> None:
+    with waiter() as process:
+        assert process.stdin is not None
+        process.stdin.close()
+        time.sleep(0.2)
+        assert process.poll() is None
+        process.terminate()
+        assert last_words(process) == ("stopped by SIGTERM held", 143)
+
+
+def test_a_launcher_that_is_killed_lets_go_of_the_leash(tmp_path: Path) -> None:
+    said = tmp_path / "said"
+    with said.open("wb") as out:
+        launcher = subprocess.Popen([sys.executable, "-c", LAUNCHER, WAITER], stdout=out)
+    wait_for(said, "ready")
+    os.kill(launcher.pid, signal.SIGKILL)
+    launcher.wait(SOON_S)
+    wait_for(said, "the launcher is gone orphaned")
+
+
+def wait_for(file: Path, words: str) -> None:
+    deadline = time.monotonic() + SOON_S
+    while words not in file.read_text():
+        assert time.monotonic() < deadline, file.read_text()
+        time.sleep(0.01)

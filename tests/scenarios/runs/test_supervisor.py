@@ -1,0 +1,157 @@
+"""The watch over real children: routers, which are the quickest of our own processes to start."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+import pytest
+
+from scenarios.runs.processes.supervisor import Child, Supervisor
+from transport.bus.bus import BusError
+
+SOON_S = 15.0
+ROUTER = ("router", "--leash", "-l", "tcp/127.0.0.1:0")
+LAUNCHER = """
+import time
+from scenarios.runs.processes.supervisor import Supervisor
+supervisor = Supervisor()
+endpoint = supervisor.start_router()
+print(supervisor.children[0].process.pid, endpoint, flush=True)
+time.sleep(60.0)
+"""
+
+
+@pytest.fixture
+def supervisor() -> Iterator[Supervisor]:
+    one = Supervisor()
+    started: list[Child] = []
+    spawn = one.start
+
+    def start(name: str, arguments: tuple[str, ...]) -> Child:
+        child = spawn(name, arguments)
+        started.append(child)
+        return child
+
+    one.start = start  # type: ignore[assignment,method-assign]
+    yield one
+    for child in (*started, *one.children):
+        child.process.kill()
+        child.process.wait()
+        for stream in (child.process.stdin, child.process.stdout):
+            if stream:
+                with suppress(OSError):  # what nobody read cannot be written any more
+                    stream.close()
+
+
+def until(happened: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + SOON_S
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def is_up(endpoint: str) -> bool:
+    host, port = endpoint.removeprefix("tcp/").split(":")
+    try:
+        with socket.create_connection((host, int(port)), timeout=1.0):
+            return True
+    except OSError:
+        return False
+
+
+def catches(process: "subprocess.Popen[bytes]", number: int) -> bool:
+    """Whether the process has come so far that it handles a signal itself (Linux)."""
+    status = Path(f"/proc/{process.pid}/status").read_text(encoding="ascii").splitlines()
+    caught = next(line for line in status if line.startswith("SigCgt:"))
+    return bool(int(caught.split()[1], 16) & 1 << (number - 1))
+
+
+def test_a_router_listens_on_a_port_of_its_own(supervisor: Supervisor) -> None:
+    endpoint = supervisor.start_router()
+    router = supervisor.children[0]
+    assert endpoint.startswith("tcp/127.0.0.1:")
+    assert not endpoint.endswith(":0")
+    assert is_up(endpoint)
+    assert supervisor.ended() == []
+    assert router.exit_code is None
+    assert router.fate() == "router still runs"
+    # A Ctrl-C in the terminal must reach the launcher alone.
+    assert os.getsid(router.process.pid) == router.process.pid
+    # Asked to stop it does so by itself, with the exit code of the signal.
+    assert supervisor.stop() == []
+    assert router.exit_code == 143
+    assert router.fate() == "router ended with exit code 143"
+    assert not is_up(endpoint)
+    assert supervisor.children == []
+
+
+def test_deaths_are_seen_reasons_told_and_the_stubborn_killed(supervisor: Supervisor) -> None:
+    killed, told, orphan, stubborn = (
+        supervisor.start(name, ROUTER) for name in ("killed", "told", "orphan", "stubborn")
+    )
+    for child in (killed, told, orphan, stubborn):
+        until(lambda child=child: catches(child.process, signal.SIGTERM))  # type: ignore[misc]
+    killed.process.kill()
+    until(lambda: killed.exit_code is not None)
+    assert supervisor.ended() == [killed]
+    assert killed.fate() == "killed was killed by signal 9"
+    assert supervisor.ended() == []  # told once
+
+    supervisor.tell("told", "v2 died; the run ends")
+    supervisor.tell("killed", "too late")
+    supervisor.tell("nobody", "nothing happens")
+    until(lambda: told.exit_code is not None)
+    assert told.fate() == "told ended with exit code 1"
+    supervisor.tell("told", "has ended, nothing happens")
+
+    assert orphan.process.stdin is not None
+    orphan.process.stdin.close()
+    until(lambda: orphan.exit_code is not None)
+    assert orphan.fate() == "orphan ended with exit code 1"
+    assert supervisor.ended() == [told, orphan]
+
+    stubborn.process.send_signal(signal.SIGSTOP)  # hears no SIGTERM any more
+    assert supervisor.stop(["someone else"]) == []
+    assert stubborn.exit_code is None
+    began = time.monotonic()
+    assert supervisor.stop(["stubborn"], grace_s=0.3) == [stubborn]
+    assert 0.3 <= time.monotonic() - began < 3.0
+    assert stubborn.fate() == "stubborn was killed by signal 9"
+    assert supervisor.children == []
+
+
+def test_a_child_that_cannot_do_its_work_ends_by_itself(supervisor: Supervisor) -> None:
+    child = supervisor.start("nonsense", ("nonsense",))
+    until(lambda: child.exit_code is not None)
+    assert supervisor.ended() == [child]
+    assert child.fate() == "nonsense ended with exit code 2"
+    assert supervisor.stop() == []
+
+
+def test_a_router_that_does_not_start_is_told_in_one_line(
+    supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    with pytest.raises(BusError, match="the router did not start"):
+        supervisor.start_router()
+
+
+def test_a_killed_launcher_leaves_nobody_behind() -> None:
+    launcher = subprocess.Popen([sys.executable, "-c", LAUNCHER], stdout=subprocess.PIPE, text=True)
+    with launcher:
+        assert launcher.stdout is not None
+        pid, endpoint = launcher.stdout.readline().split()
+        router = psutil.Process(int(pid))
+        assert is_up(endpoint)
+        launcher.kill()
+        launcher.wait(SOON_S)
+    killed_at = time.monotonic()
+    until(lambda: not router.is_running() or router.status() == psutil.STATUS_ZOMBIE)
+    assert time.monotonic() - killed_at < 5.0

@@ -1,0 +1,347 @@
+"""Whole runs in virtual time: the same again, another seed, and what links do to them."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.results.summary import SCENARIO_NAME, summary_of
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
+from transport.codec import encode
+from transport.log.mcap_log import LogReader, LogWriter
+from transport.topics import TOPIC_OF
+from vehicles.messages import (
+    CompositeTrajectory,
+    GpsPose,
+    Health,
+    LinkVerdict,
+    Message,
+    RunEnd,
+    RunStart,
+    Tracking,
+    TruePose,
+)
+from vehicles.schedule import SECOND
+
+MS = SECOND // 1000
+SHORT = ("duration_s=3",)
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A run's log, what is in it, and its summary."""
+
+    scenario: Scenario
+    log: bytes
+    attached: dict[str, bytes]
+    recorded: list[tuple[int, Message]]
+    summary: dict[str, Any]
+
+    def of(self, vehicle: str, kind: type[Message]) -> list[Any]:
+        return [m for _, m in self.recorded if m.vehicle == vehicle and type(m) is kind]
+
+    def verdicts(self, sender: str, receiver: str) -> list[LinkVerdict]:
+        return [m for m in self.of(receiver, LinkVerdict) if m.sender == sender]
+
+    def modes(self, vehicle: str) -> set[str]:
+        return {message.mode for message in self.of(vehicle, Tracking)}
+
+    def link(self, sender: str, receiver: str) -> dict[str, Any]:
+        rows = self.summary["links"]
+        found: dict[str, Any] = next(
+            row for row in rows if (row["sender"], row["receiver"]) == (sender, receiver)
+        )
+        return found
+
+    def true_path(self, vehicle: str) -> list[tuple[float, float, float]]:
+        return [(p.east_m, p.north_m, p.yaw_rad) for p in self.of(vehicle, TruePose)]
+
+
+def run(scenario: Scenario) -> Ran:
+    with TemporaryDirectory() as folder:
+        summary = run_virtual(scenario, Path(folder), Stop())
+        log = Path(folder) / "run.mcap"
+        reader = LogReader(log)
+        recorded = [(at, message) for at, _, message in reader.messages()]
+        return Ran(scenario, log.read_bytes(), reader.attachments(), recorded, summary)
+
+
+@cache
+def ran(*overrides: str, name: str = "lane_change", seed: int | None = None) -> Ran:
+    return run(load_scenario(name, [*SHORT, *overrides], seed))
+
+
+# ---- Determinism
+
+
+def test_two_runs_of_a_scenario_are_equal_byte_for_byte() -> None:
+    again = run(load_scenario("lane_change", SHORT))
+    assert again.log == ran().log
+    assert again.summary == ran().summary
+
+
+def test_another_seed_is_another_run() -> None:
+    other = ran(seed=2)
+    assert other.log != ran().log
+    assert other.true_path("v2") != ran().true_path("v2")
+    assert other.summary["seed"] == 2
+
+
+def test_the_start_is_that_of_the_scenario() -> None:
+    start = ran().recorded[0][1]
+    assert isinstance(start, RunStart)
+    assert start.start_at_ns == ran().scenario.start_at_ns
+    later = ran("start_at=2027-03-04T05:06:07Z")
+    start = later.recorded[0][1]
+    assert isinstance(start, RunStart)
+    assert start.start_at_ns == 1_804_136_767 * SECOND
+    assert later.true_path("v3") == ran().true_path("v3")
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("lane_change", ("duration_s=3",)),
+        ("lossy_lane_change", ("duration_s=1",)),
+        ("church_lot", ("duration_s=1",)),
+        ("highway", ("duration_s=1",)),
+    ],
+)
+def test_a_log_s_own_scenario_gives_the_same_run_again(
+    name: str, overrides: tuple[str, ...]
+) -> None:
+    first = ran(*overrides, name=name)
+    again = run(scenario_from_text(first.attached["scenario.toml"].decode()))
+    for vehicle in first.scenario.vehicle_names:
+        assert again.true_path(vehicle) == first.true_path(vehicle)
+    assert again.log == first.log
+
+
+# ---- What is in the log
+
+
+def test_every_vehicle_measures_at_its_rate_without_a_gap() -> None:
+    for name in ran().scenario.vehicle_names:
+        poses = ran().of(name, GpsPose)
+        assert [pose.seq for pose in poses] == list(range(3 * 20))
+        start = ran().scenario.start_at_ns
+        assert [pose.measured_at_ns - start for pose in poses] == [50 * MS * k for k in range(60)]
+
+
+def test_every_vehicle_decides_and_moves_at_the_control_rate() -> None:
+    for name in ran().scenario.vehicle_names:
+        poses = ran().of(name, TruePose)
+        assert [pose.seq for pose in poses] == list(range(3 * 50))
+        start = ran().scenario.start_at_ns
+        assert [pose.true_at_ns - start for pose in poses] == [20 * MS * k for k in range(150)]
+        for before, pose in pairwise(poses):
+            way = math.hypot(pose.east_m - before.east_m, pose.north_m - before.north_m)
+            assert way == pytest.approx(0.02 * 30.0, rel=0.02)
+        assert len(ran().of(name, Tracking)) == 150
+
+
+def test_messages_are_recorded_in_order_at_the_tick_that_sends_them() -> None:
+    instants = [at for at, _ in ran().recorded]
+    assert instants == sorted(instants)
+    for at, message in ran().recorded:
+        if isinstance(message, GpsPose):
+            assert at == message.measured_at_ns
+        elif isinstance(message, Tracking):
+            assert at == message.decided_at_ns
+
+
+def test_it_ends_as_planned_with_everyone_s_last_words() -> None:
+    end_at = ran().scenario.start_at_ns + 3 * SECOND
+    end = next(message for _, message in ran().recorded if isinstance(message, RunEnd))
+    assert (end.end_at_ns, end.reason) == (end_at, "")
+    for name in ran().scenario.vehicle_names:
+        healths = ran().of(name, Health)
+        assert [health.final for health in healths] == [False, False, False, True]
+        assert healths[-1].reported_at_ns == end_at
+        assert (healths[-1].memory_bytes, healths[-1].late_ticks) == (0, 0)
+
+
+def test_the_summary_counts_what_is_in_the_log() -> None:
+    summary = ran().summary
+    assert (summary["outcome"], summary["reason"]) == ("completed", "")
+    assert (summary["scenario"], summary["clock"]) == ("lane_change", "virtual")
+    assert (summary["duration_s"], summary["ran_s"]) == (3.0, 3.0)
+    assert summary["recorder_rejected_messages"] == {}
+    for row in summary["vehicles"]:
+        assert (row["poses"], row["missing_poses"]) == (60, 0)
+        assert sum(row["ticks_by_mode"].values()) == 150
+        assert row["ticks"] == 180  # the union of 50 and 20 Hz
+        assert (row["late_ticks"], row["rejected_messages"], row["memory_bytes_max"]) == (0, 0, 0)
+        assert row["finished"]
+        assert row["distance_m"] == pytest.approx(90.0, abs=1.0)
+        modes = Counter(message.mode for message in ran().of(row["name"], Tracking))
+        assert row["ticks_by_mode"] == modes
+    for row in summary["links"]:
+        assert (row["sent"], row["late"], row["dropped"]) == (60, 0, {})
+        verdicts = ran().verdicts(row["sender"], row["receiver"])
+        assert row["heard"] == len(verdicts)
+        # What was sent in the last moment is not heard any more.
+        assert row["heard"] == sum(50 * k + 20 <= 2990 for k in range(60))
+        assert row["latency_ms_mean"] == pytest.approx(20.0)
+
+
+def test_listeners_hear_what_is_logged(tmp_path: Path) -> None:
+    heard: list[tuple[int, Message]] = []
+    run_virtual(
+        load_scenario("lane_change", SHORT),
+        tmp_path,
+        Stop(),
+        listeners=[lambda at, message: heard.append((at, message))],
+    )
+    assert [(at, type(m), m.vehicle, m.seq) for at, m in heard] == [
+        (at, type(m), m.vehicle, m.seq) for at, m in ran().recorded
+    ]
+
+
+def test_a_run_that_is_stopped_has_a_whole_log(tmp_path: Path) -> None:
+    stop, scenario = Stop(), load_scenario("lane_change", SHORT)
+
+    def after_a_second(at: int, _message: Message) -> None:
+        if at >= scenario.start_at_ns + SECOND:
+            stop.ask("stopped by SIGINT", 130)
+
+    summary = run_virtual(scenario, tmp_path, stop, listeners=[after_a_second])
+    assert (summary["outcome"], summary["reason"]) == ("failed", "stopped by SIGINT")
+    assert summary["ran_s"] == pytest.approx(1.0, abs=0.02)
+    reader = LogReader(tmp_path / "run.mcap")
+    assert not reader.truncated
+    last = [message for _, _, message in reader.messages()]
+    assert sum(isinstance(message, Health) and message.final for message in last) == 5
+    assert max(len(list(reader.messages(["gps"], [name]))) for name in reader.vehicles) == 21
+
+
+# ---- Links
+
+
+def test_a_link_that_loses_everything_leaves_the_other_source() -> None:
+    deaf = ran('link=[{sender="v1", receiver="v3", loss_ratio=1.0}]')
+    assert deaf.link("v1", "v3")["heard"] == 0
+    assert deaf.link("v1", "v3")["loss_ratio"] == 1.0
+    assert {verdict.reason for verdict in deaf.verdicts("v1", "v3")} == {"loss"}
+    assert deaf.modes("v3") == {"straight", "predecessor"}
+    assert deaf.modes("v4") == {"straight", "composite"}
+    assert deaf.link("v1", "v4")["heard"] == ran().link("v1", "v4")["heard"]
+    without = ran('link=[{sender="v2", receiver="v3", loss_ratio=1.0}]')
+    assert without.modes("v3") == {"straight", "lead"}
+    reasons = {message.reason for message in without.of("v3", Tracking) if message.mode == "lead"}
+    assert reasons == {"v2 never heard"}
+
+
+def test_vehicles_that_hear_nothing_drive_straight_on() -> None:
+    deaf = ran("links.loss_ratio=1")
+    for name in ("v2", "v3", "v4"):
+        assert deaf.modes(name) == {"straight"}
+        for pose in deaf.of(name, TruePose):
+            assert abs(pose.steering_rad) < 0.01
+    assert deaf.true_path("v1") == ran().true_path("v1")
+
+
+@pytest.mark.parametrize("latency_ms", [0, 20, 50, 123])
+def test_latency_is_from_measurement_to_the_next_tick(latency_ms: int) -> None:
+    late = ran(f"links.latency_ms={latency_ms}", "convoy.vehicles=2")
+    verdicts = late.verdicts("v1", "v2")
+    assert len(verdicts) >= 57
+    for verdict in verdicts:
+        assert verdict.visible_at_ns - verdict.measured_at_ns == latency_ms * MS
+        assert not verdict.late
+        wait = (verdict.heard_at_ns - verdict.visible_at_ns) / MS
+        assert 0 <= wait < 20
+    # The first was measured at the start; control ticks come every 20 ms, GNSS ticks every 50.
+    first = min(k for k in (*range(0, 1000, 20), *range(0, 1000, 50)) if k >= latency_ms)
+    start = late.scenario.start_at_ns
+    assert (verdicts[0].heard_at_ns - start) / MS == first
+
+
+def test_more_latency_lets_a_follower_know_less() -> None:
+    ages = [
+        max(message.lead_age_s for message in ran(latency).of("v4", Tracking)[50:])
+        for latency in ("links.latency_ms=20", "links.latency_ms=120", "links.latency_ms=220")
+    ]
+    assert ages[1] == pytest.approx(ages[0] + 0.1, abs=0.011)
+    assert ages[2] == pytest.approx(ages[0] + 0.2, abs=0.011)
+
+
+def test_jitter_adds_to_latency_up_to_its_span() -> None:
+    verdicts = ran("links.jitter_ms=80").verdicts("v1", "v2")
+    delays = [(verdict.visible_at_ns - verdict.measured_at_ns) / MS for verdict in verdicts]
+    assert 20 <= min(delays) < 35
+    assert 85 < max(delays) <= 100
+
+
+def test_losses_strike_about_as_many_as_asked() -> None:
+    lossy = ran("links.loss_ratio=0.4")
+    rows = lossy.summary["links"]
+    judged = sum(row["judged"] for row in rows)
+    lost = sum(row["dropped"].get("loss", 0) for row in rows)
+    deviation = math.sqrt(judged * 0.4 * 0.6)
+    assert abs(lost - 0.4 * judged) < 4 * deviation
+    patterns = {tuple(verdict.outcome for verdict in lossy.verdicts("v1", r)) for r in ("v2", "v3")}
+    assert len(patterns) == 2  # every link loses messages of its own
+
+
+def test_a_link_s_rate_lets_every_second_pose_through() -> None:
+    slow = ran('link=[{sender="v1", receiver="v2", rate_hz=10.0}]')
+    by_number = {verdict.pose_seq: verdict for verdict in slow.verdicts("v1", "v2")}
+    assert [by_number[k].outcome for k in range(10)] == ["delivered", "dropped"] * 5
+    assert {verdict.reason for verdict in by_number.values()} == {"", "rate"}
+    assert slow.link("v1", "v2")["loss_ratio"] == 0.0
+
+
+def test_a_sender_with_a_receiver_of_its_own_rate_is_heard_at_that_rate() -> None:
+    quick = ran("vehicle.v1.gnss.rate_hz=40")
+    assert len(quick.of("v1", GpsPose)) == 120
+    for receiver in ("v2", "v3", "v4"):
+        assert quick.link("v1", receiver)["heard"] >= 118
+    assert [row["rejected_messages"] for row in quick.summary["vehicles"]] == [0] * 4
+
+
+def test_a_lead_that_starts_askew_does_not_put_its_followers_off_the_path(tmp_path: Path) -> None:
+    askew = ran("vehicle.v1.heading_offset_deg=3")
+    for row in askew.summary["vehicles"][1:]:
+        assert row["cross_track_error_m_max"] < 0.3
+    # A log without a summary has its messages and its scenario to tell the same.
+    log = tmp_path / "run.mcap"
+    with LogWriter(log) as writer:
+        writer.attach(SCENARIO_NAME, "application/toml", askew.attached[SCENARIO_NAME])
+        for at, message in askew.recorded:
+            writer.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at)
+    assert summary_of(log)["vehicles"] == askew.summary["vehicles"]
+
+
+def test_alpha_is_the_weight_of_the_predecessor() -> None:
+    """Without weight it does not matter where the predecessor drives and says it is."""
+    noisy = "vehicle.v2.gnss.position_noise_m=0.2"
+    for alpha, matters in ((0, False), (1, True)):
+        weight = f"vehicle.v3.control.alpha_ratio={alpha}"
+        quiet, loud = ran(weight), ran(weight, noisy)
+        assert loud.true_path("v2") != quiet.true_path("v2")
+        assert (loud.true_path("v3") != quiet.true_path("v3")) == matters
+
+
+def test_a_trajectory_reaches_as_far_as_the_preview() -> None:
+    reach = {}
+    for preview_s in (0.4, 0.8):
+        trajectories = ran(f"control.preview_s={preview_s}").of("v4", CompositeTrajectory)[20:]
+        lengths = [sum(trajectory.piece_length_m) for trajectory in trajectories]
+        assert min(lengths) > preview_s * 30.0  # there is some behind the ego, too
+        reach[preview_s] = sum(lengths) / len(lengths)
+    assert reach[0.8] - reach[0.4] == pytest.approx(0.4 * 30.0, abs=1.5)
+
+
+def test_one_vehicle_more_changes_nobody_ahead_of_it() -> None:
+    fewer = ran("convoy.vehicles=3")
+    for name in ("v1", "v2", "v3"):
+        assert fewer.true_path(name) == ran().true_path(name)

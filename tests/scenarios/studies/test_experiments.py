@@ -1,0 +1,251 @@
+"""The paper's cases as scenarios, and the runs whose drives stay in memory."""
+
+from math import cos, pi, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.drives import Drive, Trial
+from scenarios.results.fitted_samples import SampleCounter, SampleFigures
+from scenarios.results.summary import scenario_in
+from scenarios.runs.rehearsal import record, rehearse
+from scenarios.runs.run_log import LOG_NAME
+from scenarios.studies.paper.experiments import (
+    CASES,
+    LANE,
+    RADII,
+    ROADS,
+    Experiment,
+    at_the_same_times,
+    pieces,
+    road,
+)
+from scenarios.studies.paper.field_runs import as_run, field_runs
+from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, weaving_scenario
+from scenarios.studies.paper.linear_prediction import predicted
+from tests.made.messages import truth
+from transport.log.mcap_log import LogReader
+from vehicles.car.parameters import NOMINAL_GAINS
+from vehicles.messages import CompositeTrajectory, RunStart
+from vehicles.theory.string_stability import Transfer
+
+EXPERIMENTS = {key: run for case in CASES.values() for key, run in case.items()}
+SHORT = ["duration_s=3.0", "convoy.vehicles=2"]
+
+
+def test_every_experiment_can_be_driven() -> None:
+    for key, run in EXPERIMENTS.items():
+        if "/noise/" in key and not key.endswith("/2"):
+            continue  # differs from another by its seed only
+        scenario = load_scenario(run.scenario, run.overrides, run.seed)
+        assert max(scenario.route.plan.speeds) == min(scenario.route.plan.speeds) or (
+            run.scenario == "paper_variable_speed"
+        ), f"{key}: slowed down in bends"
+
+
+@pytest.mark.parametrize(
+    ("case", "speed", "loads"),
+    [
+        ("base", 30.0, [(1, 3)] * 4),
+        ("a", 10.0, [(1, 2)] * 4),
+        ("b", 10.0, [(1, 0)] * 4),
+        ("c", 20.0, [(1, 0)] * 4),
+        ("d", 30.0, [(1, 2), (1, 2), (1, 0), (1, 0)]),
+    ],
+)
+def test_the_cases_are_the_papers(case: str, speed: float, loads: list[tuple[int, int]]) -> None:
+    scenario = load_scenario(f"paper_{case}")
+    assert scenario.route.plan.speeds == (speed,)
+    for name, (front, rear) in zip(scenario.vehicle_names, loads, strict=True):
+        setup = scenario.vehicle(name)
+        mass = setup.assumed_parameters.mass + 120.0 * (front + rear)
+        assert setup.parameters.mass == pytest.approx(mass)
+        assert setup.controller.endswith(".FeedforwardFeedback")
+        assert (setup.steering.alpha_ratio, setup.steering.fusion) == (0.5, "composite")
+        assert tuple(setup.steering.gains.model_dump().values()) == NOMINAL_GAINS
+        assert setup.gnss.position_noise_m == 0.0
+
+
+def test_variable_speed_reaches_30_and_field_drives_25() -> None:
+    assert max(load_scenario("paper_variable_speed").route.plan.speeds) == 30.0
+    assert load_scenario("paper_field").route.plan.speeds == (25.0,)
+
+
+def test_the_field_course_is_closed() -> None:
+    path = load_scenario("paper_field").route.path
+    start = load_scenario("paper_field").route.start
+    end = path.at(path.length - 60.0)
+    assert (end.east, end.north) == pytest.approx((path.at(start).east, 0.0), abs=0.01)
+    assert end.yaw == pytest.approx(path.at(start).yaw + 2.0 * pi, abs=1e-4)
+
+
+@pytest.mark.parametrize("radius", RADII)
+def test_a_lane_change_is_a_lane_wide(radius: float) -> None:
+    arc, straight = pieces(radius)
+    angle = arc / radius
+    sideways = 2.0 * radius * (1.0 - cos(angle)) + straight * sin(angle)
+    assert sideways == pytest.approx(LANE, abs=0.01)
+    assert arc <= 30.0
+
+
+@pytest.mark.parametrize("speed", [10.0, 20.0])
+def test_a_road_of_the_same_times_asks_for_the_same_lateral_acceleration(speed: float) -> None:
+    scenario = load_scenario("paper_c", [*at_the_same_times(speed), f"speed.set_mps={speed}"])
+    path, start = scenario.route.path, scenario.route.start
+    bend = path.at(start + 5.5 * speed).curvature
+    assert speed**2 * bend == pytest.approx(-1.8, rel=1e-4)
+    assert path.at(start + 4.9 * speed).curvature == 0.0
+    assert path.at(start + 20.5 * speed).curvature == pytest.approx(-bend, rel=1e-4)
+
+
+@pytest.mark.parametrize("case", ROADS)
+def test_a_road_that_is_not_moved_is_the_case_s_own(case: str) -> None:
+    """And a moved one is the same, but later by the way of a part of 0.1 s."""
+    speed, begins = ROADS[case]
+    own, again, moved = (
+        load_scenario(f"paper_{case}", overrides).route
+        for overrides in (
+            (),
+            (road(500.0, 30.0, 30.0, begins),),
+            CASES[case][f"{case}/phase/0.5"].overrides,
+        )
+    )
+    assert own.plan.at(begins[0] / speed) == speed
+    for station in np.arange(0.0, 750.0, 0.25):
+        here = own.path.at(own.start + station).curvature
+        assert again.path.at(again.start + station).curvature == pytest.approx(here, abs=1e-12)
+        later = moved.path.at(moved.start + station + 0.05 * speed).curvature
+        assert later == pytest.approx(here, abs=1e-12)
+
+
+def test_a_rehearsal_gives_the_figures_of_the_logged_run(tmp_path: Path) -> None:
+    scenario = load_scenario("lane_change", ["duration_s=7.0", "convoy.vehicles=2"])
+    logged, kept = record(scenario, tmp_path), rehearse(scenario)
+    assert kept.tracking == logged.tracking
+    assert kept.cross_track == logged.cross_track
+    assert kept.tracking[0] > 0.01  # so there is something to compare
+
+
+def test_the_field_runs_are_a_convoy_one_car_at_a_time(tmp_path: Path) -> None:
+    scenario = load_scenario("paper_field", ["duration_s=6.0"])
+    runs = field_runs(scenario, tmp_path)
+    for fusion, trial in (
+        ("composite", runs.with_lead_data),
+        ("predecessor", runs.without_lead_data),
+    ):
+        at_once = rehearse(
+            load_scenario("paper_field", ["duration_s=6.0", f'control.fusion="{fusion}"'])
+        )
+        for drive, live in zip(trial.drives, at_once.drives, strict=True):
+            assert drive.name == live.name
+            assert np.abs(drive.east - live.east).max() < 1e-6
+            assert np.abs(drive.lateral_error - live.lateral_error).max() < 1e-6
+    assert runs.logs == (
+        "run_1_PL1",
+        "run_2_PL2",
+        "run_3_PL3_composite",
+        "run_3_PL3_predecessor",
+    )
+    starts = []
+    for name in runs.logs[:3]:
+        reader = LogReader(tmp_path / name / LOG_NAME)
+        (start,) = (message for _, _, message in reader.messages(("start",)))
+        assert isinstance(start, RunStart)
+        starts.append(start.start_at_ns)
+    assert np.diff(starts).tolist() == [300_000_000_000] * 2
+    last = tmp_path / runs.logs[2] / LOG_NAME
+    assert scenario_in(last, LogReader(last).attachments()).vehicle_names == ("PL1", "PL2", "PL3")
+
+
+def test_a_run_of_the_field_experiment_has_only_the_cars_up_to_its_own() -> None:
+    run = as_run(load_scenario("paper_field"), 1, "predecessor")
+    assert run.vehicle_names == ("PL1", "PL2")
+    assert run.vehicle("PL2").lateral_offset_m == 0.4
+    assert run.vehicle("PL2").steering.fusion == "predecessor"
+
+
+def a_drive(name: str, east: np.ndarray, north: np.ndarray, speed: float) -> Drive:
+    nothing = np.zeros(len(east))
+    return Drive(
+        name=name,
+        at=(east - east[0]) / speed,
+        east=east,
+        north=north,
+        speed=np.full(len(east), speed),
+        lateral_error=nothing,
+        heading_error=nothing,
+        station=east,
+        cross_track=nothing,
+    )
+
+
+def test_amplitudes_are_read_off_weaving_paths_beside_a_drift() -> None:
+    east, frequency, speed = np.arange(0.0, 900.0, 0.6), 2.0, 30.0
+    swing = frequency * east / speed
+    drives = (
+        a_drive("v1", east, 0.5 * np.sin(swing) + 0.2, speed),
+        a_drive("v2", east, 0.6 * np.sin(swing - 0.3) + 0.001 * east, speed),
+    )
+    found = amplitudes(Trial(drives, SampleFigures()), frequency)
+    assert abs(found[0]) == pytest.approx(0.5)
+    assert abs(found[1]) == pytest.approx(0.6)
+    assert np.angle(found[1] / found[0]) == pytest.approx(-0.3)
+
+
+def test_the_weaving_lead_swings_as_asked_for_all_the_periods() -> None:
+    frequency = 2.5
+    scenario = weaving_scenario(frequency)
+    speed = scenario.tables.speed.set_mps
+    east = np.arange(0.0, speed * scenario.duration_s, 0.5)
+    assert scenario.tables.control.fusion == "predecessor"
+    last = east > east[-1] - PERIODS * 2.0 * pi * speed / frequency
+    path = scenario.route.path
+    heights = np.array([path.at(scenario.route.start + e).north for e in east[last]])
+    assert heights.max() == pytest.approx(1.5 / frequency**2, rel=0.03)
+    assert heights.min() == pytest.approx(-1.5 / frequency**2, rel=0.03)
+
+
+def test_linear_theory_of_a_chain_that_answers_with_one_tenth_too_much() -> None:
+    east = np.linspace(0.0, 1000.0, 2001)
+    lead = a_drive("v1", east, -3.0 * np.exp(-(((east - 500.0) / 80.0) ** 2)), 30.0)
+    more = Transfer(np.array([1.1]), np.array([1.0]))
+    tracking, true = predicted(lead, more, 1.0, 3)
+    assert tracking == pytest.approx((0.3, 0.33, 0.363), rel=1e-3)
+    assert true == pytest.approx((0.3, 0.63, 0.993), rel=1e-3)
+    tracking, true = predicted(lead, more, 0.5, 3)
+    assert tracking == pytest.approx((0.3, 0.315, 0.32325), rel=1e-3)
+    assert true == pytest.approx((0.3, 0.465, 0.55575), rel=1e-3)
+
+
+def test_samples_are_counted_ahead_of_the_car_and_by_source() -> None:
+    counter = SampleCounter()
+    counter.listen(truth("v3", 0, 5.0, 200.0, yaw=0.5 * pi, distance=200.0))
+    counter.listen(
+        CompositeTrajectory(
+            vehicle="v3",
+            seq=0,
+            decided_at_ns=0,
+            mode="composite",
+            piece_east_m=(),
+            piece_north_m=(),
+            piece_yaw_rad=(),
+            piece_curvature_per_m=(),
+            piece_length_m=(),
+            sample_east_m=(5.0, 5.0, 5.0, 5.1, 5.1),
+            sample_north_m=(199.0, 202.0, 203.0, 200.1, 201.1),
+            sample_source=(0, 0, 0, 1, 1),
+            residual_m_rms=0.0,
+            residual_m_max=0.0,
+        )
+    )
+    assert (counter.figures.lead, counter.figures.predecessor) == (2, 2)
+    # The two closest samples lie at (5.1, 200.1) and (5.0, 199.0).
+    assert counter.figures.rule_error == pytest.approx(np.arctan2(0.1, 1.1))
+
+
+def test_the_base_case_is_logged_and_its_variants_are_not() -> None:
+    assert EXPERIMENTS["base"] == Experiment(logged=True)
+    assert not EXPERIMENTS["base/blend"].logged
+    assert sqrt(len(EXPERIMENTS)) < 12.0  # a whole reproduction takes about a minute

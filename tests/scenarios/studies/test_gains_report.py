@@ -1,0 +1,128 @@
+import json
+import subprocess
+import sys
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from rich.console import Console
+
+from scenarios.cli.tables import gains_table
+from scenarios.studies.gains.report import DEFAULT_SPEEDS, gains_report
+from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Gains, Loading, loaded
+from vehicles.theory.linear_model import closed_loop_at
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("gains") / "new" / "folder"
+
+
+@pytest.fixture(scope="module")
+def nominal(folder: Path) -> dict[str, Any]:
+    before = dict(mpl.rcParams)
+    report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder)
+    assert dict(mpl.rcParams) == before
+    return report
+
+
+def _check_files(folder: Path, report: dict[str, Any]) -> None:
+    read = json.loads((folder / "gains.json").read_text(encoding="utf-8"))
+    assert read["pictures"] == report["pictures"]
+    assert len(report["pictures"]) == 7
+    for name in report["pictures"]:
+        pixels = imread(folder / name)
+        assert pixels.shape[0] > 400
+        assert pixels.shape[1] > 600
+        assert pixels[..., :3].std() > 0.03  # something is drawn
+
+
+def test_files(nominal: dict[str, Any], folder: Path) -> None:
+    _check_files(folder, nominal)
+
+
+def test_what_the_paper_says_of_its_gains(nominal: dict[str, Any]) -> None:
+    """Section V: in the interior of the intersection, Hurwitz for all loadings, set not convex."""
+    sets = nominal["stabilising_set"]
+    assert sets["inside_at_all_speeds_and_loadings"]
+    assert sets["ball_over_speeds_and_loadings"]["radius_in_gain_units"] == pytest.approx(0.06)
+    assert sets["relative_ball_over_speeds_and_loadings"]["radius_ratio"] > 0.8
+    assert sets["not_convex_between"] is not None
+    assert len(nominal["loadings"]) == 8
+    assert all(row["stable_at_every_speed"] for row in nominal["loadings"])
+    assert nominal["verification"]["disagreements_with_roots"] == 0
+    assert nominal["verification"]["random_points"] == 300 * len(DEFAULT_SPEEDS)
+
+
+def test_roots_are_those_of_the_loaded_cars(nominal: dict[str, Any]) -> None:
+    for row in nominal["loadings"]:
+        load = Loading(
+            front_passengers=row["front_passengers"], rear_passengers=row["rear_passengers"]
+        )
+        car = loaded(LINCOLN_MKZ, load)
+        expected = np.linalg.eigvals(closed_loop_at(car, NOMINAL_GAINS, 30.0))
+        found = np.array([complex(*root) for root in row["roots_per_s"]])
+        assert found == pytest.approx(np.sort_complex(expected), rel=1e-6)
+
+
+def test_simulation_stays_within_two_per_cent(nominal: dict[str, Any]) -> None:
+    reference = nominal["propagation"][-1]
+    assert reference["speed_mps"] == 30.0
+    for actuation in ("instantaneous", "second_order"):
+        assert len(reference[actuation]["simulated_ratio"]) == 10
+        assert reference[actuation]["simulation_error_ratio_max"] < 0.02
+        assert reference[actuation]["norm_ratio"] > 1.0
+
+
+def test_certificate_exceeds_dry_asphalt(nominal: dict[str, Any]) -> None:
+    varying = nominal["varying_speed"]
+    assert varying["stable_at_every_speed"]
+    for row in varying["table"]:
+        assert min(row["certified_braking_mps2"], row["certified_accelerating_mps2"]) > 9.81
+        assert row["unit_q_only_accelerating_mps2"] < row["certified_accelerating_mps2"]
+
+
+def test_gains_that_do_not_stabilise_are_reported_as_such(tmp_path: Path) -> None:
+    gains = Gains(0.06, 3.0, 0.0)
+    report = gains_report(LINCOLN_MKZ, gains, [10.0, 30.0], [Loading()], tmp_path)
+    assert not report["stabilising_set"]["inside_at_all_speeds"]
+    assert report["stabilising_set"]["ball_at_reference_speed"]["radius_in_gain_units"] == 0.0
+    assert report["varying_speed"]["table"] == []
+    assert not report["propagation"][-1]["stable"]
+    _check_files(tmp_path, report)
+    read = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
+    ball = read["stabilising_set"]["ball_at_reference_speed"]
+    assert ball["root_there_radps"] is None  # not a number in JSON
+
+
+def test_speeds_may_come_in_any_order() -> None:
+    some = [Loading()]
+    ascending = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [10.0, 20.0], some)
+    assert gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [20.0, 10.0], some) == ascending
+
+
+def test_nothing_to_report_on_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [])
+    with pytest.raises(ValueError, match="at least one"):
+        gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [30.0], [])
+
+
+def test_matplotlib_is_not_imported_for_the_numbers() -> None:
+    code = "import scenarios.studies.gains.report, sys; assert 'matplotlib' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("gains", [NOMINAL_GAINS, Gains(0.0625, 2.9625, 0.0125)])
+def test_the_table_has_its_title_on_one_line(gains: Gains) -> None:
+    report = gains_report(LINCOLN_MKZ, gains, [30.0], [Loading()])
+    console = Console(width=80, record=True, file=StringIO())
+    console.print(gains_table(report))
+    first = console.export_text().splitlines()[0].strip()
+    assert first.startswith("gains 0.06")
+    assert first.endswith("stabilise all speeds and loadings")
+    assert ("NOT" in first) is (gains is not NOMINAL_GAINS)

@@ -1,0 +1,166 @@
+"""The whole of `convoy reproduce` on parts of it: runs, judges, draws, writes."""
+
+import json
+import re
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.runs.run_log import LOG_NAME
+from scenarios.studies.paper import reproduce as reproduction
+from scenarios.studies.paper.claims.claim import VERDICTS
+from scenarios.studies.paper.experiments import CASES, Experiment
+from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.report.pictures import PICTURES
+from scenarios.studies.paper.report.report import QUESTIONS, write_report
+from scenarios.studies.paper.reproduce import (
+    add,
+    carry_out,
+    chosen_cases,
+    jobs_of,
+    reproduce,
+    run_experiment,
+)
+from tests.made.findings import a_paper_come_true
+
+PNG = b"\x89PNG"
+
+
+def no_progress(_: str) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report on made-up findings, with something for every run of every case."""
+    out = tmp_path_factory.mktemp("whole")
+    findings = a_paper_come_true()
+    for case in CASES.values():
+        for key in case:
+            findings.trials.setdefault(key, findings.trials["base"])
+    write_report(findings, list(CASES), out)
+    return out
+
+
+def numbers_in(value: Any) -> list[float]:
+    if isinstance(value, dict):
+        return [number for entry in value.values() for number in numbers_in(entry)]
+    if isinstance(value, list):
+        return [number for entry in value for number in numbers_in(entry)]
+    return [value] if isinstance(value, float) else []
+
+
+def test_a_whole_report_has_a_row_for_each_claim_and_every_picture(whole: Path) -> None:
+    text = (whole / "report.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| .*\|$", text, flags=re.MULTILINE)
+    for question in QUESTIONS:
+        paper = question.paper.replace("|", "\\|")
+        assert sum(f"| {paper} |" in row for row in rows) >= 1, question.name
+    assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == set(PICTURES)
+    for name in PICTURES:
+        assert (whole / name).read_bytes().startswith(PNG)
+
+
+def test_every_row_of_a_table_has_all_its_columns(whole: Path) -> None:
+    for table in re.findall(r"(?:^\|.*\|\n)+", (whole / "report.md").read_text(), re.MULTILINE):
+        widths = {len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}
+        assert len(widths) == 1, table.splitlines()[0]
+
+
+def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
+    report = json.loads((whole / "report.json").read_text(encoding="utf-8"))
+    assert [claim["name"] for claim in report["claims"]] == [q.name for q in QUESTIONS]
+    assert {claim["verdict"] for claim in report["claims"]} == set(VERDICTS)
+    counts = [sum(claim["verdict"] == v for claim in report["claims"]) for v in VERDICTS]
+    said = (
+        f"Of {len(QUESTIONS)} claims {counts[0]} hold, {counts[1]} are undecided, {counts[2]} do "
+        f"not hold, {counts[3]} cannot"
+    )
+    assert said in (whole / "report.md").read_text(encoding="utf-8")
+    assert set(report["runs"]) >= {key for case in CASES.values() for key in case}
+    noise = next(claim["noise"] for claim in report["claims"] if claim["name"] == "a_decreasing")
+    assert noise == {"holding": 3, "runs": 3}
+    assert report["runs"]["base"]["tracking_error_m_max"] == pytest.approx([0.08, 0.06, 0.05])
+    assert all(map(isfinite, numbers_in(report)))
+
+
+def test_a_small_reproduction_from_end_to_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tiny = {"base": Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
+    monkeypatch.setitem(CASES, "base", tiny)
+    said: list[str] = []
+    assert reproduce(["base"], tmp_path / "paper", said.append, workers=0) == 0
+    assert (tmp_path / "paper" / "base" / LOG_NAME).exists()
+    report = json.loads((tmp_path / "paper" / "report.json").read_text(encoding="utf-8"))
+    found = {claim["name"]: claim["verdict"] for claim in report["claims"]}
+    assert found["base_below_9_cm"] == "holds"
+    assert "base_true" not in found  # it needs runs that were not done
+    assert report["logs"] == ["base/run.mcap"]
+    assert re.search(r"1 of 1 +base", said[0])
+    assert "report.md" in said[-1]
+
+
+def test_a_report_is_never_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "report.md").write_text("mine")
+    with pytest.raises(ScenarioError, match="exists"):
+        reproduce(["base"], tmp_path, no_progress)
+    assert (tmp_path / "report.md").read_text() == "mine"
+
+
+def test_an_unknown_case_is_refused_with_a_guess(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"no such case, did you mean radius\?, allowed base"):
+        reproduce(["radios"], tmp_path / "new", no_progress)
+    assert not (tmp_path / "new").exists()
+
+
+def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
+    assert chosen_cases(["field", "a", "base"]) == ["base", "a", "field"]
+    assert chosen_cases([]) == list(CASES)
+
+
+def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
+    jobs = list(jobs_of(chosen_cases([]), tmp_path))
+    runs = {key for case in CASES.values() for key in case}
+    assert runs <= set(jobs)
+    assert jobs[:2] == ["field", "gains"]
+    assert jobs.index("variable_speed") < jobs.index("base/noise/1")
+
+
+def test_jobs_are_done_by_worker_processes() -> None:
+    jobs = {"six": partial(pow, 6, 1), "eight": partial(pow, 2, 3)}
+    assert dict(carry_out(jobs, 1)) == {"six": 6, "eight": 8}
+
+
+def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
+    jobs = {"bad": partial(run_experiment, Experiment(scenario="no_such"), tmp_path)}
+    with pytest.raises(ScenarioError, match="no such file"):
+        list(carry_out(jobs, 0))
+
+
+def test_results_are_put_where_they_belong() -> None:
+    source, findings = a_paper_come_true(), Findings()
+    add(findings, "base", source.trials["base"])
+    add(findings, "field", source.field)
+    add(findings, "gains", ("one.png",))
+    add(findings, "propagation", source.weavings[0])
+    assert all(map(findings.has, ("base", "field", "gains", "propagation")))
+
+
+def test_the_gains_pictures_are_those_of_the_gains_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[Path] = []
+
+    def report(*_: object, out_dir: Path) -> dict[str, list[str]]:
+        drawn.append(out_dir)
+        return {"pictures": ["roots_over_loadings.png"]}
+
+    monkeypatch.setattr("scenarios.studies.gains.report.gains_report", report)
+    pictures = reproduction.jobs_of(["gains"], tmp_path)["gains"]()
+    assert pictures == ("roots_over_loadings.png",)
+    assert drawn == [tmp_path / "gains"]

@@ -1,0 +1,128 @@
+"""What every bus does, over memory and over Zenoh alike."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from tests.made.bus import Heard, connect, until
+from transport.bus.bus import Bus
+from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.bus.zenoh_bus import ZenohOptions, open_bus, open_router
+
+Join = Callable[[], Bus]
+
+
+@pytest.fixture(params=["memory", "zenoh"])
+def join(request: pytest.FixtureRequest) -> Iterator[Join]:
+    """Return a way to join one network, as often as one likes."""
+    with ExitStack() as stack:
+        if request.param == "memory":
+            network = MemoryNetwork()
+            yield lambda: stack.enter_context(MemoryBus(network))
+        else:
+            router = stack.enter_context(open_router(("tcp/127.0.0.1:0",)))
+            options = ZenohOptions(connect=router.endpoints)
+            yield lambda: stack.enter_context(open_bus(options))
+
+
+def test_messages_arrive_whole_and_in_order(join: Join) -> None:
+    sender, receiver, heard = join(), join(), Heard()
+    receiver.subscribe("convoy/*/log", heard)
+    connect(sender, heard)
+    sent = [("convoy/lead/log", bytes([k]) * k) for k in range(200)]
+    for key, data in sent:
+        sender.publish(key, data)
+    assert until(lambda: len(heard) >= len(sent))
+    assert heard == sent
+
+
+def test_only_what_was_subscribed_to_is_heard(join: Join) -> None:
+    sender, receiver, heard, all_heard = join(), join(), Heard(), Heard()
+    receiver.subscribe("convoy/*/gps", heard)
+    receiver.subscribe("convoy/**", all_heard)
+    connect(sender, all_heard)
+    for key in ("convoy/a/gps", "convoy/a/log", "convoy/b/gps", "other/a/gps", "convoy/a/b/gps"):
+        sender.publish(key, b"1", urgent=False)
+    sender.publish("convoy/end/log", b"2")
+    assert until(lambda: ("convoy/end/log", b"2") in all_heard)
+    assert {key for key, _ in heard} == {"convoy/a/gps", "convoy/b/gps"}
+    assert "other/a/gps" not in {key for key, _ in all_heard}
+
+
+def test_urgent_messages_arrive_too(join: Join) -> None:
+    sender, receiver, heard = join(), join(), Heard()
+    receiver.subscribe("convoy/*/gps", heard)
+    connect(sender, heard, "convoy/x/gps")
+    sender.publish("convoy/lead/gps", b"now", urgent=True)
+    assert until(lambda: heard == [("convoy/lead/gps", b"now")])
+
+
+def test_two_subscriptions_are_both_served(join: Join) -> None:
+    sender, receiver, one, other = join(), join(), Heard(), Heard()
+    receiver.subscribe("convoy/*/log", one)
+    receiver.subscribe("convoy/lead/log", other)
+    connect(sender, one)
+    sender.publish("convoy/lead/log", b"1")
+    assert until(lambda: len(one) == len(other) == 1)
+
+
+def test_who_comes_late_learns_who_is_alive(join: Join) -> None:
+    vehicle, watcher = join(), join()
+    alive: dict[str, bool] = {}
+    vehicle.announce("lead")
+    watcher.watch(alive.__setitem__)
+    assert until(lambda: alive == {"lead": True})
+
+
+def test_coming_and_going_is_told_once_each(join: Join) -> None:
+    vehicle, watcher = join(), join()
+    told: list[tuple[str, bool]] = []
+    watcher.watch(lambda name, alive: told.append((name, alive)))
+    vehicle.announce("follower_1")
+    vehicle.announce("follower_1")
+    assert until(lambda: bool(told))
+    vehicle.close()
+    assert until(lambda: len(told) == 2)
+    time.sleep(0.05)
+    assert told == [("follower_1", True), ("follower_1", False)]
+
+
+def test_a_vehicle_lives_as_long_as_anyone_announces_it(join: Join) -> None:
+    one, other, watcher = join(), join(), join()
+    told: list[tuple[str, bool]] = []
+    one.announce("lead")
+    other.announce("lead")
+    watcher.watch(lambda name, alive: told.append((name, alive)))
+    assert until(lambda: bool(told))
+    one.close()
+    time.sleep(0.1)
+    assert told == [("lead", True)]
+    other.close()
+    assert until(lambda: told == [("lead", True), ("lead", False)])
+
+
+def test_liveliness_is_not_a_message(join: Join) -> None:
+    vehicle, watcher, heard = join(), join(), Heard()
+    watcher.subscribe("convoy/**", heard)
+    connect(vehicle, heard)
+    vehicle.announce("lead")
+    vehicle.publish("convoy/lead/log", b"after")
+    assert until(lambda: bool(heard))
+    assert heard == [("convoy/lead/log", b"after")]
+
+
+def test_a_closed_bus_hears_no_more(join: Join) -> None:
+    sender, receiver, other, heard, still = join(), join(), join(), Heard(), Heard()
+    receiver.subscribe("convoy/*/log", heard)
+    other.subscribe("convoy/*/log", still)
+    connect(sender, still)
+    connect(sender, heard)
+    receiver.close()
+    receiver.close()
+    heard.clear()
+    still.clear()
+    sender.publish("convoy/lead/log", b"1")
+    assert until(lambda: bool(still))
+    assert not heard

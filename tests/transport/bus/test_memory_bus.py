@@ -1,0 +1,62 @@
+"""The bus within a process: at once, in order, and with the key expressions of Zenoh."""
+
+import pytest
+import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transport.bus.memory_bus import MemoryBus, matches
+
+chunks = st.sampled_from(["convoy", "lead", "a", "gps", "@alive", "@x"])
+wanted_chunks = st.one_of(chunks, st.just("*"))
+
+
+@given(
+    wanted=st.lists(wanted_chunks, min_size=1, max_size=4),
+    tail=st.booleans(),
+    key=st.lists(chunks, min_size=1, max_size=5),
+)
+def test_keys_match_as_in_zenoh(wanted: list[str], tail: bool, key: list[str]) -> None:
+    expression = "/".join([*wanted, "**"] if tail else wanted)
+    expected = zenoh.KeyExpr(expression).intersects(zenoh.KeyExpr("/".join(key)))
+    assert matches(expression, "/".join(key)) == expected
+
+
+@pytest.mark.parametrize(
+    ("expression", "key", "expected"),
+    [
+        ("convoy/*/gps", "convoy/lead/gps", True),
+        ("convoy/*/gps", "convoy/lead/truth", False),
+        ("convoy/*/gps", "convoy/lead/more/gps", False),
+        ("convoy/**", "convoy", True),
+        ("convoy/**", "convoy/lead/gps", True),
+        ("convoy/**", "convoy/lead/@alive", False),
+        ("convoy/*/@alive", "convoy/lead/@alive", True),
+        ("**", "anything/at/all", True),
+    ],
+)
+def test_keys_match(expression: str, key: str, expected: bool) -> None:
+    assert matches(expression, key) == expected
+
+
+def test_a_message_is_heard_before_publishing_returns_in_order_of_subscription() -> None:
+    bus, heard = MemoryBus(), list[str]()
+    bus.subscribe("convoy/**", lambda *_: heard.append("first"))
+    bus.subscribe("convoy/lead/gps", lambda *_: heard.append("second"))
+    bus.publish("convoy/lead/gps", b"")
+    assert heard == ["first", "second"]
+
+
+def test_a_later_subscription_is_served_from_then_on() -> None:
+    bus, heard = MemoryBus(), list[bytes]()
+    bus.publish("convoy/lead/gps", b"before")
+    bus.subscribe("convoy/lead/gps", lambda _, data: heard.append(data))
+    bus.publish("convoy/lead/gps", b"after")
+    assert heard == [b"after"]
+
+
+def test_two_buses_without_a_network_are_apart() -> None:
+    one, other, heard = MemoryBus(), MemoryBus(), list[bytes]()
+    other.subscribe("**", lambda _, data: heard.append(data))
+    one.publish("convoy/lead/gps", b"1")
+    assert heard == []

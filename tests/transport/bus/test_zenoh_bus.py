@@ -1,0 +1,306 @@
+"""The bus over Zenoh where it may go wrong: clear errors, deaths, lost routers, last words."""
+
+import json
+import logging
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.made.bus import Heard, connect, until
+from transport.bus.bus import BusError
+from transport.bus.zenoh_bus import Router, ZenohBus, configuration, open_bus, open_router
+from transport.bus.zenoh_options import DEFAULTS, MEMBER_DEFAULTS, ZenohOptions
+
+
+@pytest.fixture
+def router() -> Iterator[Router]:
+    with open_router(("tcp/127.0.0.1:0",)) as one:
+        yield one
+
+
+def join(router: Router) -> ZenohBus:
+    return open_bus(ZenohOptions(connect=router.endpoints))
+
+
+@contextmanager
+def process(router: Router, *lines: str) -> Iterator[subprocess.Popen[str]]:
+    """Run a member of the network as a process; it prints a line when it is there."""
+    code = "\n".join(
+        [
+            "import sys, time",
+            "from transport.bus.zenoh_bus import ZenohOptions, open_bus",
+            "with open_bus(ZenohOptions(connect=(sys.argv[1],))) as bus:",
+            "    print('there', flush=True)",
+            *(f"    {line}" for line in lines),
+        ]
+    )
+    command = [sys.executable, "-c", code, router.endpoints[0]]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as child:
+        try:
+            assert child.stdout is not None
+            assert child.stdout.readline() == "there\n"
+            yield child
+        finally:
+            child.kill()
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def assert_one_clear_line(error: BusError) -> None:
+    text = str(error)
+    assert "\n" not in text
+    assert ".rs" not in text
+    assert "Json5Err" not in text
+
+
+def test_a_router_on_a_port_of_its_own_says_which(router: Router) -> None:
+    assert re.fullmatch(r"tcp/127\.0\.0\.1:[1-9]\d*", router.endpoints[0])
+    assert not router.occupied()
+    with join(router):
+        assert until(router.occupied)
+
+
+def test_a_port_that_is_taken(router: Router) -> None:
+    with pytest.raises(BusError, match="in use") as caught:
+        open_router(router.endpoints)
+    assert_one_clear_line(caught.value)
+    assert router.endpoints[0] in str(caught.value)
+
+
+def test_no_router() -> None:
+    endpoint, began = free_endpoint(), time.monotonic()
+    with pytest.raises(BusError, match="is a router there") as caught:
+        open_bus(ZenohOptions(connect=(endpoint,), connect_timeout_s=0.3))
+    assert 0.2 < time.monotonic() - began < 2.0
+    assert_one_clear_line(caught.value)
+    assert endpoint in str(caught.value)
+
+
+def test_a_client_waits_for_its_router() -> None:
+    endpoint = free_endpoint()
+    code = (
+        "import sys; from transport.bus.zenoh_bus import *;"
+        "open_bus(ZenohOptions(connect=(sys.argv[1],))).close()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code, endpoint]) as child:
+        time.sleep(0.5)
+        assert child.poll() is None
+        with open_router((endpoint,)):
+            assert child.wait(5.0) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (ZenohOptions(), "router to connect to"),
+        (ZenohOptions(connect=("127.0.0.1",)), "protocol"),
+        (ZenohOptions(listen=("nonsense",)), "protocol"),
+        (ZenohOptions(cfg=("no_such_thing/at_all:1",)), "unknown key"),
+        (ZenohOptions(cfg=("mode",)), "KEY:VALUE"),
+        (ZenohOptions(cfg=("mode:peer",)), "mode:peer"),
+        (ZenohOptions(cfg=('mode:"driver"',)), "driver"),
+        (ZenohOptions(config=Path("/no/such/file.json5")), "/no/such/file.json5"),
+    ],
+)
+def test_wrong_options(options: ZenohOptions, word: str) -> None:
+    with pytest.raises(BusError, match=word) as caught:
+        open_bus(options)
+    assert_one_clear_line(caught.value)
+
+
+@pytest.mark.parametrize("text", ["{mode:", "{mode: 'driver'}", "{colour: 'red'}", "\x00\x01"])
+def test_a_wrong_file(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text(text)
+    with pytest.raises(BusError, match=re.escape(str(file))) as caught:
+        open_bus(ZenohOptions(config=file))
+    assert_one_clear_line(caught.value)
+
+
+def setting(options: ZenohOptions, name: str) -> object:
+    return json.loads(configuration(options, DEFAULTS | MEMBER_DEFAULTS).get_json(name))
+
+
+def test_nobody_is_found_by_accident() -> None:
+    assert setting(ZenohOptions(), "mode") == "client"
+    assert setting(ZenohOptions(), "scouting/multicast/enabled") is False
+    assert setting(ZenohOptions(mode="peer"), "scouting/multicast/enabled") is False
+    assert setting(ZenohOptions(), "transport/shared_memory/enabled") is False
+
+
+def test_the_file_goes_over_defaults_flags_over_the_file_settings_over_all(tmp_path: Path) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text(
+        "{mode: 'peer', scouting: {multicast: {enabled: true}},"
+        " connect: {endpoints: ['tcp/10.0.0.1:7447']}}"
+    )
+    by_file = ZenohOptions(config=file)
+    assert setting(by_file, "mode") == "peer"
+    assert setting(by_file, "scouting/multicast/enabled") is True
+    assert setting(by_file, "connect/endpoints") == ["tcp/10.0.0.1:7447"]
+    assert setting(by_file, "transport/shared_memory/enabled") is False
+    by_flags = ZenohOptions(config=file, mode="client", connect=("tcp/a:1",))
+    assert setting(by_flags, "mode") == "client"
+    assert setting(by_flags, "connect/endpoints") == ["tcp/a:1"]
+    by_settings = ZenohOptions(connect=("tcp/a:1",), cfg=('connect/endpoints:["tcp/b:2"]',))
+    assert setting(by_settings, "connect/endpoints") == ["tcp/b:2"]
+
+
+def test_only_members_are_found_frozen_early() -> None:
+    # A router with a short lease would cut off a recorder that is held up for that long.
+    name = "transport/link/tx/lease"
+    assert setting(ZenohOptions(), name) == 2000
+    assert json.loads(configuration(ZenohOptions(), DEFAULTS).get_json(name)) == 10_000
+
+
+def test_a_message_says_what_it_is_and_how_urgent(router: Router) -> None:
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps(router.endpoints))
+    samples: dict[str, zenoh.Sample] = {}
+    with zenoh.open(config) as foreign, join(router) as bus:
+        foreign.declare_subscriber("convoy/**", lambda s: samples.__setitem__(str(s.key_expr), s))
+
+        def both() -> bool:
+            bus.publish("convoy/lead/gps", b"1", urgent=True)
+            bus.publish("convoy/lead/truth", b"2")
+            return len(samples) == 2
+
+        assert until(both)
+    pose, truth = samples["convoy/lead/gps"], samples["convoy/lead/truth"]
+    assert str(pose.encoding) == "application/protobuf;convoy.GpsPose"
+    assert (pose.priority, pose.express) == (zenoh.Priority.DATA_HIGH, False)
+    assert (truth.priority, truth.express) == (zenoh.Priority.DATA, False)
+    assert truth.congestion_control == zenoh.CongestionControl.DROP
+
+
+def test_what_was_published_before_closing_arrives(router: Router) -> None:
+    heard = Heard()
+    with join(router) as receiver:
+        receiver.subscribe("convoy/**", heard)
+        for burst in (1, 2000):
+            heard.clear()
+            with process(
+                router, f"for k in range({burst}): bus.publish('convoy/a/truth', b'%200d' % k)"
+            ) as child:
+                assert child.wait(10.0) == 0
+            until(lambda burst=burst: len(heard) >= burst)  # type: ignore[misc]
+            assert [int(data) for _, data in heard] == list(range(burst))
+
+
+def test_a_failing_handler_does_not_end_its_subscription(
+    router: Router, caplog: pytest.LogCaptureFixture
+) -> None:
+    heard: list[bytes] = []
+
+    def fail_once(_key: str, data: bytes) -> None:
+        heard.append(data)
+        if len(heard) == 1:
+            raise RuntimeError("handler at fault")
+
+    with caplog.at_level(logging.ERROR), join(router) as sender, join(router) as receiver:
+        receiver.subscribe("convoy/*/log", fail_once)
+
+        def twice() -> bool:
+            sender.publish("convoy/a/log", b"x")
+            return len(heard) >= 2
+
+        assert until(twice)
+    assert "handler at fault" in caplog.text
+
+
+def test_a_closed_bus_refuses_to_publish(router: Router) -> None:
+    bus = join(router)
+    bus.publish("convoy/a/log", b"x")
+    bus.close()
+    with pytest.raises(BusError, match="convoy/a/log"):
+        bus.publish("convoy/a/log", b"x")
+
+
+def test_an_exception_ends_the_process(router: Router) -> None:
+    lines = ("bus.subscribe('convoy/**', print)", "raise RuntimeError('on the way')")
+    with process(router, *lines) as child:
+        assert child.wait(5.0) == 1
+        assert child.stderr is not None
+        assert "on the way" in child.stderr.read()
+
+
+@pytest.mark.parametrize(
+    ("how", "seconds"), [(signal.SIGKILL, 1.0), (signal.SIGSTOP, 4.0)], ids=["killed", "frozen"]
+)
+def test_a_vehicle_that_stops_is_missed(
+    router: Router, how: signal.Signals, seconds: float
+) -> None:
+    alive: dict[str, bool] = {}
+    with (
+        join(router) as watcher,
+        process(router, "bus.announce('lead')", "time.sleep(60)") as child,
+    ):
+        watcher.watch(alive.__setitem__)
+        assert until(lambda: alive == {"lead": True})
+        os.kill(child.pid, how)
+        assert until(lambda: not alive["lead"], seconds)
+        assert watcher.connected()
+
+
+def test_losing_the_router_is_not_taken_for_deaths() -> None:
+    endpoint = free_endpoint()
+    heard = Heard()
+    told: list[tuple[str, bool]] = []
+    options = ZenohOptions(connect=(endpoint,))
+    first = open_router((endpoint,))
+    with first, open_bus(options) as vehicle, open_bus(options) as watcher:
+        watcher.watch(lambda name, alive: told.append((name, alive)))
+        watcher.subscribe("convoy/*/log", heard)
+        vehicle.announce("lead")
+        connect(vehicle, heard)
+        assert until(lambda: told == [("lead", True)])
+        assert watcher.connected()
+
+        first.close()
+        assert until(lambda: len(told) == 2)
+        assert told[1] == ("lead", False)
+        assert until(lambda: not watcher.connected())
+        began = time.monotonic()
+        vehicle.publish("convoy/lead/log", b"unheard")
+        assert time.monotonic() - began < 0.5
+
+        with open_router((endpoint,)):
+            assert until(lambda: len(told) == 3 and watcher.connected())
+            assert told[2] == ("lead", True)
+            connect(vehicle, heard)
+            vehicle.publish("convoy/lead/log", b"again")
+            assert until(lambda: ("convoy/lead/log", b"again") in heard)
+
+
+def test_two_peers_need_no_router() -> None:
+    endpoint, heard = free_endpoint(), Heard()
+    with (
+        open_bus(ZenohOptions(mode="peer", listen=(endpoint,))) as one,
+        open_bus(ZenohOptions(mode="peer", connect=(endpoint,))) as other,
+    ):
+        one.subscribe("convoy/*/log", heard)
+        connect(other, heard)
+        other.publish("convoy/a/log", b"direct")
+        assert until(lambda: heard == [("convoy/a/log", b"direct")])
+
+
+def test_each_session_has_its_own_name(router: Router) -> None:
+    with join(router) as one, join(router) as other:
+        assert len({one.zid, other.zid, router.zid}) == 3

@@ -1,0 +1,348 @@
+"""What a vehicle hears: by its links, whatever the transport did, and nothing that is not true."""
+
+import threading
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from transport.clock import NS_PER_S, instant, ticks
+from transport.codec import encode
+from transport.links.admission import HORIZON_NS, LONGEST_POSE_BYTES
+from transport.links.inbox import WINDOW, Inbox
+from transport.links.link import Link, LinkRule, effects
+from transport.topics import TOPICS, key
+from vehicles.messages import GpsPose, LinkVerdict, LogText
+
+START = 1_790_000_000 * NS_PER_S
+MS = 1_000_000
+RATE_HZ = 20.0
+GPS = TOPICS["gps"]
+
+
+def pose(seq: int, vehicle: str = "lead") -> GpsPose:
+    return GpsPose(
+        vehicle=vehicle,
+        seq=seq,
+        measured_at_ns=instant(START, seq, RATE_HZ),
+        latitude_deg=37.72 + seq * 1e-6,
+        longitude_deg=-122.47,
+        altitude_m=30.0,
+        heading_deg=90.0,
+        speed_mps=30.0,
+        yaw_rate_radps=0.01,
+    )
+
+
+def ear(links: Mapping[str, LinkRule] | None = None, seed: int = 1) -> Inbox:
+    if links is None:
+        links = {"lead": LinkRule(latency_ms=20.0)}
+    return Inbox("follower_2", links, seed=seed, start_at=START, source_rate_hz=RATE_HZ)
+
+
+def send(inbox: Inbox, *poses: GpsPose) -> None:
+    for one in poses:
+        inbox.on_bytes(key(one.vehicle, GPS), encode(one))
+
+
+def test_a_message_is_heard_at_the_first_tick_from_its_visible_instant_on() -> None:
+    inbox = ear()
+    send(inbox, pose(0))
+    assert inbox.take(START) == []
+    assert inbox.take(START + 19_999_999) == []
+    assert inbox.take(START + 20_000_000) == [pose(0)]
+    assert inbox.take(START + 40 * MS) == []
+    assert (inbox.heard, inbox.dropped, inbox.late) == (1, 0, 0)
+
+
+def test_an_early_arrival_waits_and_a_late_one_is_heard_at_once() -> None:
+    inbox = ear()
+    send(inbox, pose(1))
+    assert inbox.take(START + 60 * MS) == []
+    send(inbox, pose(0))
+    assert inbox.take(START + 62 * MS) == [pose(0)]
+    assert inbox.take(START + 80 * MS) == [pose(1)]
+    assert inbox.late == 1
+    assert [(v.pose_seq, v.late, v.heard_at_ns) for v in inbox.verdicts()] == [
+        (0, True, START + 62 * MS),
+        (1, False, START + 80 * MS),
+    ]
+
+
+def test_late_means_that_a_tick_went_without_it() -> None:
+    # visible at 20 ms; the tick at 20 ms has been, so whatever comes after it is late.
+    on_time, too_late = ear(), ear()
+    for inbox, last in ((on_time, 19_999_999), (too_late, 20_000_000)):
+        inbox.take(START + last)
+        send(inbox, pose(0))
+        assert inbox.take(START + 40 * MS) == [pose(0)]
+    assert (on_time.late, too_late.late) == (0, 1)
+
+
+def test_messages_come_in_the_order_of_visibility_then_sender_then_number() -> None:
+    same = LinkRule(latency_ms=20.0)
+    inbox = ear({"lead": same, "follower_1": same})
+    send(inbox, pose(1), pose(1, "follower_1"), pose(0), pose(0, "follower_1"))
+    assert inbox.take(START + 100 * MS) == [
+        pose(0, "follower_1"),
+        pose(0),
+        pose(1, "follower_1"),
+        pose(1),
+    ]
+
+
+def test_verdicts_say_what_became_of_each_message() -> None:
+    rule = LinkRule(latency_ms=20.0, loss_ratio=0.5)
+    inbox = ear({"lead": rule})
+    heard, verdicts = [], []
+    for tick in ticks(START, START + NS_PER_S, 50.0, RATE_HZ):
+        send(inbox, *(pose(k) for k in range(20) if pose(k).measured_at_ns == tick.at))
+        heard += inbox.take(tick.at)
+        verdicts += inbox.verdicts()
+    assert [v.seq for v in verdicts] == list(range(20))
+    assert [v.pose_seq for v in verdicts if v.outcome == "delivered"] == [p.seq for p in heard]
+    assert 0 < len(heard) < 20
+    link = Link(effects(rule, RATE_HZ), 1, "lead", "follower_2")
+    for v in verdicts:
+        judged = link.judge(v.pose_seq, v.measured_at_ns)
+        assert (v.outcome, v.reason, v.visible_at_ns) == (
+            judged.outcome,
+            judged.reason,
+            judged.visible_at,
+        )
+        assert (v.vehicle, v.sender, v.late) == ("follower_2", "lead", False)
+        # Delivered or dropped, it is told at the tick that would have handed it over.
+        assert v.visible_at_ns <= v.heard_at_ns < v.visible_at_ns + 20 * MS
+    assert inbox.links["lead"].delivered == len(heard)
+    assert inbox.links["lead"].dropped == {"loss": 20 - len(heard)}
+
+
+RULES = {
+    "lead": LinkRule(latency_ms=30.0, jitter_ms=60.0, loss_ratio=0.3),
+    "follower_1": LinkRule(latency_ms=20.0, rate_hz=10.0),
+}
+
+
+def run(
+    arrivals: Iterable[tuple[int, GpsPose]], seed: int
+) -> tuple[list[GpsPose], list[LinkVerdict]]:
+    """Run an inbox for two seconds; each pose is there for the first tick from its instant on."""
+    inbox = ear(RULES, seed)
+    pending = sorted(arrivals, key=lambda row: row[0])
+    heard: list[GpsPose] = []
+    verdicts: list[LinkVerdict] = []
+    for tick in ticks(START, START + 2 * NS_PER_S, 50.0, RATE_HZ):
+        while pending and pending[0][0] <= tick.at:
+            send(inbox, pending.pop(0)[1])
+        heard += inbox.take(tick.at)
+        verdicts += inbox.verdicts()
+    assert not inbox.rejected
+    return heard, verdicts
+
+
+@settings(max_examples=20)
+@given(random=st.randoms(use_true_random=False), seed=st.integers(0, 1000))
+def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(random: Random, seed: int) -> None:
+    # At once, as on the memory bus, against any delay below the links' least latency and in any
+    # order, as on a network: what is heard and what is told of it are the same to the last field.
+    poses = [pose(k, sender) for sender in RULES for k in range(39)]
+    at_once = run([(one.measured_at_ns, one) for one in poses], seed)
+    random.shuffle(poses)
+    delayed = run([(one.measured_at_ns + random.randrange(20 * MS), one) for one in poses], seed)
+    assert delayed == at_once
+    assert {v.outcome for v in at_once[1]} == {"delivered", "dropped"}
+
+
+@given(order=st.permutations(range(12)))
+def test_what_is_heard_does_not_depend_on_the_order_of_arrival(order: list[int]) -> None:
+    inbox = ear({"lead": LinkRule(loss_ratio=0.3)})
+    send(inbox, *(pose(k) for k in order))
+    assert [p.seq for p in inbox.take(START + NS_PER_S)] == [1, 3, 4, 6, 7, 11]
+
+
+def test_what_never_arrives_does_not_shift_the_others() -> None:
+    rule = {"lead": LinkRule(loss_ratio=0.4)}
+    whole, holed = ear(rule), ear(rule)
+    send(whole, *(pose(k) for k in range(200)))
+    send(holed, *(pose(k) for k in range(0, 200, 3)))
+    all_heard = {p.seq for p in whole.take(START + 20 * NS_PER_S)}
+    assert {p.seq for p in holed.take(START + 20 * NS_PER_S)} == all_heard & set(range(0, 200, 3))
+
+
+def test_a_repeated_message_is_heard_once() -> None:
+    inbox = ear()
+    send(inbox, pose(0), pose(0))
+    assert inbox.take(START + 100 * MS) == [pose(0)]
+    send(inbox, pose(0))
+    assert inbox.take(START + 200 * MS) == []
+    assert inbox.rejected == {"duplicate": 2}
+
+
+def spoilt(**changes: object) -> bytes:
+    return encode(replace(pose(2), **changes))  # type: ignore[arg-type]  # wrong on purpose
+
+
+NAN, INFINITE = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"", "garbage"),
+        (b"\xff\xfe\x00rubbish", "garbage"),
+        (encode(pose(2))[:20], "garbage"),
+        (encode(pose(2))[:-9], "garbage"),
+        (b"x" * 1_000_000, "oversized"),
+        (encode(pose(2)) + b"\x00", "garbage"),
+        (
+            encode(LogText(vehicle="lead", seq=1, logged_at_ns=START, level="info", text="hello")),
+            "garbage",
+        ),
+        (spoilt(vehicle="follower_1"), "foreign"),
+        (spoilt(vehicle=""), "garbage"),
+        (spoilt(latitude_deg=NAN), "absurd"),
+        (spoilt(latitude_deg=90.5), "absurd"),
+        (spoilt(longitude_deg=-361.0), "absurd"),
+        (spoilt(longitude_deg=INFINITE), "absurd"),
+        (spoilt(altitude_m=-INFINITE), "absurd"),
+        (spoilt(altitude_m=1e9), "absurd"),
+        (spoilt(heading_deg=NAN), "absurd"),
+        (spoilt(heading_deg=361.0), "absurd"),
+        (spoilt(speed_mps=1e4), "absurd"),
+        (spoilt(yaw_rate_radps=INFINITE), "absurd"),
+        (spoilt(measured_at_ns=START - 1), "past"),
+        (spoilt(measured_at_ns=0), "past"),
+        (spoilt(measured_at_ns=-(2**63)), "past"),
+        (spoilt(measured_at_ns=2**63 - 1), "future"),
+        (spoilt(seq=3), "sequence"),
+        (spoilt(measured_at_ns=pose(2).measured_at_ns - MS), "sequence"),
+        (spoilt(seq=2**64 - 1), "sequence"),
+    ],
+)
+def test_what_cannot_be_true_is_counted_and_not_heard(data: bytes, reason: str) -> None:
+    inbox = ear()
+    send(inbox, pose(0))
+    inbox.on_bytes("convoy/lead/gps", data)
+    send(inbox, pose(1))
+    assert inbox.take(START + 100 * MS) == [pose(0), pose(1)]
+    assert sum(inbox.rejected.values()) == 1
+    assert set(inbox.rejected) == {reason}
+    assert len(inbox.verdicts()) == 2
+
+
+@given(st.binary(max_size=2 * LONGEST_POSE_BYTES))
+def test_no_bytes_do_harm(data: bytes) -> None:
+    inbox = ear()
+    inbox.on_bytes("convoy/lead/gps", data)
+    send(inbox, pose(0))
+    assert inbox.take(START + 100 * MS) == [pose(0)]
+    assert sum(inbox.rejected.values()) == 1
+
+
+def test_a_stranger_is_not_heard() -> None:
+    inbox = ear()
+    send(inbox, pose(0, "ghost"))
+    assert inbox.take(START + 100 * MS) == []
+    assert inbox.rejected == {"unknown": 1}
+
+
+def test_rejections_are_told_once() -> None:
+    inbox = ear()
+    inbox.on_bytes("convoy/lead/gps", b"")
+    send(inbox, pose(0), pose(0))
+    inbox.take(START)
+    assert inbox.rejections() == [("duplicate", 1), ("garbage", 1)]
+    assert inbox.rejections() == []
+    inbox.on_bytes("convoy/lead/gps", b"")
+    inbox.take(START)
+    assert inbox.rejections() == [("garbage", 1)]
+    assert inbox.rejected == {"garbage": 2, "duplicate": 1}
+
+
+def test_a_message_from_long_ago_is_not_of_now() -> None:
+    inbox = ear()
+    send(inbox, pose(0))
+    assert inbox.take(START + HORIZON_NS) == [pose(0)]
+    send(inbox, pose(1))
+    assert inbox.take(START + HORIZON_NS + 51 * MS) == []
+    assert inbox.rejected == {"past": 1}
+
+
+def test_a_vehicle_that_was_held_up_loses_nothing() -> None:
+    # It stopped at the start; ten seconds later all the others said is there at once.
+    inbox = ear()
+    everything = [pose(k) for k in range(200)]
+    send(inbox, *everything)
+    heard = []
+    for tick in ticks(START, START + 11 * NS_PER_S, 50.0):
+        heard += inbox.take(tick.at)
+    assert heard == everything
+    assert inbox.late == 0
+
+
+def test_too_many_at_once_push_the_oldest_out() -> None:
+    inbox = ear()
+    more = GPS.queue + 3
+    for _ in range(3):
+        inbox.on_bytes("convoy/lead/gps", b"flood")
+    send(inbox, *(pose(k) for k in range(GPS.queue)))
+    heard = inbox.take(START + 60 * NS_PER_S - 1)
+    assert inbox.overflow == more - GPS.queue
+    assert inbox.rejected["garbage"] == 0
+    assert ("overflow", 3) in inbox.rejections()
+    assert heard[0] == pose(0)
+
+
+def test_memory_stays_bounded_over_a_long_run() -> None:
+    inbox = ear()
+    sent = 3 * WINDOW
+    for first in range(0, sent, 1024):
+        send(inbox, *(pose(k) for k in range(first, first + 1024)))
+        inbox.take(pose(first + 1023).measured_at_ns)
+    assert inbox.heard == sent - 1  # the last one is still on its way
+    assert len(inbox.links["lead"]._seen) <= 2 * WINDOW
+
+
+def test_messages_may_come_while_others_are_taken() -> None:
+    inbox = ear()
+    total = 2000
+
+    def produce() -> None:
+        send(inbox, *(pose(k) for k in range(total)))
+
+    thread = threading.Thread(target=produce)
+    thread.start()
+    now, heard = START, list[GpsPose]()
+    while thread.is_alive():
+        heard += inbox.take(now)
+    thread.join()
+    heard += inbox.take(START + 50 * NS_PER_S)
+    heard += inbox.take(START + 100 * NS_PER_S)
+    assert len(heard) + inbox.rejected["future"] + inbox.overflow == total
+
+
+def test_each_sender_has_its_own_schedule() -> None:
+    links = {"lead": LinkRule(rate_hz=5.0), "follower_1": LinkRule(rate_hz=5.0)}
+    rates = {"lead": 20.0, "follower_1": 10.0}
+    inbox = Inbox("f2", links, seed=1, start_at=START, source_rate_hz=rates)
+    for sender, rate_hz in rates.items():
+        for k in range(8):
+            send(inbox, replace(pose(k, sender), measured_at_ns=instant(START, k, rate_hz)))
+    heard = inbox.take(START + NS_PER_S)
+    assert [p.seq for p in heard if p.vehicle == "lead"] == [0, 4]
+    assert [p.seq for p in heard if p.vehicle == "follower_1"] == [0, 2, 4, 6]
+
+
+@given(rate_hz=st.floats(1.0, 100.0), k=st.integers(0, 100_000))
+def test_no_rounding_puts_a_number_ahead_of_its_schedule(rate_hz: float, k: int) -> None:
+    now = instant(START, k, rate_hz)
+    inbox = Inbox("f2", {"lead": LinkRule()}, seed=1, start_at=START, source_rate_hz=rate_hz)
+    send(inbox, replace(pose(k), measured_at_ns=now))
+    assert len(inbox.take(now + 20 * MS)) == 1
+
+
+def test_the_keys_to_listen_to() -> None:
+    assert ear(RULES).keys == ["convoy/lead/gps", "convoy/follower_1/gps"]

@@ -1,0 +1,295 @@
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+
+from tests.made import drive
+from tests.made.recording import Table, columns
+from transport.picture.view import RerunOption, RerunView, ViewerError, parse_rerun_option
+from vehicles.messages import LogText, Message
+
+SECOND = 1_000_000_000
+CIRCLE = [2 * math.pi * step / 100 for step in range(101)]
+ROAD = (
+    [drive.RADIUS * math.cos(at) for at in CIRCLE],
+    [drive.RADIUS * math.sin(at) for at in CIRCLE],
+)
+
+
+def picture(path: Path, messages: Iterator[tuple[int, Message]]) -> Table:
+    """Draw `messages` into a recording at `path`; returns each entity's columns, in time order."""
+    option = parse_rerun_option(f"save={path}")
+    with RerunView(option, run_id="circle", vehicles=drive.VEHICLES, path=ROAD) as view:
+        for now, message in messages:
+            view.draw(now, message)
+    return columns(path)
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Table:
+    return picture(tmp_path_factory.mktemp("view") / "run.rrd", drive.drive(100))
+
+
+@pytest.mark.parametrize(
+    ("text", "option"),
+    [
+        ("off", RerunOption("off")),
+        ("spawn", RerunOption("spawn")),
+        ("serve", RerunOption("serve")),
+        ("serve=9099", RerunOption("serve", page_port=9099)),
+        ("serve=9099:9877", RerunOption("serve", page_port=9099, data_port=9877)),
+        ("serve=0.0.0.0", RerunOption("serve", address="0.0.0.0")),
+        ("serve=0.0.0.0:9090:9876", RerunOption("serve", "", "0.0.0.0", 9090, 9876)),
+        (
+            "connect=rerun+http://box:9876/proxy",
+            RerunOption("connect", "rerun+http://box:9876/proxy"),
+        ),
+        ("save=a=b.rrd", RerunOption("save", "a=b.rrd")),
+    ],
+)
+def test_options_are_read(text: str, option: RerunOption) -> None:
+    assert parse_rerun_option(text) == option
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "on", "off=1", "spawn=x", "save", "save=", "connect", "connect=box:9876", "serve=",
+     "serve=a.b", "serve=99999", "serve=1:2:3", "serve=0.0.0.0:", "serve=:9090"],
+)  # fmt: skip
+def test_other_options_are_refused_in_one_line(text: str) -> None:
+    with pytest.raises(ViewerError, match=r"^--rerun ") as refused:
+        parse_rerun_option(text)
+    assert "\n" not in str(refused.value)
+
+
+def test_without_a_picture_rerun_is_not_loaded() -> None:
+    program = """
+import sys
+from transport.picture.view import RerunView, parse_rerun_option
+with RerunView(parse_rerun_option("off"), run_id="x", vehicles=("v1",)) as view:
+    view.draw(0, None)
+assert view.where == ""
+assert not {"rerun", "rerun_bindings", "pyarrow"} & set(sys.modules)
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_cars_stand_where_the_messages_say(drawn: Table) -> None:
+    car = drawn["/world/cars/v2"]
+    assert car["run_time"] == [tick * drive.TICK for tick in range(0, 100, 2)]  # 25 Hz
+    for tick, translation, matrix in zip(
+        range(0, 100, 2), car["Transform3D:translation"], car["Transform3D:mat3x3"], strict=True
+    ):
+        truth = drive.truth("v2", tick)
+        assert translation[0] == pytest.approx([truth.east_m, truth.north_m, 0.0], abs=1e-5)
+        forward, left = matrix[0][0:3], matrix[0][3:6]  # columns of the matrix
+        assert forward == pytest.approx(
+            [math.cos(truth.yaw_rad), math.sin(truth.yaw_rad), 0.0], abs=1e-6
+        )
+        assert left == pytest.approx(
+            [-math.sin(truth.yaw_rad), math.cos(truth.yaw_rad), 0.0], abs=1e-6
+        )
+
+
+def seen_from(frame: dict[str, list[Any]], row: int, east: float, north: float) -> Any:
+    """Where a point of the world appears in a view from `frame`: to the right, down."""
+    world_from_view = np.array(frame["Transform3D:mat3x3"][row][0]).reshape(3, 3).T
+    origin = np.array(frame["Transform3D:translation"][row][0])
+    return np.linalg.solve(world_from_view, np.array([east, north, 0.0]) - origin)[:2]
+
+
+def test_north_is_up_in_the_plan(drawn: Table) -> None:
+    plan = drawn["/world/plan"]
+    assert seen_from(plan, 0, 1.0, 0.0) == pytest.approx([1.0, 0.0])
+    assert seen_from(plan, 0, 0.0, 1.0) == pytest.approx([0.0, -1.0])
+
+
+def test_left_turns_turn_left_in_the_view_that_rides_along(
+    drawn: Table,
+) -> None:
+    """The middle car stays in place facing right; on a left circle the lead is ahead and up."""
+    convoy = drawn["/world/convoy"]
+    for row, tick in enumerate(range(0, 100, 2)):
+        middle, lead = drive.truth("v2", tick), drive.truth("v1", tick)
+        assert seen_from(convoy, row, middle.east_m, middle.north_m) == pytest.approx(
+            [0.0, 0.0], abs=1e-4
+        )
+        right, down = seen_from(convoy, row, lead.east_m, lead.north_m)
+        turn = drive.GAP / drive.RADIUS
+        assert right == pytest.approx(drive.RADIUS * math.sin(turn), abs=1e-3)
+        inside = drive.offset_of(1)
+        assert down == pytest.approx(drive.RADIUS * (math.cos(turn) - 1.0) + inside, abs=1e-3)
+        assert down < -1.0
+
+
+def test_the_cross_track_error_is_the_true_one(drawn: Table) -> None:
+    assert "/plots/cross_track/v1" not in drawn
+    curve = drawn["/plots/cross_track/v2"]["Scalars:scalars"]
+    late = [value[0] for value in curve if value][-10:]  # before, it is beside the lead's run-in
+    assert late == pytest.approx([drive.offset_of(1)] * 10, abs=1e-3)
+
+
+def test_curves_are_those_of_the_messages(drawn: Table) -> None:
+    steering = drawn["/plots/steering/v3"]["Scalars:scalars"]
+    assert [v[0] for v in steering if v] == pytest.approx([3.0] * 50)  # degrees
+    seen = drawn["/plots/tracking/v3"]
+    values = {
+        at: value[0]
+        for at, value in zip(seen["run_time"], seen["Scalars:scalars"], strict=True)
+        if value
+    }
+    assert values == {tick * drive.TICK: pytest.approx(0.01 * tick) for tick in range(0, 100, 2)}
+    assert "/plots/gap/v1" not in drawn
+    assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.GAP] * 10
+
+
+def test_samples_have_the_colour_of_their_sender(drawn: Table) -> None:
+    def colour(vehicle: str) -> int:
+        found: int = drawn[f"/world/cars/{vehicle}/dot"]["Points2D:colors"][0][0]
+        return found
+
+    samples = drawn["/world/samples/v3"]
+    shown = [colours for colours in samples["Points2D:colors"] if colours]
+    assert shown == [[colour("v1"), colour("v2")]] * 20
+    assert len({colour(vehicle) for vehicle in drive.VEHICLES}) == 3
+    strip = drawn["/world/trajectory/v3"]["LineStrips2D:colors"][0]
+    assert strip == [colour("v3")]
+
+
+def test_driven_pieces_join_to_the_driven_path(drawn: Table) -> None:
+    strips = drawn["/world/driven/v1"]["LineStrips2D:strips"]
+    pieces = [strip[0] for strip in strips if strip]
+    for piece, following in pairwise(pieces):
+        assert piece[-1] == following[0]
+    last = drive.truth("v1", 90)
+    assert pieces[-1][-1] == pytest.approx([last.east_m, last.north_m], abs=1e-4)
+    assert sum(len(piece) - 1 for piece in pieces) == 45
+
+
+def test_text_has_speaker_and_level(drawn: Table) -> None:
+    assert drawn["/log/run"]["TextLog:text"] == [["run: off"]]
+    assert drawn["/log/run"]["TextLog:level"] == [["WARN"]]
+
+
+def states(table: Table, entity: str) -> list[tuple[int, str]]:
+    rows = table[entity]
+    return [
+        (at // 1_000_000, state[0])
+        for at, state in zip(rows["run_time"], rows["StateChange:state"], strict=True)
+        if state
+    ]
+
+
+def test_links_and_messages_show_what_was_heard(tmp_path: Path) -> None:
+    def messages() -> Iterator[tuple[int, Message]]:
+        outcomes = {30: "loss", 31: "loss", 34: "late"}
+        for tick in range(200):
+            now = drive.START + tick * drive.TICK
+            yield now, drive.truth("v1", tick)
+            if tick < 50 or tick >= 100:
+                yield now, drive.verdict("v2", "v1", tick, now, outcomes.get(tick, "ok"))
+
+    table = picture(tmp_path / "run.rrd", messages())
+    assert states(table, "/links/v2/from_v1") == [
+        (0, "ok"), (500, "some lost"), (1000, "silent"), (2000, "ok"),
+    ]  # fmt: skip
+    assert states(table, "/messages/v2/from_v1") == [
+        (0, "ok"), (600, "lost"), (640, "ok"), (680, "late"), (700, "ok"),
+    ]  # fmt: skip
+
+
+def test_what_came_before_the_start_is_drawn_before_zero(tmp_path: Path) -> None:
+    start, (now, text), *others = drive.drive(1)
+    assert isinstance(text, LogText)
+    early = (now, replace(text, logged_at_ns=now - 2 * SECOND))
+    drawn = picture(tmp_path / "run.rrd", iter((early, start, *others)))
+    assert drawn["/log/run"]["run_time"] == [-2 * SECOND]
+    assert drawn["/world/cars/v1"]["run_time"] == [0]
+
+
+def test_the_view_rides_along_with_whoever_is_left(tmp_path: Path) -> None:
+    def messages() -> Iterator[tuple[int, Message]]:
+        for tick in range(150):
+            for vehicle in drive.VEHICLES:
+                if vehicle != "v2" or tick < 20:
+                    yield drive.START + tick * drive.TICK, drive.truth(vehicle, tick)
+
+    convoy = picture(tmp_path / "run.rrd", messages())["/world/convoy"]
+    last = drive.truth("v3", 148)
+    assert seen_from(convoy, -1, last.east_m, last.north_m) == pytest.approx([0.0, 0.0], abs=1e-4)
+
+
+@pytest.mark.parametrize("first", [drive.command("x", 0), drive.tracking("x", 0)])
+def test_a_vehicle_that_nobody_spoke_of_is_drawn_too(tmp_path: Path, first: Message) -> None:
+    start = next(drive.drive(1))
+    table = picture(tmp_path / "run.rrd", iter((start, (drive.START, first), start)))
+    assert "/world/cars/x/body" in table
+
+
+def test_nobody_there_to_connect_to() -> None:
+    option = parse_rerun_option("connect=rerun+http://127.0.0.1:1/proxy")
+    with pytest.raises(ViewerError, match="no Rerun viewer listens"):
+        RerunView(option, run_id="x", vehicles=("v1",))
+
+
+def test_no_display_to_spawn_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    with pytest.raises(ViewerError, match="no display here"):
+        RerunView(parse_rerun_option("spawn"), run_id="x", vehicles=("v1",))
+
+
+def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(ViewerError, match="cannot write the recording"):
+        RerunView(RerunOption("save", str(tmp_path / "no" / "x.rrd")), run_id="x", vehicles=("v1",))
+
+
+SERVE = """
+import time
+from transport.picture.view import RerunView, parse_rerun_option
+from tests.made import drive
+from tests.made.recording import Table, columns
+view = RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES)
+for now, message in drive.drive(20):
+    view.draw(now, message)
+print(view.where, flush=True)
+time.sleep(60)
+"""
+
+
+def test_the_web_page_stays_on_this_machine_and_dies_with_us() -> None:
+    server = subprocess.Popen([sys.executable, "-c", SERVE], stdout=subprocess.PIPE, text=True)
+    try:
+        assert server.stdout
+        assert server.stdout.readline().startswith("http://127.0.0.1:")
+        ours = psutil.Process(server.pid)
+        everyone = [ours, *ours.children(recursive=True)]
+        listening = [
+            c.laddr.ip
+            for process in everyone
+            for c in process.net_connections("inet")
+            if c.status == psutil.CONN_LISTEN
+        ]
+        assert len(listening) == 2  # the page and its data
+        assert set(listening) == {"127.0.0.1"}
+        page = everyone[1]
+        assert page.environ()["CI"] == "1"  # no usage statistics
+    finally:
+        os.kill(server.pid, signal.SIGKILL)
+        server.wait()
+    deadline = time.monotonic() + 5.0
+    while time.monotonic() < deadline and page.is_running() and page.status() != "zombie":
+        time.sleep(0.02)
+    assert not page.is_running() or page.status() == "zombie"

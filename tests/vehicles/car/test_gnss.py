@@ -1,0 +1,142 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver, from_message, to_message
+from vehicles.geometry.geodesy import LocalPlane, Origin, wrap_angle
+
+START = 1_700_000_000_123_456_789
+BODY = Body(120.0, -45.0, 2.5, 20.0, 0.1, 0.05, 0.01, 0.0, 300.0)
+SILENT = GnssNoise(position=0.0, heading=0.0, speed=0.0, yaw_rate=0.0)
+PLANE = LocalPlane(Origin(latitude_deg=30.6, longitude_deg=-96.3, altitude_m=90.0))
+
+
+def receiver(noise: GnssNoise = SILENT, rate_hz: float = 20.0, seed: int = 1) -> GnssReceiver:
+    return GnssReceiver(noise, rate_hz, START, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("rate_hz", [20.0, 10.0, 30.0, 7.0, 12.5, 1.0])
+def test_measures_at_the_rounded_instants_and_only_there(rate_hz: float) -> None:
+    gnss = receiver(rate_hz=rate_hz)
+    for k in (0, 1, 2, 3, 100, 71_999):
+        instant = START + round(k * 1e9 / rate_hz)
+        fix = gnss.measure(BODY, instant)
+        assert fix is not None
+        assert (fix.seq, fix.measured_at) == (k, instant)
+        assert gnss.measure(BODY, instant + 1) is None
+        assert gnss.measure(BODY, instant - 1) is None
+    assert gnss.measure(BODY, START - round(1e9 / rate_hz)) is None
+
+
+def test_without_noise_the_fix_is_the_body() -> None:
+    fix = receiver().measure(BODY, START)
+    assert fix == Fix(0, START, 120.0, -45.0, 2.5, 20.0, 0.05)
+
+
+def test_yaw_of_a_fix_is_wrapped() -> None:
+    fix = receiver().measure(replace(BODY, yaw=2.5 - 4.0 * math.pi), START)
+    assert fix is not None
+    assert fix.yaw == pytest.approx(2.5)
+
+
+def test_same_seed_same_noise_and_another_seed_another() -> None:
+    fixes = [receiver(GnssNoise(), seed=seed).measure(BODY, START) for seed in (5, 5, 6)]
+    assert fixes[0] == fixes[1] != fixes[2]
+
+
+def test_noise_is_white_and_of_the_stated_size() -> None:
+    gnss, noise = receiver(GnssNoise()), GnssNoise()
+    count = 4000
+    errors = np.empty((count, 5))
+    for k in range(count):
+        fix = gnss.measure(BODY, START + k * 50_000_000)
+        assert fix is not None
+        errors[k] = (
+            (fix.east - BODY.east) / noise.position,
+            (fix.north - BODY.north) / noise.position,
+            (fix.yaw - BODY.yaw) / noise.heading,
+            (fix.speed - BODY.speed) / noise.speed,
+            (fix.yaw_rate - BODY.yaw_rate) / noise.yaw_rate,
+        )
+    # Five standard errors either way.
+    assert np.max(np.abs(errors.mean(axis=0))) < 5.0 / math.sqrt(count)
+    covariance = errors.T @ errors / count
+    assert np.max(np.abs(covariance - np.eye(5))) < 5.0 * math.sqrt(2.0 / count)
+    following = np.mean(errors[1:] * errors[:-1], axis=0)
+    assert np.max(np.abs(following)) < 5.0 / math.sqrt(count)
+
+
+def test_measured_speed_is_never_negative() -> None:
+    gnss = receiver(GnssNoise())
+    fixes = [gnss.measure(replace(BODY, speed=0.0), START + k * 50_000_000) for k in range(50)]
+    assert all(fix is not None and fix.speed >= 0.0 for fix in fixes)
+    assert any(fix is not None and fix.speed > 0.0 for fix in fixes)
+
+
+@given(
+    east=st.floats(-5000, 5000),
+    north=st.floats(-5000, 5000),
+    yaw=st.floats(-math.pi, math.pi),
+    speed=st.floats(0, 60),
+    yaw_rate=st.floats(-2, 2),
+)
+def test_over_the_wire_and_back(
+    east: float, north: float, yaw: float, speed: float, yaw_rate: float
+) -> None:
+    fix = Fix(7, START, east, north, yaw, speed, yaw_rate)
+    message = to_message(fix, "v1", PLANE)
+    assert message.vehicle == "v1"
+    assert 0.0 <= message.heading_deg < 360.0
+    back = from_message(message, PLANE)
+    assert math.hypot(back.east - east, back.north - north) < 1e-6
+    assert abs(wrap_angle(back.yaw - yaw)) < 1e-9
+    assert replace(back, east=east, north=north, yaw=yaw) == fix
+
+
+def test_wire_carries_a_compass_course() -> None:
+    north_bound = to_message(Fix(0, START, 0.0, 0.0, math.pi / 2, 1.0, 0.0), "v1", PLANE)
+    assert north_bound.heading_deg == pytest.approx(0.0, abs=1e-9)
+    west_bound = to_message(Fix(0, START, 0.0, 0.0, math.pi, 1.0, 0.0), "v1", PLANE)
+    assert west_bound.heading_deg == pytest.approx(270.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        (field, value)
+        for field, values in {
+            "latitude_deg": (90.001, -91.0, math.nan, math.inf),
+            "longitude_deg": (180.5, -181.0, math.nan, -math.inf),
+            "heading_deg": (-0.1, 361.0, math.nan, math.inf),
+            "speed_mps": (-0.01, 151.0, math.nan, math.inf),
+            "yaw_rate_radps": (11.0, -11.0, math.nan, math.inf),
+            "seq": (-1,),
+            "measured_at_ns": (-1,),
+        }.items()
+        for value in values
+    ],
+)
+def test_poses_that_no_vehicle_can_send_are_refused_by_field(field: str, value: float) -> None:
+    message = to_message(Fix(3, START, 10.0, 20.0, 0.0, 5.0, 0.0), "v1", PLANE)
+    with pytest.raises(ValueError, match=f"^{field} is"):
+        from_message(replace(message, **{field: value}), PLANE)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("altitude_m", [math.nan, math.inf, 1e9])
+def test_poses_far_from_the_plane_are_refused(altitude_m: float) -> None:
+    message = to_message(Fix(3, START, 10.0, 20.0, 0.0, 5.0, 0.0), "v1", PLANE)
+    with pytest.raises(ValueError, match="further than"):
+        from_message(replace(message, altitude_m=altitude_m), PLANE)
+
+
+def test_impossible_receivers_are_refused() -> None:
+    for rate_hz in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(ValueError, match="measuring rate"):
+            receiver(rate_hz=rate_hz)
+    with pytest.raises(ValueError, match="position noise"):
+        GnssNoise(position=-0.01)

@@ -1,0 +1,109 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from transport.codec import decode, encode
+from transport.topics import TOPIC_OF
+from vehicles.car.dynamics import Actuation
+from vehicles.driver.decision import Decision
+from vehicles.driver.steering import SteeringCommand
+from vehicles.driver.tracking import TrackingErrors
+from vehicles.geometry.arc_spline import ArcSpline, Piece
+from vehicles.messages import Command, CompositeTrajectory, Tracking
+from vehicles.preview.trajectory import Fit
+
+NOW = 1_790_000_000_123_456_789
+FIT = Fit(
+    spline=ArcSpline((Piece(1.0, 2.0, 0.5, 0.0, 10.0), Piece(9.8, 6.8, 0.5, -0.01, 12.0))),
+    east=np.array([1.0, 5.0, 9.0]),
+    north=np.array([2.0, 4.5, 6.5]),
+    station=np.array([0.0, 4.7, 9.2]),
+    source=np.array([0, 1, 0], dtype=np.int8),
+    residual_rms=0.011,
+    residual_max=0.023,
+    outliers=1,
+)
+DECISION = Decision(
+    actuation=Actuation(steering=0.03, acceleration=-1.5),
+    steering=SteeringCommand(steering=0.03, feedforward=0.05, feedback=-0.01),
+    errors=TrackingErrors(lateral=0.21, heading=-0.02, yaw_rate=0.003, curvature=0.004),
+    mode="composite",
+    reason="for once",
+    fit=FIT,
+    target_speed=29.5,
+    gap=14.8,
+    lead_age=0.07,
+    predecessor_age=0.02,
+)
+
+
+def test_a_decision_tells_what_was_tracked_and_asked() -> None:
+    tracking, command, _ = DECISION.messages("v3", 17, NOW)
+    assert tracking == Tracking(
+        vehicle="v3",
+        seq=17,
+        decided_at_ns=NOW,
+        mode="composite",
+        reason="for once",
+        lateral_error_m=0.21,
+        heading_error_rad=-0.02,
+        yaw_rate_error_radps=0.003,
+        curvature_per_m=0.004,
+        gap_m=14.8,
+        lead_age_s=0.07,
+        predecessor_age_s=0.02,
+    )
+    assert command == Command(
+        vehicle="v3",
+        seq=17,
+        decided_at_ns=NOW,
+        steering_rad=0.03,
+        feedforward_rad=0.05,
+        feedback_rad=-0.01,
+        acceleration_mps2=-1.5,
+        target_speed_mps=29.5,
+    )
+
+
+def test_a_decision_tells_the_trajectory_and_the_samples_behind_it() -> None:
+    trajectory = DECISION.messages("v3", 17, NOW)[2]
+    assert trajectory == CompositeTrajectory(
+        vehicle="v3",
+        seq=17,
+        decided_at_ns=NOW,
+        mode="composite",
+        piece_east_m=(1.0, 9.8),
+        piece_north_m=(2.0, 6.8),
+        piece_yaw_rad=(0.5, 0.5),
+        piece_curvature_per_m=(0.0, -0.01),
+        piece_length_m=(10.0, 12.0),
+        sample_east_m=(1.0, 5.0, 9.0),
+        sample_north_m=(2.0, 4.5, 6.5),
+        sample_source=(0, 1, 0),
+        residual_m_rms=0.011,
+        residual_m_max=0.023,
+    )
+
+
+@pytest.mark.parametrize("fit", [FIT, None])
+def test_what_is_told_survives_the_wire(fit: Fit | None) -> None:
+    told = replace(DECISION, fit=fit).messages("v3", 0, NOW)
+    assert len(told) == (2 if fit is None else 3)
+    for message in told:
+        assert decode(TOPIC_OF[type(message)], encode(message)) == message
+
+
+def test_what_is_not_known_is_not_a_number() -> None:
+    plain = Decision(
+        actuation=DECISION.actuation,
+        steering=DECISION.steering,
+        errors=DECISION.errors,
+        mode="straight",
+    )
+    tracking = plain.messages("v2", 0, NOW)[0]
+    assert isinstance(tracking, Tracking)
+    for value in (tracking.gap_m, tracking.lead_age_s, tracking.predecessor_age_s):
+        assert math.isnan(value)
+    assert plain.fresh

@@ -1,0 +1,300 @@
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from tests.made.exact_drives import (
+    CONTROL_HZ,
+    GNSS_HZ,
+    LATENCY_NS,
+    START,
+    Source,
+    Step,
+    drive,
+    hearing,
+    on,
+)
+from tests.made.followers import (
+    BEND,
+    FUSIONS,
+    GAP,
+    STRAIGHT,
+    follower,
+    lateral,
+    lead_of,
+    modes,
+    predecessor_of,
+)
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import Fix
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.decision import Decision
+from vehicles.driver.speed import GapLimits, GapPolicy
+from vehicles.driver.speed_law import GapKeeping
+from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.messages import GpsPose
+from vehicles.preview.trajectory import Fusion
+from vehicles.schedule import SECOND, Cadence
+
+HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
+
+
+# ---- What is steered along
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi])
+def test_a_follower_that_hears_nothing_drives_straight_on(yaw: float) -> None:
+    path = path_from_segments([Segment(200.0, 0.0)], yaw=yaw)
+    steps = drive(follower(), on(path, 0.0, 10.0), 5.0)
+    assert modes(steps) == [("straight", 0.0)]
+    for step in steps:
+        assert step.decision.reason == "nothing heard yet"
+        assert step.decision.actuation.steering == pytest.approx(0.0, abs=1e-12)
+        assert step.decision.actuation.acceleration == pytest.approx(0.0, abs=1e-12)
+        assert math.isnan(step.decision.gap)
+    assert max(map(abs, lateral(path, steps))) < 1e-9
+
+
+def test_both_sources_make_a_composite_along_which_it_follows() -> None:
+    steps = drive(
+        follower(), on(BEND, 0.0, 10.0), 12.0, hearing(lead_of(BEND), predecessor_of(BEND))
+    )
+    assert [mode for mode, _ in modes(steps)] == ["straight", "composite"]
+    assert modes(steps)[1][1] < 0.2
+    assert steps[-1].decision.reason == ""
+    assert max(map(abs, lateral(BEND, steps))) < 0.05
+    late = steps[-1].decision
+    assert late.errors.curvature == pytest.approx(1 / 100, rel=0.02)
+    assert late.fit is not None
+    assert {0, 1} == set(late.fit.source.tolist())
+    needed = (CAR.wheelbase + CAR.steer_gradient * 10.0**2) / 100
+    assert late.actuation.steering == pytest.approx(needed, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("source", "mode", "missing"),
+    [(lead_of, "lead", "v2"), (predecessor_of, "predecessor", "v1")],
+)
+def test_one_source_alone_is_followed_and_the_other_named(
+    source: Callable[[Path], Source], mode: str, missing: str
+) -> None:
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 10.0, hearing(source(BEND)))
+    assert [mode for mode, _ in modes(steps)] == ["straight", mode]
+    assert steps[-1].decision.reason == f"{missing} never heard"
+    assert max(map(abs, lateral(BEND, steps))) < 0.05
+
+
+def test_sources_that_fall_silent_are_followed_as_far_as_they_were_heard() -> None:
+    """At 10 m/s the last sample of a source 15 m ahead is reached 1.5 s after it was measured."""
+    until, last = 4.0, 3.95
+    heard = ((0.0, until), (9.0, math.inf))
+    sources = hearing(lead_of(BEND, heard=heard), predecessor_of(BEND, heard=heard))
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 13.0, sources)
+    began = modes(steps)
+    assert [mode for mode, _ in began][1:4] == ["composite", "lead", "coast"]
+    assert began[-1][0] == "composite"
+    assert began[2][1] == pytest.approx(last + 1.5, abs=0.05)
+    assert began[3][1] == pytest.approx(last + 3.0, abs=0.05)
+    for step in (step for step in steps if step.seconds < 9.0):
+        silent = {"lead": ["v2"], "coast": ["v1", "v2"]}.get(step.decision.mode, [])
+        said = re.findall(r"(\w+) unheard for ([\d.]+) s", step.decision.reason)
+        assert [name for name, _ in said] == silent
+        for _, age in said:
+            assert float(age) == pytest.approx(step.seconds - last, abs=0.11)
+    # Coasting keeps to the bend: a straight line would be 1 m off after 1.4 s, 4 m after 3 s.
+    off = lateral(BEND, steps)
+    assert max(map(abs, off)) < 0.4
+    assert abs(off[-1]) < 0.02
+
+
+def test_lead_or_predecessor_may_be_silent_alone() -> None:
+    silent = ((0.0, 4.0),)
+    steps = drive(
+        follower(),
+        on(BEND, 0.0, 10.0),
+        12.0,
+        hearing(lead_of(BEND, heard=silent), predecessor_of(BEND)),
+    )
+    assert [mode for mode, _ in modes(steps)] == ["straight", "composite", "predecessor"]
+    assert re.fullmatch(r"v1 unheard for 8\.[01] s", steps[-1].decision.reason)
+    assert steps[-1].decision.lead_age == pytest.approx(steps[-1].seconds - 3.95)
+    assert max(map(abs, lateral(BEND, steps))) < 0.05
+
+
+# ---- Conventions
+
+
+@pytest.mark.parametrize("yaw", HEADINGS)
+@pytest.mark.parametrize("aside", [0.8, -0.8])
+def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, aside: float) -> None:
+    path = path_from_segments([Segment(400.0, 0.0)], -20.0, 30.0, yaw)
+    steps = drive(
+        follower(speed=15.0),
+        on(path, 0.0, 15.0, aside),
+        8.0,
+        hearing(lead_of(path, 15.0), predecessor_of(path, 15.0)),
+    )
+    off = lateral(path, steps)
+    assert off[0] == pytest.approx(aside)
+    away = math.copysign(1, aside)
+    first = next(step for step in steps if abs(step.decision.actuation.steering) > 1e-4)
+    assert math.copysign(1, first.decision.actuation.steering) == -away
+    assert abs(off[-1]) < 0.02
+    assert min(away * value for value in off) > -0.1  # no swinging to the other side
+    assert max(away * value for value in off) < 0.81
+
+
+@pytest.mark.parametrize("yaw", HEADINGS)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_bends_to_both_sides_are_followed_in_all_headings(yaw: float, sign: int) -> None:
+    path = path_from_segments([Segment(60.0, 0.0), Segment(300.0, sign / 80)], 5.0, 7.0, yaw)
+    steps = drive(
+        follower(), on(path, 0.0, 10.0), 9.0, hearing(lead_of(path), predecessor_of(path))
+    )
+    assert max(map(abs, lateral(path, steps))) < 0.06
+    assert math.copysign(1, steps[-1].decision.actuation.steering) == sign
+    assert steps[-1].decision.errors.curvature == pytest.approx(sign / 80, rel=0.03)
+
+
+# ---- Fusion
+
+
+@pytest.mark.parametrize("fusion", FUSIONS)
+def test_the_first_follower_hears_the_lead_alone_whatever_the_fusion(fusion: Fusion) -> None:
+    def drive_behind(chosen: Fusion) -> list[Step]:
+        first = follower(lead="v1", predecessor="v1", fusion=chosen, alpha=0.3)
+        return drive(first, on(BEND, 0.0, 10.0), 8.0, hearing(Source("v1", BEND, GAP, 10.0)))
+
+    steps = drive_behind(fusion)
+    assert [mode for mode, _ in modes(steps)] == ["straight", "lead"]
+    assert steps[-1].decision.reason == ""
+    assert steps[-1].decision.lead_age == steps[-1].decision.predecessor_age
+    assert max(map(abs, lateral(BEND, steps))) < 0.05
+    assert [step.body for step in steps] == [step.body for step in drive_behind("composite")]
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.5, 0.9])
+def test_a_blend_steers_by_the_weighted_mean_of_what_each_source_asks(alpha: float) -> None:
+    """Three followers are told the same; one blends what the others do with one source each."""
+    path = path_from_segments([Segment(80.0, 0.0), Segment(200.0, 1 / 120)])
+    other = path_from_segments([Segment(80.0, 0.0), Segment(200.0, 1 / 110)], 0.0, 0.4)
+    told = hearing(lead_of(path), predecessor_of(other))
+    blended = follower(fusion="blend", alpha=alpha)
+    by_lead = follower(fusion="composite", alpha=0.0)
+    by_predecessor = follower(fusion="predecessor")
+    compared = 0
+
+    class Three:
+        def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
+            nonlocal compared
+            decision = blended.step(now, fix, heard)
+            lead, predecessor = by_lead.step(now, fix, heard), by_predecessor.step(now, fix, heard)
+            if decision.mode == "composite":
+                for part in ("steering", "feedforward", "feedback"):
+                    mean = (1 - alpha) * getattr(lead.steering, part) + alpha * getattr(
+                        predecessor.steering, part
+                    )
+                    assert getattr(decision.steering, part) == pytest.approx(mean, abs=1e-12)
+                compared += abs(lead.steering.steering - predecessor.steering.steering) > 1e-3
+            return decision
+
+    steps = drive(Three(), on(path, 0.0, 10.0), 11.0, told)
+    assert compared > 100
+    # Sources that disagree are driven between.
+    off = lateral(path, steps)[-1]
+    assert 0.05 < off < lateral(path, [replace(steps[-1], body=on_other(other, steps[-1]))])[0]
+
+
+def on_other(path: Path, step: Step) -> Body:
+    return on(path, path.project(step.body.east, step.body.north, step.body.distance).station, 10.0)
+
+
+def test_predecessor_fusion_does_without_the_lead() -> None:
+    crooked = path_from_segments([Segment(60.0, 0.0), Segment(400.0, -1 / 60)])
+    with_lead = drive(
+        follower(fusion="predecessor"),
+        on(BEND, 0.0, 10.0),
+        10.0,
+        hearing(lead_of(crooked), predecessor_of(BEND)),
+    )
+    without = drive(
+        follower(fusion="predecessor"), on(BEND, 0.0, 10.0), 10.0, hearing(predecessor_of(BEND))
+    )
+    assert [step.body for step in with_lead] == [step.body for step in without]
+    assert [mode for mode, _ in modes(with_lead)] == ["straight", "predecessor"]
+    assert with_lead[-1].decision.reason == ""
+
+
+# ---- Gap and age
+
+
+def test_gap_and_ages_are_those_of_the_moment() -> None:
+    steps = drive(
+        follower(), on(BEND, 0.0, 10.0), 8.0, hearing(lead_of(BEND), predecessor_of(BEND))
+    )
+    period = SECOND // round(GNSS_HZ)
+    for step in (step for step in steps if step.decision.fresh and step.seconds > 1.0):
+        newest = START + (step.now - LATENCY_NS - START) // period * period
+        age = (step.now - newest) / SECOND
+        assert step.decision.lead_age == pytest.approx(age)
+        assert step.decision.predecessor_age == pytest.approx(age)
+        ahead = GAP + 10.0 * step.seconds
+        place = BEND.project(step.body.east, step.body.north, step.body.distance).station
+        assert step.decision.gap == pytest.approx(ahead - place, abs=0.05)
+
+
+def test_a_gap_that_opens_is_known_between_messages_too() -> None:
+    steps = drive(
+        follower(speed=10.0),
+        on(STRAIGHT, 0.0, 10.0),
+        5.0,
+        hearing(lead_of(STRAIGHT, 12.0), predecessor_of(STRAIGHT, 12.0)),
+    )
+    for step in (step for step in steps if step.decision.fresh and step.seconds > 1.0):
+        gap = GAP + 12.0 * step.seconds - step.body.distance
+        assert step.decision.gap == pytest.approx(gap, abs=0.02)
+
+
+def test_a_gap_is_closed_to_what_the_policy_asks() -> None:
+    law = GapKeeping(GapPolicy(6.0, 0.4), GapLimits())
+    steps = drive(
+        follower(law=law),
+        on(BEND, 0.0, 10.0),
+        20.0,
+        hearing(lead_of(BEND), predecessor_of(BEND)),
+    )
+    assert steps[-1].decision.gap == pytest.approx(6.0 + 0.4 * 10.0, abs=0.1)
+    assert steps[-1].body.speed == pytest.approx(10.0, abs=0.02)
+    assert steps[-1].decision.target_speed == pytest.approx(10.0)
+
+
+def test_between_control_instants_the_last_decision_is_held() -> None:
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 3.0, hearing(lead_of(BEND)))
+    control = Cadence(START, CONTROL_HZ)
+    for before, step in pairwise(steps):
+        assert step.decision.fresh == control.due(step.now)
+        if not step.decision.fresh:
+            assert step.decision.actuation == before.decision.actuation
+            assert step.decision.mode == before.decision.mode
+
+
+def test_poses_from_far_away_or_of_no_vehicle_are_counted_and_change_nothing() -> None:
+    def sources() -> Callable[[int], Sequence[GpsPose]]:
+        return hearing(lead_of(BEND), predecessor_of(BEND))
+
+    def spoilt(now: int) -> list[GpsPose]:
+        return [
+            pose
+            for heard in true(now)
+            for pose in (heard, replace(heard, latitude_deg=-10.0), replace(heard, speed_mps=180.0))
+        ]
+
+    true = sources()
+    usual = drive(follower(), on(BEND, 0.0, 10.0), 5.0, sources())
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 5.0, spoilt)
+    assert usual[-1].decision.disbelieved == 0
+    assert steps[-1].decision.disbelieved > 100
+    assert [step.body for step in steps] == [step.body for step in usual]

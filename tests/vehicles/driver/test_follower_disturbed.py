@@ -1,0 +1,234 @@
+import math
+from collections.abc import Container, Sequence
+from dataclasses import replace
+from functools import cache
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.made.exact_drives import (
+    CONTROL_HZ,
+    PLANE,
+    START,
+    Source,
+    Step,
+    drive,
+    hearing,
+    measured,
+    on,
+)
+from tests.made.followers import (
+    BEND,
+    FUSIONS,
+    STRAIGHT,
+    follower,
+    lateral,
+    lead_of,
+    modes,
+    predecessor_of,
+)
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import Fix
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.speed import GapLimits, GapPolicy
+from vehicles.driver.speed_law import GapKeeping
+from vehicles.geometry.geodesy import heading_from_yaw
+from vehicles.messages import GpsPose
+from vehicles.preview.trajectory import Fusion
+from vehicles.schedule import SECOND, instant
+
+
+@cache
+def usual() -> list[Step]:
+    return drive(follower(), on(BEND, 0.0, 10.0), 7.0, hearing(lead_of(BEND), predecessor_of(BEND)))
+
+
+def hearing_jumps(who: str, numbers: Container[int], far: float, towards: float) -> list[Step]:
+    """Drive with messages of `who` that lie `far` m off, in the world's direction `towards`."""
+    usually = hearing(lead_of(BEND), predecessor_of(BEND))
+
+    def hear(now: int) -> list[GpsPose]:
+        return [
+            displaced(pose, far * math.cos(towards), far * math.sin(towards))
+            if pose.vehicle == who and pose.seq in numbers
+            else pose
+            for pose in usually(now)
+        ]
+
+    return drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
+
+
+def moved_by(steps: Sequence[Step]) -> float:
+    """How far (m) the car at most was from where it usually is."""
+    pairs = zip(steps, usual(), strict=True)
+    return max(apart(step.body, undisturbed.body) for step, undisturbed in pairs)
+
+
+@pytest.mark.parametrize("far", [0.5, 5.0, 50.0, 1000.0])
+@pytest.mark.parametrize("who", ["v1", "v2"])
+def test_a_heard_position_that_jumps_hardly_moves_the_car(far: float, who: str) -> None:
+    steps = hearing_jumps(who, {7, 57, 107}, far, math.radians(127))
+    assert moved_by(steps) < 0.03
+    assert max(abs(step.decision.actuation.steering) for step in steps) < 0.1
+
+
+@pytest.mark.parametrize("far", [1.0, 1.5, 2.0, 3.0])
+def test_a_heard_position_that_jumps_a_little_hardly_moves_the_car(far: float) -> None:
+    for towards in range(0, 360, 45):
+        assert moved_by(hearing_jumps("v2", {7}, far, math.radians(towards))) < 0.03, towards
+
+
+def test_sources_with_poor_receivers_are_followed_within_their_noise() -> None:
+    random, usually = Random(1), hearing(lead_of(STRAIGHT), predecessor_of(STRAIGHT))
+    steps = drive(
+        follower(),
+        on(STRAIGHT, 0.0, 10.0),
+        9.0,
+        lambda now: [
+            displaced(pose, random.gauss(0.0, 0.3), random.gauss(0.0, 0.3)) for pose in usually(now)
+        ],
+    )
+    assert max(map(abs, lateral(STRAIGHT, steps))) < 0.5
+
+
+def displaced(pose: GpsPose, to_east: float, to_north: float) -> GpsPose:
+    east, north = PLANE.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)
+    latitude, longitude, altitude = PLANE.to_geodetic(east + to_east, north + to_north)
+    return replace(pose, latitude_deg=latitude, longitude_deg=longitude, altitude_m=altitude)
+
+
+def apart(one: Body, other: Body) -> float:
+    return math.hypot(one.east - other.east, one.north - other.north)
+
+
+def test_an_own_fix_that_jumps_hardly_moves_the_car() -> None:
+    def jumping(body: Body, now: int) -> Fix | None:
+        fix = measured(body, now)
+        if fix is not None and fix.seq % 40 == 11:
+            return replace(fix, east=fix.east + 12.0, north=fix.north - 9.0)
+        return fix
+
+    sources = hearing(lead_of(BEND), predecessor_of(BEND))
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, sources, fix=jumping)
+    for step, undisturbed in zip(steps, usual(), strict=True):
+        assert apart(step.body, undisturbed.body) < 0.03
+
+
+def test_repeated_messages_change_nothing() -> None:
+    usually = hearing(lead_of(BEND), predecessor_of(BEND))
+    steps = drive(
+        follower(),
+        on(BEND, 0.0, 10.0),
+        7.0,
+        lambda now: [pose for pose in usually(now) for _ in range(3)],
+    )
+    assert [step.body for step in steps] == [step.body for step in usual()]
+
+
+def test_messages_out_of_order_hardly_move_the_car() -> None:
+    """Pairs come swapped: 100 ms late at most, which costs nothing 15 m ahead."""
+    sources = [lead_of(BEND), predecessor_of(BEND)]
+
+    def hear(now: int) -> list[GpsPose]:
+        if (now - START) % (SECOND // 10):
+            return []
+        return [pose for source in sources for pose in reversed(list(source.messages_by(now)))]
+
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
+    assert max(map(abs, lateral(BEND, steps))) < 0.05
+    assert modes(steps)[-1][0] == "composite"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"latitude_deg": -30.0},
+        {"longitude_deg": 250.0},
+        {"latitude_deg": math.nan},
+        {"altitude_m": math.inf},
+        {"speed_mps": 190.0},
+        {"heading_deg": -20.0},
+        {"yaw_rate_radps": 60.0},
+    ],
+    ids=str,
+)
+def test_a_pose_that_no_vehicle_of_the_convoy_can_send_is_passed_over(
+    wrong: dict[str, float],
+) -> None:
+    usually = hearing(lead_of(BEND), predecessor_of(BEND))
+
+    def hear(now: int) -> list[GpsPose]:
+        return [pose if pose.seq % 10 else replace(pose, **wrong) for pose in usually(now)]  # type: ignore[arg-type]
+
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
+    assert max(map(abs, lateral(BEND, steps))) < 0.05
+
+
+places = st.tuples(st.floats(-40.0, 160.0), st.floats(-30.0, 30.0)) | st.tuples(
+    st.floats(-90_000.0, 90_000.0), st.floats(-90_000.0, 90_000.0)
+)
+heard_poses = st.tuples(
+    st.sampled_from(["v1", "v2"]),
+    st.integers(0, 60),  # number, and so the instant of measurement: any order, many repeated
+    places | st.none(),  # None: where it should be
+    st.floats(-math.pi, math.pi),
+    st.floats(0.0, 150.0),
+)
+
+
+@given(
+    ticks=st.lists(st.lists(heard_poses, max_size=4), min_size=30, max_size=60),
+    own=st.dictionaries(st.integers(1, 20), places, max_size=6),
+    fusion=st.sampled_from(FUSIONS),
+    alpha=st.floats(0.0, 1.0),
+    speed=st.sampled_from([0.0, 1.0, 10.0, 40.0]),
+    keeps_gap=st.booleans(),
+)
+@settings(max_examples=80)
+def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
+    ticks: list[list[tuple[str, int, tuple[float, float] | None, float, float]]],
+    own: dict[int, tuple[float, float]],
+    fusion: Fusion,
+    alpha: float,
+    speed: float,
+    *,
+    keeps_gap: bool,
+) -> None:
+    law = GapKeeping(GapPolicy(8.0, 0.5), GapLimits()) if keeps_gap else None
+    driver = follower(fusion=fusion, alpha=alpha, speed=speed, law=law)
+    body = on(BEND, 0.0, speed)
+    true = {"v1": lead_of(BEND), "v2": predecessor_of(BEND)}
+    for k, told in enumerate(ticks):
+        now = instant(START, k, CONTROL_HZ)
+        heard = [pose_of(true[name], seq, place, yaw, v) for name, seq, place, yaw, v in told]
+        fix = measured(body, now)
+        if fix is not None and fix.seq in own:
+            east, north = own[fix.seq]
+            fix = replace(fix, east=east, north=north)
+        decision = driver.step(now, fix, heard)
+        assert math.isfinite(decision.actuation.steering)
+        assert abs(decision.actuation.steering) <= CAR.steering_limit
+        assert math.isfinite(decision.actuation.acceleration)
+        assert math.isfinite(decision.errors.lateral)
+        if keeps_gap:
+            assert -6.0 <= decision.actuation.acceleration <= 2.0
+        decision.messages("v3", k, now)
+
+
+def pose_of(
+    source: Source, seq: int, place: tuple[float, float] | None, yaw: float, speed: float
+) -> GpsPose:
+    true = source.message(seq)
+    if place is None:
+        return true
+    latitude, longitude, altitude = PLANE.to_geodetic(*place)
+    return replace(
+        true,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_m=altitude,
+        heading_deg=heading_from_yaw(yaw),
+        speed_mps=speed,
+    )

@@ -1,0 +1,166 @@
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import pytest
+
+from tests.made.exact_drives import CONTROL_HZ, START, Source, Step, drive, hearing, on
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.leader import Leader
+from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.speed import SpeedProfile
+from vehicles.driver.speed_law import ProfileSpeed
+from vehicles.driver.steering import SlipCompensated
+from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.schedule import Cadence
+
+HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
+LEFT_AND_RIGHT = [Segment(40.0, 0.0), Segment(60.0, 1 / 80), Segment(60.0, -1 / 80)]
+RADIUS, AWAY = 12.0, math.acos(0.5 + 3.5 / (4 * 12.0))
+BULB_TURN = [  # out, away to the right, round to the left, and back 3.5 m beside the way out
+    Segment(60.0, 0.0),
+    Segment(RADIUS * AWAY, -1 / RADIUS),
+    Segment(RADIUS * (math.pi + 2 * AWAY), 1 / RADIUS),
+    Segment(RADIUS * AWAY, -1 / RADIUS),
+    Segment(60.0, 0.0),
+]
+FIGURE_OF_EIGHT = [  # its straights cross at right angles
+    Segment(30.0, 0.0),
+    Segment(1.5 * math.pi * 15, 1 / 15),
+    Segment(60.0, 0.0),
+    Segment(1.5 * math.pi * 15, -1 / 15),
+    Segment(30.0, 0.0),
+]
+
+
+def leader(
+    path: Path,
+    speed: float | SpeedProfile,
+    station: float = 0.0,
+    control_hz: float = CONTROL_HZ,
+) -> Leader:
+    profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile((0.0,), (speed,))
+    return Leader(
+        estimator=PoseEstimator(CAR),
+        controller=SlipCompensated(CAR),
+        speed_law=ProfileSpeed(profile, START, 1.0 / control_hz),
+        control=Cadence(START, control_hz),
+        path=path,
+        station=station,
+    )
+
+
+def lateral(path: Path, steps: Sequence[Step]) -> list[float]:
+    """True distance (m) of the car from the path, by how far it has come."""
+    return [
+        path.project(step.body.east, step.body.north, step.body.distance).lateral for step in steps
+    ]
+
+
+@pytest.mark.parametrize("yaw", HEADINGS)
+def test_arcs_to_both_sides_are_tracked(yaw: float) -> None:
+    path = path_from_segments(LEFT_AND_RIGHT, 50.0, -30.0, yaw)
+    steps = drive(leader(path, 15.0), on(path, 0.0, 15.0), 10.0)
+    assert max(map(abs, lateral(path, steps))) < 0.15
+    by_way = {round(step.body.distance): step.decision for step in steps}
+    for way, sign in ((80, 1), (140, -1)):
+        decision = by_way[way]
+        assert decision.mode == "path"
+        assert decision.errors.curvature == pytest.approx(sign / 80)
+        assert math.copysign(1, decision.actuation.steering) == sign
+        assert math.copysign(1, decision.steering.feedforward) == sign
+    assert abs(lateral(path, steps)[-1]) < 0.02
+
+
+def test_steady_on_an_arc_the_steering_is_the_one_that_the_car_needs() -> None:
+    for curvature in (1 / 100, -1 / 100):
+        path = path_from_segments([Segment(200.0, curvature)])
+        last = drive(leader(path, 20.0), on(path, 0.0, 20.0), 8.0)[-1]
+        needed = (CAR.wheelbase + CAR.steer_gradient * 20.0**2) * curvature
+        assert last.decision.actuation.steering == pytest.approx(needed, rel=0.01)
+        assert last.body.yaw_rate == pytest.approx(20.0 * curvature, rel=0.01)
+
+
+def test_left_and_right_are_mirror_images() -> None:
+    left = path_from_segments([Segment(30.0, 0.0), Segment(80.0, 1 / 60)])
+    right = path_from_segments([Segment(30.0, 0.0), Segment(80.0, -1 / 60)])
+    to_left = drive(leader(left, 12.0), on(left, 0.0, 12.0, aside=0.5), 8.0)
+    to_right = drive(leader(right, 12.0), on(right, 0.0, 12.0, aside=-0.5), 8.0)
+    for one, other in zip(to_left, to_right, strict=True):
+        assert one.body.north == pytest.approx(-other.body.north, abs=1e-9)
+        assert one.decision.actuation.steering == pytest.approx(
+            -other.decision.actuation.steering, abs=1e-9
+        )
+
+
+@pytest.mark.parametrize("yaw", HEADINGS)
+@pytest.mark.parametrize("aside", [1.0, -1.0])
+def test_a_lead_left_of_its_path_steers_right_and_comes_back(yaw: float, aside: float) -> None:
+    path = path_from_segments([Segment(300.0, 0.0)], yaw=yaw)
+    steps = drive(leader(path, 20.0), on(path, 0.0, 20.0, aside), 10.0)
+    first = steps[0].decision
+    assert first.errors.lateral == pytest.approx(aside)
+    assert math.copysign(1, first.actuation.steering) == -math.copysign(1, aside)
+    assert abs(lateral(path, steps)[-1]) < 0.01
+
+
+@pytest.mark.parametrize(
+    "segments",
+    [
+        pytest.param(FIGURE_OF_EIGHT * 2, id="figure of eight, twice"),
+        pytest.param([Segment(3 * 2 * math.pi * 15, 1 / 15)], id="three laps"),
+        pytest.param(BULB_TURN, id="bulb turn"),
+    ],
+)
+def test_a_path_that_meets_itself_is_driven_in_order(segments: list[Segment]) -> None:
+    path = path_from_segments(segments)
+    speed = 5.0
+    steps = drive(leader(path, speed), on(path, 0.0, speed), (path.length - 1.0) / speed)
+    # By arc length, not by the nearest place: on the wrong leg this would be metres.
+    for step in steps:
+        point = path.at(step.body.distance)
+        assert math.hypot(step.body.east - point.east, step.body.north - point.north) < 0.6
+        assert abs(step.decision.errors.heading) < 0.3
+    assert max(map(abs, lateral(path, steps))) < 0.25
+
+
+@pytest.mark.parametrize(("control_hz", "speed"), [(5.0, 30.0), (10.0, 60.0), (50.0, 60.0)])
+def test_a_lead_that_goes_far_between_two_decisions_keeps_its_place(
+    control_hz: float, speed: float
+) -> None:
+    path = path_from_segments([Segment(400.0, 0.0), Segment(600.0, 1 / 2000)])
+    driver = leader(path, speed, control_hz=control_hz)
+    steps = drive(driver, on(path, 0.0, speed), 950.0 / speed, control_hz=control_hz)
+    for step in steps:
+        if step.decision.fresh and step.body.distance > 450.0:
+            assert step.decision.errors.curvature == pytest.approx(1 / 2000)
+    assert max(map(abs, lateral(path, steps))) < 0.5
+
+
+def test_speed_follows_the_profile() -> None:
+    path = path_from_segments([Segment(400.0, 0.0)])
+    profile = SpeedProfile((0.0, 2.0, 6.0), (10.0, 10.0, 18.0))
+    steps = drive(leader(path, profile), on(path, 0.0, 10.0), 10.0)
+    for step in steps:
+        assert step.body.speed == pytest.approx(profile.at(step.seconds)[0], abs=0.05)
+
+
+def test_between_control_instants_the_last_decision_is_held() -> None:
+    path = path_from_segments(LEFT_AND_RIGHT)
+    steps = drive(leader(path, 15.0), on(path, 0.0, 15.0), 5.0)
+    control = Cadence(START, CONTROL_HZ)
+    assert any(not step.decision.fresh for step in steps)
+    for before, step in pairwise(steps):
+        assert step.decision.fresh == control.due(step.now)
+        if not step.decision.fresh:
+            assert step.decision.actuation == before.decision.actuation
+
+
+def test_a_lead_minds_nobody() -> None:
+    path = path_from_segments(LEFT_AND_RIGHT)
+    other = path_from_segments([Segment(300.0, 0.0)], yaw=1.0)
+    alone = drive(leader(path, 15.0), on(path, 0.0, 15.0), 3.0)
+    told = drive(
+        leader(path, 15.0), on(path, 0.0, 15.0), 3.0, hearing(Source("v9", other, 5.0, 15.0))
+    )
+    assert [step.body for step in alone] == [step.body for step in told]

@@ -1,0 +1,217 @@
+import math
+from collections import deque
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicles.driver.speed import (
+    DAMPING,
+    GAP_STIFFNESS,
+    LEAD_SHARE,
+    STABLE_HEADWAY,
+    GapLimits,
+    GapPolicy,
+    SpeedProfile,
+    gap_acceleration,
+)
+
+PROFILE = SpeedProfile([0.0, 10.0, 20.0, 25.0], [5.0, 25.0, 25.0, 0.0])
+STEP = 0.01
+
+
+def test_profile_passes_its_points_with_exact_slopes() -> None:
+    assert PROFILE.at(0.0) == (5.0, 2.0)
+    assert PROFILE.at(4.0) == (13.0, 2.0)
+    assert PROFILE.at(10.0) == (25.0, 0.0)
+    assert PROFILE.at(22.0) == (15.0, -5.0)
+    assert PROFILE.at(25.0) == (0.0, 0.0)
+
+
+def test_profile_is_constant_outside_its_times() -> None:
+    assert PROFILE.at(-1.0) == (5.0, 0.0)
+    assert PROFILE.at(1000.0) == (0.0, 0.0)
+    assert SpeedProfile([3.0], [7.0]).at(1.0) == SpeedProfile([3.0], [7.0]).at(9.0) == (7.0, 0.0)
+
+
+@given(st.floats(0.0, 24.99))
+def test_acceleration_is_the_slope_of_the_speed(seconds: float) -> None:
+    speed, acceleration = PROFILE.at(seconds)
+    corner = next(t for t in (10.0, 20.0, 25.0) if t > seconds)
+    later = seconds + 0.5 * (corner - seconds)
+    assert PROFILE.at(later)[0] == pytest.approx(speed + acceleration * (later - seconds))
+
+
+@pytest.mark.parametrize(
+    ("times", "speeds", "message"),
+    [
+        ([], [], "at least one"),
+        ([0.0, 1.0], [1.0], "as many"),
+        ([0.0, 0.0], [1.0, 1.0], "increase"),
+        ([1.0, 0.0], [1.0, 1.0], "increase"),
+        ([0.0, math.nan], [1.0, 1.0], "finite"),
+        ([0.0, 1.0], [1.0, -1.0], "not negative"),
+    ],
+)
+def test_impossible_profiles_are_refused(
+    times: list[float], speeds: list[float], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        SpeedProfile(times, speeds)
+
+
+def test_gap_grows_with_headway_and_not_without() -> None:
+    assert GapPolicy(standstill=5.0, headway=0.6).desired(20.0) == 17.0
+    assert GapPolicy(standstill=10.0).desired(30.0) == 10.0
+    with pytest.raises(ValueError, match="headway"):
+        GapPolicy(standstill=5.0, headway=-0.1)
+    with pytest.raises(ValueError, match="deceleration"):
+        GapLimits(deceleration=math.nan)
+
+
+def ask(gap: float, own: float, predecessor: float, lead: float) -> float:
+    return gap_acceleration(
+        gap=gap,
+        own_speed=own,
+        predecessor_speed=predecessor,
+        lead_speed=lead,
+        policy=GapPolicy(standstill=8.0),
+        limits=GapLimits(acceleration=2.0, deceleration=6.0),
+    )
+
+
+def test_nothing_is_asked_at_the_right_gap_and_speed() -> None:
+    assert ask(8.0, 20.0, 20.0, 20.0) == 0.0
+
+
+def test_each_term_pulls_the_right_way() -> None:
+    assert ask(8.5, 20.0, 20.0, 20.0) > 0.0 > ask(7.5, 20.0, 20.0, 20.0)
+    assert ask(8.0, 20.0, 20.5, 20.0) > 0.0 > ask(8.0, 20.0, 19.5, 20.0)
+    assert ask(8.0, 20.0, 20.0, 20.5) > 0.0 > ask(8.0, 20.0, 20.0, 19.5)
+
+
+@given(
+    gap=st.floats(-100, 1000), own=st.floats(0, 50), predecessor=st.floats(0, 50),
+    lead=st.one_of(st.floats(0, 50), st.just(math.nan)),
+)  # fmt: skip
+def test_limits_hold_whatever_was_heard(
+    gap: float, own: float, predecessor: float, lead: float
+) -> None:
+    assert -6.0 <= ask(gap, own, predecessor, lead) <= 2.0
+
+
+def test_lead_that_was_not_heard_counts_as_the_predecessor() -> None:
+    assert ask(8.0, 20.0, 19.9, math.nan) == ask(8.0, 20.0, 19.9, 19.9)
+
+
+@pytest.mark.parametrize(
+    ("headway", "lead_share", "stable"),
+    [(0.0, LEAD_SHARE, True), (0.0, 0.0, False), (STABLE_HEADWAY, 0.0, True), (0.15, 0.0, False)],
+)
+def test_errors_shrink_from_vehicle_to_vehicle_at_every_frequency(
+    headway: float, lead_share: float, stable: bool
+) -> None:
+    """Transfer of gap errors; at constant distance it needs the lead's speed."""
+
+    def transfer(frequency: float) -> float:
+        s = 1j * frequency
+        passed_on = DAMPING * (1.0 - lead_share) * s + GAP_STIFFNESS
+        damping = DAMPING + GAP_STIFFNESS * headway
+        return abs(passed_on / (s * s + damping * s + GAP_STIFFNESS))
+
+    worst = max(transfer(10 ** (k / 50)) for k in range(-150, 150))
+    assert (worst <= 1.0) is stable
+
+
+class String:
+    """Five vehicles that drive as commanded and hear each other 20 times a second, 20 ms late.
+
+    Gaps are measured from what was heard, extrapolated by its speed and age, as followers do.
+    """
+
+    def __init__(self, policy: GapPolicy, speed: float, *, hears_lead: bool = True) -> None:
+        pitch = policy.desired(speed)
+        self.policy, self.hears_lead = policy, hears_lead
+        self.places = [-pitch * k for k in range(5)]
+        self.speeds = [speed] * 5
+        self.heard = [(0.0, place, speed) for place in self.places]
+        self.air: deque[tuple[float, int, float, float]] = deque()
+        self.commands = [0.0] * 5
+        self.errors: list[list[float]] = []
+
+    def step(self, k: int, lead_acceleration: float) -> None:
+        now = k * STEP
+        if k % 5 == 0:
+            for i, (place, speed) in enumerate(zip(self.places, self.speeds, strict=True)):
+                self.air.append((now, i, place, speed))
+        while self.air and self.air[0][0] <= now - 0.02 + 1e-9:
+            at, i, place, speed = self.air.popleft()
+            self.heard[i] = (at, place, speed)
+        if k % 2 == 0:
+            self.commands[1:] = [self.command(i, now) for i in range(1, 5)]
+        self.commands[0] = lead_acceleration
+        for i, wanted in enumerate(self.commands):
+            speed = max(0.0, self.speeds[i] + wanted * STEP)
+            self.places[i] += 0.5 * (speed + self.speeds[i]) * STEP
+            self.speeds[i] = speed
+        gaps = [a - b for a, b in pairwise(self.places)]
+        desired = [self.policy.desired(speed) for speed in self.speeds[1:]]
+        self.errors.append([gap - want for gap, want in zip(gaps, desired, strict=True)])
+
+    def command(self, i: int, now: float) -> float:
+        at, place, speed = self.heard[i - 1]
+        return gap_acceleration(
+            gap=place + speed * (now - at) - self.places[i],
+            own_speed=self.speeds[i],
+            predecessor_speed=speed,
+            lead_speed=self.heard[0][2] if self.hears_lead else math.nan,
+            policy=self.policy,
+            limits=GapLimits(),
+        )
+
+    def worst(self) -> list[float]:
+        return [max(abs(row[i]) for row in self.errors) for i in range(4)]
+
+
+POLICIES = [GapPolicy(standstill=8.0), GapPolicy(standstill=4.0, headway=0.5)]
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_nobody_is_hit_when_the_lead_brakes_to_a_stop(policy: GapPolicy) -> None:
+    string = String(policy, 30.0)
+    for k in range(3000):
+        string.step(k, -3.0 if 100 <= k < 1100 else 0.0)
+        gaps = [a - b for a, b in pairwise(string.places)]
+        assert min(gaps) > 1.0
+    assert string.speeds == pytest.approx([0.0] * 5, abs=0.01)
+    # At constant distance the 1 m that braking takes stays: nobody reverses.
+    assert all(-1.2 < error < 0.01 for error in string.errors[-1])
+    assert all(later <= earlier for earlier, later in pairwise(string.worst()))
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("period", [2.0, 5.0, 10.0, 20.0])
+def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_waves(
+    policy: GapPolicy, period: float
+) -> None:
+    string = String(policy, 20.0)
+    for k in range(round(max(40.0, 3 * period) / STEP)):
+        string.step(k, 1.0 * math.sin(2.0 * math.pi * k * STEP / period))
+    assert all(later <= earlier for earlier, later in pairwise(string.worst()))
+
+
+def test_without_the_lead_s_speed_a_constant_distance_amplifies() -> None:
+    string = String(GapPolicy(standstill=8.0), 20.0, hears_lead=False)
+    for k in range(6000):
+        string.step(k, 0.5 * math.sin(2.0 * math.pi * k * STEP / 10.0))
+    assert all(later > earlier for earlier, later in pairwise(string.worst()))
+
+
+def test_vehicle_far_behind_catches_up_without_a_crash() -> None:
+    string = String(GapPolicy(standstill=8.0), 15.0)
+    string.places[1:] = [place - 150.0 for place in string.places[1:]]
+    for k in range(8000):
+        string.step(k, 0.0)
+        assert string.places[0] - string.places[1] > 7.0
+    assert max(map(abs, string.errors[-1])) < 0.1

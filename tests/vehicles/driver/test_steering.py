@@ -1,0 +1,178 @@
+import math
+from collections.abc import Callable
+
+import pytest
+
+from tests.made.arc_courses import course
+from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.parameters import NOMINAL_GAINS, Gains
+from vehicles.driver.steering import (
+    FeedforwardFeedback,
+    LateralController,
+    SlipCompensated,
+    Stanley,
+    SteeringCommand,
+    load_controller,
+)
+from vehicles.driver.tracking import TrackingErrors, track
+from vehicles.geometry.arc_spline import ArcSpline
+
+CONTROLLERS: list[Callable[..., LateralController]] = [
+    FeedforwardFeedback,
+    SlipCompensated,
+    Stanley,
+]
+
+
+def drive(
+    controller: LateralController, path: ArcSpline, speed: float, seconds: float, left: float = 0.0
+) -> list[TrackingErrors]:
+    """Steer the car along `path` from its start, with the true state, at 50 Hz."""
+    body = Body(0.0, left, 0.0, speed)
+    history = []
+    for _ in range(round(50 * seconds)):
+        # A car's path is where its centre of mass goes; it knows place, yaw, speed, yaw rate.
+        errors = track(path, body)
+        history.append(errors)
+        command = controller.steer(errors, body.speed)
+        body = advance(body, Actuation(command.steering, 0.0), 0.02, CAR)
+    return history
+
+
+def test_the_paper_s_law() -> None:
+    errors = TrackingErrors(lateral=0.1, heading=0.02, yaw_rate=-0.05, curvature=1 / 300)
+    command = FeedforwardFeedback(CAR).steer(errors, 30.0)
+    # (a + b)/R + K_sg v²/R with K_sg = m (b C_r − a C_f) / ((a + b) C_f C_r)
+    gradient = 1896 * (1.5818 * 381900 - 1.2682 * 400000) / (2.85 * 400000 * 381900)
+    assert command.feedforward == pytest.approx(2.85 / 300 + gradient * 900 / 300)
+    assert command.feedback == pytest.approx(-0.06 * 0.1 - 0.96 * 0.02 + 0.08 * 0.05)
+    assert command.steering == command.feedforward + command.feedback
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_signs(controller: Callable[..., LateralController]) -> None:
+    law = controller(CAR, NOMINAL_GAINS)
+    assert law.steer(TrackingErrors(0.0, 0.0, 0.0, 0.0), 20.0).steering == 0.0
+    assert law.steer(TrackingErrors(0.3, 0.0, 0.0, 0.0), 20.0).steering < 0.0  # left: steer right
+    assert law.steer(TrackingErrors(0.0, 0.1, 0.0, 0.0), 20.0).steering < 0.0
+    assert law.steer(TrackingErrors(0.0, 0.0, 0.1, 0.0), 20.0).steering < 0.0
+    assert law.steer(TrackingErrors(0.0, 0.0, 0.0, 0.01), 20.0).feedforward > 0.0  # left turn
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize("lateral", [-1e3, 1e3])
+def test_steering_is_limited_and_says_what_it_wanted(
+    controller: Callable[..., LateralController], lateral: float
+) -> None:
+    command = controller(CAR, NOMINAL_GAINS).steer(TrackingErrors(lateral, -lateral, 0.0, 0.0), 5.0)
+    assert abs(command.steering) == CAR.steering_limit
+    assert abs(command.feedback) > CAR.steering_limit
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize("speed", [3.0, 10.0, 30.0])
+def test_an_offset_on_a_straight_road_fades(
+    controller: Callable[..., LateralController], speed: float
+) -> None:
+    history = drive(controller(CAR, NOMINAL_GAINS), course([(0.0, 900.0)]), speed, 25.0, left=0.5)
+    assert abs(history[-1].lateral) < 0.01
+    assert min(error.lateral for error in history) > -0.25
+
+
+CURVES = [(3.0, 1 / 40), (6.0, -1 / 20), (15.0, 1 / 80), (30.0, -1 / 300)]
+
+
+def slip(speed: float) -> float:
+    """Slip angle per curvature (m) in steady cornering: b − m a v² / ((a + b) C_r)."""
+    a, b = CAR.front_axle_distance, CAR.rear_axle_distance
+    return b - CAR.mass * a * speed**2 / ((a + b) * CAR.rear_cornering_stiffness)
+
+
+@pytest.mark.parametrize(("speed", "curvature"), CURVES)
+def test_the_paper_s_law_settles_beside_a_curve(speed: float, curvature: float) -> None:
+    # The body stands at the slip angle β to the path, so θ̃ = −β, and k_e e_lat = k_θ β.
+    path = course([(curvature, 0.5 * math.pi / abs(curvature))])
+    settled = drive(FeedforwardFeedback(CAR), path, speed, 20.0 if speed < 10 else 15.0)[-1]
+    beta = slip(speed) * curvature
+    k_e, k_theta, _ = NOMINAL_GAINS
+    assert settled.lateral == pytest.approx(k_theta * beta / k_e, rel=0.12)
+    assert settled.heading == pytest.approx(-beta, rel=0.12)
+
+
+@pytest.mark.parametrize(("speed", "curvature"), [*CURVES, (3.0, 1 / 10)])
+def test_slip_compensation_settles_on_the_curve(speed: float, curvature: float) -> None:
+    path = course([(curvature, 0.5 * math.pi / abs(curvature))])
+    settled = drive(SlipCompensated(CAR), path, speed, 25.0)[-1]
+    # What is left is of second order in the slip angle: 9 degrees on a radius of 10 m.
+    assert abs(settled.lateral) < (0.05 if curvature == 0.1 else 0.02)
+    assert settled.heading == pytest.approx(-slip(speed) * curvature, abs=3e-3)
+
+
+@pytest.mark.parametrize(("speed", "curvature"), CURVES)
+def test_stanley_settles_with_its_front_axle_on_the_curve(speed: float, curvature: float) -> None:
+    path = course([(curvature, 0.5 * math.pi / abs(curvature))])
+    settled = drive(Stanley(CAR), path, speed, 25.0)[-1]
+    ahead = CAR.front_axle_distance
+    inside = ahead * slip(speed) * curvature + 0.5 * curvature * ahead**2
+    assert settled.lateral == pytest.approx(inside, abs=0.01)
+
+
+@pytest.mark.parametrize("speed", [5.0, 20.0])
+def test_slip_compensation_changes_nothing_on_a_straight_road(speed: float) -> None:
+    errors = TrackingErrors(0.2, -0.01, 0.03, 0.0)
+    gains = Gains(0.1, 0.7, 0.05)
+    plain, compensated = FeedforwardFeedback(CAR, gains), SlipCompensated(CAR, gains)
+    assert plain.steer(errors, speed) == compensated.steer(errors, speed)
+
+
+def test_gains_are_used() -> None:
+    errors = TrackingErrors(1.0, 0.1, 0.01, 0.0)
+    command = FeedforwardFeedback(CAR, Gains(0.001, 0.02, 0.3)).steer(errors, 10.0)
+    assert command.feedback == pytest.approx(-0.001 - 0.002 - 0.003)
+
+
+class Bang:
+    """A user's own controller: as simple as may be."""
+
+    def __init__(self, parameters: object, gains: Gains) -> None:
+        self.built_with = (parameters, gains)
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        side = -math.copysign(0.1, errors.lateral) * (speed > 0.0)
+        return SteeringCommand(side, 0.0, side)
+
+
+class Mute:
+    """Has no `steer`."""
+
+
+class Odd:
+    """Cannot be built like a controller."""
+
+    def __init__(self) -> None: ...
+
+    def steer(self, errors: TrackingErrors, speed: float) -> None: ...
+
+
+def test_a_controller_of_the_user_s_own_is_loaded_by_name() -> None:
+    law = load_controller(f"{__name__}.Bang", CAR, NOMINAL_GAINS)
+    assert isinstance(law, Bang)
+    assert law.built_with == (CAR, NOMINAL_GAINS)
+    assert law.steer(TrackingErrors(1.0, 0.0, 0.0, 0.0), 5.0).steering == -0.1
+    shipped = load_controller("vehicles.driver.steering.Stanley", CAR, NOMINAL_GAINS)
+    assert isinstance(shipped, Stanley)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("", "Bang", ".", "vehicles.", ".Stanley", "..a.b", "no.such.Module"),
+        *("vehicles.driver.steering.Missing", "vehicles.driver.steering.NOMINAL_GAINS"),
+        *("vehicles.driver.steering.load_controller", f"{__name__}.Mute", f"{__name__}.Odd"),
+    ],
+)
+def test_a_name_that_is_no_controller_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="controller") as refused:
+        load_controller(name, CAR, NOMINAL_GAINS)
+    assert repr(name) in str(refused.value)

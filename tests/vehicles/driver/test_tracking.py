@@ -1,0 +1,72 @@
+import math
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.made.arc_courses import beside, course
+from vehicles.driver.tracking import TrackingErrors, track
+
+HEADINGS = {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}
+ROADS = {"straight": 0.0, "left": 1 / 40, "right": -1 / 40}
+
+
+def pose(
+    east: float, north: float, yaw: float, *, speed: float = 10.0, yaw_rate: float = 0.0
+) -> SimpleNamespace:
+    return SimpleNamespace(east=east, north=north, yaw=yaw, speed=speed, yaw_rate=yaw_rate)
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("road", ROADS)
+def test_left_is_positive_on_every_road_in_every_heading(heading: str, road: str) -> None:
+    path = course([(ROADS[road], 40.0)], (100.0, 200.0, HEADINGS[heading]))
+    place = path.at(15.0)
+    errors = track(path, pose(*beside(path, 15.0, 0.7), place.yaw + 0.1, yaw_rate=0.05))
+    assert errors.lateral == pytest.approx(0.7)
+    assert errors.heading == pytest.approx(0.1)
+    assert errors.yaw_rate == pytest.approx(0.05 - 10.0 * ROADS[road])
+    assert errors.curvature == ROADS[road]
+    errors = track(path, pose(*beside(path, 15.0, -0.7), place.yaw - 0.1))
+    assert (errors.lateral, errors.heading) == pytest.approx((-0.7, -0.1))
+
+
+def test_the_paper_s_formula_holds_on_left_turns_and_is_signed_on_right_ones() -> None:
+    for side in (1.0, -1.0):
+        path = course([(side / 25.0, 30.0)], (3.0, -4.0, 0.4))
+        centre = beside(path, 0.0, side * 25.0)
+        ego = beside(path, 12.0, 1.3)
+        distance = math.hypot(ego[0] - centre[0], ego[1] - centre[1])
+        errors = track(path, pose(*ego, 0.0))
+        assert errors.lateral == pytest.approx(side * (25.0 - distance))
+
+
+@given(turns=st.integers(-3, 3), yaw=st.floats(-math.pi, math.pi), off=st.floats(-3.0, 3.0))
+def test_heading_error_does_not_depend_on_full_turns(turns: int, yaw: float, off: float) -> None:
+    path = course([(0.0, 10.0)], (0.0, 0.0, yaw))
+    errors = track(path, pose(0.0, 0.0, yaw + off + turns * math.tau))
+    assert errors.heading == pytest.approx(off, abs=1e-9)
+
+
+def test_steady_driving_along_an_arc_is_free_of_error() -> None:
+    path = course([(1 / 30, 20.0)])
+    place = path.at(8.0)
+    errors = track(path, pose(place.east, place.north, place.yaw, speed=6.0, yaw_rate=0.2))
+    assert (errors.lateral, errors.heading, errors.yaw_rate) == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_curvature_is_known_ahead_and_behind() -> None:
+    path = course([(0.0, 10.0), (0.05, 10.0)])
+    errors = track(path, pose(9.0, 0.2, 0.0))
+    assert [errors.curvature_ahead(d) for d in (-20.0, 0.0, 0.9, 1.1, 50.0)] == [
+        *(0.0, 0.0, 0.0, 0.05, 0.05)
+    ]
+    assert TrackingErrors(0.0, 0.0, 0.0, 0.02).curvature_ahead(7.0) == 0.02
+
+
+def test_beyond_both_ends_the_path_goes_on() -> None:
+    path = course([(0.0, 10.0), (1 / 20, 10.0)])
+    assert track(path, pose(-5.0, 0.3, 0.0)).lateral == pytest.approx(0.3)
+    errors = track(path, pose(*beside(path, 26.0, 0.3), 0.8))
+    assert (errors.lateral, errors.heading) == pytest.approx((0.3, 0.0))

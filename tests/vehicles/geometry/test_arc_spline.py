@@ -1,0 +1,85 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.made.arc_courses import beside, course
+from vehicles.geometry.arc_spline import ArcSpline, Piece
+
+YAWS = st.floats(-math.pi, math.pi)
+COORDINATES = st.floats(-5e6, 5e6)
+CURVATURES = st.one_of(st.just(0.0), st.floats(-0.125, 0.125))
+
+
+@given(east=COORDINATES, north=COORDINATES, yaw=YAWS, radius=st.floats(5.0, 5000.0))
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_piece_runs_round_its_centre(
+    east: float, north: float, yaw: float, radius: float, side: float
+) -> None:
+    piece = Piece(east, north, yaw, side / radius, 10.0)
+    centre_east = east - side * radius * math.sin(yaw)
+    centre_north = north + side * radius * math.cos(yaw)
+    for station in (-7.0, 0.5, 10.0):
+        place = piece.at(station)
+        away = math.hypot(place.east - centre_east, place.north - centre_north)
+        assert away == pytest.approx(radius, abs=2e-8)
+        turned = math.remainder(place.yaw - yaw, math.tau)
+        assert turned == pytest.approx(math.remainder(side * station / radius, math.tau))
+
+
+@given(
+    yaw=YAWS,
+    curvature=CURVATURES,
+    station=st.floats(-20.0, 20.0),
+    left=st.floats(-6.0, 6.0),
+    east=st.floats(-1e3, 1e3),
+)
+def test_projection_undoes_the_placing_of_a_point(
+    yaw: float, curvature: float, station: float, left: float, east: float
+) -> None:
+    path = course([(curvature, 10.0)], (east, -3.0, yaw))
+    foot = path.project(*beside(path, station, left))
+    assert foot.station == pytest.approx(station, abs=1e-8)
+    assert foot.lateral == pytest.approx(left, abs=1e-9)
+    assert math.remainder(foot.yaw - path.at(station).yaw, math.tau) == pytest.approx(0, abs=1e-9)
+    assert foot.curvature == curvature
+
+
+def test_a_hardly_bent_piece_is_a_line() -> None:
+    line, bent = Piece(0.0, 0.0, 0.3, 0.0, 50.0), Piece(0.0, 0.0, 0.3, 1e-13, 50.0)
+    one, other = line.project(20.0, 30.0), bent.project(20.0, 30.0)
+    assert one.lateral == pytest.approx(other.lateral, abs=1e-9)
+    assert one.station == pytest.approx(other.station, abs=1e-9)
+
+
+@given(
+    lengths=st.lists(st.floats(2.0, 30.0), min_size=2, max_size=4),
+    curvature=st.floats(-0.05, 0.05),
+    share=st.floats(-0.2, 1.2),
+    left=st.floats(-3.0, 3.0),
+    yaw=YAWS,
+)
+def test_several_pieces_project_like_one_path(
+    lengths: list[float], curvature: float, share: float, left: float, yaw: float
+) -> None:
+    path = course([(curvature * (k % 2), length) for k, length in enumerate(lengths)], (1, 2, yaw))
+    station = share * path.length
+    foot = path.project(*beside(path, station, left))
+    assert foot.station == pytest.approx(station, abs=1e-6)
+    assert foot.lateral == pytest.approx(left, abs=1e-8)
+
+
+def test_stations_and_curvatures_run_through_the_joins() -> None:
+    path = course([(0.0, 10.0), (0.1, 5.0), (0.0, 5.0)])
+    assert path.length == 20.0
+    assert path.at(10.0).east == pytest.approx(10.0)
+    assert path.at(20.0).yaw == pytest.approx(0.5)
+    assert [path.curvature_at(s) for s in (-1.0, 9.9, 10.1, 14.9, 15.1, 30.0)] == [
+        *(0.0, 0.0, 0.1, 0.1, 0.0, 0.0)
+    ]
+
+
+def test_no_pieces_are_no_path() -> None:
+    with pytest.raises(ValueError, match="at least one piece"):
+        ArcSpline([])

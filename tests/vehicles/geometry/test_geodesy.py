@@ -1,0 +1,144 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicles.geometry.geodesy import (
+    REACH,
+    LocalPlane,
+    Origin,
+    heading_from_yaw,
+    wrap_angle,
+    yaw_from_heading,
+)
+
+ORIGIN = Origin(latitude_deg=48.137, longitude_deg=11.575, altitude_m=519.0)
+PLANE = LocalPlane(ORIGIN)
+
+
+def earth_centred(
+    latitude_deg: float, longitude_deg: float, altitude_m: float
+) -> tuple[float, float, float]:
+    """Textbook WGS84 formula, independent of PROJ."""
+    a, f = 6378137.0, 1.0 / 298.257223563
+    phi, lam = math.radians(latitude_deg), math.radians(longitude_deg)
+    e2 = f * (2.0 - f)
+    n = a / math.sqrt(1.0 - e2 * math.sin(phi) ** 2)
+    level = (n + altitude_m) * math.cos(phi)
+    return (
+        level * math.cos(lam),
+        level * math.sin(lam),
+        (n * (1.0 - e2) + altitude_m) * math.sin(phi),
+    )
+
+
+def test_plane_agrees_with_the_rotation_of_earth_centred_coordinates() -> None:
+    phi, lam = math.radians(ORIGIN.latitude_deg), math.radians(ORIGIN.longitude_deg)
+    x0, y0, z0 = earth_centred(ORIGIN.latitude_deg, ORIGIN.longitude_deg, ORIGIN.altitude_m)
+    for point in [(48.14, 11.58, 519.0), (48.12, 11.5, 700.0), (48.137, 11.60, 519.0)]:
+        dx, dy, dz = (p - q for p, q in zip(earth_centred(*point), (x0, y0, z0), strict=True))
+        east = -math.sin(lam) * dx + math.cos(lam) * dy
+        level = math.cos(lam) * dx + math.sin(lam) * dy
+        north = -math.sin(phi) * level + math.cos(phi) * dz
+        assert PLANE.to_plane(*point) == pytest.approx((east, north), abs=1e-7)
+
+
+@given(east=st.floats(-20_000, 20_000), north=st.floats(-20_000, 20_000))
+def test_there_and_back_again(east: float, north: float) -> None:
+    back = PLANE.to_plane(*PLANE.to_geodetic(east, north))
+    assert back == pytest.approx((east, north), abs=1e-7)
+
+
+def test_origin_is_the_plane_s_zero_and_axes_point_east_and_north() -> None:
+    assert PLANE.to_plane(48.137, 11.575, 519.0) == pytest.approx((0.0, 0.0), abs=1e-9)
+    east, north = PLANE.to_plane(48.137, 11.576, 519.0)
+    assert east > 70.0
+    assert abs(north) < 0.01
+    east, north = PLANE.to_plane(48.138, 11.575, 519.0)
+    assert abs(east) < 1e-6
+    assert north == pytest.approx(111.2, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "point",
+    [
+        (math.nan, 11.0, 0.0),
+        (48.0, math.inf, 0.0),
+        (48.0, 11.0, math.nan),
+        (95.0, 11.0, 0.0),
+        (-48.137, -168.425, 519.0),  # the antipodes project close to the origin
+        (48.137, 11.575, 2 * REACH),
+        (50.0, 11.575, 519.0),
+    ],
+)
+def test_points_far_from_the_origin_are_refused(point: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match="further than 100 km"):
+        PLANE.to_plane(*point)
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ((91.0, 0.0, 0.0), "latitude"),
+        ((math.nan, 0.0, 0.0), "latitude"),
+        ((0.0, 181.0, 0.0), "longitude"),
+        ((0.0, 0.0, math.inf), "altitude"),
+    ],
+)
+def test_origins_off_the_earth_are_refused(place: tuple[float, float, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Origin(*place)
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "yaw"),
+    [
+        (0.0, math.pi / 2),
+        (90.0, 0.0),
+        (180.0, -math.pi / 2),
+        (270.0, math.pi),
+        (360.0, math.pi / 2),
+    ],
+)
+def test_courses_of_the_compass_rose(heading_deg: float, yaw: float) -> None:
+    assert yaw_from_heading(heading_deg) == pytest.approx(yaw, abs=1e-12)
+    assert heading_from_yaw(yaw) == pytest.approx(heading_deg % 360.0, abs=1e-9)
+
+
+@given(st.floats(-100.0, 100.0))
+def test_heading_is_within_a_turn_and_gives_the_yaw_back(yaw: float) -> None:
+    heading_deg = heading_from_yaw(yaw)
+    assert 0.0 <= heading_deg < 360.0
+    assert abs(wrap_angle(yaw_from_heading(heading_deg) - yaw)) < 1e-9
+
+
+def test_heading_just_west_of_north_does_not_round_to_a_full_turn() -> None:
+    assert heading_from_yaw(math.nextafter(math.pi / 2, 4.0)) < 360.0
+    assert (90.0 - math.degrees(math.pi / 2 + 1e-16)) % 360.0 in (0.0, 360.0)
+
+
+@given(st.floats(-1000.0, 1000.0))
+def test_wrapping_keeps_the_direction(angle: float) -> None:
+    wrapped = wrap_angle(angle)
+    assert -math.pi < wrapped <= math.pi
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
+
+
+def test_half_a_turn_wraps_to_plus_pi() -> None:
+    assert wrap_angle(-math.pi) == math.pi
+    assert wrap_angle(math.pi) == math.pi
+
+
+@given(east=st.floats(-20_000, 20_000), north=st.floats(-20_000, 20_000))
+def test_geodetic_coordinates_are_those_of_proj(east: float, north: float) -> None:
+    pyproj = pytest.importorskip("pyproj")
+    proj = pyproj.Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
+        f"+lon_0={ORIGIN.longitude_deg} +lat_0={ORIGIN.latitude_deg} +h_0={ORIGIN.altitude_m}"
+    )
+    longitude, latitude, altitude = proj.transform(east, north, 0.0, direction="INVERSE")
+    found = PLANE.to_geodetic(east, north)
+    assert found[:2] == pytest.approx((latitude, longitude), abs=1e-12)  # 0.1 micrometres
+    assert found[2] == pytest.approx(altitude, abs=1e-7)

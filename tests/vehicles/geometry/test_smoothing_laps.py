@@ -1,0 +1,84 @@
+import math
+
+import numpy as np
+import pytest
+
+from tests.made.recorded_points import oval, smooth
+from vehicles.geometry.smoothing import smooth_path
+
+
+def test_closed_drive_is_driven_lap_after_lap_without_a_seam() -> None:
+    points = oval(1.0, 0.9)
+    smoothed = smooth(points, 6.0, closed=True, laps=3)
+    path, lap = smoothed.path, smoothed.lap_length
+    assert lap == pytest.approx(2.0 * (30.0 + 10.0 * math.pi), abs=0.1)
+    assert path.length == pytest.approx(3.0 * lap, abs=1e-6)
+    assert path.yaw[-1] - path.yaw[0] == pytest.approx(6.0 * math.pi, abs=1e-3)
+    for station in np.arange(0.0, lap, 3.7).tolist():
+        first, third = path.at(station), path.at(station + 2.0 * lap)
+        assert (first.east, first.north) == pytest.approx((third.east, third.north), abs=1e-6)
+        assert first.curvature == pytest.approx(third.curvature, abs=1e-6)
+    assert np.max(np.abs(np.diff(path.curvature))) < 0.012
+    assert smoothed.points_used == points.shape[1]
+
+
+def test_overlap_past_the_start_is_cut_and_the_miss_shared_out() -> None:
+    """The drive runs 4 m over its start and misses it by 30 cm, as recorded loops do."""
+    lap = 2.0 * (30.0 + 10.0 * math.pi)
+    points = oval(1.0 + 4.0 / lap, 1.0)
+    points[1] += 0.3 * np.arange(points.shape[1]) / (points.shape[1] - 5)
+    smoothed = smooth(points, 6.0, closed=True, laps=2)
+    path = smoothed.path
+    assert points.shape[1] - smoothed.points_used in (4, 5)
+    assert smoothed.lap_length == pytest.approx(lap, abs=0.5)
+    assert smoothed.deviation_max < 0.2
+    seam = (path.station > smoothed.lap_length - 8.0) & (path.station < smoothed.lap_length + 8.0)
+    assert np.max(np.abs(path.curvature[seam])) < 0.02  # the start lies on a straight
+    assert path.yaw[-1] - path.yaw[0] == pytest.approx(4.0 * math.pi, abs=1e-3)
+
+
+def test_lap_of_an_eight_that_starts_at_its_crossing_is_the_whole_eight() -> None:
+    phase = np.arange(0.0, 2.0 * math.pi, 0.02)
+    x, y = 30.0 * np.sin(phase), 17.9 * np.sin(2.0 * phase)
+    smoothed = smooth_path(x, y, 6.0, closed=True)
+    assert smoothed.points_used == phase.size
+    assert abs(smoothed.path.yaw[-1] - smoothed.path.yaw[0]) < 0.01  # left and right cancel
+
+
+def test_stations_count_the_way_along_arcs_not_chords() -> None:
+    angle = np.arange(0.0, 2.0 * math.pi - 0.05, 0.125)
+    smoothed = smooth_path(8.0 * np.sin(angle), -8.0 * np.cos(angle), 6.0, closed=True)
+    radius = float(np.mean(np.hypot(smoothed.path.east, smoothed.path.north)))
+    assert smoothed.lap_length == pytest.approx(2.0 * math.pi * radius, rel=5e-6)
+
+
+def test_closed_drive_that_ends_short_of_its_start_is_completed() -> None:
+    lap = 2.0 * (30.0 + 10.0 * math.pi)
+    points = oval(1.0 - 3.0 / lap, 1.0)
+    smoothed = smooth(points, 6.0, closed=True)
+    assert smoothed.points_used == points.shape[1]
+    assert smoothed.lap_length == pytest.approx(lap, abs=0.1)
+
+
+def test_second_recorded_lap_is_left_out() -> None:
+    points = oval(2.5, 1.0)
+    smoothed = smooth(points, 6.0, closed=True)
+    assert smoothed.lap_length == pytest.approx(2.0 * (30.0 + 10.0 * math.pi), abs=0.1)
+    assert smoothed.points_used == pytest.approx(points.shape[1] / 2.5, abs=1)
+
+
+def test_only_lap_one_is_led_in() -> None:
+    smoothed = smooth(oval(1.0, 1.0), 6.0, closed=True, laps=2, lead_in=25.0)
+    path = smoothed.path
+    assert smoothed.start == pytest.approx(25.0, abs=0.01)
+    assert path.length == pytest.approx(25.0 + 2.0 * smoothed.lap_length, abs=0.02)
+    first, second = path.at(25.0), path.at(25.0 + smoothed.lap_length)
+    assert (first.east, first.north) == pytest.approx((second.east, second.north), abs=0.01)
+    assert path.at(0.0).east == pytest.approx(-25.0, abs=0.05)
+    assert path.at(0.0).north == pytest.approx(-10.0, abs=0.05)
+
+
+def test_small_wander_round_the_start_is_not_a_closed_drive() -> None:
+    angle = np.arange(0.0, 2.0 * math.pi, 0.1)
+    with pytest.raises(ValueError, match="does not close"):
+        smooth_path(3.0 * np.sin(angle), 3.0 * np.cos(angle), 2.0, closed=True)

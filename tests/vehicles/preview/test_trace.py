@@ -1,0 +1,290 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.made.arc_courses import beside, course
+from tests.made.laps import TICK, Place, bulb, eight, lap
+from vehicles.preview.trace import Trace, TraceSettings
+
+
+def send(trace: Trace, k: int, place: tuple[float, float, float], speed: float = 10.0) -> None:
+    trace.add((k + 1) * TICK, *place, speed)
+
+
+def straight(station: float) -> tuple[float, float, float]:
+    return station, 0.0, 0.0
+
+
+def driven(samples: int = 100, step: float = 0.5) -> Trace:
+    """A source that drove east from the origin, `step` metres per fix."""
+    trace = Trace()
+    for k in range(samples):
+        send(trace, k, straight(step * k))
+    return trace
+
+
+def test_a_window_holds_what_lies_around_the_ego_in_order_of_travel() -> None:
+    seen = driven().window(20.0, 0.3, 4.0, 10.0)
+    assert seen.station.tolist() == pytest.approx(np.arange(-4.0, 10.5, 0.5).tolist())
+    assert seen.east.tolist() == pytest.approx((seen.station + 20.0).tolist())
+    assert not seen.north.any()
+
+
+def test_nothing_heard_is_an_empty_window_and_no_gap() -> None:
+    trace = Trace()
+    assert len(trace.window(1.0, 2.0, 5.0, 20.0).station) == 0
+    assert trace.gap(1.0, 2.0) is None
+    assert trace.newest_at is None
+
+
+def test_one_sample_is_seen_at_its_distance() -> None:
+    trace = Trace()
+    send(trace, 0, (10.0, 0.0, 0.0))
+    assert trace.window(0.0, 0.0, 5.0, 20.0).station.tolist() == [10.0]
+    assert trace.gap(0.0, 0.0) == 10.0
+
+
+def test_the_gap_is_arc_length_to_the_newest_place() -> None:
+    path = course([(0.0, 20.0), (1 / 15, 30.0)])
+    trace = Trace()
+    for k in range(101):
+        place = path.at(0.5 * k)
+        send(trace, k, (place.east, place.north, place.yaw))
+    for station in (3.0, 10.0, 18.0, 25.0, 31.0, 40.0):
+        assert trace.gap(*beside(path, station, 0.5)) == pytest.approx(50.0 - station, abs=0.01)
+    assert trace.newest_at == 101 * TICK
+
+
+@given(order=st.permutations(range(40)))
+def test_late_messages_take_their_place(order: list[int]) -> None:
+    path = course([(0.02, 50.0)], (100.0, -50.0, 2.0))
+    places = [path.at(0.5 * k) for k in range(40)]
+    shuffled, ordered = Trace(), Trace()
+    # Every message comes at most a few places late, the first one in time.
+    late = sorted(range(1, 40), key=lambda k: k + order[k] % 6)
+    for trace, ranks in ((shuffled, [0, *late]), (ordered, list(range(40)))):
+        for k in ranks:
+            send(trace, k, (places[k].east, places[k].north, places[k].yaw))
+    ego = beside(path, 5.0)
+    for one, other in zip(
+        shuffled.window(*ego, 3.0, 20.0), ordered.window(*ego, 3.0, 20.0), strict=True
+    ):
+        assert one.tolist() == pytest.approx(other.tolist())
+    assert shuffled.newest == ordered.newest
+    assert shuffled.late == sum(k < max(late[: place + 1]) for place, k in enumerate(late))
+
+
+def test_a_late_message_behind_the_ego_does_not_move_the_ego() -> None:
+    path = course([(0.05, 60.0)])
+    trace = Trace()
+    for k in range(60):
+        place = path.at(float(k))
+        if k != 10:
+            send(trace, k, (place.east, place.north, place.yaw), 20.0)
+    ego = beside(path, 20.0)
+    before = trace.window(*ego, 8.0, 8.0)
+    missing = path.at(10.0)
+    send(trace, 10, (missing.east, missing.north, missing.yaw), 20.0)
+    after = trace.window(*ego, 8.0, 8.0)
+    assert after.station.tolist() == pytest.approx(before.station.tolist(), abs=1e-9)
+    assert len(trace.window(*ego, 11.0, 8.0).station) == 20
+
+
+def test_a_message_that_comes_twice_counts_once() -> None:
+    trace = driven(20)
+    size = len(trace)
+    for k in (19, 5, 0):
+        send(trace, k, straight(0.5 * k))
+    assert (len(trace), trace.repeated) == (size, 3)
+
+
+def test_a_stopped_source_repeats_itself_without_piling_up() -> None:
+    random, trace = np.random.default_rng(3), driven(50)
+    for k in range(50, 4000):
+        noise = 0.02 * random.standard_normal(2)
+        send(trace, k, (24.5 + noise[0], noise[1], 0.0), 0.0)
+    assert len(trace) == 50
+    assert trace.repeated == 3950
+    assert trace.newest_at == 4000 * TICK
+    assert trace.gap(20.0, 0.0) == pytest.approx(4.5, abs=0.1)
+
+
+def test_a_crawling_source_is_followed() -> None:
+    trace = driven(600, step=0.05)
+    assert len(trace) == pytest.approx(600 * 0.05 / 0.25, rel=0.05)
+    assert trace.gap(10.0, 0.0) == pytest.approx(19.95)
+
+
+def test_a_single_jump_is_set_aside() -> None:
+    trace = driven(40)
+    send(trace, 40, (20.0, 80.0, 0.0))
+    send(trace, 41, straight(20.5))
+    send(trace, 42, (20.0, -80.0, 0.0))
+    send(trace, 43, (20.0, 80.0, 0.0))
+    send(trace, 44, straight(22.0))
+    assert trace.rejected == 3
+    assert trace.restarts == 0
+    assert not trace.window(15.0, 0.0, 20.0, 20.0).north.any()
+    assert trace.newest_at == 45 * TICK
+
+
+@pytest.mark.parametrize("far", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("towards", range(0, 360, 45))
+def test_a_small_jump_neither_lengthens_the_way_nor_holds_the_ego(far: float, towards: int) -> None:
+    trace = driven(40)
+    angle = math.radians(towards)
+    send(trace, 40, (20.0 + far * math.cos(angle), far * math.sin(angle), 0.0))
+    for k in range(41, 80):
+        send(trace, k, straight(0.5 * k))
+    for ego in np.arange(0.0, 36.0, 0.2):
+        gap = trace.gap(ego, 0.1)
+        assert gap == pytest.approx(39.5 - ego, abs=0.2 if abs(ego - 20.0) > 4.0 else far)
+
+
+def test_a_noisy_trace_is_not_longer_than_the_road() -> None:
+    random, trace = np.random.default_rng(8), Trace()
+    for k in range(400):
+        noise = 0.3 * random.standard_normal(2)
+        send(trace, k, (0.5 * k + noise[0], noise[1], 0.005 * random.standard_normal()))
+    for ego in np.arange(0.0, 190.0, 0.2):
+        assert trace.gap(ego, 0.0) == pytest.approx(199.5 - ego, abs=1.5)
+
+
+def test_a_source_that_turned_round_unheard_is_followed_on() -> None:
+    trace = driven(40)
+    for k in range(400, 440):
+        send(trace, k, (19.5 - 0.5 * (k - 400), 25.0, math.pi))
+    seen = trace.window(19.0, 0.0, 5.0, 38.0)
+    assert (trace.restarts, trace.rejected) == (0, 0)
+    assert seen.north.tolist() == [0.0] * 12 + [25.0] * (len(seen.north) - 12)
+    assert seen.station[-1] == pytest.approx(38.0, abs=0.5)
+
+
+def test_three_fixes_that_agree_are_a_new_place() -> None:
+    trace = driven(40)
+    for k in range(40, 60):
+        send(trace, k, (0.5 * k, 30.0, 0.0))
+    assert (trace.restarts, trace.rejected) == (1, 0)
+    seen = trace.window(25.0, 30.0, 100.0, 100.0)
+    assert seen.north.tolist() == [30.0] * 20
+
+
+def test_a_source_is_where_it_can_be_after_silence() -> None:
+    trace = driven(40)
+    send(trace, 240, straight(119.5))  # 10 s at 10 m/s later
+    assert trace.rejected == 0
+    assert trace.gap(15.0, 0.0) == pytest.approx(104.5)
+
+
+@pytest.mark.parametrize("rubbish", [math.nan, math.inf, -math.inf])
+def test_numbers_that_are_none_are_rejected(rubbish: float) -> None:
+    trace = driven(10)
+    for place in range(4):
+        values = [1.0, 2.0, 3.0, 4.0]
+        values[place] = rubbish
+        trace.add(10**12, *values)
+    assert (trace.rejected, len(trace)) == (4, 10)
+
+
+def test_memory_is_bounded() -> None:
+    trace = Trace()
+    for k in range(20_000):
+        send(trace, k, straight(1.5 * k), 30.0)
+        trace.window(1.5 * k - 15.0, 0.0, 8.0, 24.0)
+    assert len(trace) < 300
+    parked = Trace(TraceSettings(capacity=1000))
+    for k in range(5000):
+        send(parked, k, straight(1.5 * k), 30.0)
+        parked.window(0.0, 0.0, 8.0, 24.0)
+    assert len(parked) <= 1000
+
+
+def test_a_dense_trace_is_thinned_alike_from_tick_to_tick() -> None:
+    trace = driven(1000, step=0.25)
+    for ahead, step in ((8.0, 0.5), (12.0, 1.0), (29.0, 1.0), (31.0, 2.0)):
+        kept: set[float] = set()
+        for ego in np.arange(50.0, 60.0, 0.2):
+            seen = trace.window(ego, 0.0, 10.0, ahead)
+            assert 20 <= len(seen.station) <= 40
+            kept |= set(seen.east.tolist())
+        assert np.diff(sorted(kept)).tolist() == pytest.approx([step] * (len(kept) - 1))
+
+
+def test_a_bridge_joins_the_ego_to_the_first_sample() -> None:
+    trace = Trace()
+    send(trace, 0, (30.0, 10.0, 0.3))
+    trace.bridge(0.0, 0.0)
+    send(trace, 1, (31.0, 10.3, 0.3))
+    trace.bridge(1.0, 0.5)  # laid once
+    seen = trace.window(0.0, 0.0, 5.0, 40.0)
+    assert np.diff(seen.station)[:-1].max() <= 1.0
+    assert np.allclose(seen.north[:-1], seen.east[:-1] / 3.0)
+    assert seen.east[-2:].tolist() == [30.0, 31.0]
+    assert seen.station[-2] == pytest.approx(math.hypot(30.0, 10.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("ego", [(35.0, 0.0), (29.5, 0.0), (-300.0, 0.0), (60.0, 40.0)])
+def test_no_bridge_to_a_sample_beside_behind_or_far_away(ego: tuple[float, float]) -> None:
+    trace = Trace()
+    send(trace, 0, (30.0, 0.0, 0.0))
+    trace.bridge(*ego)
+    assert len(trace) == 1
+
+
+def test_a_late_first_sample_shortens_the_bridge() -> None:
+    trace = Trace()
+    send(trace, 1, (30.0, 3.0, 0.0))
+    trace.bridge(0.0, 0.0)
+    send(trace, 0, (29.5, 0.0, 0.0))
+    seen = trace.window(0.0, 0.0, 5.0, 40.0)
+    assert seen.east[-2:].tolist() == [29.5, 30.0]
+    assert not seen.north[:-1].any()
+    assert np.all(np.diff(seen.east) > 0.0)
+
+
+def test_the_bulb_comes_back_beside_itself() -> None:
+    path = bulb()
+    end = path.at(path.length)
+    assert (end.east, end.north) == pytest.approx((0.0, -3.5), abs=1e-9)
+
+
+# Place, length, and how far left of it the ego drives: in the bulb nearer to the other lane.
+COURSES: dict[str, tuple[Place, float, float]] = {
+    "bulb turn": (lap(bulb()), bulb().length - 1.0, -2.2),
+    "figure of eight": (eight, 4.0 * math.pi * 15.0 * 2.5, 0.0),
+    "three laps": (lap(course([(1 / 20, 40 * math.pi)])), 3.0 * 40.0 * math.pi, 0.0),
+    "crossing": (
+        lap(course([(0.0, 60.0), (1 / 12, 18.0 * math.pi), (0.0, 60.0)])),
+        119.0 + 18.0 * math.pi,
+        0.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", COURSES)
+@pytest.mark.parametrize("gap", [6.0, 25.0])
+def test_the_wrong_leg_is_never_seen(name: str, gap: float) -> None:
+    place, length, left = COURSES[name]
+    random, trace, aside = np.random.default_rng(1), Trace(), 0.0
+    speed = 6.0
+    for k in range(int((length + gap) / (speed * 0.05))):
+        station = speed * 0.05 * k
+        noise = 0.02 * random.standard_normal(2)
+        if station <= length and k % 40 > 5:  # and a third of a second of silence in two seconds
+            east, north, yaw = place(station)
+            send(trace, k, (east + noise[0], north + noise[1], yaw), speed)
+        own = station - gap
+        if own < 1.0:
+            continue
+        aside = 0.9 * aside + 0.1 * random.standard_normal()  # the ego does not keep to it well
+        east, north, yaw = place(own)
+        off = left + aside
+        ego = east - off * math.sin(yaw), north + off * math.cos(yaw)
+        seen = trace.window(*ego, 5.0, 12.0)
+        assert len(seen.station) > 10
+        for sample in zip(seen.east, seen.north, seen.station, strict=True):
+            there = place(max(0.0, own + sample[2]))
+            assert math.hypot(sample[0] - there[0], sample[1] - there[1]) < 1.0

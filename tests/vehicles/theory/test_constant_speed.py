@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from tests.made.random_cars import CAR, CARS, GAINS, SPEEDS
+from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
+from vehicles.theory.constant_speed import exact_coefficients, guaranteed_decay, is_stable_over
+from vehicles.theory.gain_sets import abscissa
+from vehicles.theory.linear_model import characteristic_polynomial
+
+
+@given(CARS, GAINS, SPEEDS)
+def test_exact_coefficients(car: VehicleParameters, gains: Gains, speed: float) -> None:
+    at_speed = [
+        sum(float(c) / speed**k for k, c in enumerate(terms))
+        for terms in exact_coefficients(car, gains)
+    ]
+    expected = car.steering_frequency**2 * characteristic_polynomial(car, gains, speed)
+    assert np.array(at_speed) == pytest.approx(expected, rel=1e-10, abs=1e-3)
+
+
+@settings(max_examples=60)
+@given(CARS, GAINS, SPEEDS, st.floats(1.01, 3.0), st.floats(0.0, 0.5))
+def test_proof_agrees_with_a_dense_grid(
+    car: VehicleParameters, gains: Gains, slowest: float, ratio: float, decay: float
+) -> None:
+    fastest = slowest * ratio
+    speeds = np.linspace(slowest, fastest, 200).tolist()
+    worst = float(abscissa(car, gains, speeds).max())
+    assume(abs(worst + decay) > 1e-3)
+    assert is_stable_over(car, gains, slowest, fastest, decay) == (worst < -decay)
+
+
+def test_nominal_gains_are_stable_at_every_speed_and_loading() -> None:
+    for loading in all_loadings():
+        assert is_stable_over(loaded(CAR, loading), NOMINAL_GAINS, 2.0, 40.0)
+    assert not is_stable_over(CAR, NOMINAL_GAINS, 2.0, 200.0)
+
+
+def test_proof_ends_where_stability_does() -> None:
+    """The proof is sharp: it fails as soon as the upper end passes the loss of stability."""
+    low, high = 50.0, 200.0
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if abscissa(CAR, NOMINAL_GAINS, [middle])[0] < 0.0:
+            low = middle
+        else:
+            high = middle
+    assert is_stable_over(CAR, NOMINAL_GAINS, 5.0, low * (1.0 - 1e-9))
+    assert not is_stable_over(CAR, NOMINAL_GAINS, 5.0, low * (1.0 + 1e-9))
+
+
+def test_decay_is_just_below_the_worst_abscissa() -> None:
+    for slowest, fastest in ((4.4704, 30.0), (15.0, 30.0)):
+        worst = -float(
+            abscissa(CAR, NOMINAL_GAINS, np.linspace(slowest, fastest, 400).tolist()).max()
+        )
+        sigma = guaranteed_decay(CAR, NOMINAL_GAINS, slowest, fastest)
+        assert 0.99 * worst < sigma < worst
+    assert guaranteed_decay(CAR, Gains(0.06, 3.0, 0.08), 5.0, 30.0) == 0.0
+
+
+def test_impossible_intervals_are_refused() -> None:
+    with pytest.raises(ValueError, match="slowest"):
+        is_stable_over(CAR, NOMINAL_GAINS, 30.0, 10.0)
+    with pytest.raises(ValueError, match="slowest"):
+        is_stable_over(CAR, NOMINAL_GAINS, 0.0, 10.0)

@@ -1,0 +1,108 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+
+from tests.made.random_cars import CAR, CARS, GAINS, SPEEDS
+from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
+from vehicles.theory.gain_margins import common_ball, gain_interval, stability_ball
+from vehicles.theory.gain_sets import PAPER_SPEEDS, abscissa, boundary_curve, is_stabilising
+from vehicles.theory.linear_model import characteristic_polynomial
+
+RELATIVE = (NOMINAL_GAINS.lateral, NOMINAL_GAINS.heading, NOMINAL_GAINS.yaw_rate)
+AROUND_ONE = (0.3, 1.0, 0.1)
+
+
+def _on_sphere(count: int) -> np.ndarray:
+    points = np.random.default_rng(6).normal(size=(count, 3))
+    return np.asarray(points / np.linalg.norm(points, axis=1)[:, None])
+
+
+@settings(max_examples=80)
+@given(CARS, GAINS, SPEEDS)
+def test_ball_of_any_car(car: VehicleParameters, gains: Gains, speed: float) -> None:
+    """All of the ball is stable, and where it touches the boundary a root sits on the axis."""
+    assume(gains.lateral > 1e-3)
+    assume(bool(is_stabilising(car, speed, np.array(gains))))
+    assume(abscissa(car, gains, [speed])[0] < -1e-3)
+    ball = stability_ball(car, speed, gains, AROUND_ONE)
+    directions = _on_sphere(400) * np.array(AROUND_ONE)
+    for fraction in (0.5, 0.999):
+        assert is_stabilising(
+            car, speed, np.array(gains) + fraction * ball.radius * directions
+        ).all()
+    step = (np.array(ball.nearest) - np.array(gains)) / np.array(AROUND_ONE)
+    assert np.linalg.norm(step) == pytest.approx(ball.radius, rel=1e-9)
+    polynomial = characteristic_polynomial(car, ball.nearest, speed)
+    terms = np.abs(polynomial) * max(ball.frequency, 1.0) ** np.arange(6, -1, -1)
+    assert abs(np.polyval(polynomial, 1j * ball.frequency)) < 1e-6 * terms.sum()
+    beyond = np.array(gains) + 1.001 * np.array(AROUND_ONE) * step
+    assert not is_stabilising(car, speed, beyond)
+
+
+@pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
+@pytest.mark.parametrize("scale", [RELATIVE, AROUND_ONE])
+def test_ball_against_the_swept_boundary(speed: float, scale: tuple[float, float, float]) -> None:
+    """Second method: the nearest of many boundary points, and the plane k_e = 0."""
+    frequencies = np.geomspace(0.05, 200.0, 1500)
+    best = NOMINAL_GAINS.lateral / scale[0]
+    for yaw_rate in np.linspace(-0.6, 1.0, 801):
+        curve = boundary_curve(CAR, speed, float(yaw_rate), frequencies)
+        away = np.column_stack([curve, np.full(len(curve), yaw_rate)]) - np.array(NOMINAL_GAINS)
+        best = min(best, float(np.sqrt(((away / scale) ** 2).sum(axis=1).min())))
+    radius = stability_ball(CAR, speed, NOMINAL_GAINS, scale).radius
+    assert radius <= best
+    assert radius == pytest.approx(best, rel=1e-3)
+
+
+def test_plain_distance_is_to_the_plane_of_no_lateral_gain() -> None:
+    ball = stability_ball(CAR, 30.0, NOMINAL_GAINS)
+    assert ball.radius == pytest.approx(0.06)
+    assert ball.nearest == Gains(0.0, 0.96, 0.08)
+    assert ball.frequency == 0.0
+
+
+def test_gains_outside_have_no_ball() -> None:
+    outside = Gains(0.06, 3.0, 0.08)
+    assert stability_ball(CAR, 30.0, outside).radius == 0.0
+    assert gain_interval(CAR, 30.0, outside, (0.0, 1.0, 0.0)) == (0.0, 0.0)
+
+
+def test_common_ball_is_inside_every_set() -> None:
+    cars = [loaded(CAR, loading) for loading in all_loadings()]
+    ball = common_ball(cars, PAPER_SPEEDS, NOMINAL_GAINS, RELATIVE)
+    assert ball.radius == pytest.approx(0.8179, abs=1e-4)
+    assert ball.speed == PAPER_SPEEDS[-1]
+    gains = np.array(NOMINAL_GAINS) * (1.0 + 0.9999 * ball.radius * _on_sphere(100))
+    for car in cars:
+        for speed in PAPER_SPEEDS:
+            assert is_stabilising(car, speed, gains).all()
+
+
+@settings(max_examples=60)
+@given(CARS, GAINS, SPEEDS)
+def test_intervals_end_where_stability_does(
+    car: VehicleParameters, gains: Gains, speed: float
+) -> None:
+    assume(gains.lateral > 1e-3)
+    assume(bool(is_stabilising(car, speed, np.array(gains))))
+    for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.1, 1.0, -0.05)):
+        for end in gain_interval(car, speed, gains, direction):
+            assume(np.isfinite(end))
+            assume(abs(end) > 1e-6)
+            inner = np.array(gains) + np.linspace(0.0, 0.9999, 200)[:, None] * end * np.array(
+                direction
+            )
+            assert is_stabilising(car, speed, inner).all()
+            outer = np.array(gains) + 1.0001 * end * np.array(direction)
+            assert not is_stabilising(car, speed, outer)
+
+
+def test_heading_interval_by_bisection() -> None:
+    low, high = 0.0, 5.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if is_stabilising(CAR, 30.0, np.array([0.06, 0.96 + middle, 0.08])):
+            low = middle
+        else:
+            high = middle
+    assert gain_interval(CAR, 30.0, NOMINAL_GAINS, (0.0, 1.0, 0.0))[1] == pytest.approx(low)

@@ -1,0 +1,1 @@
+"""Publish and subscribe bytes: over Zenoh, or in memory."""

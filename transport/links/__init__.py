@@ -1,0 +1,1 @@
+"""Directed links: which poses are admitted, and which are delivered when."""

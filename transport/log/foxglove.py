@@ -1,0 +1,166 @@
+"""Standard Foxglove messages made of our own, so that a log opens without this project.
+
+| ours                | standard                | in the log under                |
+| ------------------- | ----------------------- | ------------------------------- |
+| GpsPose             | foxglove.LocationFix    | `/convoy/<vehicle>/location`    |
+| TruePose            | foxglove.PoseInFrame    | `/convoy/<vehicle>/pose`        |
+| TruePose            | foxglove.FrameTransform | `/convoy/<vehicle>/transform`   |
+| CompositeTrajectory | foxglove.PosesInFrame   | `/convoy/<vehicle>/preview`     |
+| LogText             | foxglove.Log            | `/convoy/<vehicle>/text`        |
+
+World frame `map` is east, north, up at the scenario's origin; a vehicle's frame has its name and
+looks forward, left, up.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from google.protobuf.descriptor import FileDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+from vehicles.geometry.trajectory_points import FRAME_ID, points_along
+from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, TruePose
+
+PREVIEW_SPACING_M = 2.0
+"""Distance between the poses that stand for a composite trajectory."""
+PREVIEW_PERIOD_NS = 200_000_000
+"""A composite trajectory is shown five times a second; our own message has every one."""
+POSE_PERIOD_NS = 80_000_000
+"""The true pose is shown at every fourth control tick, 12.5 times a second; ours has every one."""
+_LEVELS = {
+    "debug": Log.DEBUG,
+    "info": Log.INFO,
+    "warning": Log.WARNING,
+    "error": Log.ERROR,
+    "fatal": Log.FATAL,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Twin:
+    """A standard message written beside one of ours.
+
+    `make` serialises it; `period_ns` is the least time between two of one vehicle (0: no limit).
+    """
+
+    name: str
+    schema: Any
+    make: Callable[[Any], bytes]
+    period_ns: int = 0
+
+
+def descriptor_set(message_class: Any) -> bytes:
+    """Serialise the FileDescriptorSet of a Protobuf class: its file after all files it needs."""
+    files = FileDescriptorSet()
+    seen: set[str] = set()
+
+    def add(file: FileDescriptor) -> None:
+        if file.name in seen:
+            return
+        seen.add(file.name)
+        for needed in file.dependencies:
+            add(needed)
+        file.CopyToProto(files.file.add())
+
+    add(message_class.DESCRIPTOR.file)
+    data: bytes = files.SerializeToString(deterministic=True)
+    return data
+
+
+def _set_time(timestamp: Any, at_ns: int) -> None:
+    timestamp.seconds, timestamp.nanos = divmod(at_ns, 1_000_000_000)
+
+
+def _location_maker() -> Callable[[GpsPose], bytes]:
+    fix = LocationFix()  # one object, filled anew each time: three times as fast as a new one
+    timestamp, velocity = fix.timestamp, fix.velocity
+    fix.position_covariance_type = LocationFix.UNKNOWN
+
+    def make(gps: GpsPose) -> bytes:
+        _set_time(timestamp, gps.measured_at_ns)
+        fix.frame_id = gps.vehicle
+        fix.latitude = gps.latitude_deg
+        fix.longitude = gps.longitude_deg
+        fix.altitude = gps.altitude_m
+        fix.heading = heading = math.radians(gps.heading_deg)
+        velocity.x = gps.speed_mps * math.sin(heading)
+        velocity.y = gps.speed_mps * math.cos(heading)
+        data: bytes = fix.SerializeToString()
+        return data
+
+    return make
+
+
+def _pose_maker() -> Callable[[TruePose], bytes]:
+    in_frame = PoseInFrame(frame_id=FRAME_ID)
+    timestamp = in_frame.timestamp
+    position, orientation = in_frame.pose.position, in_frame.pose.orientation
+
+    def make(truth: TruePose) -> bytes:
+        _set_time(timestamp, truth.true_at_ns)
+        position.x = truth.east_m
+        position.y = truth.north_m
+        orientation.z = math.sin(0.5 * truth.yaw_rad)
+        orientation.w = math.cos(0.5 * truth.yaw_rad)
+        data: bytes = in_frame.SerializeToString()
+        return data
+
+    return make
+
+
+def _transform_maker() -> Callable[[TruePose], bytes]:
+    transform = FrameTransform(parent_frame_id=FRAME_ID)
+    timestamp = transform.timestamp
+    translation, rotation = transform.translation, transform.rotation
+
+    def make(truth: TruePose) -> bytes:
+        _set_time(timestamp, truth.true_at_ns)
+        transform.child_frame_id = truth.vehicle
+        translation.x = truth.east_m
+        translation.y = truth.north_m
+        rotation.z = math.sin(0.5 * truth.yaw_rad)
+        rotation.w = math.cos(0.5 * truth.yaw_rad)
+        data: bytes = transform.SerializeToString()
+        return data
+
+    return make
+
+
+def _make_preview(trajectory: CompositeTrajectory) -> bytes:
+    poses = PosesInFrame(frame_id=FRAME_ID)
+    _set_time(poses.timestamp, trajectory.decided_at_ns)
+    for east, north, yaw in points_along(trajectory, PREVIEW_SPACING_M):
+        pose = poses.poses.add()
+        pose.position.x = east
+        pose.position.y = north
+        pose.orientation.z = math.sin(0.5 * yaw)
+        pose.orientation.w = math.cos(0.5 * yaw)
+    data: bytes = poses.SerializeToString()
+    return data
+
+
+def _make_text(line: LogText) -> bytes:
+    text = Log(level=_LEVELS.get(line.level, Log.UNKNOWN), message=line.text, name=line.vehicle)
+    _set_time(text.timestamp, line.logged_at_ns)
+    data: bytes = text.SerializeToString()
+    return data
+
+
+def twins() -> Mapping[type[Message], tuple[Twin, ...]]:
+    """Name the standard messages beside each of ours; each call gives makers of its own."""
+    return {
+        GpsPose: (Twin("location", LocationFix, _location_maker()),),
+        TruePose: (
+            Twin("pose", PoseInFrame, _pose_maker(), POSE_PERIOD_NS),
+            Twin("transform", FrameTransform, _transform_maker(), POSE_PERIOD_NS),
+        ),
+        CompositeTrajectory: (Twin("preview", PosesInFrame, _make_preview, PREVIEW_PERIOD_NS),),
+        LogText: (Twin("text", Log, _make_text),),
+    }

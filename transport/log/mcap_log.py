@@ -1,0 +1,221 @@
+"""The log of a run: one MCAP file, written as it happens, read back as messages.
+
+Our own Protobuf messages stand untouched under `/convoy/<vehicle>/<topic>`, the standard Foxglove
+messages of `transport/log/foxglove.py` beside them; the scenario, versions and summary are metadata
+and attachments. A log is enough: whatever reviews or measures a run reads this file alone.
+"""
+
+import contextlib
+from collections.abc import Collection, Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from transport.codec import PROTOBUF, RefusedMessageError, decode
+from transport.log.fast_mcap import new_writer
+from transport.log.foxglove import Twin, descriptor_set, twins
+from transport.log.mcap_file import McapFile, repair
+from transport.log.records import LogError
+from transport.topics import TOPICS, Topic, key
+from vehicles.messages import Message
+
+__all__ = ["LogError", "LogReader", "LogWriter", "library_name", "repair"]
+
+SEQUENCE_MASK = 0xFFFF_FFFF
+"""MCAP holds sequence numbers in 32 bits; our own message has all of them."""
+
+
+def library_name() -> str:
+    """Name what writes the log, with the versions on which its bytes depend."""
+    parts = ("convoy-emulator", "mcap", "protobuf", "zstandard")
+    return " ".join(f"{part} {version(part)}" for part in parts)
+
+
+class _Channel:
+    """Where one topic of one vehicle goes: its own channel and those of its twins."""
+
+    __slots__ = ("due", "identifier", "twins")
+
+    def __init__(self, identifier: int, beside: tuple[tuple[Twin, int], ...]) -> None:
+        self.identifier = identifier
+        self.twins = beside
+        self.due: dict[int, int] = {}  # by twin, the instant from which the next is written
+
+
+class LogWriter:
+    """Writes the log of one run to `path`; the same calls give the same bytes.
+
+    Nothing here reads a clock. A kill loses what was written after the last `flush()`: on a wall
+    clock call that at least twice a second; in virtual time `close()` is enough. Chunks hold one
+    mebibyte, so memory stays small either way. Not for use by several threads at once.
+    """
+
+    def __init__(self, path: Path, *, library: str | None = None) -> None:
+        try:
+            self._file = path.open("wb")
+        except OSError as error:
+            raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
+        self._writer = new_writer(self._file)
+        self._writer.start(profile="", library=library or library_name())
+        self._file.flush()  # even a log without a message is recognised as one
+        self._twins = twins()
+        self._channels: dict[tuple[str, str], _Channel] = {}
+        self._schemas: dict[str, int] = {}
+        self._log_time = 0
+
+    def write(  # noqa: PLR0917 (one record of a log; called for each of very many)
+        self,
+        topic: Topic,
+        vehicle: str,
+        data: bytes,
+        log_time: int,
+        publish_time: int | None = None,
+        message: Message | None = None,
+    ) -> None:
+        """Log the bytes `data` of one message, and its standard twins.
+
+        `log_time` is when it was recorded (ns); one that lies before the last is raised to it, so
+        the log is in order. `publish_time` is when it was sent, by default when it was valid.
+        `message` is `data` decoded; without it the bytes are decoded here, and refused with
+        RefusedMessageError if they are none of `topic`.
+        """
+        if message is None:
+            message = decode(topic, data)
+        valid_at: int = getattr(message, topic.instant)
+        if publish_time is None:
+            publish_time = valid_at
+        publish_time = max(publish_time, 0)  # MCAP's instants are unsigned
+        if log_time > self._log_time:
+            self._log_time = log_time
+        else:
+            log_time = self._log_time
+        channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
+        sequence = message.seq & SEQUENCE_MASK
+        add = self._writer.add_message
+        add(channel.identifier, log_time, data, publish_time, sequence)
+        for twin, identifier in channel.twins:
+            if twin.period_ns:
+                if valid_at < channel.due.get(identifier, 0):
+                    continue
+                channel.due[identifier] = valid_at + twin.period_ns
+            add(identifier, log_time, twin.make(message), publish_time, sequence)
+
+    def _open(self, topic: Topic, vehicle: str) -> _Channel:
+        origin = key(vehicle, topic)
+        own = self._register(f"/{origin}", PROTOBUF[topic.message], {"zenoh_key": origin})
+        beside = tuple(
+            (twin, self._register(f"/convoy/{vehicle}/{twin.name}", twin.schema, {"of": origin}))
+            for twin in self._twins.get(topic.message, ())
+        )
+        channel = self._channels[vehicle, topic.name] = _Channel(own, beside)
+        return channel
+
+    def _register(self, topic: str, message_class: Any, metadata: dict[str, str]) -> int:
+        name = message_class.DESCRIPTOR.full_name
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(
+                name=name, encoding="protobuf", data=descriptor_set(message_class)
+            )
+        return self._writer.register_channel(
+            topic=topic,
+            message_encoding="protobuf",
+            schema_id=self._schemas[name],
+            metadata=metadata,
+        )
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Put a file into the log, as of the last message."""
+        self._writer.add_attachment(0, self._log_time, name, media_type, data)
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Put named text values into the log; a later record of one name stands for the earlier."""
+        self._writer.add_metadata(name, dict(values))
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def close(self) -> None:
+        """Complete the log with its index and summary; closing twice is harmless."""
+        if self._file.closed:
+            return
+        with contextlib.closing(self._file):
+            self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class LogReader:
+    """Reads the messages of a run back from its log, also from one that breaks off.
+
+    `truncated` says that the log was not completed (its recorder was killed): everything up to
+    the last `flush()` is still there, and `repair` makes it a complete log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = McapFile(path)
+        self.truncated = self._file.truncated
+        channels, counts = self._file.channels()
+        self._sources = {number: _source(name) for number, name in channels.items()}
+        self.counts: dict[tuple[str, str], int] = {
+            (source[0], source[1].name): counts.get(number, 0)
+            for number, source in self._sources.items()
+            if source
+        }
+        """Number of messages of each (vehicle, topic)."""
+        if not self.counts:
+            raise LogError(
+                f"{path}: holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
+                f"with a topic of {', '.join(TOPICS)}"
+            )
+        self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
+
+    def messages(
+        self, topics: Collection[str] | None = None, vehicles: Collection[str] | None = None
+    ) -> Iterator[tuple[int, str, Message]]:
+        """Give (log time in ns, vehicle, message) in the order of the log.
+
+        `topics` and `vehicles` name what is wanted, by default all of them.
+        """
+        wanted = {
+            number: source
+            for number, source in self._sources.items()
+            if source
+            and (vehicles is None or source[0] in vehicles)
+            and (topics is None or source[1].name in topics)
+        }
+        for channel, log_time, data in self._file.messages():
+            if channel in wanted:
+                vehicle, topic = wanted[channel]
+                try:
+                    message = decode(topic, data)
+                except RefusedMessageError as error:
+                    raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
+                yield log_time, vehicle, message
+
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Return the named text values of the log."""
+        return self._file.metadata()
+
+    def attachments(self) -> dict[str, bytes]:
+        """Return the files in the log by name."""
+        return self._file.attachments()
+
+
+def _source(channel: str) -> tuple[str, Topic] | None:
+    """Split `/convoy/<vehicle>/<topic>`; None for a channel that is none of ours."""
+    match channel.split("/"):
+        case ["", "convoy", vehicle, name] if name in TOPICS:
+            return vehicle, TOPICS[name]
+    return None

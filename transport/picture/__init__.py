@@ -1,0 +1,1 @@
+"""The picture of a run in Rerun, live or from its log."""

@@ -1,0 +1,259 @@
+"""Draws messages into a Rerun recording, live or from a log alike."""
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from transport.picture.beside import BesideLead
+from transport.picture.blueprint import TIMELINE, Colour, Road, blueprint, colour_of, middle
+from transport.picture.curves import Curves
+from transport.picture.link_states import LinkStates, message_state
+from transport.picture.shapes import (
+    car,
+    line_style,
+    marks_beside,
+    name_tag,
+    point_style,
+    state_style,
+    turn_about,
+)
+from transport.topics import instant
+from vehicles.geometry.trajectory_points import points_along
+from vehicles.messages import (
+    Command,
+    CompositeTrajectory,
+    LinkVerdict,
+    LogText,
+    Message,
+    RunEnd,
+    RunStart,
+    Tracking,
+    TruePose,
+)
+
+MILLISECOND = 1_000_000
+CAR_NS = 40 * MILLISECOND
+TRAJECTORY_NS = 100 * MILLISECOND
+DRIVEN_NS = 200 * MILLISECOND
+CURVE_NS = 40 * MILLISECOND
+SLOW_CURVE_NS = 200 * MILLISECOND
+BATCH_NS = 500 * MILLISECOND
+"""Curves are gathered and sent twice a second, which costs a tenth of sending each value."""
+AWAY_NS = 1000 * MILLISECOND
+"""The view rides along with another vehicle when this one has sent nothing for so long."""
+SPACING_M = 1.0
+_LEVELS = {
+    "debug": "DEBUG",
+    "info": "INFO",
+    "warning": "WARN",
+    "error": "ERROR",
+    "fatal": "CRITICAL",
+}
+
+
+class Picture:
+    """Turns messages into entities of a recording, at the rates that a viewer needs."""
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        vehicles: Sequence[str],
+        *,
+        gap_m: float,
+        car_m: tuple[float, float],
+        path: Road | None = None,
+    ) -> None:
+        self._recording = recording
+        self._car_m = car_m
+        self._start: int | None = None
+        self._waiting: list[tuple[int, Message]] = []
+        self._places: dict[str, int] = {}
+        self._due: defaultdict[tuple[str, str], int] = defaultdict(int)
+        self._curves = Curves(recording)
+        self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
+        self._beside = BesideLead()
+        self._states: dict[str, str] = {}
+        self._links = LinkStates()
+        self._seen: dict[str, int] = {}
+        self._followed = vehicles[middle(len(vehicles))]
+        self._batch_due = 0
+        self._drawn_at: int | None = None
+        self._draw: dict[type[Message], Callable[[Any], None]] = {
+            TruePose: self._truth,
+            CompositeTrajectory: self._trajectory,
+            Tracking: self._tracking,
+            Command: self._command,
+            LinkVerdict: self._verdict,
+            LogText: self._text,
+        }
+        recording.send_blueprint(blueprint(vehicles, gap_m=gap_m, road=path))
+        recording.log("world/plan", turn_about(0.0, 0.0, 0.0), static=True)
+        for name in vehicles:
+            self._place(name)
+        if path:
+            self._road(*path)
+
+    def draw(self, now: int, message: Message) -> None:
+        """Draw a message that came at instant `now` (ns), at the instant when it was valid."""
+        if self._start is None:
+            self._wait_for_start(now, message)
+            return
+        draw = self._draw.get(type(message))
+        if draw:
+            draw(message)
+        if now >= self._batch_due or isinstance(message, RunEnd):
+            self._batch_due = now + BATCH_NS
+            self.flush(now)
+
+    def flush(self, now: int) -> None:
+        """Send the curves gathered so far, and show how the links were."""
+        self._curves.send(self._start or 0)
+        for link, at, state in self._links.changes(now):
+            self._state(f"links/{link}", state, at)
+
+    def _wait_for_start(self, now: int, message: Message) -> None:
+        """Keep what comes before the start is known: it is drawn relative to that instant."""
+        self._waiting.append((now, message))
+        if isinstance(message, RunStart | TruePose):
+            self._start = instant(message)
+            for then, early in self._waiting:
+                self.draw(then, early)
+            self._waiting.clear()
+
+    def _truth(self, truth: TruePose) -> None:
+        vehicle, at = truth.vehicle, truth.true_at_ns
+        self._seen[vehicle] = at
+        place = self._place(vehicle)
+        if place == 0:
+            self._beside.lead_at(truth)
+        if not self._is_due(vehicle, "car", at, CAR_NS):
+            return
+        self._at(at)
+        here = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, flip=False)
+        self._recording.log(f"world/cars/{vehicle}", here)
+        if vehicle == self._ride_along(at):
+            eye = turn_about(truth.east_m, truth.north_m, truth.yaw_rad)
+            self._recording.log("world/convoy", eye)
+        driven = self._driven[vehicle]
+        driven.append((truth.east_m, truth.north_m))
+        if self._is_due(vehicle, "driven", at, DRIVEN_NS):
+            piece = rr.LineStrips2D.from_fields(strips=[driven])
+            self._recording.log(f"world/driven/{vehicle}", piece)
+            del driven[:-1]
+        offset = self._beside.offset(truth) if place else None
+        if offset is not None:
+            self._curves.add("cross_track", vehicle, at, offset)
+        if self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
+            self._curves.add("speed", vehicle, at, truth.speed_mps)
+
+    def _trajectory(self, trajectory: CompositeTrajectory) -> None:
+        vehicle, at = trajectory.vehicle, trajectory.decided_at_ns
+        if not self._is_due(vehicle, "trajectory", at, TRAJECTORY_NS):
+            return
+        self._at(at)
+        points = [(east, north) for east, north, _ in points_along(trajectory, SPACING_M)]
+        ahead = rr.LineStrips2D.from_fields(strips=[points])
+        self._recording.log(f"world/trajectory/{vehicle}", ahead)
+        sources = (colour_of(0), colour_of(max(self._place(vehicle) - 1, 0)))
+        samples = rr.Points2D.from_fields(
+            positions=list(zip(trajectory.sample_east_m, trajectory.sample_north_m, strict=False)),
+            colors=[sources[min(source, 1)] for source in trajectory.sample_source],
+        )
+        self._recording.log(f"world/samples/{vehicle}", samples)
+
+    def _tracking(self, tracking: Tracking) -> None:
+        vehicle, at = tracking.vehicle, tracking.decided_at_ns
+        place = self._place(vehicle)
+        self._state(f"mode/{vehicle}", tracking.mode, at)
+        if self._is_due(vehicle, "tracking", at, CURVE_NS):
+            self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
+        if place and self._is_due(vehicle, "gap", at, SLOW_CURVE_NS):
+            self._curves.add("gap", vehicle, at, tracking.gap_m)
+            self._curves.add(
+                "age", vehicle, at, max(tracking.lead_age_s, tracking.predecessor_age_s)
+            )
+
+    def _command(self, command: Command) -> None:
+        vehicle, at = command.vehicle, command.decided_at_ns
+        self._place(vehicle)
+        if self._is_due(vehicle, "steering", at, CURVE_NS):
+            self._curves.add("steering", vehicle, at, math.degrees(command.steering_rad))
+
+    def _verdict(self, verdict: LinkVerdict) -> None:
+        link = f"{verdict.vehicle}/from_{verdict.sender}"
+        self._links.count(link, verdict)
+        self._state(f"messages/{link}", message_state(verdict), verdict.heard_at_ns)
+
+    def _text(self, line: LogText) -> None:
+        self._at(line.logged_at_ns)
+        text = rr.TextLog(f"{line.vehicle}: {line.text}", level=_LEVELS.get(line.level, "INFO"))
+        self._recording.log(f"log/{line.vehicle}", text)
+
+    def _road(self, east: Sequence[float], north: Sequence[float]) -> None:
+        path, marks = marks_beside(east, north)
+        self._recording.log("world/road/path", path, static=True)
+        self._recording.log("world/road/marks", marks, static=True)
+
+    def _place(self, vehicle: str) -> int:
+        """Place of a vehicle in the convoy; one that nobody spoke of comes last."""
+        place = self._places.get(vehicle)
+        if place is None:
+            place = self._places[vehicle] = len(self._places)
+            self._introduce(vehicle, colour_of(place))
+        return place
+
+    def _introduce(self, vehicle: str, colour: Colour) -> None:
+        self._curves.colours[vehicle] = colour
+        dot = rr.Points2D(
+            [[0.0, 0.0]], colors=[colour], radii=rr.Radius.ui_points(5.0), draw_order=21
+        )
+        is_lead = self._places[vehicle] == 0 and vehicle != "lead"
+        tag = f"{vehicle} (lead)" if is_lead else vehicle
+        shapes = {
+            f"cars/{vehicle}/body": car(*self._car_m, colour),
+            f"cars/{vehicle}/dot": dot,
+            f"cars/{vehicle}/name": name_tag(tag, colour),
+            f"driven/{vehicle}": line_style(colour, width=1.0, order=5),
+            f"trajectory/{vehicle}": line_style(colour, width=1.5, order=23),
+            f"samples/{vehicle}": point_style(width=3.0, order=24),
+        }
+        for entity, shape in shapes.items():
+            self._recording.log(f"world/{entity}", shape, static=True)
+
+    def _state(self, entity: str, state: str, at: int) -> None:
+        """Show that the state of a link or of a vehicle changed, if it did."""
+        before = self._states.get(entity)
+        if before == state:
+            return
+        if before is None:
+            self._recording.log(entity, state_style(entity.partition("/")[0]), static=True)
+        self._states[entity] = state
+        self._at(at)
+        self._recording.log(entity, rr.StateChange(state=state))
+
+    def _ride_along(self, at: int) -> str:
+        """Name the vehicle that the view rides along with: the middle one of those there."""
+        if at - self._seen.get(self._followed, self._start or 0) > AWAY_NS:
+            there = [name for name, seen in self._seen.items() if at - seen <= AWAY_NS]
+            there.sort(key=self._place)
+            self._followed = there[middle(len(there))]
+        return self._followed
+
+    def _is_due(self, vehicle: str, what: str, at: int, period_ns: int) -> bool:
+        if at < self._due[vehicle, what]:
+            return False
+        self._due[vehicle, what] = at + period_ns
+        return True
+
+    def _at(self, at: int) -> None:
+        """Draw at this instant from now on; the vehicles' ticks fall on the same instants."""
+        if at == self._drawn_at:
+            return
+        self._drawn_at = at
+        since_start = np.timedelta64(at - (self._start or 0), "ns")
+        self._recording.set_time(TIMELINE, duration=since_start)
+        self._recording.set_time("time", timestamp=np.datetime64(at, "ns"))

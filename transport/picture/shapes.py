@@ -1,0 +1,94 @@
+"""Shapes of the picture: cars, roads, name tags, and where they stand."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from transport.picture.blueprint import ROAD, STATES, Colour
+
+MARK_SPACING_M = 50.0
+MARK_OFFSET_M = 4.0
+
+
+def turn_about(east: float, north: float, yaw: float, *, flip: bool = True) -> rr.Transform3D:
+    """Put a frame at (east, north) in metres, turned by `yaw` (rad).
+
+    With `flip` its second axis points to the right instead of the left: a picture's second axis
+    points down, so whoever looks from such a frame sees left turns turn left.
+    """
+    c, s = math.cos(yaw), math.sin(yaw)
+    left = -1.0 if flip else 1.0
+    axes = [[c, -s * left, 0.0], [s, c * left, 0.0], [0.0, 0.0, 1.0]]
+    return rr.Transform3D(translation=[east, north, 0.0], mat3x3=axes)
+
+
+def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D:
+    """Style of a line that is logged piece by piece: said once, it makes each piece cheaper."""
+    return rr.LineStrips2D.from_fields(
+        colors=[colour], radii=rr.Radius.ui_points(width), draw_order=order
+    )
+
+
+def point_style(*, width: float, order: float) -> rr.Points2D:
+    """Style of points that are logged anew each time, whatever their colours."""
+    return rr.Points2D.from_fields(radii=rr.Radius.ui_points(width), draw_order=order)
+
+
+def car(length: float, width: float, colour: Colour) -> rr.LineStrips2D:
+    """Draw a car seen from above, front towards its first axis, as thick lines side by side.
+
+    Boxes2D would be an outline only.
+    """
+    lines = 8
+    radius = 0.5 * width / lines
+    reach = 0.5 * length - radius
+    sides = [radius * (2 * line + 1 - lines) for line in range(lines)]
+    body = [[[-reach, side], [reach, side]] for side in sides]
+    windscreen = [[[0.16 * length, sides[1]], [0.16 * length, sides[-2]]]]
+    return rr.LineStrips2D(
+        body + windscreen,
+        colors=[colour] * lines + [(0, 0, 0)],
+        radii=[1.2 * radius] * lines + [0.07 * length],
+        draw_order=20,
+    )
+
+
+def name_tag(text: str, colour: Colour) -> rr.Points2D:
+    """Write a name to the left of a car."""
+    return rr.Points2D(
+        [[0.0, MARK_OFFSET_M]], colors=[colour], radii=0.0, labels=[text], draw_order=30
+    )
+
+
+def marks_beside(
+    east: Sequence[float], north: Sequence[float]
+) -> tuple[rr.LineStrips2D, rr.Points2D]:
+    """Draw a path (m), and the distance along it to its right every 50 m."""
+    points = np.column_stack([east, north])
+    steps = np.diff(points, axis=0)
+    station = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+    at = np.arange(0.0, station[-1], MARK_SPACING_M)
+    piece = np.clip(np.searchsorted(station, at, side="right") - 1, 0, len(steps) - 1)
+    along = steps[piece] / np.hypot(steps[piece, 0], steps[piece, 1])[:, None]
+    on_path = points[piece] + along * (at - station[piece])[:, None]
+    to_the_right = np.column_stack([along[:, 1], -along[:, 0]])
+    road = rr.LineStrips2D([points], colors=[ROAD], radii=rr.Radius.ui_points(1.0), draw_order=1)
+    marks = rr.Points2D(
+        on_path + MARK_OFFSET_M * to_the_right,
+        colors=[ROAD],
+        radii=rr.Radius.ui_points(2.0),
+        labels=[f"{distance:.0f} m" for distance in at],
+        show_labels=True,
+        draw_order=2,
+    )
+    return road, marks
+
+
+def state_style(kind: str) -> rr.StateConfiguration:
+    """Colours of the states of one kind: "links", "messages" or "mode"."""
+    colours = STATES[kind]
+    return rr.StateConfiguration(
+        values=list(colours), labels=list(colours), colors=list(colours.values())
+    )

@@ -1,0 +1,1 @@
+"""The car: its parameters and load, how it moves, and what its GNSS receiver measures."""

@@ -1,0 +1,238 @@
+"""The car as it really moves: single-track model with steering actuation (paper, Section II).
+
+Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
+second-order actuation of eq. (4), position by integrating the body's velocity. World frame:
+east-north, yaw counter-clockwise from east; left is positive. SI units.
+
+Integration: Runge-Kutta of order 4 with the command held over the span, in sub-steps h with
+h * rate <= STEP_PER_RATE, where `rate` is the fastest of the tyres' and the steering's. Stated
+tolerance: over an emergency lane change in spans of 20 ms the path stays within 0.005 mm of the
+exact solution; after a steering step of 0.05 rad lateral speed (m/s) and yaw rate (rad/s) are
+within 4e-4 of it.
+
+Below WALKING_PACE the tyres' 1/v would make the equations arbitrarily stiff. There the lateral
+speed and yaw rate relax, as fast as they do at WALKING_PACE (some 5 ms), to the steady state that
+the same equations have for the present steering and speed, which for v -> 0 is the kinematic
+single-track model. The right-hand side is continuous in v, so nothing jumps at the change-over.
+"""
+
+import math
+from dataclasses import dataclass
+
+from vehicles.car.parameters import VehicleParameters
+
+WALKING_PACE = 2.0
+"""Speed (m/s) below which the quasi-steady limit holds."""
+
+STEP_PER_RATE = 0.45
+"""Longest sub-step in units of the fastest time constant."""
+
+_Four = tuple[float, float, float, float]
+_Lateral = tuple[float, float, float, float, float, float]
+_Tyres = tuple[float, float, float, float, float, float]
+
+
+@dataclass(slots=True)
+class Body:
+    """State of the car at one instant, of eqs. (1), (2) and (4), and its place.
+
+    east, north (m) of the centre of mass; yaw (rad, not wrapped); speed and lateral_speed (m/s)
+    along and across the body; yaw_rate (rad/s); steering (rad) and steering_rate (rad/s) at the
+    road wheels; distance (m) that the centre of mass has travelled along its own path.
+    """
+
+    east: float
+    north: float
+    yaw: float
+    speed: float
+    lateral_speed: float = 0.0
+    yaw_rate: float = 0.0
+    steering: float = 0.0
+    steering_rate: float = 0.0
+    distance: float = 0.0
+
+
+@dataclass(slots=True)
+class Actuation:
+    """What is asked of the car: δ_c of eq. (4) (rad at the road wheels), acceleration (m/s²).
+
+    The acceleration is the paper's dv_x/dt (Section IV-A), which the drive gives at once.
+    """
+
+    steering: float
+    acceleration: float
+
+
+def advance(
+    body: Body,
+    actuation: Actuation,
+    span: float,
+    parameters: VehicleParameters,
+    substeps: int | None = None,
+) -> Body:
+    """Move the car on by `span` (s) with `actuation` held meanwhile.
+
+    Eqs. (1), (2) and (4) by the classical Runge–Kutta method; end stop and standstill are our own.
+
+    The steering command is clamped to the steering limit and the wheels stop there. A braking car
+    comes to rest within the span and stays; it never reverses. `substeps` overrides the number of
+    integration steps (per part of the span: before and after coming to rest). Raises ValueError
+    for a command that is not finite or a negative span.
+    """
+    if not (math.isfinite(actuation.steering) and math.isfinite(actuation.acceleration)):
+        raise ValueError(f"a command must be finite: {actuation}")
+    if not 0.0 <= span < math.inf:
+        raise ValueError(f"a span must be finite and not negative: {span}")
+    acceleration = actuation.acceleration
+    command = min(max(actuation.steering, -parameters.steering_limit), parameters.steering_limit)
+    final_speed = body.speed + acceleration * span
+    if final_speed >= 0.0:
+        return _integrate(body, command, final_speed, span, parameters, substeps=substeps)
+    rolling = -body.speed / acceleration
+    stopped = _integrate(body, command, 0.0, rolling, parameters, substeps=substeps)
+    return _integrate(stopped, command, 0.0, span - rolling, parameters, substeps=substeps)
+
+
+def _tyres(p: VehicleParameters) -> _Tyres:
+    """Coefficients of eqs. (1), (2) solved for the derivatives, without the speed.
+
+    v_y' = (A v_y + B r) / v - v r + C delta and r' = (D v_y + E r) / v + F delta.
+    """
+    front, rear = p.front_cornering_stiffness, p.rear_cornering_stiffness
+    a, b, mass, inertia = p.front_axle_distance, p.rear_axle_distance, p.mass, p.yaw_inertia
+    coupling = a * front - b * rear
+    return (
+        *(-(front + rear) / mass, -coupling / mass, front / mass),
+        *(-coupling / inertia, -(a * a * front + b * b * rear) / inertia, a * front / inertia),
+    )
+
+
+def _lateral_rates(speed: float, tyres: _Tyres, p: VehicleParameters) -> _Lateral:
+    """Coefficients (a, b, c, d, e, f) of v_y' = a v_y + b r + c delta, r' = d v_y + e r + f delta.
+
+    Below WALKING_PACE the matrix stays as it is there and the steering's column is chosen so that
+    the equilibrium is that of the present speed.
+    """
+    v = max(speed, WALKING_PACE)
+    a, b, c, d, e, f = tyres
+    vv, vr, rv, rr = a / v, b / v - v, d / v, e / v
+    if speed >= WALKING_PACE:
+        return vv, vr, c, rv, rr, f
+    yaw_gain = speed / (p.wheelbase + p.steer_gradient * speed * speed)
+    slip_gain = p.steady_slip_per_curvature(speed) * yaw_gain
+    return (
+        *(vv, vr, -(vv * slip_gain + vr * yaw_gain)),
+        *(rv, rr, -(rv * slip_gain + rr * yaw_gain)),
+    )
+
+
+def _substeps(slowest: float, span: float, tyres: _Tyres, p: VehicleParameters) -> int:
+    """Count the sub-steps for a span in which the speed does not fall below `slowest`."""
+    fastest_tyre = -min(tyres[0], tyres[4]) / max(slowest, WALKING_PACE)
+    return math.ceil(span * max(fastest_tyre, p.steering_frequency) / STEP_PER_RATE)
+
+
+def _integrate(
+    body: Body,
+    command: float,
+    final_speed: float,
+    span: float,
+    p: VehicleParameters,
+    *,
+    substeps: int | None,
+) -> Body:
+    """Advance while the speed changes evenly from the body's to `final_speed`."""
+    if span <= 0.0:
+        return body
+    tyres = _tyres(p)
+    count = substeps or _substeps(min(body.speed, final_speed), span, tyres, p)
+    place = (body.east, body.north, body.yaw, body.distance)
+    state = (body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate)
+    speed, change = body.speed, (final_speed - body.speed) / count
+    before = middle = after = _lateral_rates(speed, tyres, p)
+    for index in range(count):
+        faster = body.speed + change * (index + 1)
+        speeds = (speed, 0.5 * (speed + faster), faster)
+        if change != 0.0:
+            middle = _lateral_rates(speeds[1], tyres, p)
+            after = _lateral_rates(faster, tyres, p)
+        place, state = _step(
+            place, state, speeds, (before, middle, after), command=command, h=span / count, p=p
+        )
+        if abs(state[2]) > p.steering_limit:  # the rack's end stop
+            state = (state[0], state[1], math.copysign(p.steering_limit, state[2]), 0.0)
+        speed, before = faster, after
+    return Body(place[0], place[1], place[2], final_speed, *state, place[3])
+
+
+def _step(
+    place: _Four,
+    state: _Four,
+    speeds: tuple[float, float, float],
+    rates: tuple[_Lateral, _Lateral, _Lateral],
+    *,
+    command: float,
+    h: float,
+    p: VehicleParameters,
+) -> tuple[_Four, _Four]:
+    """One Runge-Kutta step, written out because every run spends its time here.
+
+    `place` is (east, north, yaw, distance), `state` is (lateral speed, yaw rate, steering,
+    steering rate); speeds and rates are those at the start, the middle and the end of the step.
+    The derivative of the four state variables at stage i is (ai, bi, wi, di).
+    """
+    square = p.steering_frequency * p.steering_frequency
+    damping = 2.0 * p.steering_damping * p.steering_frequency
+    (y1, r1, s1, w1), half = state, 0.5 * h
+
+    vv, vr, vs, rv, rr, rs = rates[0]
+    a1, b1 = vv * y1 + vr * r1 + vs * s1, rv * y1 + rr * r1 + rs * s1
+    d1 = square * (command - s1) - damping * w1
+
+    vv, vr, vs, rv, rr, rs = rates[1]
+    y2, r2, s2, w2 = y1 + half * a1, r1 + half * b1, s1 + half * w1, w1 + half * d1
+    a2, b2 = vv * y2 + vr * r2 + vs * s2, rv * y2 + rr * r2 + rs * s2
+    d2 = square * (command - s2) - damping * w2
+
+    y3, r3, s3, w3 = y1 + half * a2, r1 + half * b2, s1 + half * w2, w1 + half * d2
+    a3, b3 = vv * y3 + vr * r3 + vs * s3, rv * y3 + rr * r3 + rs * s3
+    d3 = square * (command - s3) - damping * w3
+
+    vv, vr, vs, rv, rr, rs = rates[2]
+    y4, r4, s4, w4 = y1 + h * a3, r1 + h * b3, s1 + h * w3, w1 + h * d3
+    a4, b4 = vv * y4 + vr * r4 + vs * s4, rv * y4 + rr * r4 + rs * s4
+    d4 = square * (command - s4) - damping * w4
+
+    sixth = h / 6.0
+    moved = _move(place, speeds, (y1, y2, y3, y4), (r1, r2, r3, r4), h)
+    return moved, (
+        y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
+        r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
+        s1 + sixth * (w1 + 2.0 * (w2 + w3) + w4),
+        w1 + sixth * (d1 + 2.0 * (d2 + d3) + d4),
+    )
+
+
+def _move(
+    place: _Four, speeds: tuple[float, float, float], sideways: _Four, turning: _Four, h: float
+) -> _Four:
+    """Move the place on by one step, from the stages of lateral speed and yaw rate."""
+    east, north, yaw, distance = place
+    (v1, v2, v4), (y1, y2, y3, y4), (r1, r2, r3, r4) = speeds, sideways, turning
+    cos, sin, sqrt, half = math.cos, math.sin, math.sqrt, 0.5 * h
+    q2, q3, q4 = yaw + half * r1, yaw + half * r2, yaw + h * r3
+    k1, k2, k3, k4 = cos(yaw), cos(q2), cos(q3), cos(q4)
+    z1, z2, z3, z4 = sin(yaw), sin(q2), sin(q3), sin(q4)
+    sixth = h / 6.0
+    eastward = (v1 * k1 - y1 * z1) + (v4 * k4 - y4 * z4)
+    eastward += 2.0 * ((v2 * k2 - y2 * z2) + (v2 * k3 - y3 * z3))
+    northward = (v1 * z1 + y1 * k1) + (v4 * z4 + y4 * k4)
+    northward += 2.0 * ((v2 * z2 + y2 * k2) + (v2 * z3 + y3 * k3))
+    along = sqrt(v1 * v1 + y1 * y1) + sqrt(v4 * v4 + y4 * y4)
+    along += 2.0 * (sqrt(v2 * v2 + y2 * y2) + sqrt(v2 * v2 + y3 * y3))
+    return (
+        east + sixth * eastward,
+        north + sixth * northward,
+        yaw + sixth * (r1 + 2.0 * (r2 + r3) + r4),
+        distance + sixth * along,
+    )

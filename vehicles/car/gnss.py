@@ -1,0 +1,143 @@
+"""The receiver that measures the car, and its measurements on the wire and off it.
+
+A receiver of the kind used for automated driving: RTK positions aided by an inertial unit, at a
+fixed rate. Inside, a fix is in the east-north plane with yaw; on the wire it is WGS84 with a
+compass course.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+from numpy.random import Generator
+
+from vehicles.car.dynamics import Body
+from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, yaw_from_heading
+from vehicles.messages import GpsPose
+from vehicles.schedule import Cadence
+
+MAX_SPEED = 150.0
+"""Fastest vehicle (m/s) that a received pose is believed to come from."""
+
+MAX_YAW_RATE = 10.0
+"""Fastest turn (rad/s) that a received pose is believed to report."""
+
+
+@dataclass(slots=True)
+class Fix:
+    """One measurement, with what the vehicle block of Fig. 1 puts out.
+
+    Number, instant (ns), position (m), yaw of the body within (-pi, pi] (rad), speed along the
+    body (m/s, never negative), yaw rate (rad/s).
+    """
+
+    seq: int
+    measured_at: int
+    east: float
+    north: float
+    yaw: float
+    speed: float
+    yaw_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class GnssNoise:
+    """Standard deviations of the white Gaussian noise (Section III-A names that of position).
+
+    position (m) per axis: 2 cm, the paper's RTK receiver. heading (rad) 0.1 deg, speed (m/s) and
+    yaw rate (rad/s) 0.1 deg/s: what makers of RTK-aided inertial units with two antennas and a
+    micromechanical gyroscope state for open sky.
+    """
+
+    position: float = 0.02
+    heading: float = math.radians(0.1)
+    speed: float = 0.03
+    yaw_rate: float = math.radians(0.1)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{field.name} noise must be at least 0, not {value}")
+
+
+class GnssReceiver:
+    """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
+
+    GPS of Section III-A, which says 20 Hz at most.
+
+    `random` belongs to this receiver alone: five normal numbers are drawn per measurement, in
+    the order of measurements.
+    """
+
+    def __init__(self, noise: GnssNoise, rate_hz: float, start_at: int, random: Generator) -> None:
+        if not (math.isfinite(rate_hz) and rate_hz > 0.0):
+            raise ValueError(f"the measuring rate must be positive, not {rate_hz} Hz")
+        self._noise = noise
+        self._cadence = Cadence(start_at, rate_hz)
+        self._random = random
+
+    def measure(self, body: Body, now: int) -> Fix | None:
+        """Measure `body` if `now` (ns) is an instant of measurement, else None.
+
+        Each quantity has noise of its own, independent in time; on that the paper is silent.
+        """
+        seq = self._cadence.index(now)
+        if seq is None:
+            return None
+        east, north, yaw, speed, yaw_rate = self._random.standard_normal(5).tolist()
+        noise = self._noise
+        return Fix(
+            seq=seq,
+            measured_at=now,
+            east=body.east + noise.position * east,
+            north=body.north + noise.position * north,
+            yaw=wrap_angle(body.yaw + noise.heading * yaw),
+            speed=max(0.0, body.speed + noise.speed * speed),
+            yaw_rate=body.yaw_rate + noise.yaw_rate * yaw_rate,
+        )
+
+
+def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
+    """Put a fix on the wire: WGS84, compass course.
+
+    The course is counted from the plane's north; true north at the vehicle differs from it by
+    the convergence of meridians, about 0.01 deg per km of easting at middle latitudes.
+    """
+    latitude_deg, longitude_deg, altitude_m = plane.to_geodetic(fix.east, fix.north)
+    return GpsPose(
+        vehicle=vehicle,
+        seq=fix.seq,
+        measured_at_ns=fix.measured_at,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=altitude_m,
+        heading_deg=heading_from_yaw(fix.yaw),
+        speed_mps=fix.speed,
+        yaw_rate_radps=fix.yaw_rate,
+    )
+
+
+def from_message(pose: GpsPose, plane: LocalPlane) -> Fix:
+    """Take a WGS84 fix off the wire; ValueError names the field that no vehicle can send."""
+    _require("seq", pose.seq, 0, math.inf)
+    _require("measured_at_ns", pose.measured_at_ns, 0, math.inf)
+    _require("latitude_deg", pose.latitude_deg, -90.0, 90.0)
+    _require("longitude_deg", pose.longitude_deg, -180.0, 180.0)
+    _require("heading_deg", pose.heading_deg, 0.0, 360.0)
+    _require("speed_mps", pose.speed_mps, 0.0, MAX_SPEED)
+    _require("yaw_rate_radps", pose.yaw_rate_radps, -MAX_YAW_RATE, MAX_YAW_RATE)
+    east, north = plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)
+    return Fix(
+        seq=pose.seq,
+        measured_at=pose.measured_at_ns,
+        east=east,
+        north=north,
+        yaw=yaw_from_heading(pose.heading_deg),
+        speed=pose.speed_mps,
+        yaw_rate=pose.yaw_rate_radps,
+    )
+
+
+def _require(name: str, value: float, lowest: float, highest: float) -> None:
+    if not lowest <= value <= highest:  # written so that NaN is refused
+        raise ValueError(f"{name} is {value}, must be from {lowest} to {highest}")

@@ -1,0 +1,161 @@
+"""What a car is made of: the paper's Table of parameters, and what its load changes.
+
+SI units throughout: kg, m, s, rad, N. The single-track ("bicycle") model joins the two wheels of
+an axle into one, so a cornering stiffness is that of a whole axle.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleParameters:
+    """A car with front steering, as the single-track model sees it (Section II, Table I).
+
+    mass (kg) and yaw_inertia (kg m²) of the whole car; cornering stiffnesses (N/rad) per axle;
+    axle distances (m) from the centre of mass; steering_frequency (rad/s) and steering_damping
+    (ratio) of the second-order actuation, paper eq. (4); steering_limit (rad) at the road wheels;
+    length and width (m) of the body, for gaps and pictures only.
+    """
+
+    mass: float
+    yaw_inertia: float
+    front_cornering_stiffness: float
+    rear_cornering_stiffness: float
+    front_axle_distance: float
+    rear_axle_distance: float
+    steering_frequency: float
+    steering_damping: float
+    steering_limit: float
+    length: float
+    width: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{field.name} must be a positive number, not {value}")
+
+    @property
+    def wheelbase(self) -> float:
+        """Distance between the axles, a + b of Table I (m)."""
+        return self.front_axle_distance + self.rear_axle_distance
+
+    @property
+    def steer_gradient(self) -> float:
+        """K_sg of eq. (6), delta = L/R + K_sg v²/R (s² rad/m); positive for an understeering car.
+
+        Follows from eqs. (1), (2) at rest in lateral speed and yaw rate: K_sg = m (b C_r - a C_f)
+        / (L C_f C_r).
+        """
+        front, rear = self.front_cornering_stiffness, self.rear_cornering_stiffness
+        surplus = self.rear_axle_distance * rear - self.front_axle_distance * front
+        return self.mass * surplus / (self.wheelbase * front * rear)
+
+    def steady_slip_per_curvature(self, speed: float) -> float:
+        """Lateral speed over yaw rate in steady cornering at `speed` (m/s), in metres.
+
+        From eqs. (1), (2): v_y / r = b - m a v² / (L C_r). The course of the centre of mass
+        differs from the body's yaw by this times the curvature, to the left in a left turn at
+        walking pace and to the right at speed (the nominal car changes over at 26.8 m/s).
+        """
+        sag = self.mass * self.front_axle_distance * speed * speed
+        return self.rear_axle_distance - sag / (self.wheelbase * self.rear_cornering_stiffness)
+
+
+LINCOLN_MKZ = VehicleParameters(
+    mass=1896.0,
+    yaw_inertia=3803.0,
+    front_cornering_stiffness=400_000.0,
+    rear_cornering_stiffness=381_900.0,
+    front_axle_distance=1.2682,
+    rear_axle_distance=1.5818,
+    steering_frequency=21.4813,
+    steering_damping=0.4056,
+    steering_limit=0.54,
+    length=4.93,
+    width=1.86,
+)
+"""The paper's Table I. The steering limit (8 rad at the wheel over a ratio of 14.8) and the body's
+size are not in the paper: they are those of the production car."""
+
+
+class Gains(NamedTuple):
+    """Feedback gains k_e (rad/m), k_θ (rad/rad) and k_ω (s) of eq. (7), Section III-E."""
+
+    lateral: float
+    heading: float
+    yaw_rate: float
+
+
+NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
+"""The paper's nominal gains (Section V-A)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loading:
+    """Who sits in the car besides the driver, each with luggage in the boot (paper, Section V-B).
+
+    Masses in kg per passenger; luggage_offset is the paper's c, from the rear axle back (m).
+    """
+
+    front_passengers: int = 0
+    rear_passengers: int = 0
+    passenger_mass: float = 70.0
+    luggage_mass: float = 50.0
+    luggage_offset: float = 0.5
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{field.name} must be a number of at least 0, not {value}")
+
+
+def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
+    """Load the car: its mass and yaw inertia grow (I_update of Section V-B).
+
+    I = I_nominal + m_p n_f a² + m_p n_r b² + m_l (n_f + n_r) (b + c)². Like the paper this leaves
+    the centre of mass, and so a and b, where they are.
+    """
+    passengers = loading.front_passengers + loading.rear_passengers
+    boot = parameters.rear_axle_distance + loading.luggage_offset
+    return replace(
+        parameters,
+        mass=parameters.mass + passengers * (loading.passenger_mass + loading.luggage_mass),
+        yaw_inertia=parameters.yaw_inertia
+        + loading.passenger_mass * loading.front_passengers * parameters.front_axle_distance**2
+        + loading.passenger_mass * loading.rear_passengers * parameters.rear_axle_distance**2
+        + loading.luggage_mass * passengers * boot**2,
+    )
+
+
+def all_loadings(front: int = 1, rear: int = 3) -> tuple[Loading, ...]:
+    """List the cases of Section V-B: up to `front` and `rear` passengers, driver not counted."""
+    return tuple(
+        Loading(front_passengers=in_front, rear_passengers=behind)
+        for in_front in range(front + 1)
+        for behind in range(rear + 1)
+    )
+
+
+def loaded_with_moved_centre(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
+    """Like `loaded`, but the centre of mass moves with the load, as it does in a real car.
+
+    Section V-B keeps a and b. Same masses at the same places (front axle, rear axle, c behind it);
+    axle distances from the new centre, yaw inertia about it (Steiner's theorem). Tyres unchanged.
+    """
+    fixed = loaded(parameters, loading)
+    passengers = loading.front_passengers + loading.rear_passengers
+    a, b = parameters.front_axle_distance, parameters.rear_axle_distance
+    moment = loading.passenger_mass * (
+        loading.front_passengers * a - loading.rear_passengers * b
+    ) - loading.luggage_mass * passengers * (b + loading.luggage_offset)
+    forward = moment / fixed.mass
+    return replace(
+        fixed,
+        yaw_inertia=fixed.yaw_inertia - fixed.mass * forward * forward,
+        front_axle_distance=a - forward,
+        rear_axle_distance=b + forward,
+    )

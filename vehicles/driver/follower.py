@@ -1,0 +1,204 @@
+"""A follower fuses what it heard of lead and predecessor and steers along the result."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isnan, nan
+
+from vehicles.car.dynamics import Actuation
+from vehicles.car.gnss import Fix, from_message
+from vehicles.driver.decision import Decision
+from vehicles.driver.pose_estimator import Pose, PoseEstimator
+from vehicles.driver.speed_law import Convoy, SpeedLaw
+from vehicles.driver.steering import LateralController, SteeringCommand
+from vehicles.driver.tracking import TrackingErrors, track
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import GpsPose, Mode
+from vehicles.preview.trace import Trace, Window
+from vehicles.preview.trajectory import Fit, FitSettings, Fusion, fuse
+from vehicles.schedule import SECOND, Cadence
+
+REFIT_AFTER = SECOND // 20
+"""Without news the trajectory is made anew this often (ns), so that silence is noticed, too."""
+LEAST_SAMPLES = 3
+"""Fewer samples of a source than these determine no trajectory."""
+
+
+class Follower:
+    """Steers along the composite trajectory of its sources (paper, Section III).
+
+    When a source falls silent, the samples left of it come to lie behind the ego, and the other
+    source alone is followed; when both are silent, the last trajectory is extrapolated.
+    """
+
+    def __init__(
+        self,
+        *,
+        estimator: PoseEstimator,
+        controller: LateralController,
+        speed_law: SpeedLaw,
+        control: Cadence,
+        plane: LocalPlane,
+        lead: str,
+        predecessor: str,
+        alpha: float,
+        fusion: Fusion,
+        settings: FitSettings,
+    ) -> None:
+        """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead."""
+        self._estimator = estimator
+        self._controller = controller
+        self._speed_law = speed_law
+        self._control = control
+        self._plane = plane
+        self._lead = lead
+        self._predecessor = predecessor
+        self._alpha = alpha
+        # The first follower's predecessor is the lead: one source, whatever the fusion.
+        self._fusion: Fusion = "composite" if lead == predecessor else fusion
+        self._settings = settings
+        self._traces = {name: Trace() for name in (lead, predecessor)}
+        self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
+        self._along: tuple[tuple[float, Fit], ...] = ()
+        self._mode: Mode = "straight"
+        self._reason = ""
+        self._refit_due = 0
+        self._gap, self._gap_at = nan, 0
+        self._disbelieved = 0
+        self._decision: Decision | None = None
+
+    def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
+        """Decide at `now` (ns); between control instants the last decision is held.
+
+        Sections III-A to III-E in a row, as in Fig. 1.
+        """
+        if fix is not None:
+            self._estimator.correct(fix)
+        for message in heard:
+            self._hear(now, message)
+        if self._decision is not None and not self._control.due(now):
+            return replace(self._decision, fresh=False)
+        self._decision = self._decide(now, self._estimator.at(now))
+        return self._decision
+
+    def _hear(self, now: int, message: GpsPose) -> None:
+        try:
+            heard = from_message(message, self._plane)
+        except ValueError:  # well-formed, but from where or as no vehicle of this convoy can be
+            self._disbelieved += 1
+            return
+        trace = self._traces[message.vehicle]
+        trace.add(heard.measured_at, heard.east, heard.north, heard.yaw, heard.speed)
+        if not trace.joined:
+            pose = self._estimator.at(now)
+            trace.bridge(pose.east, pose.north)
+        self._refit_due = now
+
+    def _decide(self, now: int, pose: Pose) -> Decision:
+        refit = now >= self._refit_due
+        if refit:
+            self._refit_due = now + REFIT_AFTER
+            self._mode, self._reason = self._choose_trajectory(now, pose)
+            self._gap, self._gap_at = self._measured_gap(now, pose), now
+        errors, steering = self._steer(pose)
+        convoy = self._convoy(now, pose)
+        drive = self._speed_law.drive(now, pose, convoy)
+        return Decision(
+            actuation=Actuation(steering.steering, drive.acceleration),
+            steering=steering,
+            errors=errors,
+            mode=self._mode,
+            reason=self._reason,
+            fit=self._along[0][1] if refit and self._along and self._mode != "coast" else None,
+            target_speed=drive.target_speed,
+            gap=convoy.gap,
+            lead_age=self._age(now, self._lead),
+            predecessor_age=self._age(now, self._predecessor),
+            disbelieved=self._disbelieved,
+        )
+
+    def _choose_trajectory(self, now: int, pose: Pose) -> tuple[Mode, str]:
+        """Fit what was heard; without enough of it, keep to the last trajectory."""
+        windows = {name: self._window(name, pose) for name in self._sources}
+        heard = [name for name, window in windows.items() if window is not None]
+        along = fuse(
+            self._fusion,
+            windows.get(self._lead),
+            None if self._predecessor == self._lead else windows[self._predecessor],
+            alpha=self._alpha,
+            settings=self._settings,
+        )
+        self._along = along or self._along
+        reason = self._silence(now, [name for name in windows if name not in heard])
+        if not self._along:
+            return "straight", "nothing heard yet"
+        if not along:
+            return "coast", reason
+        if len(heard) > 1:
+            return "composite", reason
+        return ("lead" if heard == [self._lead] else "predecessor"), reason
+
+    def _window(self, name: str, pose: Pose) -> Window | None:
+        """Samples of a source around the ego, None if they do not reach ahead of it."""
+        settings = self._settings
+        window = self._traces[name].window(
+            pose.east, pose.north, settings.behind(pose.speed), settings.ahead(pose.speed)
+        )
+        enough = len(window.station) >= LEAST_SAMPLES and window.station[-1] >= 0.0
+        return window if enough else None
+
+    def _silence(self, now: int, missing: Sequence[str]) -> str:
+        """Who is missing from the trajectory, in words."""
+        ages = [(name, self._age(now, name)) for name in missing]
+        return ", ".join(
+            f"{name} never heard" if isnan(age) else f"{name} unheard for {age:.1f} s"
+            for name, age in ages
+        )
+
+    def _steer(self, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
+        """Errors and command along each trajectory, blended by their shares."""
+        if not self._along:
+            errors = TrackingErrors(0.0, 0.0, pose.yaw_rate, 0.0)
+            return errors, self._controller.steer(errors, pose.speed)
+        tracked = [(share, track(fit.spline, pose)) for share, fit in self._along]
+        if len(tracked) == 1:
+            errors = tracked[0][1]
+            return errors, self._controller.steer(errors, pose.speed)
+        commands = [(share, self._controller.steer(e, pose.speed)) for share, e in tracked]
+        return (
+            TrackingErrors(
+                lateral=sum(share * e.lateral for share, e in tracked),
+                heading=sum(share * e.heading for share, e in tracked),
+                yaw_rate=sum(share * e.yaw_rate for share, e in tracked),
+                curvature=sum(share * e.curvature for share, e in tracked),
+            ),
+            SteeringCommand(
+                steering=sum(share * c.steering for share, c in commands),
+                feedforward=sum(share * c.feedforward for share, c in commands),
+                feedback=sum(share * c.feedback for share, c in commands),
+            ),
+        )
+
+    def _measured_gap(self, now: int, pose: Pose) -> float:
+        """Gap (m) from where the predecessor was last heard to be, and how fast it was; or NaN."""
+        predecessor = self._traces[self._predecessor]
+        gap = predecessor.gap(pose.east, pose.north)
+        if gap is None or predecessor.newest is None:
+            return nan
+        return gap + predecessor.newest.speed * self._age(now, self._predecessor)
+
+    def _convoy(self, now: int, pose: Pose) -> Convoy:
+        """What is known of the vehicles ahead, carried on to now."""
+        lead, predecessor = self._traces[self._lead].newest, self._traces[self._predecessor].newest
+        if predecessor is None:
+            return Convoy()
+        opened = (predecessor.speed - pose.speed) * (now - self._gap_at) / SECOND
+        return Convoy(
+            gap=self._gap + opened,
+            predecessor_speed=predecessor.speed,
+            lead_speed=nan if lead is None else lead.speed,
+        )
+
+    def _age(self, now: int, name: str) -> float:
+        """Time (s) since the newest sample of a source was measured, NaN before the first."""
+        newest_at = self._traces[name].newest_at
+        return nan if newest_at is None else (now - newest_at) / SECOND

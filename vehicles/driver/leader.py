@@ -1,0 +1,73 @@
+"""The lead drives its own path with the same steering law as everyone behind it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from vehicles.car.dynamics import Actuation
+from vehicles.car.gnss import Fix
+from vehicles.driver.decision import Decision
+from vehicles.driver.pose_estimator import Pose, PoseEstimator
+from vehicles.driver.speed_law import Convoy, SpeedLaw
+from vehicles.driver.steering import LateralController
+from vehicles.driver.tracking import TrackingErrors
+from vehicles.geometry.geodesy import wrap_angle
+from vehicles.geometry.path import Path
+from vehicles.messages import GpsPose
+from vehicles.schedule import Cadence
+
+
+class Leader:
+    """Tracks a path from a given station (m) on (Section V-C, Fig. 8); hears nobody."""
+
+    def __init__(
+        self,
+        *,
+        estimator: PoseEstimator,
+        controller: LateralController,
+        speed_law: SpeedLaw,
+        control: Cadence,
+        path: Path,
+        station: float,
+    ) -> None:
+        """`station` is the arc length at which the lead starts."""
+        self._estimator = estimator
+        self._controller = controller
+        self._speed_law = speed_law
+        self._control = control
+        self._path = path
+        self._near = station
+        self._decision: Decision | None = None
+
+    def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:  # noqa: ARG002
+        """Decide at `now` (ns); between control instants the last decision is held.
+
+        Errors of Section III-B against the path itself, steering of Section III-C.
+        """
+        if fix is not None:
+            self._estimator.correct(fix)
+        if self._decision is not None and not self._control.due(now):
+            return replace(self._decision, fresh=False)
+        pose = self._estimator.at(now)
+        errors = self._track(pose)
+        steering = self._controller.steer(errors, pose.speed)
+        drive = self._speed_law.drive(now, pose, Convoy())
+        self._decision = Decision(
+            actuation=Actuation(steering.steering, drive.acceleration),
+            steering=steering,
+            errors=errors,
+            mode="path",
+            target_speed=drive.target_speed,
+        )
+        return self._decision
+
+    def _track(self, pose: Pose) -> TrackingErrors:
+        foot = self._path.project(pose.east, pose.north, self._near)
+        # At rare decisions the next place lies beyond the window of the projection.
+        self._near = foot.station + pose.speed / self._control.rate_hz
+        return TrackingErrors(
+            lateral=foot.lateral,
+            heading=wrap_angle(pose.yaw - foot.yaw),
+            yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
+            curvature=foot.curvature,
+            ahead=lambda distance: self._path.at(foot.station + distance).curvature,
+        )

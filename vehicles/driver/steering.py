@@ -1,0 +1,164 @@
+"""From tracking errors to a steering command: the paper's law, an alternative, a user's own."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from math import atan2, sin
+from typing import Protocol
+
+from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
+from vehicles.driver.tracking import TrackingErrors
+
+
+@dataclass(slots=True)
+class SteeringCommand:
+    """Front wheel angle asked for and its two parts before the limit (rad, left positive).
+
+    δ_c, δ_ff and δ_fb of Section III-C.
+    """
+
+    steering: float
+    feedforward: float
+    feedback: float
+
+
+class LateralController(Protocol):
+    """What steers a vehicle, as in Fig. 1. A user's own class needs this one method.
+
+    `load_controller` builds it as `Class(parameters, gains)`. The controller may keep a state; it
+    is called at every control instant, and has no clock of its own.
+    """
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """Steering δ_c (Section III-C) for `errors` against the trajectory at `speed` (m/s)."""
+        ...
+
+
+def limited(feedforward: float, feedback: float, limit: float) -> SteeringCommand:
+    """Sum δ_ff + δ_fb (Section III-C) in rad, held within ±`limit` (rad), which is our own."""
+    return SteeringCommand(min(max(feedforward + feedback, -limit), limit), feedforward, feedback)
+
+
+class FeedforwardFeedback:
+    """The paper's law: δ = δ_ff + δ_fb (Sections III-C to III-E)."""
+
+    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
+        """`parameters` are what the controller believes of its car."""
+        self._parameters = parameters
+        self._gains = gains
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """Eqs. (6), (7): δ_ff = (a+b)/R + K_sg v²/R, δ_fb = −k_e e_lat − k_θ θ̃ − k_ω dθ̃/dt."""
+        car, gains = self._parameters, self._gains
+        feedforward = (car.wheelbase + car.steer_gradient * speed * speed) * errors.curvature
+        feedback = (
+            -gains.lateral * errors.lateral
+            - gains.heading * errors.heading
+            - gains.yaw_rate * errors.yaw_rate
+        )
+        return limited(feedforward, feedback, car.steering_limit)
+
+
+class SlipCompensated:
+    """The paper's law, eqs. (6) and (7), with feedforward and heading that suit bends, too.
+
+    A car that corners steadily does not point along its path: its body stands at the slip angle
+    β = κ l, l = b − m a v²/((a+b) C_r), to it (eqs. (1), (2) at rest). On a curve the paper's
+    heading error θ̃ therefore settles at −β, and since the feedback then balances itself, e_lat at
+    k_θ β / k_e: 2 cm at 30 m/s on 500 m, but 3 m at walking pace on a radius of 8 m. Adding β to θ̃
+    removes that offset.
+
+    Where the path's curvature changes, the turn of the wheels shifts β as well, by l times the
+    change: to first order in the way driven, the wheels must follow the curvature l behind the
+    car. The actuator in turn answers late, by 2ζ/ω_n. So β is taken for the curvature l behind,
+    the feedforward for that point v times the delay further on. On straights and on arcs, steady,
+    nothing of this matters; the closed loop's poles are the paper's.
+    """
+
+    HOLD = 0.01
+    """Mean age of a command (s): half a control period at 50 Hz."""
+
+    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
+        """`parameters` are what the controller believes of its car."""
+        self._parameters = parameters
+        self._gains = gains
+        self._delay = self.HOLD + 2.0 * parameters.steering_damping / parameters.steering_frequency
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """Steer by eqs. (6) and (7) with θ̃ + β for θ̃, and curvatures from where they count."""
+        car, gains = self._parameters, self._gains
+        lag = car.steady_slip_per_curvature(speed)
+        bend = errors.curvature_ahead(speed * self._delay - lag)
+        feedforward = (car.wheelbase + car.steer_gradient * speed * speed) * bend
+        feedback = (
+            -gains.lateral * errors.lateral
+            - gains.heading * (errors.heading + lag * errors.curvature_ahead(-lag))
+            - gains.yaw_rate * errors.yaw_rate
+        )
+        return limited(feedforward, feedback, car.steering_limit)
+
+
+class Stanley:
+    """The law of the robot Stanley, to compare the paper's against.
+
+    G. M. Hoffmann, C. J. Tomlin, M. Montemerlo, S. Thrun, "Autonomous automobile trajectory
+    tracking for off-road driving", American Control Conference 2007; S. Thrun et al., "Stanley: the
+    robot that won the DARPA Grand Challenge", Journal of Field Robotics 23(9), 2006. It looks at
+    the front axle: wheels along the path there, plus the arctangent of its lateral error over
+    speed, plus yaw damping, plus the slip angle that the front tyres need on a steady curve. The
+    paper's gains are ignored.
+    """
+
+    CROSS_TRACK = 2.5
+    """Rate at which the front axle's lateral error decays (1/s)."""
+    SOFTENING = 1.0
+    """Keeps the arctangent gentle near standstill (m/s)."""
+    DAMPING = 0.06
+    """Share of the yaw-rate error taken back (s)."""
+
+    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
+        """`parameters` are what the controller believes of its car."""
+        self._parameters = parameters
+        car = parameters
+        self._slip = (
+            car.mass * car.rear_axle_distance / (car.wheelbase * car.front_cornering_stiffness)
+        )
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """Bring the front axle back to the path (Hoffmann et al., 2007).
+
+        The path at the front axle is taken from its curvature at the centre of gravity: it has
+        turned by κa and lies aside by κa²/2. The feedforward is all that stems from κ.
+        """
+        ahead, kappa = self._parameters.front_axle_distance, errors.curvature
+        front = errors.lateral + ahead * sin(errors.heading) - 0.5 * kappa * ahead * ahead
+        feedforward = (ahead + self._slip * speed * speed) * kappa
+        feedback = (
+            -errors.heading
+            - atan2(self.CROSS_TRACK * front, self.SOFTENING + abs(speed))
+            - self.DAMPING * errors.yaw_rate
+        )
+        return limited(feedforward, feedback, self._parameters.steering_limit)
+
+
+def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> LateralController:
+    """Build the controller class of a dotted name such as `vehicles.driver.steering.Stanley`.
+
+    An interface of our own: the paper has one law, Section III-C. Raises ValueError if there is no
+    such class, or if it cannot steer.
+    """
+    module_name, _, class_name = name.rpartition(".")
+    if not module_name or not class_name:
+        raise ValueError(f"controller {name!r}: give a dotted name, package.module.Class")
+    try:
+        factory = getattr(import_module(module_name), class_name)
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
+        raise ValueError(f"controller {name!r}: {error}") from error
+    if not callable(getattr(factory, "steer", None)):
+        raise ValueError(  # noqa: TRY004 - a wrong name in a scenario is a wrong value
+            f"controller {name!r}: not a class with a method steer(errors, speed)"
+        )
+    try:
+        controller: LateralController = factory(parameters, gains)
+    except TypeError as error:
+        raise ValueError(f"controller {name!r}: cannot be built: {error}") from error
+    return controller

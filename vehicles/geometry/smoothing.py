@@ -1,0 +1,244 @@
+"""From recorded points to a path that can be driven.
+
+Recorded points are noisy, unevenly spaced, and repeat where the car stood. They are merged to at
+most one per MERGE_DISTANCE and laid out along their chord length t; x(t) and y(t) are smoothed by
+local cubics every 0.25 m. Station, yaw and curvature are those of the circular arcs through the
+smoothed points, not the cubics' own derivatives: so the three agree with the positions, and a
+vehicle that steers by yaw and curvature is led along the points.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vehicles.geometry.geodesy import wrap_angle
+from vehicles.geometry.local_regression import local_cubic
+from vehicles.geometry.path import SAMPLING, FloatArray, Path
+
+MERGE_DISTANCE = 0.25
+"""Consecutive points within this distance (m) of the first of them count as one, their mean."""
+
+FEWEST_POINTS = 8
+"""A path is made of at least so many distinct points."""
+
+CLOSING_DISTANCE = 10.0
+"""A closed drive comes back to within this distance (m) of its first point."""
+
+SEAM_BLEND = 20.0
+"""Over this way (m) to either side of the seam a closed drive is bent together."""
+
+SLOWEST_PROGRESS = 0.5
+"""Where the smoothed curve advances by less than this per metre of points, they double back."""
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothedPath:
+    """A path and how far (m) it lies from the points it was made of, such as a run of Section V-D.
+
+    `stations` are those of the given points, in their order and up to `points_used`: of a closed
+    drive, points past its start belong to the next lap and are left out. `start` is the station of
+    the first point, which is the length of the lead-in, and `lap_length` that of one lap of a
+    closed path, of the whole record otherwise (m).
+    """
+
+    path: Path
+    deviation_rms: float
+    deviation_max: float
+    points_used: int
+    stations: FloatArray
+    start: float
+    lap_length: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Record:
+    """Distinct points at chord lengths t (m): `points` is x and y (m), shape (2, n).
+
+    The way they describe ends at t = `end` (m).
+    """
+
+    t: FloatArray
+    points: FloatArray
+    end: float
+
+
+def smooth_path(
+    east: ArrayLike,
+    north: ArrayLike,
+    half_width: float,
+    *,
+    closed: bool = False,
+    laps: int = 1,
+    lead_in: float = 0.0,
+) -> SmoothedPath:
+    """Make recorded points (m) into a path by local regression; see the module for the smoothing.
+
+    `half_width` (m) is the reach of the regression. As wide as the tightest radius it moves the
+    path inwards by 0.1 % of that; wider removes more noise: of white noise of s (m) in points d (m)
+    apart, s * 20 d^0.5 / half_width^2.5 is left in the curvature (1/m). A `closed` drive is driven
+    `laps` times, its ends bent together evenly
+    over SEAM_BLEND. `lead_in` (m) is a straight before the first point, along the path's direction
+    there, and smoothed with it so that the curvature has no step; only lap one has it. Raises
+    ValueError with one line if the points make no path.
+    """
+    given_x, given_y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
+    _check(given_x, given_y, half_width, laps, lead_in)
+    record, group = _merged(given_x, given_y)
+    if closed:
+        record = _closed(record, half_width)
+    used = int(np.searchsorted(group, record.t.size))
+    cells = math.ceil(record.end / SAMPLING)
+    grid = record.end * np.arange(cells * (laps if closed else 1) + 1) / cells
+    data = _unrolled(record, laps) if closed else record
+    begun = 0
+    if lead_in > 0.0:
+        data = _led_in(data, half_width, lead_in)
+        begun = math.ceil(lead_in / SAMPLING)
+        grid = np.concatenate((lead_in * np.arange(-begun, 0) / begun, grid))
+    path = _path(local_cubic(data.t, data.points, grid, half_width), grid)
+    stations = np.interp(record.t[group[:used]], grid, path.station)
+    feet = [
+        path.project(x, y, near)
+        for x, y, near in zip(
+            given_x[:used].tolist(), given_y[:used].tolist(), stations.tolist(), strict=True
+        )
+    ]
+    offsets = np.array([foot.lateral for foot in feet])
+    return SmoothedPath(
+        path=path,
+        deviation_rms=math.sqrt(float(np.mean(offsets * offsets))),
+        deviation_max=float(np.max(np.abs(offsets))),
+        points_used=used,
+        stations=stations,
+        start=float(path.station[begun]),
+        lap_length=float(path.station[begun + cells] - path.station[begun]),
+    )
+
+
+def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: float) -> None:
+    if x.ndim != 1 or x.shape != y.shape:
+        raise ValueError("a path needs as many east as north coordinates")
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise ValueError("a path needs finite coordinates")
+    if not 0.0 < half_width < math.inf:
+        raise ValueError(f"the half width of the smoothing must be positive, not {half_width} m")
+    if laps < 1:
+        raise ValueError(f"a path has at least one lap, not {laps}")
+    if not 0.0 <= lead_in < math.inf:
+        raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
+
+
+def _merged(x: FloatArray, y: FloatArray) -> tuple[_Record, NDArray[np.int64]]:
+    """Distinct points, and for every given point the number of the distinct one it went into."""
+    group: list[int] = []
+    at_x, at_y = math.inf, math.inf
+    for px, py in zip(x.tolist(), y.tolist(), strict=True):
+        fresh = not math.hypot(px - at_x, py - at_y) <= MERGE_DISTANCE
+        if fresh:
+            at_x, at_y = px, py
+        group.append((group[-1] if group else -1) + fresh)
+    members = np.array(group, dtype=np.int64)
+    count = np.bincount(members)
+    if count.size < FEWEST_POINTS:
+        raise ValueError(
+            f"a path needs at least {FEWEST_POINTS} points {MERGE_DISTANCE} m apart, "
+            f"there are {count.size}"
+        )
+    points = np.stack((np.bincount(members, x), np.bincount(members, y))) / count
+    steps = np.diff(points)
+    t = np.concatenate((np.zeros(1), np.cumsum(np.sqrt(np.sum(steps * steps, axis=0)))))
+    return _Record(t, points, float(t[-1])), members
+
+
+def _closed(record: _Record, half_width: float) -> _Record:
+    """Cut one lap out of a drive that comes back to its start.
+
+    The lap ends where the drive crosses the line through its first point, square to its direction
+    there; what is missed sideways is shared out over both ends.
+    """
+    t, points = record.t, record.points
+    _, (tx, ty) = _start(record, half_width)
+    dx, dy = points - points[:, :1]
+    along, aside = dx * tx + dy * ty, dy * tx - dx * ty
+    gap = np.sqrt(dx * dx + dy * dy)
+    near = gap <= CLOSING_DISTANCE
+    away = int(np.argmin(near))
+    crossing = near[1:] & near[:-1] & (along[:-1] < 0.0) & (along[1:] >= 0.0)
+    crossing &= np.diff(along) > 0.5 * np.diff(t)  # within 60 deg of the direction at the start
+    crossed = np.flatnonzero(crossing[away:])
+    if near.all() or not (crossed.size or near[-1]):
+        raise ValueError(f"the drive does not close: it ends {gap[-1]:.1f} m from its first point")
+    if not crossed.size:
+        return _Record(t, points, float(t[-1] + gap[-1]))
+    k = away + int(crossed[0])
+    share = along[k] / (along[k] - along[k + 1])
+    missed = float(aside[k] + share * (aside[k + 1] - aside[k]))
+    end = float(t[k] + share * (t[k + 1] - t[k]))
+    t, blend = t[: k + 1], min(SEAM_BLEND, 0.5 * end)
+    shift = 0.5 * missed * (_ramp(1.0 - t / blend) - _ramp(1.0 - (end - t) / blend))
+    return _Record(t, points[:, : k + 1] + np.stack((-ty * shift, tx * shift)), end)
+
+
+def _ramp(u: FloatArray) -> FloatArray:
+    """0 below 0, 1 above 1, smooth between."""
+    u = np.clip(u, 0.0, 1.0)
+    return u * u * (3.0 - 2.0 * u)
+
+
+def _unrolled(record: _Record, laps: int) -> _Record:
+    """Lay all laps of a closed record in a row, with one more before and after them."""
+    turns = range(-1, laps + 1)
+    t = np.concatenate([record.t + record.end * turn for turn in turns])
+    return _Record(t, np.tile(record.points, laps + 2), record.end * laps)
+
+
+def _led_in(record: _Record, half_width: float, length: float) -> _Record:
+    """Replace what is before t = 0 by points on the tangent there, about as dense as the record."""
+    origin, tangent = _start(record, half_width)
+    kept = record.t >= 0.0
+    t, points = record.t[kept], record.points[:, kept]
+    spacing = float(t[-1]) / (t.size - 1)
+    before = -spacing * np.arange(math.ceil((length + half_width) / spacing), 0, -1)
+    straight = np.stack([origin[k] + before * tangent[k] for k in range(2)])
+    return _Record(
+        np.concatenate((before, t)), np.concatenate((straight, points), axis=1), record.end
+    )
+
+
+_Pair = tuple[float, float]
+
+
+def _start(record: _Record, half_width: float) -> tuple[_Pair, _Pair]:
+    """Smoothed position (m) and direction (unit vector) at t = 0."""
+    places = np.array((0.0, SAMPLING, 2.0 * SAMPLING))
+    (x0, x1, x2), (y0, y1, y2) = local_cubic(record.t, record.points, places, half_width).tolist()
+    # One-sided difference of second order: there may be no points before t = 0.
+    dx, dy = 4.0 * x1 - x2 - 3.0 * x0, 4.0 * y1 - y2 - 3.0 * y0
+    norm = math.hypot(dx, dy)
+    return (x0, y0), (dx / norm, dy / norm)
+
+
+def _path(points: FloatArray, t: FloatArray) -> Path:
+    """Join smoothed points (2, m) at `t` (m,) by arcs: a path's station, yaw and curvature."""
+    x, y = points
+    steps = np.diff(points)
+    chords = np.sqrt(np.sum(steps * steps, axis=0))
+    slowest = int(np.argmin(chords / np.diff(t)))
+    if chords[slowest] < SLOWEST_PROGRESS * (t[slowest + 1] - t[slowest]):
+        raise ValueError(
+            f"the points double back near east {x[slowest]:.1f} m, north {y[slowest]:.1f} m"
+        )
+    course = [math.atan2(steps[1, 0], steps[0, 0])]
+    for dx, dy in zip(steps[0, 1:].tolist(), steps[1, 1:].tolist(), strict=True):
+        course.append(course[-1] + wrap_angle(math.atan2(dy, dx) - course[-1]))
+    # A chord's course is the yaw halfway along it: bends are differences, yaws are means of them.
+    turns = np.diff(course)
+    turns = np.concatenate((turns[:1], turns, turns[-1:]))
+    halves = 0.5 * (turns[1:] + turns[:-1])
+    ways = chords * (1.0 + halves * halves / 24.0)
+    station = np.concatenate((np.zeros(1), np.cumsum(ways)))
+    around = np.concatenate((ways[:1], 0.5 * (ways[1:] + ways[:-1]), ways[-1:]))
+    yaw = np.concatenate(([course[0] - 0.5 * turns[0]], course + 0.5 * turns[1:]))
+    return Path(station, x, y, yaw, turns / around)

@@ -1,0 +1,197 @@
+"""Which curve explains a set of samples: line, arc, line→arc or arc→line, as an arc spline.
+
+The paper tells line from arc by the longest prefix within 10 cm of its chord. A 15 m chord of a
+300 m arc passes that test, so the choice is made here on all samples at once: each unknown more
+has to pay for itself in squared residuals, measured against the noise.
+"""
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, inf, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.geometry.arc_spline import STRAIGHT, ArcSpline, Piece
+from vehicles.preview.fit_arc import (
+    ONE,
+    Centred,
+    Samples,
+    Shape,
+    X,
+    Y,
+    best_arc,
+    best_line,
+    centred,
+    drift,
+    offsets,
+    summed,
+)
+from vehicles.preview.fit_joined import Joined, best_joined, refined
+
+Floats = NDArray[np.float64]
+STRAYING = 0.5
+"""Drift from an arc, in units of noise times the root of the number of samples, below which no join
+needs to be looked for. Two in three lines and arcs stay below; of a thousand curves with a join
+that would be found one does."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitSettings:
+    """Constants of the fit (s, m): those of Section III-A where named, else our own.
+
+    Samples count up to `preview_time` times the speed ahead, at least `preview_min` (the paper's
+    0.8 s), and `behind_time` times the speed behind, at least `behind_min`. `tolerance` is the
+    paper's 10 cm: a sample further off is a jump, or is not explained. `position_noise` is what a
+    sample is assumed to be off by (RTK, 2 cm); residuals that say less are believed, down to
+    `noise_floor`. An arc instead of a line must lower the sum of squared residuals by `evidence`
+    times the noise squared, a join by another `join_evidence`. Up to `joins` places are tried for
+    a join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
+    refined in up to `passes`. `span_min` is the least travel that has a direction.
+    """
+
+    preview_time: float = 0.8
+    preview_min: float = 4.0
+    behind_time: float = 0.35
+    behind_min: float = 2.5
+    tolerance: float = 0.10
+    position_noise: float = 0.02
+    noise_floor: float = 2e-4
+    evidence: float = 6.0
+    join_evidence: float = 16.0
+    joins: int = 12
+    piece_min: float = 2.0
+    piece_ratio: float = 0.15
+    passes: int = 3
+    span_min: float = 1.0
+
+    def ahead(self, speed: float) -> float:
+        """Preview distance L_preview (m) at `speed` (m/s), Section III-A; the floor is our own."""
+        return max(self.preview_min, self.preview_time * speed)
+
+    def behind(self, speed: float) -> float:
+        """How far behind the ego samples count (m) at `speed` (m/s); in Section III-A none do."""
+        return max(self.behind_min, self.behind_time * speed)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """An arc spline in the world (Section III-A), the samples' distances from it, their rms (m)."""
+
+    spline: ArcSpline
+    offsets: Floats
+    rms: float
+
+
+def fit_curve(
+    east: Floats, north: Floats, station: Floats, weight: Floats, settings: FitSettings
+) -> Curve | None:
+    """Fit samples in order of `station` (m), world coordinates (m), any positive weights.
+
+    The target trajectory of Section III-A, its shape chosen as the module says. None where the
+    samples do not determine a curve: fewer than three distinct ones, or travel shorter than
+    `span_min`.
+    """
+    count = len(station)
+    if count < 3 or not station.item(-1) - station.item(0) >= settings.span_min:
+        return None
+    early, middle, late = count // 4, count // 2, (3 * count) // 4
+    origin_east, origin_north = east.item(middle), north.item(middle)
+    ux, uy = east.item(late) - east.item(early), north.item(late) - north.item(early)
+    chord = hypot(ux, uy)
+    if not 0.0 < chord < inf:
+        return None
+    ux, uy = ux / chord, uy / chord
+    dx, dy = east - origin_east, north - origin_north
+    samples = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
+    choice = _chosen(samples, settings)
+    if choice is None:
+        return None
+    shape, rest = choice
+    rms = sqrt(shape.misfit / samples.sums.item(ONE, ONE, -1))
+    return Curve(_spline(shape, samples, (origin_east, origin_north, ux, uy)), rest, rms)
+
+
+def _chosen(samples: Samples, settings: FitSettings) -> tuple[Shape, Floats] | None:
+    """Choose the shape of the fewest unknowns that explains the samples; their distances (m)."""
+    through = centred(samples)
+    arc = None if through is None else best_arc(samples, through)
+    if through is None or arc is None:
+        return None
+    line, count = best_line(through), through.weight
+    joined = None
+    if drift(arc, samples) > STRAYING * sqrt(_noise(arc, count, settings) * count):
+        joined = _joined(samples, through, settings)
+    best = joined.shape if joined is not None and joined.shape.misfit < arc.misfit else arc
+    noise = _noise(best, count, settings)
+    shape, score = line, line.misfit
+    if arc.misfit + settings.evidence * noise < score:
+        shape, score = arc, arc.misfit + settings.evidence * noise
+    price = (settings.evidence + settings.join_evidence) * noise
+    if joined is not None and joined.shape.misfit + price < score:
+        return _improved(joined, samples, settings)
+    return shape, offsets(shape, samples)
+
+
+def _noise(shape: Shape, count: float, settings: FitSettings) -> float:
+    """Variance of the samples' distances (m²), if the shape is right; as assumed, or less."""
+    assumed, spare = settings.position_noise**2, count - shape.freedom
+    if spare < 1.0:
+        return assumed
+    return min(max(shape.misfit / spare, settings.noise_floor**2), assumed)
+
+
+def _join_range(samples: Samples, settings: FitSettings) -> tuple[float, float]:
+    """Stations (m) between which a join may lie."""
+    first, last = samples.station.item(0), samples.station.item(-1)
+    margin = max(settings.piece_min, settings.piece_ratio * (last - first))
+    return first + margin, last - margin
+
+
+def _joined(samples: Samples, line: Centred, settings: FitSettings) -> Joined | None:
+    """Try joins at samples, at least three samples away from both ends."""
+    first, last = _join_range(samples, settings)
+    low = max(int(samples.station.searchsorted(first)), 2)
+    high = min(int(samples.station.searchsorted(last, "right")), len(samples.station) - 3)
+    if high - low < 2:
+        return None
+    stride = -(-(high - low) // settings.joins)
+    return best_joined(samples, line, slice(low, high, stride))
+
+
+def _improved(joined: Joined, samples: Samples, settings: FitSettings) -> tuple[Shape, Floats]:
+    """Refine a joined shape, unless that makes it worse; with the samples' distances (m)."""
+    shape = refined(joined, samples, settings.passes, _join_range(samples, settings))
+    rest = offsets(shape, samples)
+    misfit = float(np.add.reduce(samples.weight * rest * rest))
+    if misfit > joined.shape.misfit + settings.noise_floor**2:
+        return joined.shape, offsets(joined.shape, samples)
+    return Shape(*shape[:5], misfit, shape.freedom), rest
+
+
+def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, float]) -> ArcSpline:
+    """Place the shape in the world, from the first sample's projection to the last one's."""
+    origin_east, origin_north, ux, uy = frame
+    east = origin_east + shape.x * ux - shape.y * uy
+    north = origin_north + shape.x * uy + shape.y * ux
+    yaw = atan2(uy, ux) + shape.angle
+    start = _station(shape, shape.before, samples.rows.item(X, 0), samples.rows.item(Y, 0))
+    end = _station(shape, shape.after, samples.rows.item(X, -1), samples.rows.item(Y, -1))
+    begin = Piece(east, north, yaw, shape.before, 0.0).at(start)
+    if shape.before == shape.after:
+        return ArcSpline((Piece(begin.east, begin.north, begin.yaw, shape.after, end - start),))
+    return ArcSpline(
+        (
+            Piece(begin.east, begin.north, begin.yaw, shape.before, -start),
+            Piece(east, north, yaw, shape.after, end),
+        )
+    )
+
+
+def _station(shape: Shape, curvature: float, x: float, y: float) -> float:
+    """Arc length (m) from the shape's join to the projection of (x, y) on its piece."""
+    ux, uy = cos(shape.angle), sin(shape.angle)
+    dx, dy = x - shape.x, y - shape.y
+    xi = dx * ux + dy * uy
+    if abs(curvature) < STRAIGHT:
+        return xi
+    return atan2(curvature * xi, 1.0 - curvature * (dy * ux - dx * uy)) / curvature

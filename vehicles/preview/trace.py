@@ -1,0 +1,245 @@
+"""What was heard of one source: its samples in their order of travel, and how far the ego is.
+
+The ego's place on the trace is a station (arc length) that moves only locally from one call to the
+next. Whatever lies close by in the plane but far along the trace (the other leg of a hairpin, the
+crossing of a figure of eight, an earlier or later lap) is therefore never looked at.
+"""
+
+from bisect import bisect_left, bisect_right
+from math import atan2, ceil, cos, hypot, inf, isfinite, sin
+
+import numpy as np
+
+from vehicles.preview.polyline import Polyline, step
+from vehicles.preview.samples import Sample, TraceSettings, Window, plausible
+
+__all__ = ["Sample", "Trace", "TraceSettings", "Window"]
+
+BRIDGE_AT = -1
+"""Instant of bridge points: before any sample."""
+FORGET_CHUNK = 64
+"""Samples behind the ego are forgotten so many at a time."""
+
+
+class Trace:
+    """The samples of one source, received and stored as in Section III-A.
+
+    `newest` is the newest sample taken as true. Counted are `repeated` samples (that do not lead
+    on: a stopped source, a message that came twice), `rejected` ones (jumps, not finite), `late`
+    ones (out of order, kept or not) and `restarts` at a new place.
+    """
+
+    def __init__(self, settings: TraceSettings | None = None) -> None:
+        """Start empty."""
+        self.settings = settings or TraceSettings()
+        self.newest: Sample | None = None
+        self.repeated = 0
+        self.rejected = 0
+        self.late = 0
+        self.restarts = 0
+        self._suspects: list[Sample] = []
+        self._line = Polyline()
+        self._first_yaw = 0.0
+        self._forgotten_at = BRIDGE_AT
+        self._bridged_from: tuple[float, float] | None = None
+        self._here: float | None = None
+        self._located: tuple[float, float] | None = None
+        self._changed = False
+
+    def __len__(self) -> int:
+        """Points held, bridge included."""
+        return len(self._line)
+
+    @property
+    def newest_at(self) -> int | None:
+        """Time stamp (ns; Section III-B) of the newest sample taken as true; None without any."""
+        return None if self.newest is None else self.newest.measured_at
+
+    def add(self, measured_at: int, east: float, north: float, yaw: float, speed: float) -> None:
+        """Take one fix of the source (ns, m, m, rad, m/s) to its place in the order of travel.
+
+        Section III-A stores what is received; what is refused here is our own rule.
+        """
+        sample = Sample(measured_at, east, north, yaw, speed)
+        if not isfinite(east + north + yaw + speed):
+            self.rejected += 1
+        elif self.newest is None:
+            self._start(sample)
+        elif measured_at <= self.newest.measured_at:
+            self.late += 1
+            self._insert(sample)
+        elif not plausible(self.newest, sample, self.settings):
+            self.rejected += 1
+            self._suspect(sample)
+        else:
+            self._suspects.clear()
+            self.newest = sample
+            on = step(self._line.point(-1), sample[:4])
+            if on < self.settings.spacing:
+                self.repeated += 1
+            else:
+                self._line.append(sample[:4], on)
+                self._changed = True
+                if len(self._line) > self.settings.capacity:
+                    self._forget()
+
+    def _start(self, sample: Sample) -> None:
+        """Begin at `sample`; what was held before goes."""
+        self.newest = sample
+        self._line = Polyline()
+        self._line.append(sample[:4], 0.0)
+        self._first_yaw = sample.yaw
+        self._forgotten_at = BRIDGE_AT
+        self._bridged_from = None
+        self._here = None
+
+    def _suspect(self, sample: Sample) -> None:
+        """Set a jump aside; several that agree with one another are where the source now is."""
+        if self._suspects and not plausible(self._suspects[-1], sample, self.settings):
+            self._suspects.clear()
+        self._suspects.append(sample)
+        if len(self._suspects) < self.settings.restart_after:
+            return
+        agreed, self._suspects = sorted(self._suspects), []
+        self.restarts += 1
+        self.rejected -= len(agreed)
+        self._start(agreed[0])
+        for one in agreed[1:]:
+            self.add(*one)
+
+    def _insert(self, sample: Sample) -> None:
+        """Put a late sample at its place, if that place is still held and it fits there."""
+        line = self._line
+        if sample.measured_at <= self._forgotten_at:
+            return
+        place = bisect_left(line.at, sample.measured_at)
+        steps = [0.0, 0.0]
+        for side, k in enumerate((place - 1, place)):
+            if not 0 <= k < len(line) or line.at[k] == BRIDGE_AT:
+                continue
+            beside = Sample(*line.point(k), sample.speed)
+            if not plausible(beside, sample, self.settings):
+                self.rejected += 1
+                return
+            pair = (sample[:4], line.point(k)) if side else (line.point(k), sample[:4])
+            steps[side] = step(*pair)
+            if steps[side] < self.settings.spacing:
+                self.repeated += 1
+                return
+        self._changed = True
+        if place == 0 or line.at[place - 1] == BRIDGE_AT:
+            self._begin_earlier(sample, place)
+            return
+        before = line.station[place - 1]
+        shift = line.insert(place, sample[:4], *steps)
+        if self._here is not None and self._here > before:
+            self._here += shift
+
+    def _begin_earlier(self, sample: Sample, place: int) -> None:
+        """Let the trace begin with a late sample older than the first received one."""
+        start, self._bridged_from = self._bridged_from, None
+        self._line.drop(place)
+        self._line.prepend([sample[:4]])
+        self._first_yaw = sample.yaw
+        self._here = None
+        if start is not None:
+            self.bridge(*start)
+
+    @property
+    def joined(self) -> bool:
+        """Whether there is nothing more to bridge: it was done, or the ego is long on the trace.
+
+        As with `bridge`, the paper is silent.
+        """
+        return self._bridged_from is not None or self._forgotten_at != BRIDGE_AT
+
+    def bridge(self, east: float, north: float) -> None:
+        """Join the ego's place to the first sample by a straight line, if that lies ahead of it.
+
+        A convoy forms up on a straight lead-in, and what a source drove before it was first heard
+        is unknown (the paper is silent): points on the straight line let the fit interpolate, where
+        a few noisy samples 15 to 60 m ahead would be extrapolated backwards. Does nothing once a
+        bridge is laid, once samples behind the ego were forgotten, or before a sample is held.
+        """
+        line = self._line
+        if not line.at or self.joined:
+            return
+        ahead_east, ahead_north = line.east[0] - east, line.north[0] - north
+        along = ahead_east * cos(self._first_yaw) + ahead_north * sin(self._first_yaw)
+        length = hypot(ahead_east, ahead_north)
+        if along <= self.settings.bridge_spacing or length > self.settings.bridge_length:
+            return
+        count = ceil(length / self.settings.bridge_spacing)
+        shares = [k / count for k in range(count)]
+        yaw = atan2(ahead_north, ahead_east)
+        line.prepend(
+            [
+                (BRIDGE_AT, east + share * ahead_east, north + share * ahead_north, yaw)
+                for share in shares
+            ]
+        )
+        self._bridged_from = (east, north)
+        self._here = None
+
+    def window(self, east: float, north: float, behind: float, ahead: float) -> Window:
+        """Cut out the samples from `behind` to `ahead` (m of travel) of the ego at (east, north).
+
+        The preview data of Section III-A, which sorts by distance and keeps none behind.
+
+        Thinned to every second, fourth, … sample until at most `window_samples` are left. The same
+        ones are left out while the ego moves, so that thinning does not shake the fit.
+        """
+        here = self._locate(east, north)
+        line = self._line
+        first = bisect_left(line.station, here - behind)
+        last = bisect_right(line.station, here + ahead)
+        stride = 1 << (max(last - first - 1, 0) // self.settings.window_samples).bit_length()
+        first += -(first + line.dropped) % stride
+        chosen = slice(first, last, stride)
+        return Window(
+            np.array(line.east[chosen], dtype=np.float64),
+            np.array(line.north[chosen], dtype=np.float64),
+            np.array(line.station[chosen], dtype=np.float64) - here,
+        )
+
+    def gap(self, east: float, north: float) -> float | None:
+        """Arc length (m) from the ego at (east, north) to the source's newest place.
+
+        For keeping gaps, on which the paper is silent.
+
+        None before anything was heard. How far the source went since is for the caller to add.
+        """
+        if self.newest is None:
+            return None
+        here = self._locate(east, north)
+        beyond_east = self.newest.east - self._line.east[-1]
+        beyond_north = self.newest.north - self._line.north[-1]
+        beyond = beyond_east * cos(self.newest.yaw) + beyond_north * sin(self.newest.yaw)
+        return self._line.station[-1] + beyond - here
+
+    def _locate(self, east: float, north: float) -> float:
+        """Move the ego's station to the nearest place within reach of where it was."""
+        line, place = self._line, (east, north)
+        if self._here is not None and place == self._located and not self._changed:
+            return self._here
+        before, self._located, self._changed = self._located, place, False
+        if len(line) < 2:
+            first = place if not line.at else (line.east[0], line.north[0])
+            off_east, off_north = east - first[0], north - first[1]
+            return off_east * cos(self._first_yaw) + off_north * sin(self._first_yaw)
+        low, high = -inf, inf
+        if self._here is not None and before is not None:
+            moved = hypot(east - before[0], north - before[1])
+            reach = self.settings.margin + self.settings.reach_ratio * moved
+            low = self._here - self.settings.back
+            high = self._here + min(reach, self.settings.reach)
+        self._here = line.nearest(east, north, low, high)
+        stale = self._here - self.settings.memory
+        if len(line) > 2 * FORGET_CHUNK and line.station[FORGET_CHUNK] < stale:
+            self._forget()
+        return self._here
+
+    def _forget(self) -> None:
+        """Let the oldest points go."""
+        self._forgotten_at = max(self._forgotten_at, self._line.at[FORGET_CHUNK - 1])
+        self._line.drop(FORGET_CHUNK)

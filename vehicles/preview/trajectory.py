@@ -1,0 +1,177 @@
+"""The composite trajectory: one arc spline through what was heard of lead and predecessor.
+
+Paper, Section "Target Trajectory Construction". Where its recipe fails, this departs from it:
+tangent and curvature come from the fit (a lead and a predecessor sample can lie side by side, and
+the line through them points anywhere), the pieces are chosen on all samples at once (`arc_fit`),
+and samples just behind the ego are kept, so that its own place is not extrapolated.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.geometry.arc_spline import ArcSpline, Foot, PathPose, Piece
+from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
+from vehicles.preview.outliers import without_jumps
+from vehicles.preview.trace import Window
+
+__all__ = [
+    "ArcSpline",
+    "Fit",
+    "FitSettings",
+    "Foot",
+    "Fusion",
+    "PathPose",
+    "Piece",
+    "fit_composite",
+    "fuse",
+]
+
+Floats = NDArray[np.float64]
+Fusion = Literal["composite", "predecessor", "blend"]
+LEAD, PREDECESSOR = 0, 1
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A trajectory, the samples it was fitted to (world, m; in order of station) and how well.
+
+    The composite ELC trajectory of Section III-A and its preview data.
+
+    `source` is 0 for lead, 1 for predecessor; `station` (m) is relative to the ego's projection;
+    residuals (m) are those of the samples used, `outliers` the number left out as jumps.
+    """
+
+    spline: ArcSpline
+    east: Floats
+    north: Floats
+    station: Floats
+    source: NDArray[np.int8]
+    residual_rms: float
+    residual_max: float
+    outliers: int
+
+
+class _Merged(NamedTuple):
+    east: Floats
+    north: Floats
+    station: Floats
+    weight: Floats
+    source: NDArray[np.int8]
+
+    def where(self, chosen: NDArray[np.bool_]) -> "_Merged":
+        """Only the samples where `chosen` is True."""
+        return _Merged(
+            self.east[chosen],
+            self.north[chosen],
+            self.station[chosen],
+            self.weight[chosen],
+            self.source[chosen],
+        )
+
+
+def fit_composite(
+    lead: Window | None,
+    predecessor: Window | None,
+    *,
+    alpha: float,
+    settings: FitSettings,
+) -> Fit | None:
+    """Line, arc, line→arc or arc→line of the fewest pieces that explains the samples.
+
+    Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (J of eq. (5),
+    with e the distance from the curve); a source alone gets all the weight. A sample that has
+    jumped out of the tolerance is left out, once. None if the samples support no trajectory.
+    """
+    merged = _merge(lead, predecessor, alpha)
+    curve = None if merged is None else _curve(merged, settings)
+    if merged is None or curve is None:
+        return None
+    largest = float(np.maximum.reduce(np.abs(curve.offsets)))
+    outliers = 0
+    if largest > settings.tolerance:
+        keep = without_jumps(*merged[:3], curve.offsets, settings.tolerance)
+        kept = None if keep is None else merged.where(keep)
+        again = None if kept is None else _curve(kept, settings)
+        if kept is not None and again is not None:
+            outliers = len(merged.station) - len(kept.station)
+            merged, curve = kept, again
+            largest = float(np.maximum.reduce(np.abs(curve.offsets)))
+    return Fit(
+        curve.spline,
+        merged.east,
+        merged.north,
+        merged.station,
+        merged.source,
+        curve.rms,
+        largest,
+        outliers,
+    )
+
+
+def fuse(
+    fusion: Fusion,
+    lead: Window | None,
+    predecessor: Window | None,
+    *,
+    alpha: float,
+    settings: FitSettings,
+) -> tuple[tuple[float, Fit], ...]:
+    """Trajectories to steer along, each with its share of the command; empty if there is none.
+
+    `composite` is one trajectory through both sources (Section III-A), `predecessor` one without
+    lead data (Section V-D.1), `blend` one trajectory per source, whose commands are to be blended
+    (not in the paper). `alpha` in [0, 1] is the predecessor's weight of eq. (5); a source alone
+    gets all of it.
+    """
+    if fusion != "blend":
+        heard = lead if fusion == "composite" else None
+        fit = fit_composite(heard, predecessor, alpha=alpha, settings=settings)
+        return () if fit is None else ((1.0, fit),)
+    of_lead = fit_composite(lead, None, alpha=alpha, settings=settings)
+    of_predecessor = fit_composite(None, predecessor, alpha=alpha, settings=settings)
+    if of_lead is None or of_predecessor is None:
+        return tuple((1.0, fit) for fit in (of_lead, of_predecessor) if fit is not None)
+    shares = ((1.0 - alpha, of_lead), (alpha, of_predecessor))
+    return tuple((share, fit) for share, fit in shares if share > 0.0)
+
+
+def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Merged | None:
+    """Put the samples of both sources in order of station, with weights; None without any.
+
+    Weights are scaled to add up to the number of equally weighted samples that say as much.
+    """
+    leads = 0 if lead is None else len(lead.station)
+    predecessors = 0 if predecessor is None else len(predecessor.station)
+    if lead is None or not leads or (alpha >= 1.0 and predecessors):
+        return None if predecessor is None else _alone(predecessor, PREDECESSOR)
+    if predecessor is None or not predecessors or alpha <= 0.0:
+        return _alone(lead, LEAD)
+    total = (1.0 - alpha) * leads + alpha * predecessors
+    scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
+    weight = np.empty(leads + predecessors)
+    weight[:leads], weight[leads:] = scale * (1.0 - alpha), scale * alpha
+    source = np.empty(leads + predecessors, dtype=np.int8)
+    source[:leads], source[leads:] = LEAD, PREDECESSOR
+    station = np.concatenate((lead.station, predecessor.station))
+    east = np.concatenate((lead.east, predecessor.east))
+    north = np.concatenate((lead.north, predecessor.north))
+    order = station.argsort(kind="stable")
+    return _Merged(east[order], north[order], station[order], weight[order], source[order])
+
+
+def _alone(window: Window, source: int) -> _Merged:
+    count = len(window.station)
+    return _Merged(
+        window.east,
+        window.north,
+        window.station,
+        np.ones(count),
+        np.full(count, source, dtype=np.int8),
+    )
+
+
+def _curve(merged: _Merged, settings: FitSettings) -> Curve | None:
+    return fit_curve(merged.east, merged.north, merged.station, merged.weight, settings)

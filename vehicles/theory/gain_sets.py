@@ -1,0 +1,250 @@
+"""Which feedback gains stabilise the car: the set, its boundary, its extent.
+
+D-decomposition (paper, Section III-F): a root leaves the left half-plane only where Delta(0, K) = 0
+or Delta(j w, K) = 0. The first is the plane k_e = 0. The second is linear in the gains: for each
+frequency a straight line in the space of (k_e, k_theta, k_omega), and these lines sweep the other
+surface. A6 does not depend on the gains, so there is no third boundary (a root at infinity).
+
+Gains are arrays (..., 3) of (k_e in rad/m, k_theta, k_omega in s), or `Gains`. Whole sets belong
+to a list of cars (loadings) and speeds (m/s): gains are members if they stabilise all of them.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.car.parameters import Gains, VehicleParameters
+from vehicles.theory.linear_model import affine_coefficients
+from vehicles.theory.polynomials import is_hurwitz, spectral_abscissa
+
+Array = NDArray[np.float64]
+
+MILE_PER_HOUR = 0.44704
+"""m/s."""
+
+PAPER_SPEEDS = tuple(mph * MILE_PER_HOUR for mph in (10, 20, 30, 40, 50, 60, 67))
+"""The speeds (m/s) of Section V-A. The last is 29.95 m/s; the paper rounds it to 30."""
+
+
+def _coefficients(parameters: VehicleParameters, speed: float, gains: Array) -> Array:
+    """A6...A0 for gains (..., 3); shape (..., 7)."""
+    constant, slopes = affine_coefficients(parameters, speed)
+    return np.asarray(constant + (gains[..., None, :] * slopes).sum(axis=-1))
+
+
+def is_stabilising(parameters: VehicleParameters, speed: float, gains: Array) -> NDArray[np.bool_]:
+    """Membership in the stabilising set at one speed, by Routh-Hurwitz; (..., 3) to (...).
+
+    Paper, Section III-F. Agrees with the roots themselves wherever the spectral abscissa is further
+    than 1e-9 of the steering frequency from zero.
+    """
+    return is_hurwitz(_coefficients(parameters, speed, np.asarray(gains, dtype=np.float64)))
+
+
+def stabilises_all(
+    cars: Sequence[VehicleParameters], speeds: Sequence[float], gains: Array
+) -> NDArray[np.bool_]:
+    """Membership in the intersection over cars and speeds (paper, Sections III-F and V-A)."""
+    gains = np.asarray(gains, dtype=np.float64)
+    flat = gains.reshape(-1, 3)
+    left = np.arange(len(flat))  # those that stabilise every case so far
+    for car, speed in product(cars, speeds):
+        left = left[is_stabilising(car, speed, flat[left])]
+    inside = np.zeros(len(flat), dtype=np.bool_)
+    inside[left] = True
+    return inside.reshape(gains.shape[:-1])
+
+
+def abscissa(parameters: VehicleParameters, gains: Gains, speeds: Sequence[float]) -> Array:
+    """Largest real part (1/s) of the closed-loop roots at each speed (paper, eq. (8))."""
+    rows = [_coefficients(parameters, speed, np.array(gains)) for speed in speeds]
+    return spectral_abscissa(np.array(rows))
+
+
+def singular_frequency(parameters: VehicleParameters) -> float | None:
+    """Frequency (rad/s) at which the boundary in a (k_e, k_theta) plane runs to infinity, if any.
+
+    Not in the paper: the determinant of the two equations of `boundary_curve` is proportional to
+    C_r (a + b) + (m a b - I_z) w², whatever the speed; it vanishes if I_z > m a b. The paper's car
+    has I_z just below m a b (they differ by 0.01 %); most loaded ones lie above.
+    """
+    excess = (
+        parameters.yaw_inertia
+        - parameters.mass * parameters.front_axle_distance * parameters.rear_axle_distance
+    )
+    if excess <= 0.0:
+        return None
+    return float(np.sqrt(parameters.rear_cornering_stiffness * parameters.wheelbase / excess))
+
+
+def crossing_equations(parameters: VehicleParameters, speed: float) -> tuple[Array, Array]:
+    """Delta(j w, K) = 0 as two equations in x = (w / w_n)², linear in (1, k_e, k_theta, k_omega).
+
+    Condition (b) of the D-decomposition in Section III-F.
+    Coefficients in descending powers of x: real part (4, 4), imaginary part over w (3, 4); columns
+    are the constant and the three gains. Each equation is scaled to a largest constant of one.
+    """
+    constant, slopes = affine_coefficients(parameters, speed)
+    frequency_powers = parameters.steering_frequency ** np.arange(6.0, -1.0, -1.0)
+    columns = np.column_stack([constant, slopes]) * frequency_powers[:, None]
+    real = columns[0::2] * np.array([-1.0, 1.0, -1.0, 1.0])[:, None]
+    imaginary = columns[1::2] * np.array([1.0, -1.0, 1.0])[:, None]
+    return real / np.abs(real[:, 0]).max(), imaginary / np.abs(imaginary[:, 0]).max()
+
+
+def boundary_curve(
+    parameters: VehicleParameters, speed: float, yaw_rate_gain: float, frequencies: Array
+) -> Array:
+    """Gains (k_e, k_theta) with a root at j w for each frequency (rad/s) > 0; shape (n, 2).
+
+    Paper, Section III-F: Delta(j w, K) = 0 at fixed k_omega, two linear equations solved in closed
+    form. Rows are NaN at the singular frequency, where they contradict each other. The line
+    k_e = 0 completes the boundary.
+    """
+    real, imaginary = crossing_equations(parameters, speed)
+    x = (np.asarray(frequencies) / parameters.steering_frequency) ** 2
+    p, q = _rows(real, x), _rows(imaginary, x)
+    determinant = p[1] * q[2] - p[2] * q[1]
+    scale = np.abs(p[1] * q[2]) + np.abs(p[2] * q[1])
+    determinant = np.where(np.abs(determinant) > 1e-12 * scale, determinant, np.nan)
+    right_p, right_q = -p[0] - p[3] * yaw_rate_gain, -q[0] - q[3] * yaw_rate_gain
+    lateral = (right_p * q[2] - p[2] * right_q) / determinant
+    heading = (p[1] * right_q - right_p * q[1]) / determinant
+    return np.column_stack([lateral, heading])
+
+
+def _rows(equation: Array, x: Array) -> Array:
+    """Evaluate the four columns of an equation at each x; shape (4, n)."""
+    return np.array([np.polyval(equation[:, column], x) for column in range(4)])
+
+
+def gain_box(
+    cars: Sequence[VehicleParameters], speeds: Sequence[float], points: int = 24
+) -> tuple[tuple[float, float], ...]:
+    """Rough bounds of k_e, k_theta and k_omega around the intersection over cars and speeds.
+
+    The set of Section V-A, by a search of our own.
+
+    Searched on grids that grow while members lie on their outer faces and shrink onto the members
+    otherwise, so exact to a cell (about 1/20 of the extent) and widened by one; tips thinner than
+    a cell stick out (`gain_extremes` follows them). The grid is skew, along b k_e + k_theta,
+    because A1 > 0 makes the set at low speed a thin wedge along that plane.
+    Raises ValueError if no member is found or the set has no bounds within reach.
+    """
+    skew = min(car.rear_axle_distance for car in cars)
+    low, high = np.array([0.0, 0.0, -0.5]), np.array([0.5, 2.0, 0.5])
+    for attempt in range(48):
+        axes = [np.linspace(low[k], high[k], points) for k in range(3)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        grid[..., 1] -= skew * grid[..., 0]
+        inside = stabilises_all(cars, speeds, grid)
+        if not inside.any():
+            break
+        found = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {k}))) for k in range(3)]
+        first, last = np.array([i[0] for i in found]), np.array([i[-1] for i in found])
+        cell = (high - low) / (points - 1)
+        short, long = (first == 0) & (low != 0.0), last == points - 1
+        if not (short.any() or long.any()) and (last - first >= points - 6)[[0, 2]].all():
+            corners = grid[inside]
+            margin = cell + np.array([0.0, skew * cell[0], 0.0])
+            bounds = (corners.min(axis=0) - margin, corners.max(axis=0) + margin)
+            return tuple(zip(*(bound.tolist() for bound in bounds), strict=True))
+        start = low
+        step = 0.5 * (high - low) if attempt < 8 else 4.0 * cell
+        shrunk = np.where(low == 0.0, 0.0, low + np.maximum(first - 2, 0) * cell)
+        low = np.where(short, low - step, shrunk)
+        high = np.where(long, high + step, start + np.minimum(last + 2, points - 1) * cell)
+    raise ValueError("no stabilising gains found, or no bounds to them")
+
+
+SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))
+"""Directions in which `gain_extremes` looks, in units of its reach."""
+
+
+def gain_extremes(
+    cars: Sequence[VehicleParameters], speeds: Sequence[float]
+) -> tuple[tuple[Gains, Gains], ...]:
+    """Members of the intersection with the least and the greatest k_e, k_theta and k_omega.
+
+    Extent of the stabilising set of Section V-A, of which Fig. 6 is a picture at one speed. The set
+    runs out into tips thinner than a cell of any grid, so from the outermost members of `gain_box`
+    on better ones are looked for around the best so far, near and far at once, until none is found
+    within 1e-5 of the box. All six are members: the set reaches so far at least, and about no
+    further (to 1 or 2 % of its extent). Raises ValueError as `gain_box` does.
+    """
+    low, high = np.array(gain_box(cars, speeds)).T
+    axes = [np.linspace(low[k], high[k], 24) for k in range(3)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = grid[stabilises_all(cars, speeds, grid)]
+    if not len(found):
+        raise ValueError("the stabilising gains are too thin a set for its extent to be found")
+    pairs = []
+    for axis in range(3):
+        least, most = found[found[:, axis].argmin()], found[found[:, axis].argmax()]
+        climbed = [
+            _climbed(cars, speeds, end, side * np.eye(3)[axis], high - low)
+            for end, side in ((least, -1.0), (most, 1.0))
+        ]
+        pairs.append((Gains(*climbed[0].tolist()), Gains(*climbed[1].tolist())))
+    return tuple(pairs)
+
+
+def _climbed(
+    cars: Sequence[VehicleParameters],
+    speeds: Sequence[float],
+    start: Array,
+    way: Array,
+    extent: Array,
+) -> Array:
+    """Move from a member to others that lie further along a `way`; shapes (3,)."""
+    best, reach = start, 0.1
+    while reach > 1e-5:
+        steps = np.concatenate([reach * 0.3**k * SPREAD for k in range(6)]) * extent
+        ahead = best + steps[(steps * way).sum(axis=1) > 0.0]
+        inside = ahead[stabilises_all(cars, speeds, ahead)]
+        if len(inside):
+            best = inside[int(np.argmax((inside * way).sum(axis=1)))]
+        else:
+            reach *= 0.6
+    return best
+
+
+def members(
+    cars: Sequence[VehicleParameters],
+    speeds: Sequence[float],
+    lateral: Array,
+    heading: Array,
+    yaw_rate: Array,
+) -> NDArray[np.bool_]:
+    """Membership (Section V-A) on the grid of three axes, indexed [k_e, k_theta, k_omega]."""
+    grid = np.stack(np.meshgrid(lateral, heading, yaw_rate, indexing="ij"), axis=-1)
+    return stabilises_all(cars, speeds, grid)
+
+
+def non_convex_pair(
+    cars: Sequence[VehicleParameters], speeds: Sequence[float], points: int = 10
+) -> tuple[Gains, Gains] | None:
+    """Two stabilising gains whose midpoint does not stabilise: proof that the set is not convex.
+
+    Section V-A says so of the paper's car. Looked for among all pairs of members of a grid; None if
+    there is no such pair. Of several the one whose midpoint is furthest into instability.
+    """
+    axes = [np.linspace(low, high, points + 2)[1:-1] for low, high in gain_box(cars, speeds)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    inside = grid[stabilises_all(cars, speeds, grid)]
+    middle = 0.5 * (inside[:, None, :] + inside[None, :, :])
+    outside = ~stabilises_all(cars, speeds, middle)
+    if not outside.any():
+        return None
+    first, second = np.nonzero(outside)
+    worst = np.max(
+        [
+            spectral_abscissa(_coefficients(car, speed, middle[first, second]))
+            for car, speed in product(cars, speeds)
+        ],
+        axis=0,
+    )
+    pick = int(np.argmax(worst))
+    return Gains(*inside[first[pick]].tolist()), Gains(*inside[second[pick]].tolist())

@@ -1,0 +1,189 @@
+"""The car's motion relative to its trajectory as a linear system (paper, Sections II and III-F).
+
+State z = (e_lat, theta~, their rates, steering angle, steering rate) in m, rad, s; left positive.
+With gamma = 1/v the matrix is A(gamma) = A0 + gamma A1. Derived anew from eqs. (1), (2) with
+v_y = e' - v theta~ and yaw rate = theta~' + v kappa; against the paper's text:
+
+- Its state equation lacks M^-1 before L, C_0, B and F (Section IV-A). The second-order form (3) has
+  the mass matrix and is right, units included: m v² and a C_f - b C_r are both N m per radian.
+- Eq. (3) holds on arcs only. Where curvature changes, theta~'' also contains -v kappa'
+  (`curvature_rate_input`).
+- Eq. (3) holds at constant speed only. Since e' = v_y + v theta~, a changing speed adds v' theta~
+  to e'' (`speed_change_matrix`), which A(gamma(t)) of Proposition 1 leaves out.
+- The coefficients A6...A0 are right, but are those of Delta(s, K) / w_n²: the polynomial of the
+  equation before them is w_n² times as large. The roots are the same.
+- Delta_o(s) has a double root at the origin, so it can never have all roots in the open left
+  half-plane; what the figure of roots over masses must show is Delta(s, K).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.car.parameters import Gains, VehicleParameters
+
+Array = NDArray[np.float64]
+
+STATES = ("e_lat", "theta", "e_lat_rate", "theta_rate", "steering", "steering_rate")
+
+
+def open_loop(parameters: VehicleParameters) -> tuple[Array, Array]:
+    """A0, A1 of the car without feedback: z' = (A0 + A1 / v) z + steering_input * delta_c + ...
+
+    Eq. (3) with eq. (4) and M^-1 in place; shapes (6, 6).
+    """
+    front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
+    a, b = parameters.front_axle_distance, parameters.rear_axle_distance
+    total, moment = front + rear, a * front - b * rear
+    damping = a * a * front + b * b * rear
+    inertia = np.array([parameters.mass, parameters.yaw_inertia])
+    constant, inverse_speed = np.zeros((6, 6)), np.zeros((6, 6))
+    constant[0, 2] = constant[1, 3] = constant[4, 5] = 1.0
+    constant[2:4, 1] = np.array([total, moment]) / inertia
+    constant[2:4, 4] = np.array([front, a * front]) / inertia
+    inverse_speed[2, 2:4] = -np.array([total, moment]) / parameters.mass
+    inverse_speed[3, 2:4] = -np.array([moment, damping]) / parameters.yaw_inertia
+    constant[5, 4] = -(parameters.steering_frequency**2)
+    constant[5, 5] = -2.0 * parameters.steering_damping * parameters.steering_frequency
+    return constant, inverse_speed
+
+
+def steering_input(parameters: VehicleParameters) -> Array:
+    """Column by which the steering command delta_c (rad) enters z', from eq. (4); shape (6,)."""
+    column = np.zeros(6)
+    column[5] = parameters.steering_frequency**2
+    return column
+
+
+def feedback_row(gains: Gains) -> Array:
+    """K in delta_fb = -K z: (k_e, k_theta, 0, k_omega, 0, 0), paper eq. (7)."""
+    return np.array([gains.lateral, gains.heading, 0.0, gains.yaw_rate, 0.0, 0.0])
+
+
+def closed_loop(parameters: VehicleParameters, gains: Gains) -> tuple[Array, Array]:
+    """A0, A1 with feedback, A(gamma) = A0 + gamma A1 of Proposition 1, M^-1 in place; (6, 6)."""
+    constant, inverse_speed = open_loop(parameters)
+    feedback = np.outer(steering_input(parameters), feedback_row(gains))
+    return constant - feedback, inverse_speed
+
+
+def closed_loop_at(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
+    """A(gamma) of Proposition 1 at gamma = 1 / `speed` (s/m), shape (6, 6)."""
+    constant, inverse_speed = closed_loop(parameters, gains)
+    return constant + inverse_speed / speed
+
+
+def curvature_input(
+    parameters: VehicleParameters, speed: float, known: VehicleParameters | None = None
+) -> Array:
+    """Column by which the trajectory's curvature (1/m) enters z': -M^-1 F and the feedforward.
+
+    Eqs. (3) and (6); `known` is the car as the controller believes it to be (feedforward).
+    """
+    front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
+    a, b = parameters.front_axle_distance, parameters.rear_axle_distance
+    believed = known or parameters
+    feedforward = believed.wheelbase + believed.steer_gradient * speed * speed
+    column = steering_input(parameters) * feedforward
+    column[2] = -speed * speed - (a * front - b * rear) / parameters.mass
+    column[3] = -(a * a * front + b * b * rear) / parameters.yaw_inertia
+    return column
+
+
+def curvature_rate_input(speed: float) -> Array:
+    """Column by which the rate of curvature (1/(m s)) enters z': -v in theta~''.
+
+    From yaw rate = theta~' + v kappa; absent from eq. (3), which is meant for arcs. While the speed
+    changes as well, the rate to enter is kappa' + v' kappa / v.
+    """
+    return np.array([0.0, 0.0, 0.0, -speed, 0.0, 0.0])
+
+
+def speed_change_matrix() -> Array:
+    """E with z' = (A(1/v) + v' E) z while the speed changes at rate v' (m/s²): v' theta~ in e''.
+
+    From e' = v_y + v theta~; the paper's Section IV-A leaves it out.
+    """
+    matrix = np.zeros((6, 6))
+    matrix[2, 1] = 1.0
+    return matrix
+
+
+def steady_cornering(
+    parameters: VehicleParameters,
+    gains: Gains,
+    speed: float,
+    curvature: float,
+    known: VehicleParameters | None = None,
+) -> tuple[float, float]:
+    """Lateral error (m) and heading error (rad) on an endless arc, eqs. (3), (6), (7) at rest.
+
+    The car must keep theta~ = -(b - m a v² / (L C_r)) kappa on an arc, which k_theta answers with
+    steering, so e_lat settles where k_e cancels that: not at zero unless the slip is. With a
+    feedforward for `known` instead of the true car, its error is left over as well.
+    """
+    believed = known or parameters
+    surplus = (believed.wheelbase - parameters.wheelbase) + speed * speed * (
+        believed.steer_gradient - parameters.steer_gradient
+    )
+    heading = -parameters.steady_slip_per_curvature(speed) * curvature
+    return (surplus * curvature - gains.heading * heading) / gains.lateral, heading
+
+
+def handling_polynomial(parameters: VehicleParameters, speed: float) -> Array:
+    """R(s) in Delta_o(s) = s² R(s), the open loop without its double root at 0; shape (3,).
+
+    Delta_o is given in Section III-F, R named in Section IV-B.
+    """
+    front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
+    a, b = parameters.front_axle_distance, parameters.rear_axle_distance
+    mass, inertia = parameters.mass, parameters.yaw_inertia
+    turning = (inertia + mass * a * a) * front + (inertia + mass * b * b) * rear
+    stiffness = (parameters.wheelbase / speed) ** 2 * front * rear - mass * (a * front - b * rear)
+    return np.array([mass * inertia, turning / speed, stiffness])
+
+
+def lateral_numerator(parameters: VehicleParameters, speed: float) -> Array:
+    """Numerator of e_lat / delta_f over Delta_o (paper, Section III-F); shape (3,)."""
+    front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
+    length, b = parameters.wheelbase, parameters.rear_axle_distance
+    return front * np.array([parameters.yaw_inertia, b * length * rear / speed, length * rear])
+
+
+def heading_numerator(parameters: VehicleParameters, speed: float) -> Array:
+    """Numerator of theta~ / delta_f over Delta_o (paper, Section III-F); shape (3,)."""
+    front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
+    turning = parameters.mass * parameters.front_axle_distance
+    return front * np.array([turning, parameters.wheelbase * rear / speed, 0.0])
+
+
+def feedback_numerator(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
+    """N(s) of H(s) = N / Delta_o, from steering command to feedback; shape (4,), Section IV-B."""
+    heading = np.convolve([gains.yaw_rate, gains.heading], heading_numerator(parameters, speed))
+    return np.asarray(
+        np.polyadd(gains.lateral * lateral_numerator(parameters, speed), heading), dtype=np.float64
+    )
+
+
+def affine_coefficients(parameters: VehicleParameters, speed: float) -> tuple[Array, Array]:
+    """Coefficients A6...A0 as constant + slopes @ (k_e, k_theta, k_omega); (7,) and (7, 3).
+
+    Paper, Section III-F. A6, A5 and A4 do not depend on the gains, so no root ever passes through
+    infinity.
+    """
+    lateral = lateral_numerator(parameters, speed)
+    heading = heading_numerator(parameters, speed)
+    frequency, damping = parameters.steering_frequency, parameters.steering_damping
+    actuation = np.array([1.0 / frequency**2, 2.0 * damping / frequency, 1.0])
+    handling = handling_polynomial(parameters, speed)
+    constant = np.concatenate([np.convolve(actuation, handling), [0.0, 0.0]])
+    slopes = np.zeros((7, 3))
+    slopes[4:, 0] = lateral
+    slopes[4:, 1] = heading
+    slopes[3:6, 2] = heading
+    return constant, slopes
+
+
+def characteristic_polynomial(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
+    """Delta(s, K) / w_n² = A6 s^6 + ... + A0, paper Section III-F; shape (7,)."""
+    constant, slopes = affine_coefficients(parameters, speed)
+    return np.asarray(constant + (slopes * np.array(gains)).sum(axis=1))

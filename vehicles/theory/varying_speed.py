@@ -1,0 +1,233 @@
+"""Stability while the speed changes: which accelerations are certain to be harmless.
+
+Beyond Proposition 1 of the paper (Section IV-A), which says that some bound exists, this gives the
+number. While the speed v changes, z' = (A(1/v) + v' E) z (see `linear_model`; the paper leaves E
+out). Take V = w(v) z'P(v)z with A'P + PA = -Q for one fixed diagonal Q. Then
+
+    dV/dt = w(v) z' (-Q + v' (S + h P)) z,   S = dP/dv + PE + E'P,   h = (dw/dv) / w,
+
+and dP/dv = -P_gamma / v² from A'P_gamma + P_gamma A = -(A1'P + PA1). So V falls as long as
+v' (S + h P) < Q, whatever v(t) does meanwhile within [slowest, fastest]: pointwise bounds on v',
+one for braking and one for accelerating, from the extreme eigenvalues. The weight w(v) > 0 is free;
+h is chosen at each speed so that both bounds are equal, which gains up to an order of magnitude
+over w = 1. Q is tuned so that the smallest bound over all speeds is large.
+
+What is certified is the linear loop with continuous, undelayed measurement and unlimited steering.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.optimize import brentq, minimize
+
+from vehicles.car.parameters import Gains, VehicleParameters
+from vehicles.theory.constant_speed import is_stable_over
+from vehicles.theory.linear_model import closed_loop, speed_change_matrix
+
+Array = NDArray[np.float64]
+
+SLOWEST = 2.0
+"""Default lower end (m/s) of the speeds a certificate covers: below it the plant model changes."""
+
+FASTEST = 36.0
+"""Default upper end (m/s), a little above a motorway's 130 km/h."""
+
+UNIT_WEIGHTS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+"""Diagonal of Q = I, for comparison: far from the best."""
+
+_TUNING_SPEEDS = 7
+"""Speeds at which Q is tuned, evenly spaced in ln v."""
+
+
+@dataclass(frozen=True, slots=True)
+class AccelerationBounds:
+    """Magnitudes (m/s²) below which braking and accelerating are certified; may be infinite.
+
+    Like mu* of Proposition 1, condition (iii), for which the paper has no number.
+    """
+
+    braking: float
+    accelerating: float
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedCertificate:
+    """Certified accelerations of one car and one choice of gains over an interval of speeds (m/s).
+
+    A sufficient bound for Proposition 1, condition (iii), by Lyapunov's method.
+
+    `weights` is the diagonal of Q in the units of the state. `holds` is whether the loop is stable
+    at every constant speed of the interval; if not, nothing is certified and all bounds are zero.
+    """
+
+    parameters: VehicleParameters
+    gains: Gains
+    slowest: float
+    fastest: float
+    weights: tuple[float, ...]
+    holds: bool
+
+    def bounds(self, speed: float) -> AccelerationBounds:
+        """Certified braking and acceleration (m/s²) at `speed` (m/s); zero outside the interval.
+
+        By Lyapunov's method, see the module; Proposition 1 has no number.
+        """
+        if not (self.holds and self.slowest <= speed <= self.fastest):
+            return AccelerationBounds(0.0, 0.0)
+        change, energy = lyapunov_change(self.parameters, self.gains, speed, self.weights)
+        return bounds_from(change + balancing_growth(change, energy) * energy)
+
+
+@lru_cache(maxsize=64)
+def certify(
+    parameters: VehicleParameters,
+    gains: Gains,
+    slowest: float = SLOWEST,
+    fastest: float = FASTEST,
+) -> SpeedCertificate:
+    """Certificate over [slowest, fastest] (m/s) with a tuned Q, for Proposition 1 (iii).
+
+    A narrower interval gives larger bounds. Takes some 50 ms, and the result is remembered.
+    """
+    if not is_stable_over(parameters, gains, slowest, fastest):
+        return SpeedCertificate(parameters, gains, slowest, fastest, UNIT_WEIGHTS, holds=False)
+    speeds = np.geomspace(slowest, fastest, _TUNING_SPEEDS)
+    weights = tuned_weights(parameters, gains, speeds.tolist())
+    return SpeedCertificate(parameters, gains, slowest, fastest, weights, holds=True)
+
+
+def certified_acceleration(
+    parameters: VehicleParameters,
+    gains: Gains,
+    speed: float,
+    slowest: float = SLOWEST,
+    fastest: float = FASTEST,
+) -> tuple[float, float]:
+    """Certified (braking, accelerating) in m/s² at `speed` (m/s), for Proposition 1 (iii).
+
+    (0, 0) if the speed is outside [slowest, fastest] or the loop is not stable all over it.
+    """
+    bounds = certify(parameters, gains, slowest, fastest).bounds(speed)
+    return bounds.braking, bounds.accelerating
+
+
+def lyapunov_change(
+    parameters: VehicleParameters,
+    gains: Gains,
+    speed: float,
+    weights: tuple[float, ...],
+    *,
+    speed_term: bool = True,
+) -> tuple[Array, Array]:
+    """Q^-1/2 S Q^-1/2 and Q^-1/2 P Q^-1/2 of the module's text, each (6, 6), at `speed`.
+
+    P solves Lyapunov's equation, and so does its derivative in gamma. Without `speed_term` E is
+    left out, as in the A(gamma(t)) of Proposition 1.
+    """
+    constant, inverse_speed = closed_loop(parameters, gains)
+    root = np.sqrt(np.array(weights))
+    # In coordinates y = Q^1/2 z the right-hand side of Lyapunov's equation is the identity.
+    frozen = (constant + inverse_speed / speed) * root[:, None] / root
+    slope = inverse_speed * root[:, None] / root
+    entering = speed_change_matrix() * root[:, None] / root
+    energy = solve_continuous_lyapunov(frozen.T, -np.eye(6))
+    by_gamma = solve_continuous_lyapunov(frozen.T, -_symmetric(energy @ slope))
+    change = -by_gamma / speed**2
+    if speed_term:
+        change = change + _symmetric(energy @ entering)
+    return change, energy
+
+
+def _symmetric(matrix: Array) -> Array:
+    """Add the transpose."""
+    return np.asarray(matrix + matrix.T)
+
+
+def bounds_from(change: Array) -> AccelerationBounds:
+    """Largest |v'| (m/s²) with v' * change < I for both signs of v', by Rayleigh's quotient."""
+    eigenvalues = np.linalg.eigvalsh(change)
+    least, most = float(eigenvalues[0]), float(eigenvalues[-1])
+    return AccelerationBounds(
+        -1.0 / least if least < 0.0 else np.inf, 1.0 / most if most > 0.0 else np.inf
+    )
+
+
+def balancing_growth(change: Array, energy: Array) -> float:
+    """Growth rate h (s/m) of the weight w(v) that makes both bounds at this speed equal.
+
+    The largest eigenvalue of S + h P rises with h and so does the smallest, P being positive
+    (Weyl's inequality); their sum has one zero, and there the larger of the two magnitudes is
+    least. Found by Brent's method.
+    """
+
+    def imbalance(growth: float) -> float:
+        eigenvalues = np.linalg.eigvalsh(change + growth * energy)
+        return float(eigenvalues[0] + eigenvalues[-1])
+
+    reach = 2.0 * float(np.abs(np.linalg.eigvalsh(change)).max() / np.linalg.eigvalsh(energy)[0])
+    return float(brentq(imbalance, -reach, reach, xtol=1e-12 * reach))
+
+
+def tuned_weights(
+    parameters: VehicleParameters, gains: Gains, speeds: list[float]
+) -> tuple[float, ...]:
+    """Diagonal of Q for which the smallest balanced bound over `speeds` is large.
+
+    Minimises a high norm of all eigenvalues of Q^-1/2 (S + h P) Q^-1/2 over ln Q and the h of every
+    speed (BFGS method), raising the norm in steps towards the maximum. Deterministic, and rounded
+    to three digits so that the last bits of a linear algebra library do not matter. Any Q > 0 is
+    valid.
+    """
+    changes, energies = _basis(parameters, gains, speeds)
+    unknowns = np.zeros(6 + len(speeds))
+    for power in (4.0, 16.0, 64.0):
+        unknowns = minimize(
+            _spread,
+            unknowns,
+            args=(changes, energies, power),
+            jac=True,
+            method="BFGS",
+            options={"gtol": 1e-4},
+        ).x
+    logarithms = unknowns[:6] - unknowns[:6].mean()
+    return tuple(float(f"{weight:.3g}") for weight in np.exp(logarithms))
+
+
+def _basis(parameters: VehicleParameters, gains: Gains, speeds: list[float]) -> tuple[Array, Array]:
+    """S and P for each unit Q = e_i e_i' and speed; both are linear in Q. Shapes (n, 6, 6, 6)."""
+    constant, inverse_speed = closed_loop(parameters, gains)
+    entering = speed_change_matrix()
+    changes, energies = np.zeros((2, len(speeds), 6, 6, 6))
+    for k, speed in enumerate(speeds):
+        frozen = constant + inverse_speed / speed
+        for i in range(6):
+            unit = np.zeros((6, 6))
+            unit[i, i] = 1.0
+            energy = solve_continuous_lyapunov(frozen.T, -unit)
+            by_gamma = solve_continuous_lyapunov(frozen.T, -_symmetric(energy @ inverse_speed))
+            energies[k, i] = energy
+            changes[k, i] = -by_gamma / speed**2 + _symmetric(energy @ entering)
+    return changes, energies
+
+
+def _spread(unknowns: Array, changes: Array, energies: Array, power: float) -> tuple[float, Array]:
+    """Logarithm of the p-norm of all eigenvalues, and its gradient in (ln Q, h)."""
+    weights, growths = np.exp(unknowns[:6]), unknowns[6:]
+    root = np.sqrt(weights)
+    terms = changes + growths[:, None, None, None] * energies
+    total = np.einsum("i,kiab->kab", weights, terms) / root[:, None] / root
+    eigenvalues, vectors = np.linalg.eigh(total)
+    directions = vectors / root[:, None]  # back to z, one column per eigenvalue
+    magnitudes = np.abs(eigenvalues)
+    largest = float(magnitudes.max())
+    powers = (magnitudes / largest) ** power
+    sensitivity = powers / powers.sum() / eigenvalues
+    by_weight = np.einsum("kj,kaj,kiab,kbj->i", sensitivity, directions, terms, directions)
+    by_weight -= np.einsum("kj,kj,kij->i", sensitivity, eigenvalues, directions**2)
+    energy = np.einsum("i,kiab->kab", weights, energies)
+    by_growth = np.einsum("kj,kaj,kab,kbj->k", sensitivity, directions, energy, directions)
+    value = float(np.log(largest) + np.log(powers.sum()) / power)
+    return value, np.concatenate([by_weight * weights, by_growth])
