@@ -9,6 +9,7 @@ from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
 
 from transport import convoy_pb2
+from transport.reasons import RefusalReason
 from transport.topics import TOPICS, Topic
 from vehicles.messages import Message
 
@@ -17,9 +18,9 @@ MAX_BYTES = 16_384
 
 
 class RefusedMessageError(ValueError):
-    """Bytes that are not a valid message of the topic they came on; `reason` is one short word."""
+    """Bytes that are not a valid message of the topic they came on; `reason` is its word."""
 
-    def __init__(self, reason: str, detail: str) -> None:
+    def __init__(self, reason: RefusalReason, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
         self.reason = reason
 

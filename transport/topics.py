@@ -1,4 +1,4 @@
-"""The topics of a convoy as a table: publisher, recorder, viewer and tests all read it."""
+"""The topics of a convoy as a table: publisher, recorder, log and README follow it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,31 +20,33 @@ from vehicles.messages import (
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row: what is published under `convoy/<vehicle>/<name>`."""
+    """One row: what is published under `convoy/<vehicle>/<name>`.
+
+    `instant` is the message's field that says when it was valid; `logged` whether the recorder
+    writes it; `urgent` whether it goes ahead of other traffic on the same link.
+    """
 
     name: str
     message: type[Message]
-    instant: str  # the message's field that says when it was valid
-    rate: str  # what sets its rate
+    instant: str
     logged: bool
-    queue: int  # messages a receiver holds at most, the oldest go first
-    urgent: bool  # ahead of other traffic on the same link
-    on_change: bool = False
+    urgent: bool
+    meaning: str
 
 
 # fmt: off
 _ROWS = (
-    #     name          message              instant           rate       logged queue  urgent
-    Topic("gps",        GpsPose,             "measured_at_ns", "gnss",    True,  4096,  True),
-    Topic("truth",      TruePose,            "true_at_ns",     "control", True,  65536, False),
-    Topic("trajectory", CompositeTrajectory, "decided_at_ns",  "control", True,  65536, False),
-    Topic("tracking",   Tracking,            "decided_at_ns",  "control", True,  65536, False),
-    Topic("command",    Command,             "decided_at_ns",  "control", True,  65536, False),
-    Topic("verdict",    LinkVerdict,         "heard_at_ns",    "gnss",    True,  65536, False),
-    Topic("health",     Health,              "reported_at_ns", "1 Hz",    True,  4096,  False),
-    Topic("log",        LogText,             "logged_at_ns",   "event",   True,  4096,  False),
-    Topic("start",      RunStart,            "start_at_ns",    "event",   True,  16,    True),
-    Topic("end",        RunEnd,              "end_at_ns",      "event",   True,  16,    True),
+    #     name          message              instant           logged urgent meaning
+    Topic("gps",        GpsPose,             "measured_at_ns", True,  True,  "what the receiver measured, as broadcast"),
+    Topic("truth",      TruePose,            "true_at_ns",     True,  False, "where the car really is"),
+    Topic("trajectory", CompositeTrajectory, "decided_at_ns",  True,  False, "arc spline and the samples it was fitted to"),
+    Topic("tracking",   Tracking,            "decided_at_ns",  True,  False, "errors as the vehicle sees them"),
+    Topic("command",    Command,             "decided_at_ns",  True,  False, "steering and acceleration asked for"),
+    Topic("verdict",    LinkVerdict,         "heard_at_ns",    True,  False, "what the link did to each message, and why"),
+    Topic("health",     Health,              "reported_at_ns", True,  False, "counters of the process, once a second"),
+    Topic("log",        LogText,             "logged_at_ns",   True,  False, "text"),
+    Topic("start",      RunStart,            "start_at_ns",    True,  True,  "the instant at which all start"),
+    Topic("end",        RunEnd,              "end_at_ns",      True,  True,  "the run is over, and why"),
 )
 # fmt: on
 TOPICS: Mapping[str, Topic] = {row.name: row for row in _ROWS}

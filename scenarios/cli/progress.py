@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from transport.reasons import counts_as_loss
 from vehicles.messages import Health, LinkVerdict, LogText, Message, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -69,7 +70,7 @@ class Progress:
                 row.mode = message.mode
             case LinkVerdict() if row:
                 row.heard += message.outcome == "delivered"
-                row.lost += message.reason == "loss"
+                row.lost += message.outcome == "dropped" and counts_as_loss(message.reason)
                 row.late += message.late
             case Health() if row:
                 row.late_ticks = message.late_ticks

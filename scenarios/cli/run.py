@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.console import Console
@@ -14,12 +13,12 @@ from scenarios.cli.tables import print_summary
 from scenarios.definition.check.report import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of
 from scenarios.results.review import open_view
-from scenarios.results.summary import SUMMARY_NAME, summary_of, summary_text
+from scenarios.results.summary import RunSummary, to_json
 from scenarios.runs.processes.launcher import Launch, launch
 from scenarios.runs.processes.recording import Recording
 from scenarios.runs.recorder import Listener
-from scenarios.runs.run_log import LOG_NAME
 from scenarios.runs.stop import EXIT_FAILED, Stop, stop_on_signals
 from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
@@ -48,7 +47,7 @@ def run_scenario(
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears:
             summary = run_virtual(scenario, folder, stop, listeners=ears)
         show(summary, folder, quiet=quiet)
-        return stop.exit_code if summary["reason"] else 0
+        return stop.exit_code if summary.reason else 0
     again = [name, *(f"--set={text}" for text in overrides)]
     if seed is not None:
         again.append(f"--seed={seed}")
@@ -83,10 +82,10 @@ def record_run(
         show(summary, folder, quiet=quiet)
         # Last of all: where one container's end ends all, this one must not be late.
         recording.dismiss()
-    if quiet and summary["reason"] and not stop.asked:
-        click.echo(summary["reason"], err=True)
+    if quiet and summary.reason and not stop.asked:
+        click.echo(summary.reason, err=True)
     # A signal that comes when all is done changes nothing any more.
-    return (stop.exit_code or EXIT_FAILED) if summary["reason"] else 0
+    return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
 
 
 def run_folder(scenario: Scenario, out: Path | None) -> Path:
@@ -117,11 +116,11 @@ def listeners(
 def sum_up(folder: Path, *, quiet: bool) -> None:
     """Write and show the summary of a run whose recorder could not; raises LogError."""
     summary = summary_of(folder / LOG_NAME)
-    (folder / SUMMARY_NAME).write_text(summary_text(summary), encoding="utf-8")
+    (folder / SUMMARY_NAME).write_text(to_json(summary), encoding="utf-8")
     show(summary, folder, quiet=quiet)
 
 
-def show(summary: dict[str, Any], folder: Path, *, quiet: bool) -> None:
+def show(summary: RunSummary, folder: Path, *, quiet: bool) -> None:
     """Print the tables of a run."""
     if not quiet:
         print_summary(summary, folder / LOG_NAME, Console())

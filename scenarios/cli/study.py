@@ -145,17 +145,16 @@ def review(log: Path, *, rerun: str) -> None:
 @click.option("--json", "as_json", is_flag=True, help="The summary as JSON.")
 def report(log: Path, *, as_json: bool) -> None:
     """Print the tables of a recorded LOG again, also of one that breaks off."""
-    import json
-
     from rich.console import Console
 
     from scenarios.cli.tables import print_summary
-    from scenarios.results.summary import summary_of
+    from scenarios.results.log_summary import summary_of
+    from scenarios.results.summary import to_json
 
     with clear_errors():
         summary = summary_of(log)
         if as_json:
-            click.echo(json.dumps(summary, indent=2))
+            click.echo(to_json(summary), nl=False)
         else:
             print_summary(summary, log, Console())
 

@@ -3,17 +3,15 @@
 import itertools
 from collections.abc import Iterator
 
+from scenarios.definition.links import ANY, directed_links, is_about
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
 from scenarios.definition.schema.path import Segment
-from scenarios.definition.schema.tables import CONTROLLERS, LinkEntry, ScenarioTables
+from scenarios.definition.schema.tables import CONTROLLERS, ScenarioTables
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
 from vehicles.car.parameters import NOMINAL_GAINS
 from vehicles.driver.steering import load_controller
-
-ANY = "*"
-"""Stands for every vehicle in a link's `sender` or `receiver`."""
 
 Problem = tuple[str, str]
 """Key, and what is wrong with it."""
@@ -53,23 +51,12 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
             given = shown(getattr(link, end))
             allowed = ", ".join(map(shown, [*names, ANY]))
             yield f"link[{index}].{end}", f"given {given}, allowed {allowed}"
-        if not unknown and not any(touches(link, *pair) for pair in heard_pairs(names)):
+        if not unknown and not any(is_about(link, *pair) for pair in directed_links(names)):
             yield (
                 f"link[{index}]",
                 f"from {link.sender} to {link.receiver}: no vehicle listens there, followers hear "
                 f"{names[0]} and the vehicle ahead of them",
             )
-
-
-def touches(link: LinkEntry, sender: str, receiver: str) -> bool:
-    """Tell whether an entry of the scenario is about the link from `sender` to `receiver`."""
-    return link.sender in {sender, ANY} and link.receiver in {receiver, ANY}
-
-
-def heard_pairs(names: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Sender and receiver of every link: lead to each follower, and each to the next."""
-    pairs = [(names[0], receiver) for receiver in names[1:]]
-    return pairs + list(itertools.pairwise(names[1:]))
 
 
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:

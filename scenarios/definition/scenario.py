@@ -10,13 +10,13 @@ from pydantic import ValidationError
 from scenarios.definition import contradictions
 from scenarios.definition.errors import Refused, ScenarioError
 from scenarios.definition.library import library, parse, read_text, template
+from scenarios.definition.links import directed_links, link_table
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.route import Route, longest_run, plan_route, vehicle_names
-from scenarios.definition.schema.tables import OriginTable, ScenarioTables
+from scenarios.definition.schema.tables import LinkTable, OriginTable, ScenarioTables
 from scenarios.definition.toml_text import to_toml
 from scenarios.definition.traces.points import with_points
-from scenarios.definition.vehicle_setup import VehicleSetup, overlay, vehicle_setup
-from transport.links.link import LinkRule
+from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import Origin
 
@@ -103,16 +103,10 @@ class Scenario:
             raise ScenarioError([f"{self.name}: no vehicle {shown(name)}, allowed {known}"])
         return vehicle_setup(self.tables, name)
 
-    def links_into(self, receiver: str) -> Mapping[str, LinkRule]:
-        """Return the link from each vehicle that `receiver` hears; later entries win."""
-        found = {}
-        for sender in self.vehicle(receiver).hears:
-            link = self.tables.links
-            for entry in self.tables.link:
-                if contradictions.touches(entry, sender, receiver):
-                    link = overlay(link, entry)
-            found[sender] = LinkRule(**link.model_dump())
-        return found
+    @cached_property
+    def links(self) -> Mapping[tuple[str, str], LinkTable]:
+        """What is asked of each directed link, by sender and receiver."""
+        return {pair: link_table(self.tables, *pair) for pair in directed_links(self.vehicle_names)}
 
     @property
     def text(self) -> str:

@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
+from scenarios.definition.links import senders_to
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.table import Table
+from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
     GnssTable,
@@ -15,8 +15,6 @@ from scenarios.definition.schema.tables import (
     SteeringTable,
 )
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
-
-AnyTable = TypeVar("AnyTable", bound=Table)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +54,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         place=place,
         lead=names[0],
         predecessor=predecessor,
-        hears=tuple(dict.fromkeys((names[0], predecessor))) if predecessor else (),
+        hears=senders_to(names, name),
         lateral_offset_m=own.lateral_offset_m if own else 0.0,
         heading_offset_rad=math.radians(own.heading_offset_deg) if own else 0.0,
         parameters=full,
@@ -65,18 +63,6 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         steering=steering,
         gnss=overlay(tables.gnss, own and own.gnss),
     )
-
-
-def overlay(base: AnyTable, own: Table | None) -> AnyTable:
-    """Return `base` with every key that was written in `own`, table by table."""
-    if own is None:
-        return base
-    fields = type(base).model_fields
-    changes = {key: getattr(own, key) for key in own.model_fields_set if key in fields}
-    for key, value in changes.items():
-        if isinstance(value, Table):
-            changes[key] = overlay(getattr(base, key), value)
-    return base.model_copy(update=changes)
 
 
 def _car(table: ParametersTable) -> VehicleParameters:

@@ -7,6 +7,9 @@ from math import inf, isfinite, sqrt
 from statistics import fmean
 from typing import Any
 
+from scenarios.definition.schema.tables import LinkTable
+from scenarios.results.summary import LinkSummary, VehicleSummary
+from transport.reasons import counts_as_loss
 from vehicles.geometry.driven_path import DrivenPath, cross_track
 from vehicles.messages import GpsPose, Health, LinkVerdict, Message, Tracking, TruePose
 
@@ -65,8 +68,8 @@ class Metrics:
     """Gathers the figures of a run from its messages."""
 
     def __init__(
-        self, vehicles: Sequence[str], requested: Mapping[tuple[str, str], Mapping[str, Any]]
-    ):
+        self, vehicles: Sequence[str], requested: Mapping[tuple[str, str], LinkTable]
+    ) -> None:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver)."""
         self._names = list(vehicles)
         self._requested = requested
@@ -120,15 +123,16 @@ class Metrics:
         link.latency_ns_sum += latency
         link.latency_ns_max = max(link.latency_ns_max, latency)
 
-    def summary(self, road_yaw: float | None = None) -> dict[str, Any]:
-        """Figures per vehicle and per link; see README, "The summary".
+    def vehicle_summaries(self, road_yaw: float | None = None) -> tuple[VehicleSummary, ...]:
+        """Figures per vehicle, the lead first.
 
         `road_yaw` (rad) is the direction of the road on which the convoy starts.
         """
-        return {
-            "vehicles": [self._vehicle(name, road_yaw) for name in self._names],
-            "links": [self._link(link) for link in sorted(self._requested, key=self._order)],
-        }
+        return tuple(self._vehicle(name, road_yaw) for name in self._names)
+
+    def link_summaries(self) -> tuple[LinkSummary, ...]:
+        """Figures per directed link, by receiver and then sender from the lead on."""
+        return tuple(self._link(link) for link in sorted(self._requested, key=self._order))
 
     def _order(self, link: tuple[str, str]) -> tuple[int, int]:
         sender, receiver = link
@@ -147,53 +151,49 @@ class Metrics:
                 extremes.add(foot.lateral)
         return extremes
 
-    def _vehicle(self, name: str, road_yaw: float | None) -> dict[str, Any]:
+    def _vehicle(self, name: str, road_yaw: float | None) -> VehicleSummary:
         figures = self.vehicles[name]
         health = figures.health
         is_lead = name == self._names[0]
         true = Extremes() if is_lead else self.true_cross_track(name, road_yaw)
-        return {
-            "name": name,
-            "role": "lead" if is_lead else "follower",
-            "poses": figures.poses,
-            "missing_poses": max(figures.last_pose_seq + 1 - figures.poses, 0),
-            "lateral_error_m_max": figures.lateral_error.largest,
-            "lateral_error_m_rms": figures.lateral_error.rms,
-            "heading_error_rad_max": figures.heading_error.largest,
+        return VehicleSummary(
+            name=name,
+            role="lead" if is_lead else "follower",
+            poses=figures.poses,
+            missing_poses=max(figures.last_pose_seq + 1 - figures.poses, 0),
+            lateral_error_m_max=figures.lateral_error.largest,
+            lateral_error_m_rms=figures.lateral_error.rms,
+            heading_error_rad_max=figures.heading_error.largest,
             # Where nothing could be compared there is no error, rather than none to speak of.
-            "cross_track_error_m_max": true.largest if true.count else None,
-            "cross_track_error_m_rms": true.rms if true.count else None,
-            "gap_m_min": figures.gap_min if isfinite(figures.gap_min) else None,
-            "distance_m": figures.truth[-1].distance_m if figures.truth else 0.0,
-            "ticks_by_mode": dict(sorted(figures.modes.items())),
-            "ticks": health.ticks if health else 0,
-            "late_ticks": health.late_ticks if health else 0,
-            "lateness_ms_max": health.lateness_ms_max if health else 0.0,
-            "rejected_messages": health.rejected_messages if health else 0,
-            "memory_bytes_max": figures.memory_max,
-            "cpu_ratio": fmean(figures.cpu) if figures.cpu else 0.0,
-            "finished": bool(health and health.final),
-        }
+            cross_track_error_m_max=true.largest if true.count else None,
+            cross_track_error_m_rms=true.rms if true.count else None,
+            gap_m_min=figures.gap_min if isfinite(figures.gap_min) else None,
+            distance_m=figures.truth[-1].distance_m if figures.truth else 0.0,
+            ticks_by_mode=dict(sorted(figures.modes.items())),
+            ticks=health.ticks if health else 0,
+            late_ticks=health.late_ticks if health else 0,
+            lateness_ms_max=health.lateness_ms_max if health else 0.0,
+            rejected_messages=health.rejected_messages if health else 0,
+            memory_bytes_max=figures.memory_max,
+            cpu_ratio=fmean(figures.cpu) if figures.cpu else 0.0,
+            finished=bool(health and health.final),
+        )
 
-    def _link(self, link: tuple[str, str]) -> dict[str, Any]:
+    def _link(self, link: tuple[str, str]) -> LinkSummary:
         sender, receiver = link
         figures = self.links[link]
-        dropped = sum(figures.dropped.values())
-        judged = figures.heard + dropped
-        # A link's rate holds messages back before they are sent on it, so they cannot be lost.
-        carried = judged - figures.dropped["rate"]
-        return {
-            "sender": sender,
-            "receiver": receiver,
-            "requested": dict(self._requested[link]),
-            "sent": self.vehicles[sender].poses,
-            "judged": judged,
-            "heard": figures.heard,
-            "dropped": dict(sorted(figures.dropped.items())),
-            "loss_ratio": figures.dropped["loss"] / carried if carried else 0.0,
-            "late": figures.late,
-            "latency_ms_mean": figures.latency_ns_sum / figures.heard * 1e-6
-            if figures.heard
-            else 0.0,
-            "latency_ms_max": figures.latency_ns_max * 1e-6,
-        }
+        lost = sum(count for word, count in figures.dropped.items() if counts_as_loss(word))
+        return LinkSummary(
+            sender=sender,
+            receiver=receiver,
+            requested=self._requested[link],
+            sent=self.vehicles[sender].poses,
+            judged=figures.heard + figures.dropped.total(),
+            heard=figures.heard,
+            dropped=dict(sorted(figures.dropped.items())),
+            # What a link's rate holds back is not sent on it, so it cannot be lost.
+            loss_ratio=lost / (figures.heard + lost) if lost else 0.0,
+            late=figures.late,
+            latency_ms_mean=figures.latency_ns_sum / figures.heard * 1e-6 if figures.heard else 0.0,
+            latency_ms_max=figures.latency_ns_max * 1e-6,
+        )

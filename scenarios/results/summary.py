@@ -1,102 +1,144 @@
-"""The summary of a run, as `summary.json` and inside its log: one dictionary, whoever makes it."""
+"""The summary of a run, typed: what is printed as tables and written as `summary.json`.
+
+`to_json` and `from_json` are the only places where it is anything but these classes. README, "The
+summary", says what the fields mean.
+"""
 
 import json
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import dataclass, field, fields
 from importlib.metadata import version
-from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.metrics import Metrics
-from transport.log.mcap_log import LogError, LogReader
-from vehicles.messages import RunStart
+from pydantic import TypeAdapter, ValidationError
 
-SUMMARY_NAME = "summary.json"
-SCENARIO_NAME = "scenario.toml"
-METADATA_NAME = "convoy"
+from scenarios.definition.schema.tables import LinkTable
+
 SCHEMA = "convoy.summary/1"
 PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "pymap3d")
 """Packages whose versions are written into the log."""
 
-
-def about(scenario: Scenario, clock: str, run_id: str) -> dict[str, str]:
-    """What a run is, for the log's metadata."""
-    return {
-        "schema": SCHEMA,
-        "scenario": scenario.name,
-        "seed": str(scenario.seed),
-        "clock": clock,
-        "run_id": run_id,
-        "python": platform.python_version(),
-        **{package: version(package) for package in PACKAGES},
-    }
+ClockName = Literal["wall", "virtual"]
 
 
-def requested_links(scenario: Scenario) -> dict[tuple[str, str], dict[str, Any]]:
-    """What the scenario asks of each directed link, by (sender, receiver)."""
-    return {
-        (sender, receiver): asdict(rule)
-        for receiver in scenario.vehicle_names
-        for sender, rule in scenario.links_into(receiver).items()
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunIdentity:
+    """Which run it is: scenario, seed, clock, folder, and the versions that drove."""
+
+    schema: str = SCHEMA
+    scenario: str
+    seed: int
+    clock: ClockName
+    run_id: str
+    versions: Mapping[str, str]
+
+    @classmethod
+    def here(cls, scenario: str, seed: int, clock: ClockName, run_id: str) -> "RunIdentity":
+        """Identity of a run by the programs installed here."""
+        versions = {"python": platform.python_version()}
+        versions |= {package: version(package) for package in PACKAGES}
+        return cls(scenario=scenario, seed=seed, clock=clock, run_id=run_id, versions=versions)
+
+    def values(self) -> dict[str, Any]:
+        """All of it in one table, the versions by their packages' names."""
+        own = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "versions"}
+        return own | dict(self.versions)
+
+    def metadata(self) -> dict[str, str]:
+        """Texts for the metadata of a log."""
+        return {name: str(value) for name, value in self.values().items()}
+
+    @classmethod
+    def of_values(cls, values: Mapping[str, Any]) -> "RunIdentity":
+        """Read what `values` or `metadata` gave; what is not there stays empty."""
+        clock: ClockName = "virtual" if values.get("clock") == "virtual" else "wall"
+        known = {one.name for one in fields(cls)}
+        return cls(
+            schema=str(values.get("schema", SCHEMA)),
+            scenario=str(values.get("scenario", "")),
+            seed=int(values.get("seed", 0)),
+            clock=clock,
+            run_id=str(values.get("run_id", "")),
+            versions={name: str(value) for name, value in values.items() if name not in known},
+        )
 
 
-def summarise(
-    what: Mapping[str, str],
-    scenario: Scenario,
-    metrics: Metrics,
-    *,
-    ran_ns: int,
-    reason: str,
-    rejected: Mapping[str, int],
-) -> dict[str, Any]:
-    """The summary; README, "The summary", says what its fields mean."""
-    return {
-        **what,
-        "seed": scenario.seed,
-        "outcome": "failed" if reason else "completed",
-        "reason": reason,
-        "duration_s": scenario.duration_s,
-        "ran_s": min(ran_ns * 1e-9, scenario.duration_s),
-        "recorder_rejected_messages": dict(sorted(rejected.items())),
-        **metrics.summary(scenario.route.start_yaw),
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleSummary:
+    """Figures of one vehicle; None where there was nothing to measure."""
+
+    name: str
+    role: Literal["lead", "follower"]
+    poses: int
+    missing_poses: int
+    lateral_error_m_max: float
+    lateral_error_m_rms: float
+    heading_error_rad_max: float
+    cross_track_error_m_max: float | None
+    cross_track_error_m_rms: float | None
+    gap_m_min: float | None
+    distance_m: float
+    ticks_by_mode: Mapping[str, int]
+    ticks: int
+    late_ticks: int
+    lateness_ms_max: float
+    rejected_messages: int
+    memory_bytes_max: int
+    cpu_ratio: float
+    finished: bool
 
 
-def summary_text(summary: Mapping[str, Any]) -> str:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSummary:
+    """Figures of one directed link, requested and achieved."""
+
+    sender: str
+    receiver: str
+    requested: LinkTable
+    sent: int
+    judged: int
+    heard: int
+    dropped: Mapping[str, int]
+    loss_ratio: float
+    late: int
+    latency_ms_mean: float
+    latency_ms_max: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSummary:
+    """A run in figures; an empty `reason` says that it was completed."""
+
+    identity: RunIdentity
+    outcome: Literal["completed", "failed"]
+    reason: str
+    duration_s: float
+    ran_s: float
+    recorder_rejected_messages: Mapping[str, int]
+    vehicles: tuple[VehicleSummary, ...] = field(default=())
+    links: tuple[LinkSummary, ...] = field(default=())
+
+
+_FIGURES = TypeAdapter(RunSummary)
+
+
+def to_json(summary: RunSummary) -> str:
     """The content of `summary.json`, beside the log and inside it."""
-    return json.dumps(summary, indent=2) + "\n"
+    figures = _FIGURES.dump_python(summary, mode="json", exclude={"identity"})
+    return json.dumps(summary.identity.values() | figures, indent=2, allow_nan=False) + "\n"
 
 
-def summary_of(log: Path) -> dict[str, Any]:
-    """The summary inside `log`; for a log that breaks off, worked out from its messages."""
-    reader = LogReader(log)
-    attachments = reader.attachments()
-    if SUMMARY_NAME in attachments:
-        found: dict[str, Any] = json.loads(attachments[SUMMARY_NAME])
-        return found
-    scenario = scenario_in(log, attachments)
-    metrics = Metrics(scenario.vehicle_names, requested_links(scenario))
-    start_at = last_at = 0
-    for at, _, message in reader.messages():
-        metrics.add(message)
-        last_at = at
-        if isinstance(message, RunStart):
-            start_at = message.start_at_ns
-    return summarise(
-        reader.metadata().get(METADATA_NAME, {}),
-        scenario,
-        metrics,
-        ran_ns=max(last_at - start_at, 0) if start_at else 0,
-        reason="the log breaks off",
-        rejected={},
-    )
-
-
-def scenario_in(log: Path, attachments: Mapping[str, bytes]) -> Scenario:
-    """The scenario inside a log, with the lead's path or trace, so that it can be run again."""
-    if SCENARIO_NAME not in attachments:
-        raise LogError(f"{log}: holds no scenario; was it written by `convoy`?")
-    return scenario_from_text(attachments[SCENARIO_NAME].decode(), label=f"{log} ({SCENARIO_NAME})")
+def from_json(text: str) -> RunSummary:
+    """Read the content of a `summary.json`; raises ValueError for anything else."""
+    values = json.loads(text)
+    if not isinstance(values, dict):
+        raise ValueError("a summary is a table")  # noqa: TRY004 - wrong content of a file
+    own = {one.name for one in fields(RunSummary)}
+    try:
+        return _FIGURES.validate_python(
+            {name: value for name, value in values.items() if name in own}
+            | {"identity": RunIdentity.of_values({k: v for k, v in values.items() if k not in own})}
+        )
+    except ValidationError as error:
+        raise ValueError(f"not a summary: {error}") from error

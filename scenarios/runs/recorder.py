@@ -2,18 +2,21 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from typing import cast
 
 from scenarios.results.metrics import Metrics
 from transport.codec import RefusedMessageError, decode, encode
+from transport.links.gate import HORIZON_NS, PoseGate
 from transport.log.mcap_log import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
-from vehicles.messages import GpsPose, Health, LogText, Message, RunStart
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import GpsPose, Health, LogText, Message, RunEnd, RunStart
 from vehicles.schedule import SECOND
 
-AHEAD_NS = 60 * SECOND
-"""A vehicle's clock may be ahead of the recorder's by so much."""
-ROUNDING = 0.001
-"""Periods; instants are rounded to nanoseconds."""
+EARLY_NS = SECOND
+"""A vehicle that is told before the start that the run is over says its last words then."""
+ANY_AGE_NS = 2**62
+"""A pose is recorded however long it took to come."""
 
 Listener = Callable[[int, Message], None]
 """Gets the instant of reception (ns) and each accepted message: viewer, progress, conductor."""
@@ -22,81 +25,105 @@ Listener = Callable[[int, Message], None]
 class Recorder:
     """Writes the messages of known vehicles; anything else on their keys is only counted.
 
-    `valid_from` (ns) is the first instant of the run: what was valid earlier belongs to another.
-    `gnss_rates_hz` says how often each vehicle measures. Who takes messages off a bus gives it: a
-    pose numbered higher than its vehicle can have counted by then is refused, since one such
-    number would make all those below it missing.
+    `rejected` counts by a word of the table of reasons. Nobody has anything to say before `begin`.
     """
 
     def __init__(
         self,
         *,
-        vehicles: Sequence[str],
+        vehicles: Mapping[str, float],
+        plane: LocalPlane,
         writer: LogWriter,
         metrics: Metrics,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`listeners` see each message after it has been written."""
+        """`vehicles` are the names with their GNSS rates (Hz), `plane` is the scenario's.
+
+        `listeners` see each message after it has been written.
+        """
         self._topics: dict[str, tuple[str, Topic]] = {
             key(vehicle, topic): (vehicle, topic)
             for vehicle in (*vehicles, CONDUCTOR)
             for topic in TOPICS.values()
         }
+        self._rates_hz = vehicles
+        self._plane = plane
         self._writer = writer
         self._metrics = metrics
         self._listeners = listeners
         self._seen: defaultdict[str, set[int]] = defaultdict(set)
         self._next: Counter[type[Message]] = Counter()
-        self._start_at = 0
-        self.valid_from = 0
-        self.gnss_rates_hz: Mapping[str, float] = {}
+        self._start_at: int | None = None
+        self._gates: dict[str, PoseGate] = {}
         self.recorded = 0
         self.rejected: Counter[str] = Counter()
 
+    def begin(self, at: int, start_at: int, run_id: str) -> bytes:
+        """Log at instant `at` that the run starts at `start_at` (ns); what was before is refused.
+
+        Returns the announcement for the bus.
+        """
+        self._start_at = start_at
+        self._gates = {
+            name: PoseGate(
+                sender=name,
+                start_at=start_at,
+                rate_hz=rate_hz,
+                plane=self._plane,
+                oldest_ns=ANY_AGE_NS,
+            )
+            for name, rate_hz in self._rates_hz.items()
+        }
+        return self._put(RunStart, at, start_at_ns=start_at, run_id=run_id)
+
+    def end(self, at: int, reason: str) -> bytes:
+        """Log that the run is over; returns the announcement for the bus."""
+        return self._put(RunEnd, at, end_at_ns=at, reason=reason)
+
     def accept(self, key_expression: str, data: bytes, at: int) -> None:
         """Take one message received at instant `at` (ns)."""
+        try:
+            topic, message = self._admit(key_expression, data, at)
+        except RefusedMessageError as refusal:
+            self.rejected[refusal.reason] += 1
+            return
+        self._seen[key_expression].add(message.seq)
+        self._record(topic, data, at, message)
+
+    def _admit(self, key_expression: str, data: bytes, at: int) -> tuple[Topic, Message]:
+        """Read a message of this run; raises RefusedMessageError."""
         found = self._topics.get(key_expression)
         if found is None:
-            self.rejected["unknown key"] += 1
-            return
+            raise RefusedMessageError("unknown", f"no topic {key_expression}")
         vehicle, topic = found
-        try:
-            message = decode(topic, data, exact=True)
-        except RefusedMessageError:
-            self.rejected["malformed"] += 1
-            return
-        seen = self._seen[key_expression]
+        message = decode(topic, data, exact=True)
         if message.vehicle != vehicle:
-            self.rejected["vehicle does not match key"] += 1
-        elif message.seq in seen:
-            self.rejected["repeated"] += 1
-        elif vehicle == CONDUCTOR:
-            self.rejected["in the run's own name"] += 1
-        elif not self.valid_from <= instant(message) <= at + AHEAD_NS:
-            self.rejected["of another run"] += 1
-        elif isinstance(message, GpsPose) and self._is_ahead(message):
-            self.rejected["ahead of its schedule"] += 1
-        else:
-            seen.add(message.seq)
-            self._record(topic, vehicle, data, at, message)
+            raise RefusedMessageError("foreign", f"{message.vehicle!r} under {key_expression}")
+        if vehicle == CONDUCTOR:
+            raise RefusedMessageError("reserved", "only the recorder itself has this name")
+        if self._start_at is None:
+            raise RefusedMessageError("early", "the run has not begun")
+        if isinstance(message, GpsPose):
+            self._gates[vehicle].check(message, at)
+        elif instant(message) < self._start_at - EARLY_NS:
+            raise RefusedMessageError("early", f"valid at {instant(message)}")
+        elif instant(message) > at + HORIZON_NS:
+            raise RefusedMessageError("future", f"valid at {instant(message)}")
+        if message.seq in self._seen[key_expression]:
+            raise RefusedMessageError("duplicate", f"number {message.seq} came before")
+        return topic, message
 
-    def _is_ahead(self, pose: GpsPose) -> bool:
-        rate_hz = self.gnss_rates_hz.get(pose.vehicle)
-        if rate_hz is None:
-            return False
-        return pose.seq > (pose.measured_at_ns - self._start_at) * rate_hz / SECOND + ROUNDING
-
-    def witness(self, topic: Topic, data: bytes, message: Message, at: int) -> None:
+    def on_sent(self, topic: Topic, data: bytes, message: Message, at: int) -> None:
         """Take a message from a vehicle of the same process at instant `at` (ns)."""
-        self._record(topic, message.vehicle, data, at, message)
+        self._record(topic, data, at, message)
 
     def say(self, at: int, text: str, level: str = "info") -> None:
         """Write a line of the run's own into the log."""
-        self.put(LogText, at, logged_at_ns=at, level=level, text=text)
+        self._put(LogText, at, logged_at_ns=at, level=level, text=text)
 
     def report_health(self, at: int, *, final: bool = False) -> None:
         """Write the recorder's own counters into the log."""
-        self.put(
+        self._put(
             Health,
             at,
             reported_at_ns=at,
@@ -113,20 +140,20 @@ class Recorder:
             final=final,
         )
 
-    def put(self, kind: type[Message], at: int, **fields: object) -> bytes:
+    def _put(self, kind: type[Message], at: int, **fields: object) -> bytes:
         """Write a message of the run's own (vehicle `run`) and return its bytes for publishing."""
-        message = kind(vehicle=CONDUCTOR, seq=self._next[kind], **fields)  # type: ignore[arg-type]
+        make = cast("Callable[..., Message]", kind)
+        message = make(vehicle=CONDUCTOR, seq=self._next[kind], **fields)
         self._next[kind] += 1
         topic = TOPIC_OF[kind]
         data = encode(message)
-        if isinstance(message, RunStart):
-            self._start_at = message.start_at_ns
         self._seen[key(CONDUCTOR, topic)].add(message.seq)
-        self._record(topic, CONDUCTOR, data, at, message)
+        self._record(topic, data, at, message)
         return data
 
-    def _record(self, topic: Topic, vehicle: str, data: bytes, at: int, message: Message) -> None:
-        self._writer.write(topic, vehicle, data, at, message=message)
+    def _record(self, topic: Topic, data: bytes, at: int, message: Message) -> None:
+        if topic.logged:
+            self._writer.write(topic, message.vehicle, data, at, message=message)
         self.recorded += 1
         self._metrics.add(message)
         for listener in self._listeners:

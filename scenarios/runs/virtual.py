@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.summary import RunSummary
 from scenarios.runs.actors import Actor, in_turn
 from scenarios.runs.node.assembly import Kit
 from scenarios.runs.node.node import Node
@@ -29,7 +29,7 @@ def run_virtual(
     *,
     listeners: Sequence[Listener] = (),
     replays: Sequence[Replay] = (),
-) -> dict[str, Any]:
+) -> RunSummary:
     """Run `scenario` in virtual time into `folder`; returns the summary.
 
     Vehicles in `replays` say what was recorded, the others are live. Depends on nothing but these,
@@ -46,7 +46,7 @@ def run_virtual(
     )
 
     def witness(topic: Topic, data: bytes, message: Message) -> None:
-        run.recorder.witness(topic, data, message, clock.now())
+        run.recorder.on_sent(topic, data, message, clock.now())
 
     run.start(clock.now(), clock.now())
     nodes = world.populate(replays, witness)

@@ -1,11 +1,13 @@
 """The table of topics: complete, consistent, and with keys that Zenoh takes."""
 
 from dataclasses import fields
+from pathlib import Path
 from typing import get_args
 
 import pytest
 import zenoh
 
+from transport.log.foxglove import twins
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, alive_key, instant, key
 from vehicles.messages import GpsPose, Message, RunStart
 
@@ -45,3 +47,18 @@ def test_poses_go_ahead_of_what_is_only_for_the_log() -> None:
 def test_the_instant_of_a_message_is_read_by_the_table() -> None:
     assert instant(RunStart(vehicle="run", seq=0, start_at_ns=17, run_id="x")) == 17
     assert TOPIC_OF[GpsPose].instant == "measured_at_ns"
+
+
+def test_the_readme_lists_the_topics_and_what_is_logged_beside_them() -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    table = readme.split("| topic `/convoy/<vehicle>/…`")[1].split("\n\n")[0].splitlines()[2:]
+    expected = []
+    for topic in TOPICS.values():
+        beside = [
+            f"`{twin.name}`: `{twin.schema.DESCRIPTOR.name}`"
+            for twin in twins().get(topic.message, ())
+        ]
+        cells = (f"`{topic.name}`", f"`{topic.message.__name__}`", topic.meaning, ", ".join(beside))
+        expected.append(f"| {' | '.join(cells)} |")
+    assert table == expected
+    assert all(topic.logged for topic in TOPICS.values())  # else the README has to say so

@@ -1,31 +1,34 @@
-"""What one vehicle hears: received bytes in, poses out when their links let them through."""
+"""What one vehicle receives: bytes in, poses out when their links let them through."""
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from threading import Lock
 
 from transport.codec import RefusedMessageError
-from transport.links.admission import GPS, LONGEST_POSE_BYTES, Admission
-from transport.links.link import Link, LinkRule, Verdict, effects
+from transport.links.gate import GPS, LONGEST_POSE_BYTES, PoseGate
+from transport.links.link import Link, Verdict
+from transport.reasons import counts_as_late
 from transport.topics import key
 from vehicles.messages import GpsPose, LinkVerdict
 
+QUEUE = 4096
+"""Messages that wait at most for a tick to take them; the oldest go first."""
 WINDOW = 8192
 """Sequence numbers that lie further behind a sender's newest are refused, so memory is bounded."""
 
 
 @dataclass(slots=True)
-class HeardLink:
-    """One sender's link and what became of its messages so far.
+class IncomingLink:
+    """The link from one sender, its gate, and what became of its messages so far.
 
     `delivered`, `dropped` (by reason) and `late` count verdicts put out; a late message is among
     the delivered or the dropped as well.
     """
 
     link: Link
-    admission: Admission
+    gate: PoseGate
     delivered: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     late: int = 0
@@ -45,46 +48,26 @@ class HeardLink:
 
 
 class Inbox:
-    """The ear of one vehicle: a rule per sender it listens to.
+    """What one vehicle receives, over a link from each sender that it listens to.
 
-    All senders measure from `start_at` (ns) on, at `source_rate_hz`, one rate for all or one for
-    each. Messages are judged and handed over in `take` alone, in the thread that calls it; only
+    Messages are judged and handed over in `take` alone, in the thread that calls it; only
     `on_bytes` may be called from another.
 
-    A message is late if it came after the tick that should have judged it. `heard`, `dropped` and
-    `late` count messages; `rejected` counts, by reason, those that no link had to judge; `overflow`
-    counts those that newer ones pushed out before a tick took them. The reasons:
-
-    garbage, oversized   not a pose           foreign    under another vehicle's key
-    unknown              not listened to      absurd     numbers that no vehicle measures
-    past, future         not of this run      sequence   numbered ahead of the schedule
-    duplicate            came before
+    A message is late if it came after the tick that should have judged it, or too late to be of
+    any use. `heard` and `dropped` count what the links judged, `rejected`, by a word of the table
+    of reasons, all that no link had to judge.
     """
 
-    def __init__(
-        self,
-        receiver: str,
-        links: Mapping[str, LinkRule],
-        *,
-        seed: int,
-        start_at: int,
-        source_rate_hz: float | Mapping[str, float],
-    ) -> None:
+    def __init__(self, receiver: str, links: Iterable[IncomingLink], *, start_at: int) -> None:
+        """`start_at` (ns) is the first instant of the run."""
         self.receiver = receiver
-        self.links: dict[str, HeardLink] = {}
-        for sender, rule in links.items():
-            if isinstance(source_rate_hz, Mapping):
-                rate_hz = source_rate_hz[sender]
-            else:
-                rate_hz = source_rate_hz
-            link = Link(effects(rule, rate_hz), seed, sender, receiver)
-            self.links[sender] = HeardLink(link, Admission(sender, start_at, rate_hz))
-        self.rejected: Counter[str] = Counter()
-        self.overflow = 0
+        self.links = {one.link.sender: one for one in links}
+        self._refused: Counter[str] = Counter()
+        self._overflow = 0
         self._taken_until = start_at - 1
-        self._arrived: deque[tuple[str, bytes]] = deque(maxlen=GPS.queue)
+        self._arrived: deque[tuple[str, bytes]] = deque(maxlen=QUEUE)
         self._lock = Lock()
-        self._senders = {key(sender, GPS): sender for sender in links}
+        self._senders = {key(sender, GPS): sender for sender in self.links}
         self._waiting: list[tuple[int, str, int, Verdict, GpsPose, bool]] = []
         self._verdicts: list[LinkVerdict] = []
         self._verdict_seq = 0
@@ -107,13 +90,19 @@ class Inbox:
 
     @property
     def late(self) -> int:
-        """Poses so far that came after the tick that should have judged them."""
-        return sum(link.late for link in self.links.values())
+        """Poses so far that came after the tick that should have judged them, or far later."""
+        too_late = sum(count for word, count in self._refused.items() if counts_as_late(word))
+        return too_late + sum(link.late for link in self.links.values())
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """Messages so far that no link had to judge, by reason."""
+        return self._refused + Counter(overflow=self._overflow)
 
     def on_bytes(self, sender_key: str, data: bytes) -> None:
         """Take in a message as it comes from the bus; the oldest go when too many wait."""
         with self._lock:
-            self.overflow += len(self._arrived) == self._arrived.maxlen
+            self._overflow += len(self._arrived) == self._arrived.maxlen
             # One byte too long is refused like a million, without keeping the million.
             self._arrived.append((sender_key, data[: LONGEST_POSE_BYTES + 1]))
 
@@ -125,12 +114,12 @@ class Inbox:
         """
         if self._arrived:
             with self._lock:
-                arrived, self._arrived = self._arrived, deque(maxlen=GPS.queue)
+                arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
             for sender_key, data in arrived:
                 try:
                     self._judge(sender_key, data, now)
                 except RefusedMessageError as refusal:
-                    self.rejected[refusal.reason] += 1
+                    self._refused[refusal.reason] += 1
         self._taken_until = now
         return self._hand_over(now) if self._waiting else []
 
@@ -140,8 +129,8 @@ class Inbox:
         return out
 
     def rejections(self) -> list[tuple[str, int]]:
-        """Return what was rejected since the last call, overflow too: (reason, count)."""
-        now = self.rejected + Counter(overflow=self.overflow)
+        """Return what was rejected since the last call: (reason, count)."""
+        now = self.rejected
         new = now - self._reported
         self._reported = now
         return sorted(new.items())
@@ -151,7 +140,7 @@ class Inbox:
         if sender is None:
             raise RefusedMessageError("unknown", f"{self.receiver} does not listen to {sender_key}")
         link = self.links[sender]
-        pose = link.admission.admit(data, now)
+        pose = link.gate.admit(data, now)
         link.check_new(pose.seq)
         judged = link.link.judge(pose.seq, pose.measured_at_ns)
         late = judged.visible_at <= self._taken_until

@@ -19,7 +19,6 @@ class Decision:
 
     Units: gap m, ages s, target_speed m/s. `fresh` is False at instants between two control
     instants, where the last decision is held. `fit` is the trajectory if it was made anew.
-    `disbelieved` counts the poses heard so far that no vehicle of the convoy can have sent.
     """
 
     actuation: Actuation
@@ -33,7 +32,6 @@ class Decision:
     lead_age: float = nan
     predecessor_age: float = nan
     fresh: bool = True
-    disbelieved: int = 0
 
     def messages(self, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
         """The decision as messages for the log: tracking, command, and the trajectory if any.

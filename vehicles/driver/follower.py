@@ -63,7 +63,6 @@ class Follower:
         self._reason = ""
         self._refit_due = 0
         self._gap, self._gap_at = nan, 0
-        self._disbelieved = 0
         self._decision: Decision | None = None
 
     def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
@@ -81,11 +80,7 @@ class Follower:
         return self._decision
 
     def _hear(self, now: int, message: GpsPose) -> None:
-        try:
-            heard = from_message(message, self._plane)
-        except ValueError:  # well-formed, but from where or as no vehicle of this convoy can be
-            self._disbelieved += 1
-            return
+        heard = from_message(message, self._plane)
         trace = self._traces[message.vehicle]
         trace.add(heard.measured_at, heard.east, heard.north, heard.yaw, heard.speed)
         if not trace.joined:
@@ -113,7 +108,6 @@ class Follower:
             gap=convoy.gap,
             lead_age=self._age(now, self._lead),
             predecessor_age=self._age(now, self._predecessor),
-            disbelieved=self._disbelieved,
         )
 
     def _choose_trajectory(self, now: int, pose: Pose) -> tuple[Mode, str]:

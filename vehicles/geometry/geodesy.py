@@ -17,6 +17,13 @@ REACH = 100_000.0
 EXACT = 1e-8
 """Geodetic coordinates are corrected until less than this (m) is left..."""
 
+_CERTAIN = 50_000.0
+"""Steps in latitude, longitude and altitude that together measure less than this (m), on any
+parallel, certainly stay within REACH."""
+
+_METRES_PER_DEGREE = 112_000.0
+"""No degree of latitude or longitude is longer on the ellipsoid."""
+
 MOST_CORRECTIONS = 20
 """...which takes three corrections within some kilometres of the origin."""
 
@@ -74,6 +81,20 @@ class LocalPlane:
                 f"{altitude_m} m is further than {REACH / 1000.0:.0f} km from the origin"
             )
         return east, north
+
+    def reaches(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bool:
+        """Whether a WGS84 point lies within REACH of the origin, so that `to_plane` takes it."""
+        origin = self.origin
+        degrees = abs(latitude_deg - origin.latitude_deg) + abs(
+            longitude_deg - origin.longitude_deg
+        )
+        if _METRES_PER_DEGREE * degrees + abs(altitude_m - origin.altitude_m) < _CERTAIN:
+            return True  # as nearly always, at a tenth of the price
+        try:
+            self.to_plane(latitude_deg, longitude_deg, altitude_m)
+        except ValueError:
+            return False
+        return True
 
     def to_geodetic(self, east: float, north: float) -> tuple[float, float, float]:
         """Latitude (deg), longitude (deg), altitude (m) of a point in the plane (up = 0).

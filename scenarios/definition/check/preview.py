@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.tables import LinkTable
 from scenarios.definition.vehicle_setup import VehicleSetup
-from transport.links.link import LinkRule
 from vehicles.driver.follower import LEAST_SAMPLES
 from vehicles.preview.trajectory import FitSettings
 
@@ -69,14 +69,15 @@ def _alike(found: dict[str, _Sight]) -> Iterator[tuple[str, _Sight]]:
 
 def _seen(scenario: Scenario, setup: VehicleSetup, speed: float) -> _Sight:
     """What reaches furthest, where the sources are made one trajectory; else the predecessor."""
-    links = scenario.links_into(setup.name)
     names = setup.hears if setup.steering.fusion == "composite" else setup.hears[-1:]
-    sights = [_sight(scenario, setup, name, links[name], speed) for name in names]
+    sights = [
+        _sight(scenario, setup, name, scenario.links[name, setup.name], speed) for name in names
+    ]
     return max(sights, key=lambda sight: sight.reach)
 
 
 def _sight(
-    scenario: Scenario, setup: VehicleSetup, source: str, link: LinkRule, speed: float
+    scenario: Scenario, setup: VehicleSetup, source: str, link: LinkTable, speed: float
 ) -> _Sight:
     settings = FitSettings(preview_time=setup.steering.preview_s)
     sent = scenario.vehicle(source).gnss.rate_hz

@@ -1,6 +1,6 @@
 """What the tables of a scenario file have in common."""
 
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
@@ -17,3 +17,18 @@ class Table(BaseModel):
     """A table of a scenario file: unknown keys and wrong types are refused, values are frozen."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+AnyTable = TypeVar("AnyTable", bound=Table)
+
+
+def overlay(base: AnyTable, own: Table | None) -> AnyTable:
+    """Return `base` with every key that was written in `own`, table by table."""
+    if own is None:
+        return base
+    fields = type(base).model_fields
+    changes = {key: getattr(own, key) for key in own.model_fields_set if key in fields}
+    for key, value in changes.items():
+        if isinstance(value, Table):
+            changes[key] = overlay(getattr(base, key), value)
+    return base.model_copy(update=changes)

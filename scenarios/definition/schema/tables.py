@@ -116,12 +116,18 @@ class SpeedTable(Table):
 
 
 class LinkTable(Table):
-    """What a link does to messages: the rate it lets through at most, delay and loss."""
+    """What a directed link does to messages.
 
-    rate_hz: float | None = Field(default=None, gt=0, le=1000)
+    latency_ms    least delay from measurement to reception, the floor that the wire has to beat
+    jitter_ms     further delay, uniform between 0 and this
+    loss_ratio    share of messages lost, each on its own (Bernoulli)
+    rate_hz       messages a second that the link carries; left out, it carries every message
+    """
+
     latency_ms: float = Field(default=20.0, ge=0, le=60_000)
     jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
     loss_ratio: Ratio = 0.0
+    rate_hz: float | None = Field(default=None, gt=0, le=1000)
 
 
 class LinkEntry(LinkTable):

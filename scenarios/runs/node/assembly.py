@@ -5,13 +5,16 @@ from math import cos, radians, sin
 
 import numpy as np
 
+from scenarios.definition.links import link_effects
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox, Witness, nobody
 from scenarios.runs.node.probe import Probe
 from transport.bus.bus import Bus
 from transport.clock import Tick, ticks
-from transport.links.inbox import Inbox
+from transport.links.gate import PoseGate
+from transport.links.inbox import Inbox, IncomingLink
+from transport.links.link import Link
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssNoise, GnssReceiver
 from vehicles.car.parameters import Gains
@@ -47,14 +50,9 @@ class Kit:
 
     def node(self, start_at: int, bus: Bus, probe: Probe, witness: Witness = nobody) -> Node:
         """The vehicle as a node that starts at `start_at` (ns) and publishes on `bus`."""
-        scenario, setup = self._scenario, self._setup
-        inbox = Inbox(
-            self.name,
-            scenario.links_into(self.name),
-            seed=scenario.seed,
-            start_at=start_at,
-            source_rate_hz={name: scenario.vehicle(name).gnss.rate_hz for name in setup.hears},
-        )
+        setup = self._setup
+        links = [self._incoming(sender, start_at) for sender in setup.hears]
+        inbox = Inbox(self.name, links, start_at=start_at)
         return Node(
             body=self._body(),
             parameters=setup.parameters,
@@ -70,6 +68,16 @@ class Kit:
                 start_at=start_at,
                 witness=witness,
             ),
+        )
+
+    def _incoming(self, sender: str, start_at: int) -> IncomingLink:
+        """The link from `sender`, and the gate that its poses pass."""
+        scenario = self._scenario
+        rate_hz = scenario.vehicle(sender).gnss.rate_hz
+        effects = link_effects(scenario.links[sender, self.name], rate_hz)
+        return IncomingLink(
+            Link(effects, scenario.seed, sender, self.name),
+            PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane),
         )
 
     def _body(self) -> Body:

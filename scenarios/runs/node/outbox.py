@@ -52,7 +52,6 @@ class Outbox:
         self._next: Counter[type[Message]] = Counter()
         self._ticks = 0
         self._late_ticks = 0
-        self._disbelieved = 0
         self._mode = ""
         self._waiting: list[tuple[str, bytes, bool]] = []
 
@@ -108,17 +107,13 @@ class Outbox:
                 heard=self._inbox.heard,
                 dropped=self._inbox.dropped,
                 late_messages=self._inbox.late,
-                rejected_messages=self._rejected(),
+                rejected_messages=self._inbox.rejected.total(),
                 published=sum(self._next.values()),
                 memory_bytes=usage.memory_bytes,
                 cpu_ratio=usage.cpu_ratio,
                 final=final,
             )
         )
-
-    def _rejected(self) -> int:
-        """Messages heard so far that changed nothing."""
-        return self._inbox.rejected.total() + self._inbox.overflow + self._disbelieved
 
     def _publish_truth(self, now: int, body: Body) -> None:
         self._send(
@@ -140,9 +135,6 @@ class Outbox:
     def _publish_decision(self, now: int, decision: Decision) -> None:
         for message in decision.messages(self._vehicle, self._next[messages.Tracking], now):
             self._send(message)
-        if decision.disbelieved > self._disbelieved:
-            new, self._disbelieved = decision.disbelieved - self._disbelieved, decision.disbelieved
-            self._say(now, f"{new} messages refused: no place or motion of this convoy", "warning")
         if decision.mode != self._mode:
             self._mode = decision.mode
             why = f" ({decision.reason})" if decision.reason else ""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.processes.supervisor import Child, Supervisor
-from scenarios.runs.run_log import LOG_NAME
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.log.mcap_log import LogError, repair
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.summary import RunSummary
 from scenarios.runs.processes.conductor import Conductor, Phase
 from scenarios.runs.recorder import Listener
 from scenarios.runs.run_log import RunLog
@@ -72,9 +72,6 @@ class Recording:
             run_id=folder.name,
             listeners=(self._conductor.listen, *listeners),
         )
-        self._run.recorder.gnss_rates_hz = {
-            name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names
-        }
         self._chores = Chores()
         self._own: list[tuple[str, bytes]] = []
         self._arrivals: SimpleQueue[Arrival] = SimpleQueue()
@@ -82,7 +79,7 @@ class Recording:
         bus.subscribe(EVERYTHING, self._arrive)
         bus.watch(lambda vehicle, alive: self._presences.put((vehicle, alive)))
 
-    def carry_on(self) -> dict[str, Any]:
+    def carry_on(self) -> RunSummary:
         """Record until the run is over and complete the log; returns the summary."""
         while self._conductor.phase is not Phase.OVER:
             self._record_arrivals()

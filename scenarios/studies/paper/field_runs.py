@@ -12,9 +12,9 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.fitted_samples import SampleFigures
+from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.rehearsal import record
 from scenarios.runs.replay import Replay, head_start, read_record
-from scenarios.runs.run_log import LOG_NAME
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import Fusion
 

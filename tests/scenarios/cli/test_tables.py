@@ -1,23 +1,24 @@
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rich.console import Console
 
 from scenarios.cli.tables import print_summary
+from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.metrics import Metrics
+from scenarios.results.summary import ClockName, RunIdentity, RunSummary
 from tests.made.messages import gps, health, tracking, truth, verdict
 
 NO_ERROR = ("0.0", "/", "0.0")
 NO_FAULTS = ("0", "0", "0")
 
 
-def summary(reason: str = "", clock: str = "wall") -> dict[str, Any]:
+def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
     """Figures of two followers behind a lead, of which v3 has been silent."""
-    asked = {"latency_ms": 20.0, "jitter_ms": 80.0, "loss_ratio": 0.4, "rate_hz": None}
-    plain = {"latency_ms": 20.0, "jitter_ms": 0.0, "loss_ratio": 0.0, "rate_hz": None}
+    asked, plain = LinkTable(jitter_ms=80.0, loss_ratio=0.4), LinkTable()
     metrics = Metrics(
         ("v1", "v2", "v3"), {("v1", "v2"): asked, ("v1", "v3"): plain, ("v2", "v3"): plain}
     )
@@ -32,17 +33,19 @@ def summary(reason: str = "", clock: str = "wall") -> dict[str, Any]:
         health("v2", 1, ticks=1050, late_ticks=12, rejected_messages=7, memory_bytes=64_000_000,
                cpu_ratio=0.043)
     )  # fmt: skip
-    return {
-        "scenario": "trial",
-        "clock": clock,
-        "seed": 11,
-        "ran_s": 1.0,
-        "reason": reason,
-        **metrics.summary(),
-    }
+    return RunSummary(
+        identity=RunIdentity(scenario="trial", seed=11, clock=clock, run_id="x", versions={}),
+        outcome="failed" if reason else "completed",
+        reason=reason,
+        duration_s=5.0,
+        ran_s=1.0,
+        recorder_rejected_messages={},
+        vehicles=metrics.vehicle_summaries(),
+        links=metrics.link_summaries(),
+    )
 
 
-def printed(figures: dict[str, Any], log: Path | None = None, width: int = 80) -> str:
+def printed(figures: RunSummary, log: Path | None = None, width: int = 80) -> str:
     out = io.StringIO()
     print_summary(figures, log, Console(file=out, width=width))
     return out.getvalue()
@@ -97,15 +100,13 @@ def test_tables_fit_a_terminal_of_eighty_columns() -> None:
 
 def test_in_virtual_time_no_process_is_measured() -> None:
     figures = summary(clock="virtual")
-    for vehicle in figures["vehicles"]:
-        vehicle["memory_bytes_max"] = 0
+    vehicles = tuple(replace(vehicle, memory_bytes_max=0) for vehicle in figures.vehicles)
+    figures = replace(figures, vehicles=vehicles)
     assert row(printed(figures), "v2 ")[7:] == ["14.0", "1", "2", "12", "7"]
 
 
 def test_one_vehicle_alone_has_no_table_of_links() -> None:
-    figures = summary()
-    figures["links"] = []
-    assert "links" not in printed(figures)
+    assert "links" not in printed(replace(summary(), links=()))
 
 
 def test_why_it_ended_and_where_the_log_is() -> None:

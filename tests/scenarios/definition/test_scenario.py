@@ -42,8 +42,8 @@ def test_followers_hear_the_lead_and_the_vehicle_ahead() -> None:
     hears = {name: scenario.vehicle(name).hears for name in scenario.vehicle_names}
     assert hears == {"v1": (), "v2": ("v1",), "v3": ("v1", "v2"), "v4": ("v1", "v3")}
     assert scenario.vehicle("v3").predecessor == "v2"
-    assert {name: set(scenario.links_into(name)) for name in hears} == {
-        name: set(heard) for name, heard in hears.items()
+    assert set(scenario.links) == {
+        (sender, name) for name, heard in hears.items() for sender in heard
     }
 
 
@@ -118,11 +118,13 @@ loss_ratio = 0.1
 """
     )
     scenario = scenario_from_text(text)
-    v2, v3 = scenario.links_into("v2"), scenario.links_into("v3")
-    assert (v2["v1"].loss_ratio, v2["v1"].jitter_ms, v2["v1"].latency_ms) == (0.5, 7.0, 30.0)
-    assert (v3["v1"].loss_ratio, v3["v1"].jitter_ms) == (0.1, 7.0)
-    assert (v3["v2"].loss_ratio, v3["v2"].jitter_ms, v3["v2"].latency_ms) == (0.1, 0.0, 30.0)
-    assert scenario.links_into("v4")["v3"].loss_ratio == 0.0
+    first, both, other = (
+        scenario.links[pair] for pair in (("v1", "v2"), ("v1", "v3"), ("v2", "v3"))
+    )
+    assert (first.loss_ratio, first.jitter_ms, first.latency_ms) == (0.5, 7.0, 30.0)
+    assert (both.loss_ratio, both.jitter_ms) == (0.1, 7.0)
+    assert (other.loss_ratio, other.jitter_ms, other.latency_ms) == (0.1, 0.0, 30.0)
+    assert scenario.links["v3", "v4"].loss_ratio == 0.0
 
 
 def test_a_scenario_s_text_holds_all_of_it(tmp_path: Path) -> None:
@@ -146,7 +148,7 @@ alpha_ratio = 1.0
     again = scenario_from_text(scenario.text, folder=tmp_path)
     assert again.tables == scenario.tables
     assert again.duration_s == scenario.duration_s
-    assert again.links_into("v2") == scenario.links_into("v2")
+    assert again.links == scenario.links
     assert again.vehicle("v3") == scenario.vehicle("v3")
     assert warnings(again) == warnings(scenario)
     assert "drive.csv: 1 bad line skipped" in warnings(again)[0]
@@ -202,7 +204,7 @@ def test_overrides_arrive_in_the_scenario_and_survive_its_text(
         ],
     )
     assert scenario.vehicle("v3").steering.alpha_ratio == alpha
-    assert scenario.links_into("v3")["v2"].latency_ms == latency
+    assert scenario.links["v2", "v3"].latency_ms == latency
     assert scenario.seed == seed
     assert scenario_from_text(scenario.text).tables == scenario.tables
 
@@ -237,4 +239,4 @@ def test_an_override_may_be_written_without_quotes_and_with_indices() -> None:
     )
     assert scenario.vehicle("v2").steering.fusion == "predecessor"
     assert scenario.route.length == pytest.approx(1200.0)
-    assert scenario.links_into("v2")["v1"].loss_ratio == 0.5
+    assert scenario.links["v1", "v2"].loss_ratio == 0.5

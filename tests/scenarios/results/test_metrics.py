@@ -1,47 +1,49 @@
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.metrics import Extremes, Metrics
+from scenarios.results.summary import LinkSummary, VehicleSummary
 from tests.made.messages import gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Message, TruePose
 
 CONVOY = ("v1", "v2", "v3")
-ASKED: Mapping[tuple[str, str], Mapping[str, Any]] = {
-    ("v2", "v3"): {"latency_ms": 30.0, "loss_ratio": 0.5},
-    ("v1", "v3"): {"latency_ms": 20.0, "loss_ratio": 0.0},
-    ("v1", "v2"): {"latency_ms": 20.0, "loss_ratio": 0.0},
+ASKED = {
+    ("v2", "v3"): LinkTable(latency_ms=30.0, loss_ratio=0.5),
+    ("v1", "v3"): LinkTable(),
+    ("v1", "v2"): LinkTable(),
 }
 
 
-def summary_of(*messages: Message) -> dict[str, Any]:
+class Figures(NamedTuple):
+    vehicles: tuple[VehicleSummary, ...]
+    links: tuple[LinkSummary, ...]
+
+
+def figures_of(*messages: Message) -> Figures:
     metrics = Metrics(CONVOY, ASKED)
     for message in messages:
         metrics.add(message)
-    return metrics.summary()
+    return Figures(metrics.vehicle_summaries(), metrics.link_summaries())
 
 
-def vehicle(name: str, *messages: Message) -> dict[str, Any]:
-    found: dict[str, Any] = next(
-        row for row in summary_of(*messages)["vehicles"] if row["name"] == name
-    )
-    return found
+def vehicle(name: str, *messages: Message) -> VehicleSummary:
+    return next(row for row in figures_of(*messages).vehicles if row.name == name)
 
 
-def link(sender: str, receiver: str, *messages: Message) -> dict[str, Any]:
-    found: dict[str, Any] = next(
+def link(sender: str, receiver: str, *messages: Message) -> LinkSummary:
+    return next(
         row
-        for row in summary_of(*messages)["links"]
-        if (row["sender"], row["receiver"]) == (sender, receiver)
+        for row in figures_of(*messages).links
+        if (row.sender, row.receiver) == (sender, receiver)
     )
-    return found
 
 
 @given(values=st.lists(st.floats(-1e3, 1e3), max_size=30))
@@ -57,18 +59,17 @@ def test_extremes_are_those_of_the_values(values: list[float]) -> None:
 
 
 def test_a_run_without_messages_has_a_summary_too() -> None:
-    found = summary_of()
-    assert [row["name"] for row in found["vehicles"]] == list(CONVOY)
-    assert [row["role"] for row in found["vehicles"]] == ["lead", "follower", "follower"]
-    for row in found["vehicles"]:
-        assert (row["poses"], row["missing_poses"], row["ticks"]) == (0, 0, 0)
-        assert not row["finished"]
-        assert row["gap_m_min"] is None
-        assert row["cross_track_error_m_max"] is None
-        assert row["cross_track_error_m_rms"] is None
-    for row in found["links"]:
-        assert (row["sent"], row["judged"], row["loss_ratio"]) == (0, 0, 0.0)
-    assert json.loads(json.dumps(found, allow_nan=False)) == found
+    found = figures_of()
+    assert [row.name for row in found.vehicles] == list(CONVOY)
+    assert [row.role for row in found.vehicles] == ["lead", "follower", "follower"]
+    for row in found.vehicles:
+        assert (row.poses, row.missing_poses, row.ticks) == (0, 0, 0)
+        assert not row.finished
+        assert row.gap_m_min is None
+        assert row.cross_track_error_m_max is None
+        assert row.cross_track_error_m_rms is None
+    for link in found.links:
+        assert (link.sent, link.judged, link.loss_ratio) == (0, 0, 0.0)
 
 
 def test_tracking_errors_are_summed_up() -> None:
@@ -81,9 +82,9 @@ def test_tracking_errors_are_summed_up() -> None:
         ),
         tracking("v3", 0, lateral_error_m=9.0),
     )
-    assert row["lateral_error_m_max"] == 0.4
-    assert row["lateral_error_m_rms"] == pytest.approx(0.25)
-    assert row["heading_error_rad_max"] == 0.05
+    assert row.lateral_error_m_max == 0.4
+    assert row.lateral_error_m_rms == pytest.approx(0.25)
+    assert row.heading_error_rad_max == 0.05
 
 
 def test_modes_are_counted_and_the_smallest_gap_kept() -> None:
@@ -95,10 +96,10 @@ def test_modes_are_counted_and_the_smallest_gap_kept() -> None:
             for seq, (mode, gap) in enumerate(modes_and_gaps)
         ),
     )
-    assert row["ticks_by_mode"] == {"composite": 1, "lead": 2, "straight": 1}
-    assert row["gap_m_min"] == 12.5
+    assert row.ticks_by_mode == {"composite": 1, "lead": 2, "straight": 1}
+    assert row.gap_m_min == 12.5
     alone = vehicle("v2", tracking("v2", 0, gap_m=math.nan))
-    assert alone["gap_m_min"] is None
+    assert alone.gap_m_min is None
 
 
 def lead_and_follower(aside: float) -> Sequence[Message]:
@@ -116,9 +117,9 @@ def lead_and_follower(aside: float) -> Sequence[Message]:
 def test_true_cross_track_error_is_the_distance_from_what_the_lead_drove() -> None:
     for aside in (0.25, -0.25):
         row = vehicle("v2", *lead_and_follower(aside))
-        assert row["cross_track_error_m_max"] == pytest.approx(0.25)
-        assert row["cross_track_error_m_rms"] == pytest.approx(0.25)
-        assert row["distance_m"] == pytest.approx(59.4)
+        assert row.cross_track_error_m_max == pytest.approx(0.25)
+        assert row.cross_track_error_m_rms == pytest.approx(0.25)
+        assert row.distance_m == pytest.approx(59.4)
 
 
 def askew(yaw: float, distance: float = 0.0) -> Metrics:
@@ -134,30 +135,30 @@ def askew(yaw: float, distance: float = 0.0) -> Metrics:
 
 @pytest.mark.parametrize("yaw", [0.1, -0.5, 3.0])
 def test_before_the_lead_s_first_pose_the_road_counts_not_where_the_lead_faced(yaw: float) -> None:
-    row = askew(yaw).summary(road_yaw=0.0)["vehicles"][1]
-    assert row["cross_track_error_m_max"] == pytest.approx(0.25)
-    assert row["cross_track_error_m_rms"] == pytest.approx(0.25)
+    row = askew(yaw).vehicle_summaries(road_yaw=0.0)[1]
+    assert row.cross_track_error_m_max == pytest.approx(0.25)
+    assert row.cross_track_error_m_rms == pytest.approx(0.25)
     assert askew(yaw).true_cross_track("v2").largest > 1.0
 
 
 def test_a_lead_that_was_first_seen_on_its_way_faces_along_the_road_there() -> None:
     """The road at the start may have gone elsewhere."""
-    found = askew(0.0, distance=80.0).summary(road_yaw=1.5)["vehicles"][1]
-    assert found["cross_track_error_m_max"] == pytest.approx(0.25)
+    found = askew(0.0, distance=80.0).vehicle_summaries(road_yaw=1.5)[1]
+    assert found.cross_track_error_m_max == pytest.approx(0.25)
 
 
 def test_a_follower_that_was_nowhere_beside_the_lead_s_path_has_no_distance_from_it() -> None:
     lead = [message for message in lead_and_follower(0.0) if message.vehicle == "v1"]
     beyond = [truth("v2", seq, 100.0 + seq, 0.5) for seq in range(20)]
     for found in (vehicle("v2", *lead), vehicle("v2", *lead, *beyond), vehicle("v2", *beyond)):
-        assert found["cross_track_error_m_max"] is None
-        assert found["cross_track_error_m_rms"] is None
+        assert found.cross_track_error_m_max is None
+        assert found.cross_track_error_m_rms is None
 
 
 def test_the_lead_has_no_distance_from_itself() -> None:
     row = vehicle("v1", *lead_and_follower(0.25))
-    assert row["cross_track_error_m_max"] is None
-    assert row["cross_track_error_m_rms"] is None
+    assert row.cross_track_error_m_max is None
+    assert row.cross_track_error_m_rms is None
 
 
 @pytest.mark.parametrize(
@@ -176,7 +177,7 @@ def test_poses_are_missing_up_to_the_newest_whatever_their_order(
     numbers: list[int], missing: int
 ) -> None:
     row = vehicle("v1", *(gps("v1", seq) for seq in numbers))
-    assert (row["poses"], row["missing_poses"]) == (len(numbers), missing)
+    assert (row.poses, row.missing_poses) == (len(numbers), missing)
 
 
 def test_health_is_the_last_one_and_memory_the_largest() -> None:
@@ -190,19 +191,16 @@ def test_health_is_the_last_one_and_memory_the_largest() -> None:
             lateness_ms_max=11.5, rejected_messages=4,
         ),
     )  # fmt: skip
-    assert row["memory_bytes_max"] == 70
-    assert (row["ticks"], row["late_ticks"], row["lateness_ms_max"]) == (30, 2, 11.5)
-    assert (row["rejected_messages"], row["cpu_ratio"], row["finished"]) == (
-        4,
-        pytest.approx(0.3),
-        True,
-    )
-    assert not vehicle("v3", health("v3", 0))["finished"]
+    assert row.memory_bytes_max == 70
+    assert (row.ticks, row.late_ticks, row.lateness_ms_max) == (30, 2, 11.5)
+    assert (row.rejected_messages, row.finished) == (4, True)
+    assert row.cpu_ratio == pytest.approx(0.3)
+    assert not vehicle("v3", health("v3", 0)).finished
 
 
 def test_strangers_and_the_conductor_count_for_nothing() -> None:
-    assert summary_of(start(), text("run", 0, "so far"), gps("v9", 0), health("run")) == (
-        summary_of()
+    assert figures_of(start(), text("run", 0, "so far"), gps("v9", 0), health("run")) == (
+        figures_of()
     )
 
 
@@ -219,13 +217,13 @@ def test_a_link_is_told_from_its_verdicts() -> None:
         verdict("v1", "v3", 4, latency_ms=500.0),
         verdict("v1", "v2", 4, dropped="loss"),
     )
-    assert row["requested"] == ASKED["v2", "v3"]
-    assert (row["sent"], row["judged"], row["heard"], row["late"]) == (6, 5, 3, 1)
-    assert row["dropped"] == {"loss": 2}
-    assert row["loss_ratio"] == pytest.approx(2 / 5)
+    assert row.requested == ASKED["v2", "v3"]
+    assert (row.sent, row.judged, row.heard, row.late) == (6, 5, 3, 1)
+    assert row.dropped == {"loss": 2}
+    assert row.loss_ratio == pytest.approx(2 / 5)
     # A late message took as long as it really took.
-    assert row["latency_ms_mean"] == pytest.approx((30 + 50 + 100) / 3)
-    assert row["latency_ms_max"] == pytest.approx(100.0)
+    assert row.latency_ms_mean == pytest.approx((30 + 50 + 100) / 3)
+    assert row.latency_ms_max == pytest.approx(100.0)
 
 
 def test_what_a_link_s_rate_holds_back_is_not_lost() -> None:
@@ -237,16 +235,16 @@ def test_what_a_link_s_rate_holds_back_is_not_lost() -> None:
         verdict("v1", "v2", 2, dropped="loss"),
         verdict("v1", "v2", 3, dropped="rate"),
     )
-    assert row["dropped"] == {"loss": 1, "rate": 2}
-    assert row["loss_ratio"] == pytest.approx(1 / 2)
+    assert row.dropped == {"loss": 1, "rate": 2}
+    assert row.loss_ratio == pytest.approx(1 / 2)
     held_back = link("v1", "v2", verdict("v1", "v2", 0, dropped="rate"))
-    assert held_back["loss_ratio"] == 0.0
+    assert held_back.loss_ratio == 0.0
 
 
 def test_links_are_ordered_by_receiver_then_sender_from_the_lead_on() -> None:
     asked = [("v3", "v4"), ("v2", "v3"), ("v1", "v4"), ("v1", "v2"), ("v1", "v3")]
-    metrics = Metrics((*CONVOY, "v4"), {link: {} for link in asked})
-    order = [(row["sender"], row["receiver"]) for row in metrics.summary()["links"]]
+    metrics = Metrics((*CONVOY, "v4"), dict.fromkeys(asked, LinkTable()))
+    order = [(row.sender, row.receiver) for row in metrics.link_summaries()]
     assert order == [("v1", "v2"), ("v1", "v3"), ("v2", "v3"), ("v1", "v4"), ("v3", "v4")]
 
 
@@ -262,8 +260,8 @@ def test_only_the_order_within_a_kind_matters(random: Any) -> None:
         [verdict("v1", "v2", seq, dropped="loss" if seq % 3 else "") for seq in range(20)],
         [health("v2", seq, ticks=seq) for seq in range(3)],
     ]
-    expected = summary_of(*(message for kind in kinds for message in kind))
+    expected = figures_of(*(message for kind in kinds for message in kind))
     mixed = []
     while any(kinds):
         mixed.append(random.choice([kind for kind in kinds if kind]).pop(0))
-    assert summary_of(*mixed) == expected
+    assert figures_of(*mixed) == expected

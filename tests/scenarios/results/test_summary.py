@@ -1,27 +1,30 @@
 import json
 import platform
 import re
+from dataclasses import fields, replace
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.tables import LinkTable
+from scenarios.results.log_summary import LOG_NAME, scenario_in, summary_of
 from scenarios.results.summary import (
     PACKAGES,
     SCHEMA,
-    SUMMARY_NAME,
-    about,
-    requested_links,
-    scenario_in,
-    summary_of,
+    LinkSummary,
+    RunIdentity,
+    RunSummary,
+    VehicleSummary,
+    from_json,
+    to_json,
 )
-from scenarios.runs.run_log import LOG_NAME, RunLog
-from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.run_log import RunLog
 from tests.made.messages import START, at, gps, health, text, tracking, truth, verdict
 from transport.codec import encode
 from transport.log.mcap_log import LogError, LogReader, LogWriter, repair
+from transport.reasons import REASONS
 from transport.topics import TOPIC_OF, TOPICS, key
 from vehicles.messages import Message
 
@@ -55,20 +58,38 @@ def written(scenario: Scenario, folder: Path) -> RunLog:
 
 
 def test_a_run_is_known_by_scenario_seed_clock_and_versions(scenario: Scenario) -> None:
-    what = about(scenario, "wall", "today")
+    identity = RunIdentity.here(scenario.name, scenario.seed, "wall", "today")
+    what = identity.metadata()
     assert what["schema"] == SCHEMA
     assert (what["scenario"], what["seed"], what["run_id"]) == ("lane_change", "3", "today")
     assert what["python"] == platform.python_version()
     assert {name: what[name] for name in PACKAGES} == {name: version(name) for name in PACKAGES}
     assert all(isinstance(value, str) for value in what.values())  # metadata of a log are texts
+    assert RunIdentity.of_values(what) == RunIdentity.of_values(identity.values()) == identity
 
 
 def test_what_is_asked_of_each_link(scenario: Scenario) -> None:
-    asked = requested_links(scenario)
+    asked = scenario.links
     assert list(asked) == [("v1", "v2"), ("v1", "v3"), ("v2", "v3")]
     plain = {"latency_ms": 30.0, "jitter_ms": 0.0, "loss_ratio": 0.0, "rate_hz": None}
-    assert asked["v1", "v2"] == asked["v2", "v3"] == plain
-    assert asked["v1", "v3"] == plain | {"loss_ratio": 0.25}
+    assert asked["v1", "v2"].model_dump() == asked["v2", "v3"].model_dump() == plain
+    assert asked["v1", "v3"].model_dump() == plain | {"loss_ratio": 0.25}
+
+
+def test_a_summary_is_the_same_after_a_way_through_json(scenario: Scenario, tmp_path: Path) -> None:
+    run = written(scenario, tmp_path)
+    run.end(at(5.0), "")
+    summary = run.close(at(5.0))
+    text = to_json(summary)
+    assert from_json(text) == summary
+    assert to_json(from_json(text)) == text
+    assert json.loads(text)["links"][0]["requested"] == scenario.links["v1", "v2"].model_dump()
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"outcome": "completed"}', '{"vehicles": 7}'])
+def test_what_is_no_summary_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"Expecting|summary"):
+        from_json(text)
 
 
 def test_the_summary_of_a_complete_log_is_the_one_inside(
@@ -89,13 +110,10 @@ def test_the_summary_of_a_log_that_breaks_off_is_worked_out_from_its_messages(
     broken.flush()
     log = tmp_path / "broken" / LOG_NAME
     found = summary_of(log)
-    assert (found["outcome"], found["reason"]) == ("failed", "the log breaks off")
-    assert found["ran_s"] == pytest.approx(39 / 20)
-    differing = {"reason", "ran_s"}
-    assert {k: v for k, v in found.items() if k not in differing} == {
-        k: v for k, v in expected.items() if k not in differing
-    }
-    assert found["links"][1]["loss_ratio"] == 0.25
+    assert (found.outcome, found.reason) == ("failed", "the log breaks off")
+    assert found.ran_s == pytest.approx(39 / 20)
+    assert replace(found, reason=expected.reason, ran_s=expected.ran_s) == expected
+    assert found.links[1].loss_ratio == 0.25
     # Repaired it is complete, but still without a summary: the same is said of it.
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(log.read_bytes())
@@ -112,7 +130,7 @@ def test_a_log_that_breaks_off_before_the_start_ran_for_no_time(
     run.recorder.say(at(0.0), "waiting")
     run.recorder.accept("convoy/v1/health", encode(health("v1")), at(30.0))
     run.flush()
-    assert summary_of(tmp_path / LOG_NAME)["ran_s"] == 0.0
+    assert summary_of(tmp_path / LOG_NAME).ran_s == 0.0
     run.close(at(30.0))
 
 
@@ -150,15 +168,25 @@ def documented() -> dict[str, str]:
     return found
 
 
-def test_the_readme_says_what_each_field_means(scenario: Scenario, tmp_path: Path) -> None:
-    run_virtual(scenario, tmp_path, Stop())
-    summary = json.loads((tmp_path / SUMMARY_NAME).read_text(encoding="utf-8"))
-    fields = {name for name in summary if name not in {"vehicles", "links"}}
-    for part in ("vehicles", "links"):
-        for row in summary[part]:
-            fields |= {f"{part}[].{name}" for name in row}
+def test_the_readme_says_what_each_field_means() -> None:
+    identity = RunIdentity.here("x", 1, "wall", "today").values()
+    names = {one.name for one in fields(RunSummary)} - {"identity", "vehicles", "links"}
+    vehicle = {f"vehicles[].{one.name}" for one in fields(VehicleSummary)}
+    link = {f"links[].{one.name}" for one in fields(LinkSummary)}
     meaning = documented()
-    assert set(meaning) == fields
-    assert meaning["schema"] == f"`{summary['schema']}`"
-    for asked in summary["links"][0]["requested"]:
+    assert set(meaning) == {*identity, *names, *vehicle, *link}
+    assert meaning["schema"] == f"`{SCHEMA}`"
+    for asked in LinkTable.model_fields:
         assert f"`{asked}`" in meaning["links[].requested"]
+
+
+def test_the_readme_says_what_each_reason_means() -> None:
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    table = readme.split("| reason | who says so |")[1].split("\n\n")[0].splitlines()[2:]
+    expected = []
+    for word, reason in REASONS.items():
+        who = "dropped by the link" if reason.is_drop else "refused by the receiver"
+        counts = {"lost": reason.counts_as_loss, "late": reason.counts_as_late}
+        as_what = ", ".join(name for name, does in counts.items() if does)
+        expected.append(f"| `{word}` | {who} | {as_what} | {reason.meaning} |")
+    assert table == expected

@@ -2,14 +2,15 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import replace
 
+from scenarios.definition.schema.tables import LinkTable
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe, Probe, Usage
+from tests.made.links import inbox as inbox_of
 from tests.made.messages import START, at, gps
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import ticks
 from transport.codec import decode, encode
 from transport.links.inbox import Inbox
-from transport.links.link import LinkRule
 from transport.topics import TOPIC_OF, TOPICS, Topic, key
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, from_message
@@ -69,8 +70,8 @@ class Slow:
 
 
 def ear() -> Inbox:
-    links = {"v1": LinkRule(latency_ms=20.0), "v2": LinkRule(loss_ratio=1.0)}
-    return Inbox("v3", links, seed=1, start_at=START, source_rate_hz=20.0)
+    links = {"v1": LinkTable(latency_ms=20.0), "v2": LinkTable(loss_ratio=1.0)}
+    return inbox_of("v3", links, start_at=START, origin=PLANE.origin)
 
 
 def outbox(bus: MemoryBus, inbox: Inbox | None = None, probe: Probe | None = None) -> Outbox:
@@ -260,14 +261,21 @@ def test_a_witness_sees_what_the_bus_carries() -> None:
     assert [message.seq for _, _, message in seen] == [message.seq for message in bus.said]
 
 
-def test_poses_that_the_driver_disbelieves_are_told_once_and_counted_as_refused() -> None:
-    bus = UrgentBus()
-    box = outbox(bus)
+def test_refused_messages_are_told_once_by_reason_and_counted() -> None:
+    bus, inbox = UrgentBus(), ear()
+    box = outbox(bus, inbox)
     for k in range(100):
-        box.publish(at(k * 0.02), BODY, None, replace(DECISION, disbelieved=3 if k > 9 else 0))
+        if k == 10:
+            inbox.on_bytes("convoy/v1/gps", b"rubbish")
+            inbox.on_bytes("convoy/v1/gps", encode(replace(gps("v1", 0), latitude_deg=-10.0)))
+            inbox.on_bytes("convoy/v1/gps", encode(replace(gps("v1", 0), speed_mps=180.0)))
+        inbox.take(at(k * 0.02))
+        box.publish(at(k * 0.02), BODY, None, DECISION)
     told = [one.text for one in bus.of(LogText) if isinstance(one, LogText)]
     assert [text for text in told if "refused" in text] == [
-        "3 messages refused: no place or motion of this convoy"
+        "1 messages refused: absurd",
+        "1 messages refused: far",
+        "1 messages refused: garbage",
     ]
     healths = [one for one in bus.of(Health) if isinstance(one, Health)]
     assert [one.rejected_messages for one in healths] == [0, 3]

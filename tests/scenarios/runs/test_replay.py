@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.drives import Trial
+from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.rehearsal import record, rehearse
 from scenarios.runs.replay import Record, head_start, read_record
-from scenarios.runs.run_log import LOG_NAME
+from tests.made.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode
-from transport.links.inbox import Inbox
-from transport.links.link import LinkRule
 from transport.log.mcap_log import LogError, LogReader
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
@@ -85,7 +85,9 @@ def test_further_ahead_it_begins_later_in_its_record_and_is_numbered_anew(lead: 
 @pytest.mark.parametrize("ahead", [0.0, 0.5, 0.513])
 def test_an_inbox_takes_every_replayed_pose(lead: Record, ahead: float) -> None:
     start_at = 1_000 * SECOND
-    inbox = Inbox("v2", {"v1": LinkRule()}, seed=1, start_at=start_at, source_rate_hz=20.0)
+    inbox = inbox_of(
+        "v2", {"v1": LinkTable()}, start_at=start_at, origin=load_scenario("lane_change").origin
+    )
     bus = MemoryBus()
     bus.subscribe(inbox.keys[0], inbox.on_bytes)
     replay = lead.replay(start_at=start_at, ahead=ahead)

@@ -1,11 +1,11 @@
-import json
 from pathlib import Path
 
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.summary import METADATA_NAME, SCENARIO_NAME, SUMMARY_NAME
-from scenarios.runs.run_log import LOG_NAME, RunLog
+from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SCENARIO_NAME, SUMMARY_NAME
+from scenarios.results.summary import to_json
+from scenarios.runs.run_log import RunLog
 from tests.made.messages import START, at, gps, health, tracking, truth
 from transport.codec import decode, encode
 from transport.log.mcap_log import LogReader
@@ -41,7 +41,7 @@ def test_a_run_is_a_log_and_a_summary_that_say_the_same(scenario: Scenario, tmp_
     run.end(at(5.0), "")
     summary = run.close(at(5.1))
     assert sorted(path.name for path in folder.iterdir()) == [LOG_NAME, SUMMARY_NAME]
-    assert json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8")) == summary
+    assert (folder / SUMMARY_NAME).read_text(encoding="utf-8") == to_json(summary)
     reader = LogReader(folder / LOG_NAME)
     assert not reader.truncated
     attached = reader.attachments()
@@ -58,24 +58,24 @@ def test_a_run_that_ends_as_planned_is_completed(scenario: Scenario, tmp_path: P
     run = begun(scenario, tmp_path)
     run.end(at(5.3), "")  # the last words take a moment more
     summary = run.close(at(6.0))
-    assert (summary["outcome"], summary["reason"]) == ("completed", "")
-    assert (summary["duration_s"], summary["ran_s"]) == (5.0, 5.0)
-    assert summary["seed"] == 7
-    assert [row["poses"] for row in summary["vehicles"]] == [10, 10]
+    assert (summary.outcome, summary.reason) == ("completed", "")
+    assert (summary.duration_s, summary.ran_s) == (5.0, 5.0)
+    assert summary.identity.seed == 7
+    assert [row.poses for row in summary.vehicles] == [10, 10]
 
 
 def test_a_run_with_a_reason_to_end_is_failed(scenario: Scenario, tmp_path: Path) -> None:
     run = begun(scenario, tmp_path)
     run.end(at(2.0), "v2 died 1.5 s after the start")
     summary = run.close(at(3.0))
-    assert (summary["outcome"], summary["ran_s"]) == ("failed", 2.0)
-    assert summary["reason"] == "v2 died 1.5 s after the start"
+    assert (summary.outcome, summary.ran_s) == ("failed", 2.0)
+    assert summary.reason == "v2 died 1.5 s after the start"
 
 
 def test_a_run_that_never_started_ran_for_no_time(scenario: Scenario, tmp_path: Path) -> None:
     run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
     run.end(at(60.0), "not present in time: v2")
-    assert run.close(at(60.0))["ran_s"] == 0.0
+    assert run.close(at(60.0)).ran_s == 0.0
     messages = [message for _, _, message in LogReader(tmp_path / LOG_NAME).messages()]
     assert [type(message) for message in messages] == [RunEnd, Health]
 
@@ -98,7 +98,7 @@ def test_last_words_after_the_end_are_recorded_until_it_closes(
     run.end(at(2.0), "stopped by SIGINT")
     take(run, health("v2", seconds=2.1, final=True), 41)
     summary = run.close(at(2.2))
-    assert [row["finished"] for row in summary["vehicles"]] == [False, True]
+    assert [row.finished for row in summary.vehicles] == [False, True]
 
 
 def test_what_was_refused_is_in_the_summary(scenario: Scenario, tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_what_was_refused_is_in_the_summary(scenario: Scenario, tmp_path: Path) 
     for where, data in (("convoy/v1/gps", b"?"), ("convoy/v7/gps", b"?"), ("convoy/v1/gps", b"!")):
         run.recorder.accept(where, data, at(1.0))
     run.end(at(5.0), "")
-    assert run.close(at(5.0))["recorder_rejected_messages"] == {"malformed": 2, "unknown key": 1}
+    assert run.close(at(5.0)).recorder_rejected_messages == {"garbage": 2, "unknown": 1}
 
 
 def test_a_log_that_is_being_written_can_be_read_up_to_its_last_flush(

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.summary import SCENARIO_NAME, summary_of
+from scenarios.results.log_summary import SCENARIO_NAME, summary_of
+from scenarios.results.summary import LinkSummary, RunSummary
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from transport.codec import encode
@@ -43,7 +44,7 @@ class Ran:
     log: bytes
     attached: dict[str, bytes]
     recorded: list[tuple[int, Message]]
-    summary: dict[str, Any]
+    summary: RunSummary
 
     def of(self, vehicle: str, kind: type[Message]) -> list[Any]:
         return [m for _, m in self.recorded if m.vehicle == vehicle and type(m) is kind]
@@ -54,12 +55,9 @@ class Ran:
     def modes(self, vehicle: str) -> set[str]:
         return {message.mode for message in self.of(vehicle, Tracking)}
 
-    def link(self, sender: str, receiver: str) -> dict[str, Any]:
-        rows = self.summary["links"]
-        found: dict[str, Any] = next(
-            row for row in rows if (row["sender"], row["receiver"]) == (sender, receiver)
-        )
-        return found
+    def link(self, sender: str, receiver: str) -> LinkSummary:
+        rows = self.summary.links
+        return next(row for row in rows if (row.sender, row.receiver) == (sender, receiver))
 
     def true_path(self, vehicle: str) -> list[tuple[float, float, float]]:
         return [(p.east_m, p.north_m, p.yaw_rad) for p in self.of(vehicle, TruePose)]
@@ -92,7 +90,7 @@ def test_another_seed_is_another_run() -> None:
     other = ran(seed=2)
     assert other.log != ran().log
     assert other.true_path("v2") != ran().true_path("v2")
-    assert other.summary["seed"] == 2
+    assert other.summary.identity.seed == 2
 
 
 def test_the_start_is_that_of_the_scenario() -> None:
@@ -171,26 +169,26 @@ def test_it_ends_as_planned_with_everyone_s_last_words() -> None:
 
 def test_the_summary_counts_what_is_in_the_log() -> None:
     summary = ran().summary
-    assert (summary["outcome"], summary["reason"]) == ("completed", "")
-    assert (summary["scenario"], summary["clock"]) == ("lane_change", "virtual")
-    assert (summary["duration_s"], summary["ran_s"]) == (3.0, 3.0)
-    assert summary["recorder_rejected_messages"] == {}
-    for row in summary["vehicles"]:
-        assert (row["poses"], row["missing_poses"]) == (60, 0)
-        assert sum(row["ticks_by_mode"].values()) == 150
-        assert row["ticks"] == 180  # the union of 50 and 20 Hz
-        assert (row["late_ticks"], row["rejected_messages"], row["memory_bytes_max"]) == (0, 0, 0)
-        assert row["finished"]
-        assert row["distance_m"] == pytest.approx(90.0, abs=1.0)
-        modes = Counter(message.mode for message in ran().of(row["name"], Tracking))
-        assert row["ticks_by_mode"] == modes
-    for row in summary["links"]:
-        assert (row["sent"], row["late"], row["dropped"]) == (60, 0, {})
-        verdicts = ran().verdicts(row["sender"], row["receiver"])
-        assert row["heard"] == len(verdicts)
+    assert (summary.outcome, summary.reason) == ("completed", "")
+    assert (summary.identity.scenario, summary.identity.clock) == ("lane_change", "virtual")
+    assert (summary.duration_s, summary.ran_s) == (3.0, 3.0)
+    assert summary.recorder_rejected_messages == {}
+    for row in summary.vehicles:
+        assert (row.poses, row.missing_poses) == (60, 0)
+        assert sum(row.ticks_by_mode.values()) == 150
+        assert row.ticks == 180  # the union of 50 and 20 Hz
+        assert (row.late_ticks, row.rejected_messages, row.memory_bytes_max) == (0, 0, 0)
+        assert row.finished
+        assert row.distance_m == pytest.approx(90.0, abs=1.0)
+        modes = Counter(message.mode for message in ran().of(row.name, Tracking))
+        assert row.ticks_by_mode == modes
+    for link in summary.links:
+        assert (link.sent, link.late, link.dropped) == (60, 0, {})
+        verdicts = ran().verdicts(link.sender, link.receiver)
+        assert link.heard == len(verdicts)
         # What was sent in the last moment is not heard any more.
-        assert row["heard"] == sum(50 * k + 20 <= 2990 for k in range(60))
-        assert row["latency_ms_mean"] == pytest.approx(20.0)
+        assert link.heard == sum(50 * k + 20 <= 2990 for k in range(60))
+        assert link.latency_ms_mean == pytest.approx(20.0)
 
 
 def test_listeners_hear_what_is_logged(tmp_path: Path) -> None:
@@ -214,8 +212,8 @@ def test_a_run_that_is_stopped_has_a_whole_log(tmp_path: Path) -> None:
             stop.ask("stopped by SIGINT", 130)
 
     summary = run_virtual(scenario, tmp_path, stop, listeners=[after_a_second])
-    assert (summary["outcome"], summary["reason"]) == ("failed", "stopped by SIGINT")
-    assert summary["ran_s"] == pytest.approx(1.0, abs=0.02)
+    assert (summary.outcome, summary.reason) == ("failed", "stopped by SIGINT")
+    assert summary.ran_s == pytest.approx(1.0, abs=0.02)
     reader = LogReader(tmp_path / "run.mcap")
     assert not reader.truncated
     last = [message for _, _, message in reader.messages()]
@@ -228,12 +226,12 @@ def test_a_run_that_is_stopped_has_a_whole_log(tmp_path: Path) -> None:
 
 def test_a_link_that_loses_everything_leaves_the_other_source() -> None:
     deaf = ran('link=[{sender="v1", receiver="v3", loss_ratio=1.0}]')
-    assert deaf.link("v1", "v3")["heard"] == 0
-    assert deaf.link("v1", "v3")["loss_ratio"] == 1.0
+    assert deaf.link("v1", "v3").heard == 0
+    assert deaf.link("v1", "v3").loss_ratio == 1.0
     assert {verdict.reason for verdict in deaf.verdicts("v1", "v3")} == {"loss"}
     assert deaf.modes("v3") == {"straight", "predecessor"}
     assert deaf.modes("v4") == {"straight", "composite"}
-    assert deaf.link("v1", "v4")["heard"] == ran().link("v1", "v4")["heard"]
+    assert deaf.link("v1", "v4").heard == ran().link("v1", "v4").heard
     without = ran('link=[{sender="v2", receiver="v3", loss_ratio=1.0}]')
     assert without.modes("v3") == {"straight", "lead"}
     reasons = {message.reason for message in without.of("v3", Tracking) if message.mode == "lead"}
@@ -283,9 +281,9 @@ def test_jitter_adds_to_latency_up_to_its_span() -> None:
 
 def test_losses_strike_about_as_many_as_asked() -> None:
     lossy = ran("links.loss_ratio=0.4")
-    rows = lossy.summary["links"]
-    judged = sum(row["judged"] for row in rows)
-    lost = sum(row["dropped"].get("loss", 0) for row in rows)
+    rows = lossy.summary.links
+    judged = sum(row.judged for row in rows)
+    lost = sum(row.dropped.get("loss", 0) for row in rows)
     deviation = math.sqrt(judged * 0.4 * 0.6)
     assert abs(lost - 0.4 * judged) < 4 * deviation
     patterns = {tuple(verdict.outcome for verdict in lossy.verdicts("v1", r)) for r in ("v2", "v3")}
@@ -297,28 +295,29 @@ def test_a_link_s_rate_lets_every_second_pose_through() -> None:
     by_number = {verdict.pose_seq: verdict for verdict in slow.verdicts("v1", "v2")}
     assert [by_number[k].outcome for k in range(10)] == ["delivered", "dropped"] * 5
     assert {verdict.reason for verdict in by_number.values()} == {"", "rate"}
-    assert slow.link("v1", "v2")["loss_ratio"] == 0.0
+    assert slow.link("v1", "v2").loss_ratio == 0.0
 
 
 def test_a_sender_with_a_receiver_of_its_own_rate_is_heard_at_that_rate() -> None:
     quick = ran("vehicle.v1.gnss.rate_hz=40")
     assert len(quick.of("v1", GpsPose)) == 120
     for receiver in ("v2", "v3", "v4"):
-        assert quick.link("v1", receiver)["heard"] >= 118
-    assert [row["rejected_messages"] for row in quick.summary["vehicles"]] == [0] * 4
+        assert quick.link("v1", receiver).heard >= 118
+    assert [row.rejected_messages for row in quick.summary.vehicles] == [0] * 4
 
 
 def test_a_lead_that_starts_askew_does_not_put_its_followers_off_the_path(tmp_path: Path) -> None:
     askew = ran("vehicle.v1.heading_offset_deg=3")
-    for row in askew.summary["vehicles"][1:]:
-        assert row["cross_track_error_m_max"] < 0.3
+    for row in askew.summary.vehicles[1:]:
+        assert row.cross_track_error_m_max is not None
+        assert row.cross_track_error_m_max < 0.3
     # A log without a summary has its messages and its scenario to tell the same.
     log = tmp_path / "run.mcap"
     with LogWriter(log) as writer:
         writer.attach(SCENARIO_NAME, "application/toml", askew.attached[SCENARIO_NAME])
         for at, message in askew.recorded:
             writer.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at)
-    assert summary_of(log)["vehicles"] == askew.summary["vehicles"]
+    assert summary_of(log).vehicles == askew.summary.vehicles
 
 
 def test_alpha_is_the_weight_of_the_predecessor() -> None:

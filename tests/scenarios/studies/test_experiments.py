@@ -9,9 +9,8 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.fitted_samples import SampleCounter, SampleFigures
-from scenarios.results.summary import scenario_in
+from scenarios.results.log_summary import LOG_NAME, scenario_in
 from scenarios.runs.rehearsal import record, rehearse
-from scenarios.runs.run_log import LOG_NAME
 from scenarios.studies.paper.experiments import (
     CASES,
     LANE,

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.runs.run_log import LOG_NAME
+from scenarios.results.log_summary import LOG_NAME
 from scenarios.studies.paper import reproduce as reproduction
 from scenarios.studies.paper.claims.claim import VERDICTS
 from scenarios.studies.paper.experiments import CASES, Experiment

@@ -9,11 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenarios.definition.schema.tables import LinkTable
+from tests.made.links import inbox as inbox_of
+from tests.made.links import link as link_of
 from transport.clock import NS_PER_S, instant, ticks
 from transport.codec import encode
-from transport.links.admission import HORIZON_NS, LONGEST_POSE_BYTES
-from transport.links.inbox import WINDOW, Inbox
-from transport.links.link import Link, LinkRule, effects
+from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
+from transport.links.inbox import QUEUE, WINDOW, Inbox
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 
@@ -37,10 +39,10 @@ def pose(seq: int, vehicle: str = "lead") -> GpsPose:
     )
 
 
-def ear(links: Mapping[str, LinkRule] | None = None, seed: int = 1) -> Inbox:
+def ear(links: Mapping[str, LinkTable] | None = None, seed: int = 1) -> Inbox:
     if links is None:
-        links = {"lead": LinkRule(latency_ms=20.0)}
-    return Inbox("follower_2", links, seed=seed, start_at=START, source_rate_hz=RATE_HZ)
+        links = {"lead": LinkTable(latency_ms=20.0)}
+    return inbox_of("follower_2", links, seed=seed, start_at=START, rate_hz=RATE_HZ)
 
 
 def send(inbox: Inbox, *poses: GpsPose) -> None:
@@ -83,7 +85,7 @@ def test_late_means_that_a_tick_went_without_it() -> None:
 
 
 def test_messages_come_in_the_order_of_visibility_then_sender_then_number() -> None:
-    same = LinkRule(latency_ms=20.0)
+    same = LinkTable(latency_ms=20.0)
     inbox = ear({"lead": same, "follower_1": same})
     send(inbox, pose(1), pose(1, "follower_1"), pose(0), pose(0, "follower_1"))
     assert inbox.take(START + 100 * MS) == [
@@ -95,7 +97,7 @@ def test_messages_come_in_the_order_of_visibility_then_sender_then_number() -> N
 
 
 def test_verdicts_say_what_became_of_each_message() -> None:
-    rule = LinkRule(latency_ms=20.0, loss_ratio=0.5)
+    rule = LinkTable(latency_ms=20.0, loss_ratio=0.5)
     inbox = ear({"lead": rule})
     heard, verdicts = [], []
     for tick in ticks(START, START + NS_PER_S, 50.0, RATE_HZ):
@@ -105,7 +107,7 @@ def test_verdicts_say_what_became_of_each_message() -> None:
     assert [v.seq for v in verdicts] == list(range(20))
     assert [v.pose_seq for v in verdicts if v.outcome == "delivered"] == [p.seq for p in heard]
     assert 0 < len(heard) < 20
-    link = Link(effects(rule, RATE_HZ), 1, "lead", "follower_2")
+    link = link_of(rule, "lead", "follower_2", rate_hz=RATE_HZ)
     for v in verdicts:
         judged = link.judge(v.pose_seq, v.measured_at_ns)
         assert (v.outcome, v.reason, v.visible_at_ns) == (
@@ -121,8 +123,8 @@ def test_verdicts_say_what_became_of_each_message() -> None:
 
 
 RULES = {
-    "lead": LinkRule(latency_ms=30.0, jitter_ms=60.0, loss_ratio=0.3),
-    "follower_1": LinkRule(latency_ms=20.0, rate_hz=10.0),
+    "lead": LinkTable(latency_ms=30.0, jitter_ms=60.0, loss_ratio=0.3),
+    "follower_1": LinkTable(latency_ms=20.0, rate_hz=10.0),
 }
 
 
@@ -158,13 +160,13 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(random: Random,
 
 @given(order=st.permutations(range(12)))
 def test_what_is_heard_does_not_depend_on_the_order_of_arrival(order: list[int]) -> None:
-    inbox = ear({"lead": LinkRule(loss_ratio=0.3)})
+    inbox = ear({"lead": LinkTable(loss_ratio=0.3)})
     send(inbox, *(pose(k) for k in order))
     assert [p.seq for p in inbox.take(START + NS_PER_S)] == [1, 3, 4, 6, 7, 11]
 
 
 def test_what_never_arrives_does_not_shift_the_others() -> None:
-    rule = {"lead": LinkRule(loss_ratio=0.4)}
+    rule = {"lead": LinkTable(loss_ratio=0.4)}
     whole, holed = ear(rule), ear(rule)
     send(whole, *(pose(k) for k in range(200)))
     send(holed, *(pose(k) for k in range(0, 200, 3)))
@@ -205,7 +207,7 @@ NAN, INFINITE = float("nan"), float("inf")
         (spoilt(vehicle=""), "garbage"),
         (spoilt(latitude_deg=NAN), "absurd"),
         (spoilt(latitude_deg=90.5), "absurd"),
-        (spoilt(longitude_deg=-361.0), "absurd"),
+        (spoilt(longitude_deg=-181.0), "absurd"),
         (spoilt(longitude_deg=INFINITE), "absurd"),
         (spoilt(altitude_m=-INFINITE), "absurd"),
         (spoilt(altitude_m=1e9), "absurd"),
@@ -213,9 +215,16 @@ NAN, INFINITE = float("nan"), float("inf")
         (spoilt(heading_deg=361.0), "absurd"),
         (spoilt(speed_mps=1e4), "absurd"),
         (spoilt(yaw_rate_radps=INFINITE), "absurd"),
-        (spoilt(measured_at_ns=START - 1), "past"),
-        (spoilt(measured_at_ns=0), "past"),
-        (spoilt(measured_at_ns=-(2**63)), "past"),
+        (spoilt(longitude_deg=180.5), "absurd"),
+        (spoilt(heading_deg=-1.0), "absurd"),
+        (spoilt(speed_mps=-0.5), "absurd"),
+        (spoilt(speed_mps=151.0), "absurd"),
+        (spoilt(yaw_rate_radps=-11.0), "absurd"),
+        (spoilt(latitude_deg=-37.72), "far"),
+        (spoilt(longitude_deg=122.47), "far"),
+        (spoilt(measured_at_ns=START - 1), "early"),
+        (spoilt(measured_at_ns=0), "early"),
+        (spoilt(measured_at_ns=-(2**63)), "early"),
         (spoilt(measured_at_ns=2**63 - 1), "future"),
         (spoilt(seq=3), "sequence"),
         (spoilt(measured_at_ns=pose(2).measured_at_ns - MS), "sequence"),
@@ -269,6 +278,7 @@ def test_a_message_from_long_ago_is_not_of_now() -> None:
     send(inbox, pose(1))
     assert inbox.take(START + HORIZON_NS + 51 * MS) == []
     assert inbox.rejected == {"past": 1}
+    assert inbox.late == 1  # too late to be of any use
 
 
 def test_a_vehicle_that_was_held_up_loses_nothing() -> None:
@@ -285,12 +295,12 @@ def test_a_vehicle_that_was_held_up_loses_nothing() -> None:
 
 def test_too_many_at_once_push_the_oldest_out() -> None:
     inbox = ear()
-    more = GPS.queue + 3
+    more = QUEUE + 3
     for _ in range(3):
         inbox.on_bytes("convoy/lead/gps", b"flood")
-    send(inbox, *(pose(k) for k in range(GPS.queue)))
+    send(inbox, *(pose(k) for k in range(QUEUE)))
     heard = inbox.take(START + 60 * NS_PER_S - 1)
-    assert inbox.overflow == more - GPS.queue
+    assert inbox.rejected["overflow"] == more - QUEUE
     assert inbox.rejected["garbage"] == 0
     assert ("overflow", 3) in inbox.rejections()
     assert heard[0] == pose(0)
@@ -321,13 +331,13 @@ def test_messages_may_come_while_others_are_taken() -> None:
     thread.join()
     heard += inbox.take(START + 50 * NS_PER_S)
     heard += inbox.take(START + 100 * NS_PER_S)
-    assert len(heard) + inbox.rejected["future"] + inbox.overflow == total
+    assert len(heard) + inbox.rejected.total() == total
 
 
 def test_each_sender_has_its_own_schedule() -> None:
-    links = {"lead": LinkRule(rate_hz=5.0), "follower_1": LinkRule(rate_hz=5.0)}
+    links = {"lead": LinkTable(rate_hz=5.0), "follower_1": LinkTable(rate_hz=5.0)}
     rates = {"lead": 20.0, "follower_1": 10.0}
-    inbox = Inbox("f2", links, seed=1, start_at=START, source_rate_hz=rates)
+    inbox = inbox_of("f2", links, start_at=START, rate_hz=rates)
     for sender, rate_hz in rates.items():
         for k in range(8):
             send(inbox, replace(pose(k, sender), measured_at_ns=instant(START, k, rate_hz)))
@@ -339,7 +349,7 @@ def test_each_sender_has_its_own_schedule() -> None:
 @given(rate_hz=st.floats(1.0, 100.0), k=st.integers(0, 100_000))
 def test_no_rounding_puts_a_number_ahead_of_its_schedule(rate_hz: float, k: int) -> None:
     now = instant(START, k, rate_hz)
-    inbox = Inbox("f2", {"lead": LinkRule()}, seed=1, start_at=START, source_rate_hz=rate_hz)
+    inbox = inbox_of("f2", {"lead": LinkTable()}, start_at=START, rate_hz=rate_hz)
     send(inbox, replace(pose(k), measured_at_ns=now))
     assert len(inbox.take(now + 20 * MS)) == 1
 

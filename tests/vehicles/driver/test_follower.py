@@ -279,22 +279,3 @@ def test_between_control_instants_the_last_decision_is_held() -> None:
         if not step.decision.fresh:
             assert step.decision.actuation == before.decision.actuation
             assert step.decision.mode == before.decision.mode
-
-
-def test_poses_from_far_away_or_of_no_vehicle_are_counted_and_change_nothing() -> None:
-    def sources() -> Callable[[int], Sequence[GpsPose]]:
-        return hearing(lead_of(BEND), predecessor_of(BEND))
-
-    def spoilt(now: int) -> list[GpsPose]:
-        return [
-            pose
-            for heard in true(now)
-            for pose in (heard, replace(heard, latitude_deg=-10.0), replace(heard, speed_mps=180.0))
-        ]
-
-    true = sources()
-    usual = drive(follower(), on(BEND, 0.0, 10.0), 5.0, sources())
-    steps = drive(follower(), on(BEND, 0.0, 10.0), 5.0, spoilt)
-    assert usual[-1].decision.disbelieved == 0
-    assert steps[-1].decision.disbelieved > 100
-    assert [step.body for step in steps] == [step.body for step in usual]

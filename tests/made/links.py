@@ -1,0 +1,42 @@
+"""Links as a scenario asks for them, put together for tests of what comes over them."""
+
+from collections.abc import Mapping
+
+from scenarios.definition.links import link_effects
+from scenarios.definition.schema.tables import LinkTable
+from transport.links.gate import PoseGate
+from transport.links.inbox import Inbox, IncomingLink
+from transport.links.link import Link
+from vehicles.geometry.geodesy import LocalPlane, Origin
+
+
+def link(
+    asked: LinkTable, sender: str, receiver: str, *, seed: int = 1, rate_hz: float = 20.0
+) -> Link:
+    """The link that is asked for, from a sender that measures at `rate_hz`."""
+    return Link(link_effects(asked, rate_hz), seed, sender, receiver)
+
+
+def inbox(
+    receiver: str,
+    asked: Mapping[str, LinkTable],
+    *,
+    start_at: int,
+    seed: int = 1,
+    rate_hz: float | Mapping[str, float] = 20.0,
+    origin: Origin | None = None,
+) -> Inbox:
+    """An inbox with a link from each sender, all at `rate_hz` or each at its own."""
+    plane = LocalPlane(origin or Origin(37.72, -122.47, 30.0))
+    rates = rate_hz if isinstance(rate_hz, Mapping) else dict.fromkeys(asked, rate_hz)
+    return Inbox(
+        receiver,
+        [
+            IncomingLink(
+                link(table, sender, receiver, seed=seed, rate_hz=rates[sender]),
+                PoseGate(sender=sender, start_at=start_at, rate_hz=rates[sender], plane=plane),
+            )
+            for sender, table in asked.items()
+        ],
+        start_at=start_at,
+    )

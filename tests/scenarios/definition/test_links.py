@@ -1,0 +1,72 @@
+"""Who listens to whom, and what a scenario asks of each directed link."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.definition.links import directed_links, link_effects, senders_to
+from scenarios.definition.scenario import load_scenario
+from scenarios.definition.schema.tables import LinkTable
+from transport.links.effects import Decimation, Jitter, Latency, Loss
+
+RATE_HZ = 20.0
+
+
+@given(st.lists(st.text("abcdef", min_size=1), min_size=1, max_size=8, unique=True))
+def test_followers_listen_to_the_lead_and_to_the_vehicle_ahead(names: list[str]) -> None:
+    found = directed_links(names)
+    assert len(set(found)) == len(found)
+    expected = {(names[0], follower) for follower in names[1:]} | set(itertools.pairwise(names))
+    assert set(found) == expected
+    assert senders_to(names, names[0]) == ()
+    assert all(senders_to(names, name)[-1] == ahead for ahead, name in itertools.pairwise(names))
+
+
+ENTRIES = (
+    'link=[{sender="*", receiver="v3", loss_ratio=0.1, jitter_ms=5.0},'
+    '{sender="v1", receiver="*", latency_ms=70.0},{sender="v1", receiver="v3", loss_ratio=0.5}]'
+)
+
+
+def test_later_entries_win_key_by_key() -> None:
+    links = load_scenario("lane_change", ["convoy.vehicles=3", "links.rate_hz=7.0", ENTRIES]).links
+    assert links == {
+        ("v1", "v2"): LinkTable(latency_ms=70.0, rate_hz=7.0),
+        ("v1", "v3"): LinkTable(latency_ms=70.0, jitter_ms=5.0, loss_ratio=0.5, rate_hz=7.0),
+        ("v2", "v3"): LinkTable(jitter_ms=5.0, loss_ratio=0.1, rate_hz=7.0),
+    }
+
+
+def test_each_key_becomes_its_effect() -> None:
+    asked = LinkTable(latency_ms=12.5, jitter_ms=30.0, loss_ratio=0.25, rate_hz=5.0)
+    rate, loss, latency, jitter = link_effects(asked, RATE_HZ)
+    assert isinstance(rate, Decimation)
+    assert rate.kept == 1 / 4
+    assert (loss, latency, jitter) == (Loss(0.25), Latency(12_500_000), Jitter(30_000_000))
+
+
+def test_effects_that_are_not_asked_for_are_not_there() -> None:
+    assert len(link_effects(LinkTable(), RATE_HZ)) == 1
+    assert len(link_effects(LinkTable(jitter_ms=1, loss_ratio=0.1, rate_hz=5), RATE_HZ)) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("latency_ms", -1.0),
+        ("latency_ms", float("nan")),
+        ("latency_ms", float("inf")),
+        ("jitter_ms", -0.1),
+        ("loss_ratio", 1.1),
+        ("loss_ratio", -0.1),
+        ("loss_ratio", float("nan")),
+        ("rate_hz", 0.0),
+        ("latency_ms", 60_001.0),
+        ("rate_hz", float("inf")),
+    ],
+)
+def test_impossible_rules_are_refused(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=name):
+        LinkTable(**{name: value})

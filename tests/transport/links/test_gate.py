@@ -1,0 +1,113 @@
+"""The one gate: which poses vehicles and recorder believe, and the word for why not."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.made.messages import START, at, gps
+from transport.codec import RefusedMessageError, encode
+from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES, PoseGate
+from transport.reasons import REASONS
+from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
+from vehicles.messages import GpsPose
+
+ORIGIN = Origin(30.638, -96.481, 80.0)
+PLANE = LocalPlane(ORIGIN)
+GATE = PoseGate(sender="v1", start_at=START, rate_hz=20.0, plane=PLANE)
+
+
+def refusal(pose: GpsPose, now: int = START, gate: PoseGate = GATE) -> str:
+    """Word for which the gate refuses a pose, "" if it lets it pass."""
+    try:
+        gate.check(pose, now)
+    except RefusedMessageError as refused:
+        return REASONS[refused.reason].word
+    return ""
+
+
+def test_a_pose_of_its_sender_passes() -> None:
+    assert GATE.admit(encode(gps("v1", 0)), START) == gps("v1", 0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        (field, value)
+        for field, values in {
+            "latitude_deg": (90.001, -91.0, math.nan, math.inf),
+            "longitude_deg": (180.5, -181.0, math.nan, -math.inf),
+            "altitude_m": (1e6, -1e6, math.nan, math.inf),
+            "heading_deg": (-0.1, 361.0, math.nan, math.inf),
+            "speed_mps": (-0.01, 151.0, math.nan, math.inf),
+            "yaw_rate_radps": (11.0, -11.0, math.nan, math.inf),
+        }.items()
+        for value in values
+    ],
+)
+def test_numbers_that_no_vehicle_measures_are_absurd(field: str, value: float) -> None:
+    with pytest.raises(RefusedMessageError, match=f"absurd: {field} is {value}") as refused:
+        GATE.check(replace(gps("v1", 0), **{field: value}), START)  # type: ignore[arg-type]
+    assert refused.value.reason == "absurd"
+
+
+@given(
+    north=st.floats(-1.5 * REACH, 1.5 * REACH),
+    east=st.floats(-1.5 * REACH, 1.5 * REACH),
+    altitude=st.floats(-500.0, 9000.0),
+)
+@settings(max_examples=300)
+def test_what_passes_the_gate_can_be_laid_into_the_plane(
+    north: float, east: float, altitude: float
+) -> None:
+    """The gate's quick answer agrees with the exact transformation, which is the limit."""
+    latitude = ORIGIN.latitude_deg + north / 111_000.0
+    longitude = ORIGIN.longitude_deg + east / 95_800.0
+    try:
+        PLANE.to_plane(latitude, longitude, altitude)
+        expected = ""
+    except ValueError:
+        expected = "far"
+    pose = replace(
+        gps("v1", 0), latitude_deg=latitude, longitude_deg=longitude, altitude_m=altitude
+    )
+    assert refusal(pose) == expected
+
+
+@pytest.mark.parametrize("longitude_deg", [179.9, -179.9])
+def test_the_date_line_is_no_border(longitude_deg: float) -> None:
+    plane = LocalPlane(Origin(0.0, longitude_deg, 0.0))
+    gate = replace(GATE, plane=plane)
+    beyond = replace(gps("v1", 0), latitude_deg=0.1, longitude_deg=-longitude_deg, altitude_m=0.0)
+    assert refusal(beyond, gate=gate) == ""
+
+
+@pytest.mark.parametrize(
+    ("pose", "now", "word"),
+    [
+        (gps("v2", 0), START, "foreign"),
+        (replace(gps("v1", 0), measured_at_ns=START - 1), START, "early"),
+        (gps("v1", 0), START + HORIZON_NS, ""),
+        (gps("v1", 0), START + HORIZON_NS + 1, "past"),
+        (gps("v1", 1200), START, ""),
+        (gps("v1", 1201), START, "future"),
+        (replace(gps("v1", 41), measured_at_ns=at(2.0)), at(2.0), "sequence"),
+        (replace(gps("v1", 39), measured_at_ns=at(2.0)), at(2.0), ""),
+    ],
+)
+def test_whose_it_is_and_when_it_was_measured(pose: GpsPose, now: int, word: str) -> None:
+    assert refusal(pose, now) == word
+
+
+def test_a_recorder_takes_what_is_an_hour_old() -> None:
+    patient = replace(GATE, oldest_ns=2**62)
+    assert refusal(gps("v1", 0), at(3600.0), patient) == ""
+    assert refusal(gps("v1", 0), at(3600.0)) == "past"
+
+
+def test_too_many_bytes_are_refused_unread() -> None:
+    with pytest.raises(RefusedMessageError) as refused:
+        GATE.admit(bytes(LONGEST_POSE_BYTES + 1), START)
+    assert refused.value.reason == "oversized"

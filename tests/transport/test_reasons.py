@@ -1,0 +1,34 @@
+"""The table of reasons: complete, and what figures make of it."""
+
+from typing import get_args
+
+import pytest
+
+from transport.reasons import (
+    REASONS,
+    DropReason,
+    RefusalReason,
+    counts_as_late,
+    counts_as_loss,
+)
+
+
+def test_every_word_has_its_row() -> None:
+    assert list(REASONS) == [*get_args(DropReason), *get_args(RefusalReason)]
+    assert {word for word, row in REASONS.items() if row.is_drop} == set(get_args(DropReason))
+
+
+@pytest.mark.parametrize("word", REASONS)
+def test_a_word_is_one_word_and_says_what_it_means(word: str) -> None:
+    assert word.isalpha()
+    assert len(REASONS[word].meaning) > 10
+
+
+def test_what_counts_as_lost_and_as_late() -> None:
+    assert {word for word in REASONS if counts_as_loss(word)} == {"loss"}
+    assert {word for word in REASONS if counts_as_late(word)} == {"past"}
+
+
+def test_a_word_of_a_later_version_counts_as_lost() -> None:
+    assert counts_as_loss("tunnel")
+    assert not counts_as_late("tunnel")

@@ -1,0 +1,84 @@
+"""Which received poses can be true: everything else is refused before it can do harm.
+
+One gate for all receivers. Vehicles read poses off the wire through it, the recorder checks with it
+what it has decoded for the log.
+"""
+
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import cast
+
+from transport.clock import NS_PER_S
+from transport.codec import RefusedMessageError, decode
+from transport.topics import TOPICS
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import GpsPose
+
+GPS = TOPICS["gps"]
+LONGEST_POSE_BYTES = 512
+"""A pose with a name of 400 letters still fits."""
+HORIZON_NS = 60 * NS_PER_S
+"""Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
+a vehicle that was held up hears, when it goes on, what the others sent meanwhile."""
+
+_ROUNDING = 0.001
+"""Periods; instants are rounded to nanoseconds."""
+_LIMITS = {
+    "latitude_deg": (-90.0, 90.0),
+    "longitude_deg": (-180.0, 180.0),
+    "altitude_m": (-1e5, 1e5),
+    "heading_deg": (0.0, 360.0),
+    "speed_mps": (0.0, 150.0),
+    "yaw_rate_radps": (-10.0, 10.0),
+}
+"""No vehicle of a convoy measures less or more."""
+_numbers = attrgetter(*_LIMITS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseGate:
+    """What is known beforehand of a sender's poses: whose they are, since when and how often.
+
+    `start_at` (ns) is the run's first instant, `rate_hz` the sender's GNSS rate, `plane` the
+    scenario's, within reach of which the convoy drives. `oldest_ns` is how long ago a pose may
+    have been measured: a vehicle has no use for what is a minute old, a recorder has.
+    """
+
+    sender: str
+    start_at: int
+    rate_hz: float
+    plane: LocalPlane
+    oldest_ns: int = HORIZON_NS
+
+    def admit(self, data: bytes, now: int) -> GpsPose:
+        """Read a pose that came under the sender's key, at a tick of instant `now` (ns).
+
+        Raises RefusedMessageError with a word of the table of reasons.
+        """
+        if len(data) > LONGEST_POSE_BYTES:
+            raise RefusedMessageError("oversized", f"more than {LONGEST_POSE_BYTES} bytes")
+        pose = cast("GpsPose", decode(GPS, data, exact=True))
+        self.check(pose, now)
+        return pose
+
+    def check(self, pose: GpsPose, now: int) -> None:
+        """Check a pose that came under the sender's key; raises RefusedMessageError as `admit`."""
+        if pose.vehicle != self.sender:
+            raise RefusedMessageError("foreign", f"{pose.vehicle!r} in the name of {self.sender}")
+        for (name, (least, most)), value in zip(_LIMITS.items(), _numbers(pose), strict=True):
+            if not least <= value <= most:  # so that NaN is refused too
+                raise RefusedMessageError("absurd", f"{name} is {value}, from {least} to {most}")
+        self._check_schedule(pose, now)
+        if not self.plane.reaches(pose.latitude_deg, pose.longitude_deg, pose.altitude_m):
+            raise RefusedMessageError("far", f"{pose.latitude_deg}, {pose.longitude_deg} deg")
+
+    def _check_schedule(self, pose: GpsPose, now: int) -> None:
+        elapsed = pose.measured_at_ns - self.start_at
+        if elapsed < 0:
+            raise RefusedMessageError("early", f"measured at {pose.measured_at_ns}")
+        if pose.measured_at_ns < now - self.oldest_ns:
+            raise RefusedMessageError("past", f"measured at {pose.measured_at_ns}")
+        if pose.measured_at_ns > now + HORIZON_NS:
+            raise RefusedMessageError("future", f"measured at {pose.measured_at_ns}")
+        if pose.seq > elapsed * self.rate_hz / NS_PER_S + _ROUNDING:
+            raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")

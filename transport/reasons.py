@@ -1,0 +1,82 @@
+"""Why a pose was not used, as a table: links, recorder, figures, picture and README read it.
+
+A link drops a message by its verdict, which is logged. Whatever cannot be a pose of this run is
+refused at its receiver and counted; so is what came faster than it was taken.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+DropReason = Literal["rate", "loss"]
+"""Words of a link that drops a message."""
+
+RefusalReason = Literal[
+    "garbage",
+    "oversized",
+    "unknown",
+    "foreign",
+    "reserved",
+    "absurd",
+    "far",
+    "early",
+    "past",
+    "future",
+    "sequence",
+    "duplicate",
+    "overflow",
+]
+"""Words of a receiver, vehicle or recorder, that refuses a message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """One row: what a word means, and whether such a message counts as lost or as late."""
+
+    word: DropReason | RefusalReason
+    counts_as_loss: bool
+    counts_as_late: bool
+    meaning: str
+
+    @property
+    def is_drop(self) -> bool:
+        """Whether a link gives this reason, rather than a receiver."""
+        return self.word in get_args(DropReason)
+
+
+# fmt: off
+_ROWS = (
+    #      word         loss   late   meaning
+    Reason("rate",      False, False, "the link's own rate does not carry it"),
+    Reason("loss",      True,  False, "lost on the link"),
+    Reason("garbage",   False, False, "the bytes are no whole message of the topic"),
+    Reason("oversized", False, False, "larger than any message of the topic"),
+    Reason("unknown",   False, False, "under a key that nobody listens to"),
+    Reason("foreign",   False, False, "names another vehicle than its key"),
+    Reason("reserved",  False, False, "in the recorder's own name"),
+    Reason("absurd",    False, False, "a number that no vehicle measures"),
+    Reason("far",       False, False, "more than 100 km from the scenario's origin"),
+    Reason("early",     False, False, "measured before the run started"),
+    Reason("past",      False, True,  "measured more than 60 s ago"),
+    Reason("future",    False, False, "measured more than 60 s ahead"),
+    Reason("sequence",  False, False, "numbered ahead of the sender's schedule"),
+    Reason("duplicate", False, False, "the number was received before"),
+    Reason("overflow",  False, False, "pushed out of the queue by newer messages"),
+)
+# fmt: on
+REASONS: Mapping[str, Reason] = {row.word: row for row in _ROWS}
+
+
+def counts_as_loss(word: str) -> bool:
+    """Say whether a message dropped for this reason is lost.
+
+    A word that is not in the table, from the log of a later version, counts as lost.
+    """
+    reason = REASONS.get(word)
+    return reason is None or reason.counts_as_loss
+
+
+def counts_as_late(word: str) -> bool:
+    """Say whether a message refused for this reason came too late."""
+    reason = REASONS.get(word)
+    return reason is not None and reason.counts_as_late
