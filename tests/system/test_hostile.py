@@ -210,7 +210,7 @@ def assert_counted(run: Run, sent: int) -> None:
             "oversized",
             "foreign",
             "absurd",
-            "past",
+            "early",
             "duplicate",
             "sequence",
         }

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from transport.reasons import counts_as_loss
 from vehicles.messages import LinkVerdict
 
 WINDOW_NS = 500_000_000
@@ -12,9 +13,9 @@ MANY_LOST_RATIO = 0.5
 
 
 def message_state(verdict: LinkVerdict) -> str:
-    """Name what happened to one message: "ok", "lost" or "late"."""
+    """Name what happened to one message: "ok", "lost" or "late"; "" if the link never carried it."""
     if verdict.outcome == "dropped":
-        return "lost"
+        return "lost" if counts_as_loss(verdict.reason) else ""
     return "late" if verdict.late else "ok"
 
 
@@ -39,10 +40,13 @@ class LinkStates:
 
     def count(self, link: str, verdict: LinkVerdict) -> None:
         """Count a verdict on a message of `link` in the window in which it was due."""
+        state = message_state(verdict)
+        if not state:
+            return
         start = verdict.heard_at_ns // WINDOW_NS * WINDOW_NS
         window = self.links.setdefault(link, _Window(start))
         counts = window.counts.setdefault(max(start, window.start), [0, 0, 0])
-        counts[("ok", "lost", "late").index(message_state(verdict))] += 1
+        counts[("ok", "lost", "late").index(state)] += 1
 
     def changes(self, now: int) -> Iterator[tuple[str, int, str]]:
         """Give (link, start of the window, state) of the windows over by `now` that changed it."""

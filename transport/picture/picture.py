@@ -186,7 +186,9 @@ class Picture:
     def _verdict(self, verdict: LinkVerdict) -> None:
         link = f"{verdict.vehicle}/from_{verdict.sender}"
         self._links.count(link, verdict)
-        self._state(f"messages/{link}", message_state(verdict), verdict.heard_at_ns)
+        state = message_state(verdict)
+        if state:
+            self._state(f"messages/{link}", state, verdict.heard_at_ns)
 
     def _text(self, line: LogText) -> None:
         self._at(line.logged_at_ns)

@@ -30,6 +30,8 @@ def shown(outcomes: list[tuple[int, str]], until_ms: int) -> list[tuple[int, str
         (["ok"] * 6 + ["loss"] * 4, "some lost"),
         (["ok"] * 5 + ["loss"] * 5, "many lost"),
         (["loss"], "many lost"),
+        (["ok", "rate"] * 5, "ok"),
+        (["ok", "rate", "rate", "loss", "rate", "ok"], "some lost"),
     ],
 )
 def test_state_of_one_window(outcomes: list[str], state: str) -> None:
