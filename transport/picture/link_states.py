@@ -13,7 +13,7 @@ MANY_LOST_RATIO = 0.5
 
 
 def message_state(verdict: LinkVerdict) -> str:
-    """Name what happened to one message: "ok", "lost" or "late"; "" if the link never carried it."""
+    """Name what happened to one message: "ok", "lost", "late", or "" if it was not carried."""
     if verdict.outcome == "dropped":
         return "lost" if counts_as_loss(verdict.reason) else ""
     return "late" if verdict.late else "ok"
