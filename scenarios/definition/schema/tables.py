@@ -170,8 +170,13 @@ class VehicleTable(Table):
 
 
 class ScenarioTables(Table):
-    """A scenario file as a whole."""
+    """A scenario file as a whole.
 
+    `extends` names the file that another one is laid over; it is resolved before the tables are
+    validated, and None here.
+    """
+
+    extends: str | None = None
     name: Name
     description: str = ""
     duration_s: float | None = Field(default=None, gt=0, le=86_400)
