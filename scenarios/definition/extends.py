@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ScenarioFile, read_base
-from scenarios.definition.toml_text import OverrideError, Raw, override, parse_override
+from scenarios.definition.overrides import OverrideError, Raw, override, parse_override
 
 EXTENDS = "extends"
 

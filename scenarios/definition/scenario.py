@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
@@ -14,7 +15,6 @@ from scenarios.definition.library import ScenarioFile, library, read_file, templ
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.route import Route, longest_run, plan_route, vehicle_names
 from scenarios.definition.schema.tables import OriginTable, ScenarioTables
-from scenarios.definition.toml_text import to_toml
 from scenarios.definition.traces.points import with_points
 from scenarios.definition.vehicle_setup import VehicleSetup, overlay, vehicle_setup
 from transport.links.link import LinkRule
@@ -121,8 +121,8 @@ class Scenario:
         tables = self.tables
         whole = tables.model_dump(exclude_none=True, exclude={"link", "vehicle"})
         # What one link or vehicle leaves out must stay left out: it is the convoy's value.
-        some = tables.model_dump(exclude_unset=True, include={"link", "vehicle"})
-        return to_toml(whole | some)
+        some = tables.model_dump(exclude_unset=True, exclude_none=True, include={"link", "vehicle"})
+        return tomli_w.dumps(whole | some)
 
 
 def load_scenario(

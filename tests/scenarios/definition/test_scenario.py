@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.check.report import warnings
+from scenarios.definition.overrides import override, parse_override
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.definition.toml_text import override, parse_override, to_toml
 from tests.made.messages import STRAIGHT
 from vehicles.car.parameters import LINCOLN_MKZ
 
@@ -177,7 +178,7 @@ def test_without_a_duration_the_lead_drives_its_whole_path() -> None:
     ),
 )
 def test_an_override_sets_just_the_value_that_it_gives(key: list[str], value: Any) -> None:
-    written = to_toml({"x": value}).removeprefix("x = ").rstrip("\n")
+    written = tomli_w.dumps({"x": value}).removeprefix("x = ").rstrip("\n")
     parts, parsed = parse_override(f"{'.'.join(key)}={written}")
     table: dict[str, Any] = {"untouched": 1, key[0]: {}} if key[0] != "untouched" else {}
     override(table, parts, parsed)
@@ -209,20 +210,41 @@ def test_overrides_arrive_in_the_scenario_and_survive_its_text(
 
 @settings(max_examples=50)
 @given(
-    st.recursive(
-        st.one_of(
-            st.integers(-(2**62), 2**62),
-            st.floats(allow_nan=False),
-            st.booleans(),
-            st.text(st.characters(exclude_categories=["Cs"])),
-            st.lists(st.floats(allow_nan=False, allow_infinity=False), max_size=3),
-        ),
-        lambda inner: st.dictionaries(st.text(st.characters(exclude_categories=["Cs"])), inner),
-        max_leaves=12,
-    ).filter(lambda value: isinstance(value, dict))
+    description=st.text(st.characters(exclude_categories=["Cs"])),
+    link=st.fixed_dictionaries(
+        {"loss_ratio": st.floats(0, 1)}, optional={"rate_hz": st.floats(0.001, 1000)}
+    ),
+    offset=st.floats(-20, 20),
+    lengths=st.lists(st.floats(500, 1000), min_size=1, max_size=5),
+    names=st.lists(st.from_regex(r"\A[A-Za-z][A-Za-z0-9_-]{0,5}\Z"), min_size=3, max_size=3),
 )
-def test_written_toml_reads_back_equal(table: dict[str, Any]) -> None:
-    assert tomllib.loads(to_toml(table)) == table
+def test_every_kind_of_value_survives_the_text(
+    description: str,
+    link: dict[str, Any],
+    offset: float,
+    lengths: list[float],
+    names: list[str],
+) -> None:
+    names = [f"{name}{place}" for place, name in enumerate(names)]
+    tables = {
+        "name": "whole",
+        "description": description,
+        "duration_s": 1.0,
+        "convoy": {"names": names, "vehicles": 3},
+        "path": {"kind": "segments", "segments": [{"length_m": length} for length in lengths]},
+        "link": [{"sender": names[0], "receiver": names[2]} | link],
+        "vehicle": {names[1]: {"lateral_offset_m": offset, "gnss": {"rate_hz": 5.0}}},
+    }
+    scenario = scenario_from_text(tomli_w.dumps(tables))
+    assert scenario.tables.description == description
+    again = scenario_from_text(scenario.text)
+    assert again.tables == scenario.tables
+    assert again.text == scenario.text
+    assert again.links_into(names[2]) == scenario.links_into(names[2])
+    assert again.vehicle(names[1]) == scenario.vehicle(names[1])
+    # What a file may say of a link or a vehicle is as it was given, without defaults.
+    written = tomllib.loads(scenario.text)
+    assert (written["link"], written["vehicle"]) == (tables["link"], tables["vehicle"])
 
 
 def test_an_override_may_be_written_without_quotes_and_with_indices() -> None:
