@@ -144,8 +144,8 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
     duration = tables.duration_s
     if duration is None and not 0.0 < longest_run(route) < LONGEST:
         yield "duration_s", "missing, needed where the lead does not reach the end of its path"
-    elif duration is not None and route.plan.distance(duration) > route.length + 1e-3:
-        driven = route.plan.distance(duration)
+    elif duration is not None and route.profile.distance(duration) > route.length + 1e-3:
+        driven = route.profile.distance(duration)
         yield (
             "duration_s",
             f"given {duration:g}, allowed at most {longest_run(route):g}: the lead would drive "

@@ -13,7 +13,13 @@ from scenarios.definition.errors import Refused, ScenarioError
 from scenarios.definition.extends import merged
 from scenarios.definition.library import ScenarioFile, library, read_file, template
 from scenarios.definition.refusal import refusals, shown
-from scenarios.definition.road.route import Route, longest_run, plan_route, vehicle_names
+from scenarios.definition.road.route import (
+    Route,
+    gap_policy,
+    longest_run,
+    plan_route,
+    vehicle_names,
+)
 from scenarios.definition.schema.tables import OriginTable, ScenarioTables
 from scenarios.definition.traces.points import with_points
 from scenarios.definition.vehicle_setup import VehicleSetup, overlay, vehicle_setup
@@ -89,7 +95,7 @@ class Scenario:
     @property
     def gap_policy(self) -> GapPolicy:
         """The gap that followers keep, if they keep one."""
-        return GapPolicy(self.tables.speed.gap.standstill_m, self.tables.speed.gap.headway_s)
+        return gap_policy(self.tables)
 
     @property
     def gap_limits(self) -> GapLimits:

@@ -14,7 +14,7 @@ from scenarios.definition.schema.tables import (
     ScenarioTables,
     SteeringTable,
 )
-from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
+from vehicles.car.parameters import LINCOLN_MKZ, Gains, Loading, VehicleParameters, loaded
 
 AnyTable = TypeVar("AnyTable", bound=Table)
 
@@ -41,6 +41,12 @@ class VehicleSetup:
     controller: str
     steering: SteeringTable
     gnss: GnssTable
+
+    @property
+    def gains(self) -> Gains:
+        """Feedback gains of its steering law."""
+        table = self.steering.gains
+        return Gains(table.lateral_rad_per_m, table.heading_rad_per_rad, table.yaw_rate_s)
 
 
 def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:

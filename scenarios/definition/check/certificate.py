@@ -21,9 +21,7 @@ def certificate_warnings(scenario: Scenario) -> Iterator[str]:
     said: dict[tuple[VehicleParameters, Gains], str] = {}
     for name in scenario.vehicle_names:
         setup = scenario.vehicle(name)
-        table = setup.steering.gains
-        gains = Gains(table.lateral_rad_per_m, table.heading_rad_per_rad, table.yaw_rate_s)
-        said.setdefault((setup.parameters, gains), name)
+        said.setdefault((setup.parameters, setup.gains), name)
     for (parameters, gains), name in said.items():
         yield from _leaving(scenario, parameters, gains, name)
 

@@ -89,8 +89,7 @@ def _sight(
 
 def _gap(scenario: Scenario, place: int, source: str, speed: float) -> float:
     """Distance (m) to a source ahead: that of the start, or the one that is kept."""
-    first, policy = scenario.vehicle_names.index(source), scenario.tables.speed
-    if policy.followers == "gap":
-        kept = policy.gap.standstill_m + policy.gap.headway_s * speed
-        return (place - first) * kept
+    first = scenario.vehicle_names.index(source)
+    if scenario.tables.speed.followers == "gap":
+        return (place - first) * scenario.gap_policy.desired(speed)
     return sum(scenario.route.gaps[first + 1 : place + 1])

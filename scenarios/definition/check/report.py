@@ -81,7 +81,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         gaps_m=route.gaps[1:],
         duration_s=scenario.duration_s,
         path_length_m=route.length,
-        driven_m=route.plan.distance(scenario.duration_s),
+        driven_m=route.profile.distance(scenario.duration_s),
         radius_m_min=1.0 / sharpest if sharpest > 1e-6 else None,
         speed_mps_min=min(run.speeds),
         speed_mps_max=max(run.speeds),
@@ -97,9 +97,9 @@ def report_of(scenario: Scenario) -> CheckReport:
 
 
 def _run(scenario: Scenario) -> _Run:
-    plan, path, station = scenario.route.plan, scenario.route.path, scenario.route.start
+    profile, path, station = scenario.route.profile, scenario.route.path, scenario.route.start
     steps = max(int(scenario.duration_s / STEP), 1)
-    speeds = [plan.at(k * STEP) for k in range(steps + 1)]
+    speeds = [profile.at(k * STEP)[0] for k in range(steps + 1)]
     curvatures = []
     for k, speed in enumerate(speeds):
         curvatures.append(path.at(station).curvature)

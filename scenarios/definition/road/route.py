@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.definition.errors import Refused
-from scenarios.definition.road.lead_speed import Limits, SpeedPlan, recorded, slowed
+from scenarios.definition.road.lead_speed import Limits, recorded, slowed
 from scenarios.definition.schema.path import PointsPath, Segment, SegmentsPath
 from scenarios.definition.schema.tables import ScenarioTables, SpeedTable
-from vehicles.driver.speed import SpeedProfile
+from vehicles.driver.speed import GapPolicy, SpeedProfile
 from vehicles.geometry import path as paths
 from vehicles.geometry.geodesy import yaw_from_heading
 from vehicles.geometry.path import Path, path_from_segments
@@ -51,7 +51,6 @@ class Route:
     path: Path
     start: float
     gaps: tuple[float, ...]
-    plan: SpeedPlan
     profile: SpeedProfile
     smoothed: SmoothedPath | None
     speed_ratio: float
@@ -77,13 +76,17 @@ def vehicle_names(tables: ScenarioTables) -> tuple[str, ...]:
     return convoy.names or tuple(f"v{place}" for place in range(1, convoy.vehicles + 1))
 
 
+def gap_policy(tables: ScenarioTables) -> GapPolicy:
+    """Return the gap that followers keep, if they keep one."""
+    return GapPolicy(tables.speed.gap.standstill_m, tables.speed.gap.headway_s)
+
+
 def gaps_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:
     """Return each vehicle's gap at the start (m): its own, the convoy's, or the policy's."""
-    kept = tables.speed.gap
     usual = tables.convoy.gap_m
     if usual is None:
-        by_policy = kept.standstill_m + kept.headway_s * speed
-        usual = by_policy if tables.speed.followers == "gap" else DEFAULT_GAP
+        kept = tables.speed.followers == "gap"
+        usual = gap_policy(tables).desired(speed) if kept else DEFAULT_GAP
     own = [tables.vehicle.get(name) for name in vehicle_names(tables)[1:]]
     return (0.0, *(usual if t is None or t.gap_m is None else t.gap_m for t in own))
 
@@ -93,13 +96,12 @@ def plan_route(tables: ScenarioTables) -> Route:
     fastest = _first_speed_at_most(tables)
     lead_in = sum(gaps_at(tables, fastest)) + RUN_UP
     path, start, smoothed = _path(tables, lead_in)
-    plan, ratio = _speed(tables, path, start, smoothed)
+    profile, ratio = _speed(tables, path, start, smoothed)
     return Route(
         path=path,
         start=start,
-        gaps=gaps_at(tables, plan.at(0.0)),
-        plan=plan,
-        profile=SpeedProfile(plan.times, plan.speeds),
+        gaps=gaps_at(tables, profile.at(0.0)[0]),
+        profile=profile,
         smoothed=smoothed,
         speed_ratio=ratio,
     )
@@ -158,15 +160,15 @@ def curvature(segment: Segment) -> float:
 
 def _speed(
     tables: ScenarioTables, path: Path, start: float, smoothed: SmoothedPath | None
-) -> tuple[SpeedPlan, float]:
+) -> tuple[SpeedProfile, float]:
     if tables.speed.lead == "recorded":
         return _recorded(tables, start, smoothed)
     table = tables.speed
-    plan = SpeedPlan((0.0,), (table.set_mps,))
+    wanted = SpeedProfile((0.0,), (table.set_mps,))
     if table.lead == "profile":
         times = tuple(point.at_s for point in table.profile)
-        plan = SpeedPlan(times, tuple(point.speed_mps for point in table.profile))
-    return slowed(plan, path, start, _limits(table), tables.duration_s or LONGEST), 1.0
+        wanted = SpeedProfile(times, tuple(point.speed_mps for point in table.profile))
+    return slowed(wanted, path, start, _limits(table), tables.duration_s or LONGEST), 1.0
 
 
 def _limits(table: SpeedTable) -> Limits:
@@ -179,30 +181,31 @@ def _limits(table: SpeedTable) -> Limits:
 
 def _recorded(
     tables: ScenarioTables, start: float, smoothed: SmoothedPath | None
-) -> tuple[SpeedPlan, float]:
+) -> tuple[SpeedProfile, float]:
     table = tables.path
     if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
         raise Refused("speed.lead", 'given "recorded", allowed only for a trace with times')
     if table.closed:
         raise Refused("speed.lead", 'given "recorded", allowed only with path.closed = false')
-    plan, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
+    profile, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
     if not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
         times = f"{1.0 / ratio:.2f} times" if ratio > 0.0 else "not"
         raise Refused(
             f"path ({table.source})", f"recorded speeds are {times} what its points need: m/s?"
         )
-    return led_in(plan, smoothed.start - start), ratio
+    return led_in(profile, smoothed.start - start), ratio
 
 
-def led_in(plan: SpeedPlan, way: float) -> SpeedPlan:
-    """Put `way` (m) before a plan: at its first speed, or slowing to it from walking pace."""
-    if way <= 0.0:
-        return plan
-    first = max(plan.speeds[0], WALKING)
-    span = 2.0 * way / (first + plan.speeds[0])
-    return SpeedPlan((0.0, *(span + time for time in plan.times)), (first, *plan.speeds))
+def led_in(profile: SpeedProfile, distance: float) -> SpeedProfile:
+    """Put `distance` (m) before a profile: at its first speed, or slowing to it from a walk."""
+    if distance <= 0.0:
+        return profile
+    first = max(profile.speeds[0], WALKING)
+    span = 2.0 * distance / (first + profile.speeds[0])
+    times = (0.0, *(span + time for time in profile.times))
+    return SpeedProfile(times, (first, *profile.speeds))
 
 
 def longest_run(route: Route) -> float:
     """Time (s) until the lead reaches the end of its path, rounded down to a tenth."""
-    return math.floor(10.0 * min(route.plan.time_to(route.length), LONGEST) + 1e-6) / 10.0
+    return math.floor(10.0 * min(route.profile.time_to(route.length), LONGEST) + 1e-6) / 10.0

@@ -13,7 +13,7 @@ from scenarios.definition.check.report import warnings
 from scenarios.definition.overrides import override, parse_override
 from scenarios.definition.scenario import scenario_from_text
 from tests.made.messages import STRAIGHT
-from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.car.parameters import LINCOLN_MKZ, Gains
 
 COORDINATES = "t_s,x_m,y_m\n" + "".join(f"{k},{10 * k},0\n" for k in range(20))
 
@@ -93,6 +93,7 @@ position_noise_m = 0.5
         "heading_rad_per_rad": 0.96,
         "yaw_rate_s": 0.2,
     }
+    assert own.gains == Gains(lateral=0.1, heading=0.96, yaw_rate=0.2)
     assert own.parameters.mass == 2000.0 + 3 * 120.0
     assert own.assumed_parameters == own.parameters
     assert other.parameters.mass == LINCOLN_MKZ.mass + 2 * 120.0

@@ -32,9 +32,9 @@ def test_a_profile_is_driven_exactly_where_no_curve_asks_for_less() -> None:
     route = scenario_from_text(text).route
     assert [route.profile.at(t)[0] for t in (0.0, 2.0, 7.0, 12.0, 99.0)] == [10, 10, 20, 30, 30]
     # 20 m, then 10 s at a mean of 20 m/s, then 8 s at 30 m/s
-    assert route.plan.distance(20.0) == pytest.approx(20.0 + 200.0 + 240.0)
-    assert route.plan.time_to(220.0) == pytest.approx(12.0)
-    assert route.plan.time_to(100.0) == pytest.approx(2.0 + _time_for(80.0))
+    assert route.profile.distance(20.0) == pytest.approx(20.0 + 200.0 + 240.0)
+    assert route.profile.time_to(220.0) == pytest.approx(12.0)
+    assert route.profile.time_to(100.0) == pytest.approx(2.0 + _time_for(80.0))
 
 
 def _time_for(way: float) -> float:
