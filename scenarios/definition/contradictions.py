@@ -1,11 +1,11 @@
-"""What only a look at several keys of a scenario shows: where they contradict each other."""
+"""Keys of a scenario that contradict each other, each valid by itself."""
 
 import itertools
 from collections.abc import Iterator
 
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
-from scenarios.definition.schema.path import Segment
+from scenarios.definition.schema.path import SegmentTable
 from scenarios.definition.schema.tables import CONTROLLERS, LinkEntry, ScenarioTables
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
@@ -93,7 +93,7 @@ def _path(tables: ScenarioTables) -> Iterator[Problem]:
         yield from _points(path.model_dump())
 
 
-def _segment(key: str, segment: Segment) -> Iterator[Problem]:
+def _segment(key: str, segment: SegmentTable) -> Iterator[Problem]:
     if (segment.radius_m is None) != (segment.turn is None):
         given, needed = ("turn", "radius_m") if segment.radius_m is None else ("radius_m", "turn")
         yield f"{key}.{needed}", f"missing, needed with {given}"
@@ -109,7 +109,7 @@ def _points(path: dict[str, tuple[float, ...]]) -> Iterator[Problem]:
 
 
 def controllers(tables: ScenarioTables) -> Iterator[Problem]:
-    """Give every controller that is not one that ships, nor a class of the user's own."""
+    """Give every controller that is neither a shipped one nor a class of the user's own."""
     refused: dict[str, str] = {}
     for name in vehicle_names(tables):
         setup, own = vehicle_setup(tables, name), tables.vehicle.get(name)

@@ -21,7 +21,7 @@ from scenarios.definition.road.route import (
     vehicle_names,
 )
 from scenarios.definition.schema.tables import OriginTable, ScenarioTables
-from scenarios.definition.traces.points import with_points
+from scenarios.definition.traces.recorded import with_points
 from scenarios.definition.vehicle_setup import VehicleSetup, overlay, vehicle_setup
 from transport.links.link import LinkRule
 from vehicles.driver.speed import GapLimits, GapPolicy
@@ -89,7 +89,7 @@ class Scenario:
 
     @cached_property
     def route(self) -> Route:
-        """Path, places at the start, and the lead's speed."""
+        """Path, stations at the start, and the lead's speed."""
         return plan_route(self.tables)
 
     @property

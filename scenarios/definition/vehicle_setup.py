@@ -21,12 +21,12 @@ AnyTable = TypeVar("AnyTable", bound=Table)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSetup:
-    """One vehicle; `place` counts from the lead, which is 0, `gap_m` is to the vehicle ahead.
+    """One vehicle; `place` counts from the lead, which is 0.
 
-    `parameters` are those of the loaded car; `assumed_parameters` are what its controller and
-    estimator reckon with, without the load unless the scenario says that they know it. `hears`
-    are the vehicles whose poses it uses: lead and predecessor, nobody for the lead itself.
-    `controller` is the dotted name of the class that steers.
+    `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
+    estimator, without the load unless the scenario says that they know it. `hears` are the
+    vehicles whose poses it uses: lead and predecessor, none for the lead itself. `controller` is
+    the dotted name of the class that steers.
     """
 
     name: str
@@ -50,7 +50,7 @@ class VehicleSetup:
 
 
 def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
-    """Put together what `tables` say of the vehicle `name`; raises ValueError if there is none."""
+    """Collect what `tables` say of the vehicle `name`; raises ValueError if there is none."""
     names = vehicle_names(tables)
     place, own = names.index(name), tables.vehicle.get(name)
     steering = overlay(tables.control, own and own.control)

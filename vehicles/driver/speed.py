@@ -146,7 +146,8 @@ def gap_acceleration(
     a = k_p (gap - desired) + k_v (v_pred - v) + k_l (v_lead - v). At constant distance errors pass
     from one vehicle to the next as (k_v s + k_p) / (s² + (k_v + k_l) s + k_p), which nowhere
     exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p: here 12 >= 6, the margin being for the delay of a
-    radio. Without the lead's speed (k_l = 0) it does somewhere (Swaroop and Hedrick, 1996).
+    radio. Without the lead's speed (k_l = 0) it exceeds 1 at some frequencies (Swaroop and
+    Hedrick, 1996).
 
     With a headway h the predecessor alone suffices, if k_p h² + 2 k_v h >= 2 (h >= 0.23 s here),
     and the lead's speed would do harm: in steady braking the i-th vehicle is i h a faster than the

@@ -7,11 +7,11 @@ from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.varying_speed import FASTEST, SLOWEST, certified_acceleration
 
 STEP = 0.1
-"""Time (s) between the places at which the lead's planned speed is looked at."""
+"""Time step (s) at which the lead's planned speed is sampled."""
 
 
 def certificate_warnings(scenario: Scenario) -> Iterator[str]:
-    """Say in a line each where the lead's planned speed leaves the certificate of a vehicle.
+    """Give a line for each vehicle whose certificate the lead's planned speed leaves.
 
     The certificate bounds the change of speed up to which the closed steering loop is certainly
     stable (paper, Proposition 1, made a number: see `vehicles.theory.varying_speed`). It covers the

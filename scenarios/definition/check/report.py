@@ -17,7 +17,7 @@ FAR_FROM_POINTS = 0.5
 """A path that lies further than this (m) from recorded points is not what was driven."""
 
 STEP = 0.05
-"""Time (s) between the places at which the lead's planned run is looked at."""
+"""Time step (s) at which the lead's planned run is sampled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class _Run:
 def check(
     name_or_path: str | Path, overrides: Sequence[str] = (), seed: int | None = None
 ) -> CheckReport:
-    """Read a scenario as `load_scenario` does, and look at what it asks for."""
+    """Read a scenario as `load_scenario` does, and report on it."""
     return report_of(load_scenario(name_or_path, overrides, seed))
 
 
@@ -154,7 +154,7 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     tightest = car.wheelbase / car.steering_limit
     if sharpest * tightest > 1.0:
         yield (
-            f"the path bends to a radius of {1.0 / sharpest:.1f} m, the cars turn at "
+            f"the path has a least radius of {1.0 / sharpest:.1f} m, the cars turn at "
             f"{tightest:.1f} m: widen path.smoothing_m, or expect them beside the path"
         )
     if speed.profile and speed.lead != "profile":

@@ -8,12 +8,11 @@ import numpy as np
 
 from scenarios.definition.errors import Refused
 from scenarios.definition.road.lead_speed import Limits, recorded, slowed
-from scenarios.definition.schema.path import PointsPath, Segment, SegmentsPath
+from scenarios.definition.schema.path import PointsPath, SegmentsPath, SegmentTable
 from scenarios.definition.schema.tables import ScenarioTables, SpeedTable
 from vehicles.driver.speed import GapPolicy, SpeedProfile
-from vehicles.geometry import path as paths
 from vehicles.geometry.geodesy import yaw_from_heading
-from vehicles.geometry.path import Path, path_from_segments
+from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.geometry.smoothing import SmoothedPath, smooth_path
 
 DEFAULT_GAP = 15.0
@@ -32,7 +31,7 @@ STRAIGHT = 1e-6
 """Curvature (1/m) below which a path counts as straight."""
 
 WALKING = 1.0
-"""Speed (m/s) at which the lead comes up to a record that begins standing or slower."""
+"""Speed (m/s) at which the lead drives up to the start of a recorded drive that begins slower."""
 
 SPEED_RATIOS = (0.8, 1.25)
 """Recorded speeds that cover the path less exactly than this are not in m/s."""
@@ -40,12 +39,13 @@ SPEED_RATIOS = (0.8, 1.25)
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """A drivable path, the lead's place on it at the start, and its speed over time.
+    """A drivable path, the station at which the lead starts, and the lead's speed over time.
 
-    `start` (m) is the lead's first station: the path begins with a straight for the vehicles
-    behind it. `gaps` (m) are those to the vehicle ahead, 0 for the lead. `smoothed` says how far
-    the path lies from recorded points, None where it is made of segments. `speed_ratio` is what
-    recorded speeds were multiplied by to cover the path.
+    `start` (m) is that station: the path begins with a straight for the vehicles behind the lead.
+    `gaps` (m) are those to the vehicle ahead, 0 for the lead. `profile` is the lead's speed from
+    the start on. `smoothed` holds how far the path lies from recorded points, None where it is
+    made of segments. `speed_ratio` is the factor by which recorded speeds were multiplied to cover
+    the path.
     """
 
     path: Path
@@ -66,7 +66,7 @@ class Route:
 
     @property
     def length(self) -> float:
-        """Way (m) from the lead's start to the end of the path."""
+        """Distance (m) from the lead's start to the end of the path."""
         return self.path.length - self.start
 
 
@@ -121,18 +121,18 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
     table = tables.path
     if isinstance(table, SegmentsPath):
         yaw = yaw_from_heading(table.heading_deg)
-        laps = [paths.Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
+        laps = [Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
         east, north = -lead_in * math.cos(yaw), -lead_in * math.sin(yaw)
-        path = path_from_segments([paths.Segment(lead_in, 0.0), *laps], east, north, yaw)
+        path = path_from_segments([Segment(lead_in, 0.0), *laps], east, north, yaw)
         return path, lead_in, None
     if not isinstance(table, PointsPath):
         raise Refused("path.file", "has not been read")
     smoothed = _smoothed(table, lead_in)
-    # The smoothing bends the end of the straight. The lead starts before that: so all start
+    # The smoothing curves the end of the straight. The lead starts before that: so all start
     # straight ahead and without errors, and the run-in is part of what the lead has driven.
-    bent = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
-    first_bend = float(smoothed.path.station[bent[0]]) if bent.size else math.inf
-    return smoothed.path, min(max(first_bend, lead_in), smoothed.start), smoothed
+    curved = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
+    first_curve = float(smoothed.path.station[curved[0]]) if curved.size else math.inf
+    return smoothed.path, min(max(first_curve, lead_in), smoothed.start), smoothed
 
 
 def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
@@ -151,7 +151,7 @@ def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
         raise Refused(f"path ({table.source})" if table.source else "path", str(error)) from error
 
 
-def curvature(segment: Segment) -> float:
+def curvature(segment: SegmentTable) -> float:
     """Curvature (1/m, left positive) of a segment, however it is given."""
     if segment.radius_m is not None:
         return (1.0 if segment.turn == "left" else -1.0) / segment.radius_m
