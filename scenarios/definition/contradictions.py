@@ -1,4 +1,4 @@
-"""What only a look at several keys of a scenario shows: where they contradict each other."""
+"""Keys of a scenario that contradict each other, each valid by itself."""
 
 import itertools
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from scenarios.definition.links import ANY, directed_links, is_about
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
-from scenarios.definition.schema.path import Segment
+from scenarios.definition.schema.path import SegmentTable
 from scenarios.definition.schema.tables import CONTROLLERS, ScenarioTables
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
@@ -80,7 +80,7 @@ def _path(tables: ScenarioTables) -> Iterator[Problem]:
         yield from _points(path.model_dump())
 
 
-def _segment(key: str, segment: Segment) -> Iterator[Problem]:
+def _segment(key: str, segment: SegmentTable) -> Iterator[Problem]:
     if (segment.radius_m is None) != (segment.turn is None):
         given, needed = ("turn", "radius_m") if segment.radius_m is None else ("radius_m", "turn")
         yield f"{key}.{needed}", f"missing, needed with {given}"
@@ -96,7 +96,7 @@ def _points(path: dict[str, tuple[float, ...]]) -> Iterator[Problem]:
 
 
 def controllers(tables: ScenarioTables) -> Iterator[Problem]:
-    """Give every controller that is not one that ships, nor a class of the user's own."""
+    """Give every controller that is neither a shipped one nor a class of the user's own."""
     refused: dict[str, str] = {}
     for name in vehicle_names(tables):
         setup, own = vehicle_setup(tables, name), tables.vehicle.get(name)
@@ -131,8 +131,8 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
     duration = tables.duration_s
     if duration is None and not 0.0 < longest_run(route) < LONGEST:
         yield "duration_s", "missing, needed where the lead does not reach the end of its path"
-    elif duration is not None and route.plan.distance(duration) > route.length + 1e-3:
-        driven = route.plan.distance(duration)
+    elif duration is not None and route.profile.distance(duration) > route.length + 1e-3:
+        driven = route.profile.distance(duration)
         yield (
             "duration_s",
             f"given {duration:g}, allowed at most {longest_run(route):g}: the lead would drive "

@@ -1,29 +1,41 @@
-"""Scenario files as text: those that ship, the user's own, and what is laid over them."""
+"""Scenario files as text: the shipped ones and the user's own."""
 
-import tomllib
-from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.refusal import near
-from scenarios.definition.toml_text import OverrideError, Raw, override, parse_override
+from scenarios.definition.refusal import near, shown
 
 LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"
-"""Where the recorded drives lie that ship."""
+"""Folder of the shipped recorded drives."""
 
 TEMPLATE = "_template"
 """The file in the library that `convoy new` writes; it is not listed."""
 
 
+@dataclass(frozen=True, slots=True)
+class ScenarioFile:
+    """Text of a scenario file.
+
+    `label` names the file in refusals, its traces and the file that it extends are sought in
+    `folder`. `path` is None for a text that comes from no file.
+    """
+
+    label: str
+    folder: Path
+    text: str
+    path: Path | None = None
+
+
 def library() -> tuple[str, ...]:
-    """Names of the scenarios that ship."""
+    """Names of the shipped scenarios."""
     return tuple(sorted(_shipped()))
 
 
 def _shipped() -> dict[str, Path]:
-    """File of each scenario that ships, by name."""
+    """File of each shipped scenario, by name."""
     return {path.stem: path for path in LIBRARY.rglob("*.toml") if path.stem != TEMPLATE}
 
 
@@ -32,43 +44,52 @@ def template() -> str:
     return (LIBRARY / f"{TEMPLATE}.toml").read_text(encoding="utf-8")
 
 
-def read_text(name_or_path: str | Path) -> tuple[str, Path, str]:
-    """Give the name for messages, the folder and the text of a scenario; raises ScenarioError."""
+def read_file(name_or_path: str | Path) -> ScenarioFile:
+    """Read a shipped scenario by its name, or a file; raises ScenarioError."""
     shipped = _shipped().get(str(name_or_path))
     path = shipped or Path(name_or_path)
     label = path.name if shipped else str(name_or_path)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        return ScenarioFile(label, path.parent, _text(path), path)
     except FileNotFoundError as error:
-        raise ScenarioError([f"{label}: {_not_found(path)}"]) from error
-    except OSError as error:
-        raise ScenarioError([f"{label}: {(error.strerror or 'cannot be read').lower()}"]) from error
-    except UnicodeDecodeError as error:
-        why = f"not a text file, byte {error.start} is not UTF-8"
-        raise ScenarioError([f"{label}: {why}"]) from error
-    if not text.strip():
-        raise ScenarioError([f"{label}: empty file, `convoy new` writes a commented scenario"])
-    return label, path.parent, text
+        hint = _hint(path) or f", shipped scenarios are {', '.join(library())}"
+        raise ScenarioError([f"{label}: no such file{hint}"]) from error
+    except ValueError as error:
+        raise ScenarioError([f"{label}: {error}"]) from error
 
 
-def _not_found(path: Path) -> str:
-    beside = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-    guess = near(path.name, beside) or near(path.stem, library())
-    return f"no such file{guess or ', shipped scenarios are ' + ', '.join(library())}"
-
-
-def parse(text: str, label: str, overrides: Sequence[str]) -> tuple[Raw, list[str]]:
-    """Parse a scenario and lay `overrides` over it; gives the tables and the keys overridden."""
+def read_base(extending: ScenarioFile, given: object) -> ScenarioFile:
+    """Read the file that `extending` names as its base; raises ScenarioError."""
+    problem = f"{extending.label}: extends: given {shown(given)}"
+    allowed = f"allowed a path relative to this file, or {', '.join(library())}"
+    if not isinstance(given, str) or not given:
+        raise ScenarioError([f"{problem}, {allowed}"])
+    shipped = _shipped().get(given)
+    path = shipped or extending.folder / given
     try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError([f"{label}: not valid TOML: {error}"]) from error
-    changed = []
-    for one in overrides:
-        try:
-            parts, value = parse_override(one)
-            override(raw, parts, value)
-        except OverrideError as error:
-            raise ScenarioError([f"--set {one}: {error}"]) from error
-        changed.append(".".join(parts))
-    return raw, changed
+        return ScenarioFile(path.name if shipped else str(path), path.parent, _text(path), path)
+    except FileNotFoundError as error:
+        raise ScenarioError([f"{problem}, no such file{_hint(path)}, {allowed}"]) from error
+    except ValueError as error:
+        raise ScenarioError([f"{problem}, {error}, {allowed}"]) from error
+
+
+def _text(path: Path) -> str:
+    """Text of a file; raises FileNotFoundError, or ValueError with the reason in words."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise ValueError((error.strerror or "cannot be read").lower()) from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"not a text file, byte {error.start} is not UTF-8") from error
+    if not text.strip():
+        raise ValueError("empty file, `convoy new` writes a commented scenario")
+    return text
+
+
+def _hint(path: Path) -> str:
+    """Question that offers a file beside `path` or a shipped scenario of a similar name."""
+    beside = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+    return near(path.name, beside) or near(path.stem, library())

@@ -5,17 +5,24 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
 from scenarios.definition.errors import Refused, ScenarioError
-from scenarios.definition.library import library, parse, read_text, template
+from scenarios.definition.extends import merged
+from scenarios.definition.library import ScenarioFile, library, read_file, template
 from scenarios.definition.links import directed_links, link_table
 from scenarios.definition.refusal import refusals, shown
-from scenarios.definition.road.route import Route, longest_run, plan_route, vehicle_names
+from scenarios.definition.road.route import (
+    Route,
+    gap_policy,
+    longest_run,
+    plan_route,
+    vehicle_names,
+)
 from scenarios.definition.schema.tables import LinkTable, OriginTable, ScenarioTables
-from scenarios.definition.toml_text import to_toml
-from scenarios.definition.traces.points import with_points
+from scenarios.definition.traces.recorded import with_points
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import Origin
@@ -82,13 +89,13 @@ class Scenario:
 
     @cached_property
     def route(self) -> Route:
-        """Path, places at the start, and the lead's speed."""
+        """Path, stations at the start, and the lead's speed."""
         return plan_route(self.tables)
 
     @property
     def gap_policy(self) -> GapPolicy:
         """The gap that followers keep, if they keep one."""
-        return GapPolicy(self.tables.speed.gap.standstill_m, self.tables.speed.gap.headway_s)
+        return gap_policy(self.tables)
 
     @property
     def gap_limits(self) -> GapLimits:
@@ -114,8 +121,8 @@ class Scenario:
         tables = self.tables
         whole = tables.model_dump(exclude_none=True, exclude={"link", "vehicle"})
         # What one link or vehicle leaves out must stay left out: it is the convoy's value.
-        some = tables.model_dump(exclude_unset=True, include={"link", "vehicle"})
-        return to_toml(whole | some)
+        some = tables.model_dump(exclude_unset=True, exclude_none=True, include={"link", "vehicle"})
+        return tomli_w.dumps(whole | some)
 
 
 def load_scenario(
@@ -125,8 +132,7 @@ def load_scenario(
 
     Raises ScenarioError, whose lines each name file, key, what was given and what is allowed.
     """
-    label, folder, text = read_text(name_or_path)
-    return scenario_from_text(text, label=label, folder=folder, overrides=overrides, seed=seed)
+    return _scenario(read_file(name_or_path), overrides, seed)
 
 
 def scenario_from_text(
@@ -137,35 +143,33 @@ def scenario_from_text(
     overrides: Sequence[str] = (),
     seed: int | None = None,
 ) -> Scenario:
-    """Read a scenario from text; `label` names it in refusals, traces are sought in `folder`."""
-    raw, changed = parse(text, label, overrides)
+    """Read a scenario from text; `label` names it in refusals.
+
+    Traces and the file that it extends are sought in `folder`.
+    """
+    return _scenario(ScenarioFile(label, folder or Path(), text), overrides, seed)
+
+
+def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) -> Scenario:
+    given = merged(file, overrides)
     if seed is not None:
-        raw["seed"] = seed
+        given.raw["seed"] = seed
 
     def refuse(problems: Sequence[tuple[str, str]]) -> ScenarioError:
-        return ScenarioError(
-            f"{_blame(key, label, changed)}: {key}: {why}" for key, why in problems
-        )
+        return ScenarioError(f"{given.source(key)}: {key}: {why}" for key, why in problems)
 
     try:
-        tables = ScenarioTables.model_validate(raw)
+        tables = ScenarioTables.model_validate(given.raw)
     except ValidationError as error:
         raise refuse(refusals(error)) from error
     problems = list(contradictions.between_keys(tables)) or list(contradictions.controllers(tables))
     if problems:
         raise refuse(problems)
     try:
-        scenario = Scenario(with_points(tables, folder or Path()))
+        scenario = Scenario(with_points(tables, given.folder("path.file")))
         problems = list(contradictions.on_the_road(scenario.tables, scenario.route))
     except Refused as error:
         raise refuse([(error.key, error.why)]) from error
     if problems:
         raise refuse(problems)
     return scenario
-
-
-def _blame(key: str, label: str, changed: Sequence[str]) -> str:
-    """Name where a problem comes from: an override of the key, or of one inside it or around it."""
-    plain = key.replace("[", ".").replace("]", "") + "."
-    inside = (f"{one}." for one in changed)
-    return "--set" if any(plain.startswith(o) or o.startswith(plain) for o in inside) else label

@@ -14,17 +14,17 @@ from scenarios.definition.schema.tables import (
     ScenarioTables,
     SteeringTable,
 )
-from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
+from vehicles.car.parameters import LINCOLN_MKZ, Gains, Loading, VehicleParameters, loaded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSetup:
-    """One vehicle; `place` counts from the lead, which is 0, `gap_m` is to the vehicle ahead.
+    """One vehicle; `place` counts from the lead, which is 0.
 
-    `parameters` are those of the loaded car; `assumed_parameters` are what its controller and
-    estimator reckon with, without the load unless the scenario says that they know it. `hears`
-    are the vehicles whose poses it uses: lead and predecessor, nobody for the lead itself.
-    `controller` is the dotted name of the class that steers.
+    `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
+    estimator, without the load unless the scenario says that they know it. `hears` are the
+    vehicles whose poses it uses: lead and predecessor, none for the lead itself. `controller` is
+    the dotted name of the class that steers.
     """
 
     name: str
@@ -40,9 +40,15 @@ class VehicleSetup:
     steering: SteeringTable
     gnss: GnssTable
 
+    @property
+    def gains(self) -> Gains:
+        """Feedback gains of its steering law."""
+        table = self.steering.gains
+        return Gains(table.lateral_rad_per_m, table.heading_rad_per_rad, table.yaw_rate_s)
+
 
 def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
-    """Put together what `tables` say of the vehicle `name`; raises ValueError if there is none."""
+    """Collect what `tables` say of the vehicle `name`; raises ValueError if there is none."""
     names = vehicle_names(tables)
     place, own = names.index(name), tables.vehicle.get(name)
     steering = overlay(tables.control, own and own.control)

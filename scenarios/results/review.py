@@ -30,12 +30,11 @@ def open_view(option: RerunOption, scenario: Scenario, run_id: str) -> RerunView
 
 def widest_gap(scenario: Scenario) -> float:
     """Return the largest gap (m) between two vehicles, as started with or kept at top speed."""
-    speed = scenario.tables.speed
     gaps = [*scenario.route.gaps[1:], 0.0]
-    if speed.followers == "gap":
+    if scenario.tables.speed.followers == "gap":
         profile = scenario.route.profile
         top = max(profile.at(float(second))[0] for second in range(int(scenario.duration_s) + 2))
-        gaps.append(speed.gap.standstill_m + speed.gap.headway_s * top)
+        gaps.append(scenario.gap_policy.desired(top))
     return max(gaps) or USUAL_GAP_M
 
 

@@ -8,8 +8,7 @@ from tests.made.exact_drives import CONTROL_HZ, PLANE, START, Source, Step
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.follower import Follower
 from vehicles.driver.pose_estimator import PoseEstimator
-from vehicles.driver.speed import SpeedProfile
-from vehicles.driver.speed_law import ProfileSpeed, SpeedLaw
+from vehicles.driver.speed import ProfileSpeed, SpeedLaw, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.preview.trajectory import FitSettings, Fusion

@@ -12,7 +12,7 @@ import vehicles
 FOLDER = Path(vehicles.__file__).parent
 SCIENCE = (
     "car.dynamics", "car.gnss", "car.parameters", "driver.decision", "driver.follower",
-    "driver.leader", "driver.pose_estimator", "driver.speed", "driver.speed_law",
+    "driver.leader", "driver.pose_estimator", "driver.speed",
     "driver.steering", "driver.tracking", "geometry.arc_spline", "geometry.geodesy",
     "geometry.local_regression", "geometry.path", "geometry.smoothing", "preview.curve_fit",
     "preview.fit_arc", "preview.fit_joined", "preview.outliers", "preview.samples",

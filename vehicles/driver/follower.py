@@ -8,7 +8,7 @@ from vehicles.car.dynamics import Actuation
 from vehicles.car.gnss import Fix, from_message
 from vehicles.driver.decision import Decision
 from vehicles.driver.pose_estimator import Pose, PoseEstimator
-from vehicles.driver.speed_law import Convoy, SpeedLaw
+from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors, track
 from vehicles.geometry.geodesy import LocalPlane
@@ -95,17 +95,17 @@ class Follower:
             self._mode, self._reason = self._choose_trajectory(now, pose)
             self._gap, self._gap_at = self._measured_gap(now, pose), now
         errors, steering = self._steer(pose)
-        convoy = self._convoy(now, pose)
-        drive = self._speed_law.drive(now, pose, convoy)
+        ahead = self._vehicles_ahead(now, pose)
+        speed = self._speed_law.command(now, pose, ahead)
         return Decision(
-            actuation=Actuation(steering.steering, drive.acceleration),
+            actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
             errors=errors,
             mode=self._mode,
             reason=self._reason,
             fit=self._along[0][1] if refit and self._along and self._mode != "coast" else None,
-            target_speed=drive.target_speed,
-            gap=convoy.gap,
+            target_speed=speed.target_speed,
+            gap=ahead.gap,
             lead_age=self._age(now, self._lead),
             predecessor_age=self._age(now, self._predecessor),
         )
@@ -180,13 +180,13 @@ class Follower:
             return nan
         return gap + predecessor.newest.speed * self._age(now, self._predecessor)
 
-    def _convoy(self, now: int, pose: Pose) -> Convoy:
+    def _vehicles_ahead(self, now: int, pose: Pose) -> VehiclesAhead:
         """What is known of the vehicles ahead, carried on to now."""
         lead, predecessor = self._traces[self._lead].newest, self._traces[self._predecessor].newest
         if predecessor is None:
-            return Convoy()
+            return VehiclesAhead()
         opened = (predecessor.speed - pose.speed) * (now - self._gap_at) / SECOND
-        return Convoy(
+        return VehiclesAhead(
             gap=self._gap + opened,
             predecessor_speed=predecessor.speed,
             lead_speed=nan if lead is None else lead.speed,

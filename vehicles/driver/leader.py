@@ -7,7 +7,7 @@ from vehicles.car.dynamics import Actuation
 from vehicles.car.gnss import Fix
 from vehicles.driver.decision import Decision
 from vehicles.driver.pose_estimator import Pose, PoseEstimator
-from vehicles.driver.speed_law import Convoy, SpeedLaw
+from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.geodesy import wrap_angle
@@ -50,13 +50,13 @@ class Leader:
         pose = self._estimator.at(now)
         errors = self._track(pose)
         steering = self._controller.steer(errors, pose.speed)
-        drive = self._speed_law.drive(now, pose, Convoy())
+        speed = self._speed_law.command(now, pose, VehiclesAhead())
         self._decision = Decision(
-            actuation=Actuation(steering.steering, drive.acceleration),
+            actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
             errors=errors,
             mode="path",
-            target_speed=drive.target_speed,
+            target_speed=speed.target_speed,
         )
         return self._decision
 

@@ -1,10 +1,19 @@
-"""How fast to go: a given speed over time, or keeping the gap to what is ahead. SI units."""
+"""How fast a vehicle goes: at a given speed over time, or at its gap to the vehicle ahead.
+
+SI units.
+"""
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
+from typing import Protocol
+
+from vehicles.driver.pose_estimator import Pose
+from vehicles.schedule import SECOND
+
+PROFILE_CORRECTION = 0.5
+"""Share of the speed error taken back each second when a profile is followed (1/s)."""
 
 GAP_STIFFNESS = 3.0
 """k_p, acceleration asked per metre of gap error (1/s²)."""
@@ -19,31 +28,34 @@ STABLE_HEADWAY = 0.35
 """Headway (s) from which on the lead's speed is not needed, and is not used."""
 
 CATCH_UP_DISTANCE = 5.0
-"""A gap that is too large by more than this (m) does not make the vehicle hurry more."""
+"""A gap that is too large by more than this (m) asks for no more acceleration."""
 
 
+@dataclass(frozen=True, slots=True)
 class SpeedProfile:
     """Speed (m/s) over time (s), piecewise linear, constant before the first and after the last.
 
     The predetermined profile of Section V-C.3, Fig. 11.
     """
 
-    def __init__(self, times: Sequence[float], speeds: Sequence[float]) -> None:
+    times: tuple[float, ...]
+    speeds: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        times, speeds = self.times, self.speeds
         if len(times) != len(speeds) or not times:
             raise ValueError("a speed profile needs as many speeds as times, at least one")
         if not all(map(math.isfinite, (*times, *speeds))) or min(speeds) < 0.0:
             raise ValueError("times and speeds must be finite numbers, speeds not negative")
         if any(later <= earlier for earlier, later in pairwise(times)):
             raise ValueError("the times of a speed profile must increase")
-        self._times = tuple(map(float, times))
-        self._speeds = tuple(map(float, speeds))
 
     def at(self, seconds: float) -> tuple[float, float]:
         """Speed (m/s) and acceleration (m/s²); at a corner, the acceleration that follows it.
 
         Velocity and acceleration of Fig. 11, by linear interpolation.
         """
-        times, speeds = self._times, self._speeds
+        times, speeds = self.times, self.speeds
         index = bisect_right(times, seconds) - 1
         if index < 0:
             return speeds[0], 0.0
@@ -52,12 +64,39 @@ class SpeedProfile:
         slope = (speeds[index + 1] - speeds[index]) / (times[index + 1] - times[index])
         return speeds[index] + slope * (seconds - times[index]), slope
 
+    def distance(self, seconds: float) -> float:
+        """Distance (m) driven from time 0 to `seconds`, by the trapezoidal rule."""
+        inner = (time for time in self.times if 0.0 < time < seconds)
+        return sum(self._driven(begin, end) for begin, end in pairwise((0.0, *inner, seconds)))
+
+    def time_to(self, distance: float) -> float:
+        """Time (s) after which `distance` (m) is driven; infinite if it is never reached.
+
+        Constant acceleration from one point of the profile to the next, and elementary algebra.
+        """
+        driven = 0.0
+        for begin, end in pairwise((0.0, *(time for time in self.times if time > 0.0))):
+            step = self._driven(begin, end)
+            if driven + step >= distance:
+                speed = self.at(begin)[0]
+                slope = (self.at(end)[0] - speed) / (end - begin)
+                rest = distance - driven
+                root = math.sqrt(max(speed * speed + 2.0 * slope * rest, 0.0))
+                return begin + 2.0 * rest / (speed + root) if speed + root > 0.0 else begin
+            driven += step
+        last = self.speeds[-1]
+        return self.times[-1] + (distance - driven) / last if last > 0.0 else math.inf
+
+    def _driven(self, begin: float, end: float) -> float:
+        """Distance (m) between two times without a corner in between."""
+        return 0.5 * (self.at(begin)[0] + self.at(end)[0]) * (end - begin)
+
 
 @dataclass(frozen=True, slots=True)
 class GapPolicy:
     """The gap to keep (m): `standstill` (m) plus `headway` (s) times speed.
 
-    Constant time headway policy; a headway of 0 keeps a constant distance. The paper is silent.
+    Constant time headway policy; a headway of 0 keeps a constant distance.
     """
 
     standstill: float
@@ -73,10 +112,10 @@ class GapPolicy:
 
 @dataclass(frozen=True, slots=True)
 class GapLimits:
-    """What gap keeping may ask of the drive (m/s², both positive); the paper is silent.
+    """Limits of acceleration and braking (m/s²) for the constant time headway policy.
 
-    2 m/s² is brisk driving; 6 m/s² is hard braking on a dry road with some grip in reserve, twice
-    what a lead should use, so that followers can make good their delay.
+    Both are positive. 2 m/s² is brisk driving; 6 m/s² is hard braking on a dry road with some grip
+    in reserve, twice what a lead should use, so that followers can make up for their delay.
     """
 
     acceleration: float = 2.0
@@ -84,6 +123,13 @@ class GapLimits:
 
     def __post_init__(self) -> None:
         _require_not_negative(self)
+
+
+def _require_not_negative(values: GapPolicy | GapLimits) -> None:
+    for field in fields(values):
+        value = getattr(values, field.name)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{field.name} must be a number of at least 0, not {value}")
 
 
 def gap_acceleration(
@@ -95,19 +141,20 @@ def gap_acceleration(
     policy: GapPolicy,
     limits: GapLimits,
 ) -> float:
-    """Decide the acceleration (m/s²) that keeps the gap, from what was heard of those ahead.
+    """Acceleration (m/s²) that keeps the gap, from the speeds received of the vehicles ahead.
 
     a = k_p (gap - desired) + k_v (v_pred - v) + k_l (v_lead - v). At constant distance errors pass
     from one vehicle to the next as (k_v s + k_p) / (s² + (k_v + k_l) s + k_p), which nowhere
     exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p: here 12 >= 6, the margin being for the delay of a
-    radio. Without the lead's speed (k_l = 0) it does somewhere (Swaroop and Hedrick, 1996).
+    radio. Without the lead's speed (k_l = 0) it exceeds 1 at some frequencies (Swaroop and
+    Hedrick, 1996).
 
     With a headway h the predecessor alone suffices, if k_p h² + 2 k_v h >= 2 (h >= 0.23 s here),
     and the lead's speed would do harm: in steady braking the i-th vehicle is i h a faster than the
     lead, so errors would grow with i. Its share therefore fades out towards STABLE_HEADWAY.
 
-    `gap` (m) is that of now: extrapolate a heard position by its speed and age. A lead speed of
-    NaN (nothing heard) counts as the predecessor's. Nothing is known of accelerations: while all
+    `gap` (m) is that of now: extrapolate a received position by its speed and age. A lead speed of
+    NaN (nothing received) counts as the predecessor's. Accelerations are not known: while all
     brake at b, gaps are off by (1 - (k_v + k_l) h) b / k_p, at constant distance 1 m too short for
     b = 3 m/s², and stay so if the convoy stops. Speeds in m/s; the result is within `limits`.
     """
@@ -120,8 +167,77 @@ def gap_acceleration(
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
-def _require_not_negative(values: GapPolicy | GapLimits) -> None:
-    for field in fields(values):
-        value = getattr(values, field.name)
-        if not (math.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{field.name} must be a number of at least 0, not {value}")
+@dataclass(slots=True)
+class VehiclesAhead:
+    """What a follower has received of the vehicles ahead, NaN where nothing.
+
+    For keeping gaps after Swaroop and Hedrick, 1996. The gap to the predecessor (m) is along its
+    trace, extrapolated to now; speeds (m/s) are those received last.
+    """
+
+    gap: float = math.nan
+    predecessor_speed: float = math.nan
+    lead_speed: float = math.nan
+
+
+@dataclass(slots=True)
+class SpeedCommand:
+    """Acceleration asked of the drive (m/s²), dv_x/dt of Section IV-A, and speed aimed at (m/s)."""
+
+    acceleration: float
+    target_speed: float
+
+
+class SpeedLaw(Protocol):
+    """Decides the longitudinal command at a control instant: that of Section V-C.3 or another."""
+
+    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
+        """Command at `now` (ns) for a vehicle at `pose` behind those `ahead`, as in Section V-C."""
+        ...
+
+
+class ProfileSpeed:
+    """Every vehicle follows the same speed over time (paper, Section V-C)."""
+
+    def __init__(self, profile: SpeedProfile, start_at: int, period: float) -> None:
+        """`period` (s) is the control period over which a command is held."""
+        self._profile = profile
+        self._start_at = start_at
+        self._period = period
+
+    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
+        """Mean acceleration of the profile over the coming period, plus a mild correction.
+
+        The profile is that of Section V-C.3; the paper corrects no speed error.
+        """
+        seconds = (now - self._start_at) / SECOND
+        speed, _ = self._profile.at(seconds)
+        next_speed, _ = self._profile.at(seconds + self._period)
+        wanted = (next_speed - speed) / self._period
+        return SpeedCommand(wanted + PROFILE_CORRECTION * (speed - pose.speed), next_speed)
+
+
+class GapKeeping:
+    """Keeps a constant distance or time gap, after Swaroop and Hedrick, 1996.
+
+    See `gap_acceleration`.
+    """
+
+    def __init__(self, policy: GapPolicy, limits: GapLimits) -> None:
+        """`policy` sets the gap, `limits` the accelerations."""
+        self._policy = policy
+        self._limits = limits
+
+    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
+        """Acceleration after Swaroop and Hedrick, 1996; 0 until the predecessor is received."""
+        if math.isnan(ahead.gap):
+            return SpeedCommand(0.0, pose.speed)
+        wanted = gap_acceleration(
+            gap=ahead.gap,
+            own_speed=pose.speed,
+            predecessor_speed=ahead.predecessor_speed,
+            lead_speed=ahead.lead_speed,
+            policy=self._policy,
+            limits=self._limits,
+        )
+        return SpeedCommand(wanted, ahead.predecessor_speed)

@@ -7,11 +7,11 @@ from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.varying_speed import FASTEST, SLOWEST, certified_acceleration
 
 STEP = 0.1
-"""Time (s) between the places at which the lead's planned speed is looked at."""
+"""Time step (s) at which the lead's planned speed is sampled."""
 
 
 def certificate_warnings(scenario: Scenario) -> Iterator[str]:
-    """Say in a line each where the lead's planned speed leaves the certificate of a vehicle.
+    """Give a line for each vehicle whose certificate the lead's planned speed leaves.
 
     The certificate bounds the change of speed up to which the closed steering loop is certainly
     stable (paper, Proposition 1, made a number: see `vehicles.theory.varying_speed`). It covers the
@@ -21,9 +21,7 @@ def certificate_warnings(scenario: Scenario) -> Iterator[str]:
     said: dict[tuple[VehicleParameters, Gains], str] = {}
     for name in scenario.vehicle_names:
         setup = scenario.vehicle(name)
-        table = setup.steering.gains
-        gains = Gains(table.lateral_rad_per_m, table.heading_rad_per_rad, table.yaw_rate_s)
-        said.setdefault((setup.parameters, gains), name)
+        said.setdefault((setup.parameters, setup.gains), name)
     for (parameters, gains), name in said.items():
         yield from _leaving(scenario, parameters, gains, name)
 

@@ -1,4 +1,4 @@
-"""Whether the followers of a scenario hear enough of the path ahead of them to steer along it."""
+"""Whether followers receive enough of the path ahead of them to steer along it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,16 +10,15 @@ from vehicles.driver.follower import LEAST_SAMPLES
 from vehicles.preview.trajectory import FitSettings
 
 SLOWEST = 0.1
-"""Below this speed (m/s) nobody follows anybody."""
+"""Speed (m/s) below which the preview is not checked."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Sight:
-    """What a follower hears of a source at one speed (m/s).
+    """What a follower receives of a source at one speed (m/s).
 
-    The path is known `reach` (m) ahead when the newest pose that counts is as old as it gets;
-    of it the preview takes `preview` (m), on which there are so many `samples`. The fit keeps
-    `behind` (m) of it behind the ego.
+    The path is known `reach` (m) ahead at the greatest age of the newest pose; the preview takes
+    `preview` (m) of it, with so many `samples`. The fit keeps `behind` (m) behind the ego.
     """
 
     source: str
@@ -31,11 +30,11 @@ class _Sight:
 
 
 def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterator[str]:
-    """Say in a line each where a follower's preview (paper, Section III-A) is too short or thin.
+    """Give a line for each kind of preview (paper, Section III-A) that is too short or thin.
 
-    `speeds` (m/s) are the least and the greatest that are planned. What is known of the path ends
-    where a source was last heard: a gap, or a gap less what latency, the time between two poses
-    and the speed make of it. Where that is less than the fit keeps behind the ego, it sees bends
+    `speeds` (m/s) are the least and the greatest that are planned. The path is known up to the last
+    pose received of a source: a gap ahead, less the distance driven during latency and the time
+    between two poses. Where that is less than the fit keeps behind the ego, curves are recognised
     late, and errors may grow; where fewer samples lie ahead than a fit takes, it extrapolates.
     """
     thin: dict[str, _Sight] = {}
@@ -57,18 +56,19 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
         yield (
             f"{names}: at {sight.speed:g} m/s the path of {sight.source} is known "
             f"{sight.reach:.1f} m ahead, less than the {sight.behind:.1f} m behind that the fit "
-            "keeps: bends are seen late, and errors may grow; widen the gap or lower the latency"
+            "keeps: curves are recognised late, and errors may grow; widen the gap or lower the "
+            "latency"
         )
 
 
 def _alike(found: dict[str, _Sight]) -> Iterator[tuple[str, _Sight]]:
-    """Join the followers for which the worst is to be said, so that a convoy gets one line."""
+    """One line for all followers that are short of preview: their names, and the worst case."""
     if found:
         yield ", ".join(found), min(found.values(), key=lambda sight: sight.reach)
 
 
 def _seen(scenario: Scenario, setup: VehicleSetup, speed: float) -> _Sight:
-    """What reaches furthest, where the sources are made one trajectory; else the predecessor."""
+    """The source known furthest ahead, where they make one trajectory; else the predecessor."""
     names = setup.hears if setup.steering.fusion == "composite" else setup.hears[-1:]
     sights = [
         _sight(scenario, setup, name, scenario.links[name, setup.name], speed) for name in names
@@ -90,8 +90,7 @@ def _sight(
 
 def _gap(scenario: Scenario, place: int, source: str, speed: float) -> float:
     """Distance (m) to a source ahead: that of the start, or the one that is kept."""
-    first, policy = scenario.vehicle_names.index(source), scenario.tables.speed
-    if policy.followers == "gap":
-        kept = policy.gap.standstill_m + policy.gap.headway_s * speed
-        return (place - first) * kept
+    first = scenario.vehicle_names.index(source)
+    if scenario.tables.speed.followers == "gap":
+        return (place - first) * scenario.gap_policy.desired(speed)
     return sum(scenario.route.gaps[first + 1 : place + 1])

@@ -17,7 +17,7 @@ FAR_FROM_POINTS = 0.5
 """A path that lies further than this (m) from recorded points is not what was driven."""
 
 STEP = 0.05
-"""Time (s) between the places at which the lead's planned run is looked at."""
+"""Time step (s) at which the lead's planned run is sampled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class _Run:
 def check(
     name_or_path: str | Path, overrides: Sequence[str] = (), seed: int | None = None
 ) -> CheckReport:
-    """Read a scenario as `load_scenario` does, and look at what it asks for."""
+    """Read a scenario as `load_scenario` does, and report on it."""
     return report_of(load_scenario(name_or_path, overrides, seed))
 
 
@@ -81,7 +81,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         gaps_m=route.gaps[1:],
         duration_s=scenario.duration_s,
         path_length_m=route.length,
-        driven_m=route.plan.distance(scenario.duration_s),
+        driven_m=route.profile.distance(scenario.duration_s),
         radius_m_min=1.0 / sharpest if sharpest > 1e-6 else None,
         speed_mps_min=min(run.speeds),
         speed_mps_max=max(run.speeds),
@@ -97,9 +97,9 @@ def report_of(scenario: Scenario) -> CheckReport:
 
 
 def _run(scenario: Scenario) -> _Run:
-    plan, path, station = scenario.route.plan, scenario.route.path, scenario.route.start
+    profile, path, station = scenario.route.profile, scenario.route.path, scenario.route.start
     steps = max(int(scenario.duration_s / STEP), 1)
-    speeds = [plan.at(k * STEP) for k in range(steps + 1)]
+    speeds = [profile.at(k * STEP)[0] for k in range(steps + 1)]
     curvatures = []
     for k, speed in enumerate(speeds):
         curvatures.append(path.at(station).curvature)
@@ -154,7 +154,7 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     tightest = car.wheelbase / car.steering_limit
     if sharpest * tightest > 1.0:
         yield (
-            f"the path bends to a radius of {1.0 / sharpest:.1f} m, the cars turn at "
+            f"the path has a least radius of {1.0 / sharpest:.1f} m, the cars turn at "
             f"{tightest:.1f} m: widen path.smoothing_m, or expect them beside the path"
         )
     if speed.profile and speed.lead != "profile":

@@ -1,1 +1,5 @@
-"""The lead's path and speed, and where everyone starts."""
+"""What the convoy drives.
+
+route        the lead's path, the gaps at the start, and the lead's speed
+lead_speed   that speed: lowered before curves, or as recorded
+"""

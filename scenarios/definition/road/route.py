@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.definition.errors import Refused
-from scenarios.definition.road.lead_speed import Limits, SpeedPlan, recorded, slowed
-from scenarios.definition.schema.path import PointsPath, Segment, SegmentsPath
+from scenarios.definition.road.lead_speed import Limits, recorded, slowed
+from scenarios.definition.schema.path import PointsPath, SegmentsPath, SegmentTable
 from scenarios.definition.schema.tables import ScenarioTables, SpeedTable
-from vehicles.driver.speed import SpeedProfile
-from vehicles.geometry import path as paths
+from vehicles.driver.speed import GapPolicy, SpeedProfile
 from vehicles.geometry.geodesy import yaw_from_heading
-from vehicles.geometry.path import Path, path_from_segments
+from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.geometry.smoothing import SmoothedPath, smooth_path
 
 DEFAULT_GAP = 15.0
@@ -32,7 +31,7 @@ STRAIGHT = 1e-6
 """Curvature (1/m) below which a path counts as straight."""
 
 WALKING = 1.0
-"""Speed (m/s) at which the lead comes up to a record that begins standing or slower."""
+"""Speed (m/s) at which the lead drives up to the start of a recorded drive that begins slower."""
 
 SPEED_RATIOS = (0.8, 1.25)
 """Recorded speeds that cover the path less exactly than this are not in m/s."""
@@ -40,18 +39,18 @@ SPEED_RATIOS = (0.8, 1.25)
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """A drivable path, the lead's place on it at the start, and its speed over time.
+    """A drivable path, the station at which the lead starts, and the lead's speed over time.
 
-    `start` (m) is the lead's first station: the path begins with a straight for the vehicles
-    behind it. `gaps` (m) are those to the vehicle ahead, 0 for the lead. `smoothed` says how far
-    the path lies from recorded points, None where it is made of segments. `speed_ratio` is what
-    recorded speeds were multiplied by to cover the path.
+    `start` (m) is that station: the path begins with a straight for the vehicles behind the lead.
+    `gaps` (m) are those to the vehicle ahead, 0 for the lead. `profile` is the lead's speed from
+    the start on. `smoothed` holds how far the path lies from recorded points, None where it is
+    made of segments. `speed_ratio` is the factor by which recorded speeds were multiplied to cover
+    the path.
     """
 
     path: Path
     start: float
     gaps: tuple[float, ...]
-    plan: SpeedPlan
     profile: SpeedProfile
     smoothed: SmoothedPath | None
     speed_ratio: float
@@ -67,7 +66,7 @@ class Route:
 
     @property
     def length(self) -> float:
-        """Way (m) from the lead's start to the end of the path."""
+        """Distance (m) from the lead's start to the end of the path."""
         return self.path.length - self.start
 
 
@@ -77,13 +76,17 @@ def vehicle_names(tables: ScenarioTables) -> tuple[str, ...]:
     return convoy.names or tuple(f"v{place}" for place in range(1, convoy.vehicles + 1))
 
 
+def gap_policy(tables: ScenarioTables) -> GapPolicy:
+    """Return the gap that followers keep, if they keep one."""
+    return GapPolicy(tables.speed.gap.standstill_m, tables.speed.gap.headway_s)
+
+
 def gaps_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:
     """Return each vehicle's gap at the start (m): its own, the convoy's, or the policy's."""
-    kept = tables.speed.gap
     usual = tables.convoy.gap_m
     if usual is None:
-        by_policy = kept.standstill_m + kept.headway_s * speed
-        usual = by_policy if tables.speed.followers == "gap" else DEFAULT_GAP
+        kept = tables.speed.followers == "gap"
+        usual = gap_policy(tables).desired(speed) if kept else DEFAULT_GAP
     own = [tables.vehicle.get(name) for name in vehicle_names(tables)[1:]]
     return (0.0, *(usual if t is None or t.gap_m is None else t.gap_m for t in own))
 
@@ -93,13 +96,12 @@ def plan_route(tables: ScenarioTables) -> Route:
     fastest = _first_speed_at_most(tables)
     lead_in = sum(gaps_at(tables, fastest)) + RUN_UP
     path, start, smoothed = _path(tables, lead_in)
-    plan, ratio = _speed(tables, path, start, smoothed)
+    profile, ratio = _speed(tables, path, start, smoothed)
     return Route(
         path=path,
         start=start,
-        gaps=gaps_at(tables, plan.at(0.0)),
-        plan=plan,
-        profile=SpeedProfile(plan.times, plan.speeds),
+        gaps=gaps_at(tables, profile.at(0.0)[0]),
+        profile=profile,
         smoothed=smoothed,
         speed_ratio=ratio,
     )
@@ -119,18 +121,18 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
     table = tables.path
     if isinstance(table, SegmentsPath):
         yaw = yaw_from_heading(table.heading_deg)
-        laps = [paths.Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
+        laps = [Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
         east, north = -lead_in * math.cos(yaw), -lead_in * math.sin(yaw)
-        path = path_from_segments([paths.Segment(lead_in, 0.0), *laps], east, north, yaw)
+        path = path_from_segments([Segment(lead_in, 0.0), *laps], east, north, yaw)
         return path, lead_in, None
     if not isinstance(table, PointsPath):
         raise Refused("path.file", "has not been read")
     smoothed = _smoothed(table, lead_in)
-    # The smoothing bends the end of the straight. The lead starts before that: so all start
+    # The smoothing curves the end of the straight. The lead starts before that: so all start
     # straight ahead and without errors, and the run-in is part of what the lead has driven.
-    bent = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
-    first_bend = float(smoothed.path.station[bent[0]]) if bent.size else math.inf
-    return smoothed.path, min(max(first_bend, lead_in), smoothed.start), smoothed
+    curved = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
+    first_curve = float(smoothed.path.station[curved[0]]) if curved.size else math.inf
+    return smoothed.path, min(max(first_curve, lead_in), smoothed.start), smoothed
 
 
 def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
@@ -149,7 +151,7 @@ def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
         raise Refused(f"path ({table.source})" if table.source else "path", str(error)) from error
 
 
-def curvature(segment: Segment) -> float:
+def curvature(segment: SegmentTable) -> float:
     """Curvature (1/m, left positive) of a segment, however it is given."""
     if segment.radius_m is not None:
         return (1.0 if segment.turn == "left" else -1.0) / segment.radius_m
@@ -158,15 +160,15 @@ def curvature(segment: Segment) -> float:
 
 def _speed(
     tables: ScenarioTables, path: Path, start: float, smoothed: SmoothedPath | None
-) -> tuple[SpeedPlan, float]:
+) -> tuple[SpeedProfile, float]:
     if tables.speed.lead == "recorded":
         return _recorded(tables, start, smoothed)
     table = tables.speed
-    plan = SpeedPlan((0.0,), (table.set_mps,))
+    wanted = SpeedProfile((0.0,), (table.set_mps,))
     if table.lead == "profile":
         times = tuple(point.at_s for point in table.profile)
-        plan = SpeedPlan(times, tuple(point.speed_mps for point in table.profile))
-    return slowed(plan, path, start, _limits(table), tables.duration_s or LONGEST), 1.0
+        wanted = SpeedProfile(times, tuple(point.speed_mps for point in table.profile))
+    return slowed(wanted, path, start, _limits(table), tables.duration_s or LONGEST), 1.0
 
 
 def _limits(table: SpeedTable) -> Limits:
@@ -179,30 +181,31 @@ def _limits(table: SpeedTable) -> Limits:
 
 def _recorded(
     tables: ScenarioTables, start: float, smoothed: SmoothedPath | None
-) -> tuple[SpeedPlan, float]:
+) -> tuple[SpeedProfile, float]:
     table = tables.path
     if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
         raise Refused("speed.lead", 'given "recorded", allowed only for a trace with times')
     if table.closed:
         raise Refused("speed.lead", 'given "recorded", allowed only with path.closed = false')
-    plan, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
+    profile, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
     if not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
         times = f"{1.0 / ratio:.2f} times" if ratio > 0.0 else "not"
         raise Refused(
             f"path ({table.source})", f"recorded speeds are {times} what its points need: m/s?"
         )
-    return led_in(plan, smoothed.start - start), ratio
+    return led_in(profile, smoothed.start - start), ratio
 
 
-def led_in(plan: SpeedPlan, way: float) -> SpeedPlan:
-    """Put `way` (m) before a plan: at its first speed, or slowing to it from walking pace."""
-    if way <= 0.0:
-        return plan
-    first = max(plan.speeds[0], WALKING)
-    span = 2.0 * way / (first + plan.speeds[0])
-    return SpeedPlan((0.0, *(span + time for time in plan.times)), (first, *plan.speeds))
+def led_in(profile: SpeedProfile, distance: float) -> SpeedProfile:
+    """Put `distance` (m) before a profile: at its first speed, or slowing to it from a walk."""
+    if distance <= 0.0:
+        return profile
+    first = max(profile.speeds[0], WALKING)
+    span = 2.0 * distance / (first + profile.speeds[0])
+    times = (0.0, *(span + time for time in profile.times))
+    return SpeedProfile(times, (first, *profile.speeds))
 
 
 def longest_run(route: Route) -> float:
     """Time (s) until the lead reaches the end of its path, rounded down to a tenth."""
-    return math.floor(10.0 * min(route.plan.time_to(route.length), LONGEST) + 1e-6) / 10.0
+    return math.floor(10.0 * min(route.profile.time_to(route.length), LONGEST) + 1e-6) / 10.0

@@ -1,1 +1,6 @@
-"""The tables of a scenario file: keys with units, defaults and limits."""
+"""The tables of a scenario file: keys with units, defaults and limits.
+
+table    what they have in common
+path     the path: segments, a recorded trace, or points
+tables   all others, and the file as a whole
+"""

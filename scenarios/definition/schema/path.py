@@ -7,8 +7,8 @@ from pydantic import Field, StringConstraints
 from scenarios.definition.schema.table import Table
 
 
-class Segment(Table):
-    """A straight, or an arc that bends by `curvature_per_m` or by `radius_m` towards `turn`."""
+class SegmentTable(Table):
+    """A straight, or an arc of `curvature_per_m`, or of `radius_m` towards `turn`."""
 
     length_m: float = Field(ge=0.1, le=100_000)
     curvature_per_m: float | None = Field(default=None, ge=-1, le=1)
@@ -23,7 +23,7 @@ class SegmentsPath(Table):
     """Straights and arcs joined tangentially, driven `laps` times one after the other."""
 
     kind: Literal["segments"]
-    segments: Annotated[tuple[Segment, ...], Field(strict=False, min_length=1)]
+    segments: Annotated[tuple[SegmentTable, ...], Field(strict=False, min_length=1)]
     heading_deg: float = Field(default=90.0, ge=0, lt=360)
     laps: Laps = 1
 

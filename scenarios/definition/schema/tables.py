@@ -18,7 +18,7 @@ CONTROLLERS = {
     "feedforward_feedback": "vehicles.driver.steering.FeedforwardFeedback",
     "stanley": "vehicles.driver.steering.Stanley",
 }
-"""Controllers that ship; any other is the dotted name of the user's own class."""
+"""The shipped controllers; any other is the dotted name of the user's own class."""
 
 
 class OriginTable(Table):
@@ -51,7 +51,7 @@ class GainsTable(Table):
 
 
 class SteeringTable(Table):
-    """How a vehicle makes its trajectory from what it heard, and steers along it."""
+    """How a vehicle makes its trajectory from the poses received, and steers along it."""
 
     controller: str = "slip_compensated"
     fusion: Literal["composite", "predecessor", "blend"] = "composite"
@@ -176,8 +176,13 @@ class VehicleTable(Table):
 
 
 class ScenarioTables(Table):
-    """A scenario file as a whole."""
+    """A scenario file as a whole.
 
+    `extends` names the file that another one is laid over; it is resolved before the tables are
+    validated, and None here.
+    """
+
+    extends: str | None = None
     name: Name
     description: str = ""
     duration_s: float | None = Field(default=None, gt=0, le=86_400)

@@ -1,1 +1,5 @@
-"""Recorded drives: CSV, GPX, NMEA 0183 and logs, laid into the plane."""
+"""Recorded drives for the lead, which a scenario names as a trace.
+
+formats    CSV, GPX, NMEA 0183 and logs: points as the file holds them, and its bad lines
+recorded   read, checked, laid into the plane, and put into the scenario
+"""

@@ -1,17 +1,18 @@
-"""Recorded drives as files hold them: CSV, GPX, and the log of an earlier run of this project.
+"""Recorded drives as files hold them: CSV, GPX, NMEA 0183, and the log of an earlier run.
 
-Each reader returns the samples in the order of the file. A bad line (failed checksum, cut
-sentence, a cell that is no number) is passed over and remembered; what makes the whole file
-useless raises TraceError. gpxpy and mcap are imported where they are needed, so that a vehicle's
-process never holds them.
+Each reader returns the points in the order of the file. A bad line (failed checksum, cut
+sentence, a cell that is no number) is skipped and listed; what makes the whole file useless raises
+TraceError. gpxpy, pynmea2 and mcap are imported where they are needed, so that a vehicle's process
+never loads them.
 """
 
 import contextlib
 import csv
 import math
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from datetime import time
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +24,23 @@ SCENARIO_ATTACHMENT = "scenario.toml"
 PLANE_COLUMNS = ("x_m", "y_m")
 WGS84_COLUMNS = ("latitude_deg", "longitude_deg")
 
+KNOT = 1852.0 / 3600.0
+"""Metres per second in a knot, the unit of speed in NMEA 0183."""
+
+DAY = 86_400.0
+"""Seconds in a day, after which the times of NMEA 0183 start again."""
+
 
 class TraceError(ValueError):
     """A recorded drive that cannot be driven, in one line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sample:
+class RecordedPoint:
     """One recorded point: (x, y) in metres, or (latitude, longitude) in degrees.
 
-    `place` says where in the file it stands; altitude in m, time in s from anywhere, speed in m/s.
+    `place` says where in the file it stands; altitude in m, time in s from any instant, speed in
+    m/s.
     """
 
     place: str
@@ -43,15 +51,15 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
-    """Samples as recorded, `geodetic` or in a plane; `skipped` says which lines are bad and why."""
+class RecordedDrive:
+    """Points as a file holds them, `geodetic` or in a plane; `skipped` lists the bad lines."""
 
     geodetic: bool
-    samples: list[Sample] = field(default_factory=list)
+    points: list[RecordedPoint] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
 
 
-def read_csv(text: str) -> Recording:
+def read_csv(text: str) -> RecordedDrive:
     """Read comma, semicolon or tab separated columns with a header line.
 
     Position is x_m, y_m or latitude_deg, longitude_deg; t_s, speed_mps and altitude_m are used
@@ -67,17 +75,17 @@ def read_csv(text: str) -> Recording:
         needed = " or ".join(", ".join(pair) for pair in (PLANE_COLUMNS, WGS84_COLUMNS))
         shown = ", ".join(names)[:60].encode("unicode_escape").decode()
         raise TraceError(f"no usable columns: given {shown or 'none'}, allowed {needed}")
-    recording = Recording(geodetic=columns is WGS84_COLUMNS)
+    drive = RecordedDrive(geodetic=columns is WGS84_COLUMNS)
     used = (*columns, *(c for c in ("altitude_m", "t_s", "speed_mps") if c in names))
     for number, line in rows[1:]:
         try:
             named = dict(zip(names, _cells(line, mark), strict=False))
             values = {column: _number(column, named.get(column, "")) for column in used}
         except ValueError as error:
-            recording.skipped.append(f"line {number}: {error}")
+            drive.skipped.append(f"line {number}: {error}")
         else:
-            recording.samples.append(_csv_sample(f"line {number}", columns, values))
-    return recording
+            drive.points.append(_csv_point(f"line {number}", columns, values))
+    return drive
 
 
 def _cells(line: str, mark: str) -> list[str]:
@@ -98,8 +106,8 @@ def _number(column: str, cell: str) -> float:
     return value
 
 
-def _csv_sample(place: str, columns: tuple[str, str], values: Mapping[str, float]) -> Sample:
-    return Sample(
+def _csv_point(place: str, columns: tuple[str, str], values: Mapping[str, float]) -> RecordedPoint:
+    return RecordedPoint(
         place=place,
         position=(values[columns[0]], values[columns[1]]),
         altitude=values.get("altitude_m"),
@@ -108,7 +116,7 @@ def _csv_sample(place: str, columns: tuple[str, str], values: Mapping[str, float
     )
 
 
-def read_gpx(text: str) -> Recording:
+def read_gpx(text: str) -> RecordedDrive:
     """Read the tracks of a GPX file, or its routes, or its waypoints, whichever come first."""
     from gpxpy import parse  # noqa: PLC0415 - not in a vehicle's process
     from gpxpy.gpx import GPXException  # noqa: PLC0415
@@ -122,11 +130,11 @@ def read_gpx(text: str) -> Recording:
     points: list[Any] = [*tracks] or [*routes] or [*gpx.waypoints]
     if not points:
         raise TraceError("no points in its tracks, routes and waypoints")
-    recording = Recording(geodetic=True)
+    drive = RecordedDrive(geodetic=True)
     for number, point in enumerate(points, 1):
         place = f"point {number}"
-        recording.samples.append(
-            Sample(
+        drive.points.append(
+            RecordedPoint(
                 place=place,
                 position=(point.latitude, point.longitude),
                 altitude=point.elevation,
@@ -134,10 +142,97 @@ def read_gpx(text: str) -> Recording:
                 speed=getattr(point, "speed", None),
             )
         )
-    return recording
+    return drive
 
 
-def read_log(path: Path, vehicle: str | None) -> Recording:
+def read_nmea(text: str) -> RecordedDrive:
+    """Read the GGA and RMC sentences of a receiver; both of one instant become one point.
+
+    A sentence must have its checksum and a valid fix; other kinds of sentence are ignored. Speed
+    comes from RMC. Times of day are counted on over midnight. Raises TraceError if none is valid.
+    """
+    drive = RecordedDrive(geodetic=True)
+    points, day, last = drive.points, 0.0, -math.inf
+    for place, sentence in _sentences(text, drive.skipped):
+        point = _nmea_point(place, sentence)
+        if point is None:
+            drive.skipped.append(f"{place}: no fix")
+            continue
+        if point.time is not None:
+            day += DAY if point.time + day < last - DAY / 2 else 0.0
+            point = replace(point, time=point.time + day)
+        if points and point.time is not None and point.time == points[-1].time:
+            points[-1] = _merged(points[-1], point)
+        else:
+            points.append(point)
+        last = last if point.time is None else point.time
+    if not points:
+        reason = f", {drive.skipped[0]}" if drive.skipped else ""
+        raise TraceError(f"no valid GGA or RMC sentence{reason}")
+    return drive
+
+
+def _sentences(text: str, skipped: list[str]) -> Iterator[tuple[str, Any]]:
+    """Give the GGA and RMC sentences with where they stand; bad ones go to `skipped`."""
+    import pynmea2  # noqa: PLC0415 - not in a vehicle's process
+
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            sentence = pynmea2.parse(line.strip(), check=True)
+        except pynmea2.SentenceTypeError:
+            continue
+        except pynmea2.ChecksumError:
+            skipped.append(f"line {number}: wrong or missing checksum")
+            continue
+        except (pynmea2.ParseError, ValueError):
+            skipped.append(f"line {number}: not a sentence")
+            continue
+        if isinstance(sentence, pynmea2.GGA | pynmea2.RMC):
+            yield f"line {number}", sentence
+
+
+def _nmea_point(place: str, sentence: Any) -> RecordedPoint | None:
+    """Position, time and speed of a sentence; None without a valid fix."""
+    try:
+        if not (sentence.lat and sentence.lon and sentence.is_valid):
+            return None
+        knots = getattr(sentence, "spd_over_grnd", None)
+        return RecordedPoint(
+            place=place,
+            position=(float(sentence.latitude), float(sentence.longitude)),
+            altitude=_height(sentence),
+            time=_time_of_day(sentence.timestamp),
+            speed=None if knots is None else float(knots) * KNOT,
+        )
+    except (ValueError, TypeError):  # no number in a field, although the checksum is right
+        return None
+
+
+def _height(sentence: Any) -> float | None:
+    """Height above the ellipsoid (m): that above sea level plus the geoid's."""
+    if not getattr(sentence, "altitude", None):
+        return None
+    return float(sentence.altitude) + float(sentence.geo_sep or 0.0)
+
+
+def _time_of_day(clock: object) -> float | None:
+    if not isinstance(clock, time):
+        return None
+    return clock.hour * 3600.0 + clock.minute * 60.0 + clock.second + clock.microsecond * 1e-6
+
+
+def _merged(one: RecordedPoint, other: RecordedPoint) -> RecordedPoint:
+    """The first point of an instant, with what the second one adds."""
+    return replace(
+        one,
+        altitude=other.altitude if one.altitude is None else one.altitude,
+        speed=other.speed if one.speed is None else one.speed,
+    )
+
+
+def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
     """Read the GPS poses that `vehicle`, by default the lead, broadcast in an earlier run."""
     from transport.log.mcap_log import LogError  # noqa: PLC0415 - not in a vehicle's process
 
@@ -149,10 +244,10 @@ def read_log(path: Path, vehicle: str | None) -> Recording:
         raise
     except Exception as error:
         raise TraceError("damaged log") from error
-    recording = Recording(geodetic=True)
+    drive = RecordedDrive(geodetic=True)
     for pose in poses:
-        recording.samples.append(
-            Sample(
+        drive.points.append(
+            RecordedPoint(
                 place=f"message {pose.seq}",
                 position=(pose.latitude_deg, pose.longitude_deg),
                 altitude=pose.altitude_m,
@@ -160,7 +255,7 @@ def read_log(path: Path, vehicle: str | None) -> Recording:
                 speed=pose.speed_mps,
             )
         )
-    return recording
+    return drive
 
 
 def _poses(path: Path, vehicle: str | None) -> list[GpsPose]:

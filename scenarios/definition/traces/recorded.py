@@ -1,4 +1,4 @@
-"""Recorded drives for the lead: read from any of the formats, checked, laid into the plane."""
+"""The lead's recorded drive: read from any of the formats, checked, and laid into the plane."""
 
 import itertools
 import math
@@ -6,22 +6,26 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from scenarios.definition.errors import Refused
+from scenarios.definition.library import TRACES
+from scenarios.definition.schema.path import PointsPath, TracePath
+from scenarios.definition.schema.tables import OriginTable, ScenarioTables
 from scenarios.definition.traces.formats import (
-    Recording,
-    Sample,
+    RecordedDrive,
+    RecordedPoint,
     TraceError,
     read_csv,
     read_gpx,
     read_log,
+    read_nmea,
 )
-from scenarios.definition.traces.nmea import read_nmea
 from vehicles.geometry.geodesy import LocalPlane, Origin
 
 MAX_BYTES = 200_000_000
 """Larger files are refused: no drive is that long."""
 
 MAX_JUMP = 1000.0
-"""A way (m) from one point to the next that no receiver leaves out."""
+"""A distance (m) from one point to the next that no receiver leaves out."""
 
 LEAST_EXTENT = 1.0
 """Points that all lie within this distance (m) of the first make no path."""
@@ -30,7 +34,7 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedTrace:
+class DriveInPlane:
     """A recorded drive in the east-north plane of `origin` (None: the file has plane coordinates).
 
     east_m, north_m and, where the file has them for every point, time_s (from the first point
@@ -46,25 +50,77 @@ class RecordedTrace:
     skipped: tuple[str, ...] = ()
 
 
+def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
+    """Replace a path that names a trace by its points, and fill in the origin; raises Refused.
+
+    A trace is sought in `folder`, then among the shipped ones. Without an origin in the scenario
+    the plane touches the earth at the first point.
+    """
+    table = tables.path
+    if not isinstance(table, TracePath):
+        return tables.model_copy(update={"origin": tables.origin or OriginTable()})
+    given = Origin(**tables.origin.model_dump()) if tables.origin else None
+    try:
+        trace = read_trace(_file(table.file, folder), origin=given, vehicle=table.vehicle)
+    except TraceError as error:
+        raise Refused("path.file", str(error)) from error
+    points = PointsPath(
+        kind="points",
+        source=table.file,
+        skipped_lines=len(trace.skipped),
+        skipped_first=trace.skipped[0] if trace.skipped else "",
+        east_m=trace.east_m,
+        north_m=trace.north_m,
+        time_s=trace.time_s,
+        speed_mps=trace.speed_mps,
+        **table.model_dump(include={"smoothing_m", "closed", "laps"}),
+    )
+    return tables.model_copy(
+        update={"origin": _origin_table(trace.origin or given), "path": points}
+    )
+
+
+def _file(given: str, folder: Path) -> Path:
+    own, shipped = folder / given, TRACES / given
+    return shipped if _is_file(shipped) and not _is_file(own) else own
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # such as a name that is too long for any file
+        return False
+
+
+def _origin_table(origin: Origin | None) -> OriginTable:
+    if origin is None:
+        return OriginTable()
+    return OriginTable(
+        latitude_deg=origin.latitude_deg,
+        longitude_deg=origin.longitude_deg,
+        altitude_m=origin.altitude_m,
+    )
+
+
 def read_trace(
     path: Path, *, origin: Origin | None = None, vehicle: str | None = None
-) -> RecordedTrace:
+) -> DriveInPlane:
     """Read the recorded drive at `path` into the plane of `origin`, by default its first point.
 
     The format is told by the file's name and content. `vehicle` chooses from the log of a run.
     Bad lines are skipped and listed. Raises TraceError, one line that starts with the file.
     """
     try:
-        recording = _sifted(_read(path, vehicle))
-        _check_order(recording)
-        trace = _laid_out(path.name, recording, origin)
-        _check_shape(trace, recording.samples)
+        drive = _sifted(_read(path, vehicle))
+        _check_order(drive)
+        trace = _laid_out(path.name, drive, origin)
+        _check_shape(trace, drive.points)
     except TraceError as error:
         raise TraceError(f"{path}: {error}") from error
     return trace
 
 
-def _read(path: Path, vehicle: str | None) -> Recording:
+def _read(path: Path, vehicle: str | None) -> RecordedDrive:
     data = _content(path)
     if data.startswith(MCAP_MAGIC):
         return read_log(path, vehicle)
@@ -80,19 +136,21 @@ def _read(path: Path, vehicle: str | None) -> Recording:
 
 
 def _content(path: Path) -> bytes:
-    if path.exists() and not path.is_file():
-        raise TraceError("not a file")
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise TraceError(f"larger than {MAX_BYTES // 1_000_000} MB")
-        return path.read_bytes()
+        size = path.stat().st_size
+        if _is_file(path) and size <= MAX_BYTES:
+            return path.read_bytes()
     except FileNotFoundError as error:
         raise TraceError("no such file") from error
     except OSError as error:
         raise TraceError((error.strerror or "cannot be read").lower()) from error
+    except ValueError as error:  # a zero byte in its name
+        raise TraceError(str(error)) from error
+    too_large = f"larger than {MAX_BYTES // 1_000_000} MB"
+    raise TraceError(too_large if _is_file(path) else "not a file")
 
 
-def _reader(suffix: str, text: str) -> Callable[[str], Recording]:
+def _reader(suffix: str, text: str) -> Callable[[str], RecordedDrive]:
     by_suffix = {".csv": read_csv, ".gpx": read_gpx, ".nmea": read_nmea}
     if suffix in by_suffix:
         return by_suffix[suffix]
@@ -101,20 +159,20 @@ def _reader(suffix: str, text: str) -> Callable[[str], Recording]:
     return read_nmea if any(line.startswith("$") for line in text.splitlines()) else read_csv
 
 
-def _sifted(recording: Recording) -> Recording:
-    """Pass over samples that are nowhere on earth, or that alone have no time."""
-    sifted = Recording(recording.geodetic, [], list(recording.skipped))
-    timed = sum(sample.time is not None for sample in recording.samples)
-    mostly_timed = 2 * timed > len(recording.samples)
-    for sample in recording.samples:
-        if recording.geodetic and not _on_earth(*sample.position):
-            latitude, longitude = sample.position
-            sifted.skipped.append(f"{sample.place}: latitude {latitude}, longitude {longitude}")
-        elif mostly_timed and sample.time is None:
-            sifted.skipped.append(f"{sample.place}: no time")
+def _sifted(drive: RecordedDrive) -> RecordedDrive:
+    """Pass over points that are nowhere on earth, or that alone have no time."""
+    sifted = RecordedDrive(drive.geodetic, [], list(drive.skipped))
+    timed = sum(point.time is not None for point in drive.points)
+    mostly_timed = 2 * timed > len(drive.points)
+    for point in drive.points:
+        if drive.geodetic and not _on_earth(*point.position):
+            latitude, longitude = point.position
+            sifted.skipped.append(f"{point.place}: latitude {latitude}, longitude {longitude}")
+        elif mostly_timed and point.time is None:
+            sifted.skipped.append(f"{point.place}: no time")
         else:
-            sifted.samples.append(sample)
-    if not sifted.samples:
+            sifted.points.append(point)
+    if not sifted.points:
         reason = f", {sifted.skipped[0]}" if sifted.skipped else ""
         raise TraceError(f"no valid point{reason}")
     return sifted
@@ -124,75 +182,75 @@ def _on_earth(latitude: float, longitude: float) -> bool:
     return abs(latitude) <= 90.0 and abs(longitude) <= 360.0  # False for NaN, too
 
 
-def _check_order(recording: Recording) -> None:
-    for before, after in itertools.pairwise(recording.samples):
+def _check_order(drive: RecordedDrive) -> None:
+    for before, after in itertools.pairwise(drive.points):
         if before.time is not None and after.time is not None and after.time < before.time:
             back = before.time - after.time
             raise TraceError(f"{after.place}: time runs back by {back:.3f} s")
 
 
-def _laid_out(source: str, recording: Recording, origin: Origin | None) -> RecordedTrace:
-    samples = recording.samples
-    if recording.geodetic:
-        origin = origin or _first_point(samples)
-        east, north = zip(*_in_plane(samples, LocalPlane(origin), origin.altitude_m), strict=True)
+def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> DriveInPlane:
+    points = drive.points
+    if drive.geodetic:
+        origin = origin or _first_point(points)
+        east, north = zip(*_in_plane(points, LocalPlane(origin), origin.altitude_m), strict=True)
     else:
         origin = None
-        east, north = zip(*(sample.position for sample in samples), strict=True)
-    times = [sample.time for sample in samples if sample.time is not None]
-    return RecordedTrace(
+        east, north = zip(*(point.position for point in points), strict=True)
+    times = [point.time for point in points if point.time is not None]
+    return DriveInPlane(
         source=source,
         origin=origin,
         east_m=east,
         north_m=north,
-        time_s=tuple(time - times[0] for time in times) if len(times) == len(samples) else (),
-        speed_mps=_speeds(samples),
-        skipped=tuple(recording.skipped),
+        time_s=tuple(time - times[0] for time in times) if len(times) == len(points) else (),
+        speed_mps=_speeds(points),
+        skipped=tuple(drive.skipped),
     )
 
 
-def _speeds(samples: list[Sample]) -> tuple[float, ...]:
-    """Give a speed per sample, where most have one; the others have that of the one before."""
-    known = [sample.speed for sample in samples if sample.speed is not None]
-    if 2 * len(known) <= len(samples):
+def _speeds(points: list[RecordedPoint]) -> tuple[float, ...]:
+    """Give a speed per point, where most have one; the others have that of the one before."""
+    known = [point.speed for point in points if point.speed is not None]
+    if 2 * len(known) <= len(points):
         return ()
     speeds = [known[0]]
-    for sample in samples:
-        speeds.append(speeds[-1] if sample.speed is None else abs(sample.speed))
+    for point in points:
+        speeds.append(speeds[-1] if point.speed is None else abs(point.speed))
     return tuple(speeds[1:])
 
 
-def _first_point(samples: list[Sample]) -> Origin:
-    latitude, longitude = samples[0].position
-    altitude = samples[0].altitude or 0.0
+def _first_point(points: list[RecordedPoint]) -> Origin:
+    latitude, longitude = points[0].position
+    altitude = points[0].altitude or 0.0
     if not abs(latitude) <= 89.0:
-        raise TraceError(f"{samples[0].place}: latitude {latitude:g} deg, allowed -89 to 89")
+        raise TraceError(f"{points[0].place}: latitude {latitude:g} deg, allowed -89 to 89")
     if not -500.0 <= altitude <= 10_000.0:
-        raise TraceError(f"{samples[0].place}: altitude {altitude:g} m, allowed -500 to 10000")
+        raise TraceError(f"{points[0].place}: altitude {altitude:g} m, allowed -500 to 10000")
     return Origin(latitude, (longitude + 180.0) % 360.0 - 180.0, altitude)
 
 
 def _in_plane(
-    samples: list[Sample], plane: LocalPlane, altitude: float
+    points: list[RecordedPoint], plane: LocalPlane, altitude: float
 ) -> list[tuple[float, float]]:
     """Lay points into the plane at the origin's height, so that noise in height does not matter."""
-    points = []
-    for sample in samples:
+    places = []
+    for point in points:
         try:
-            points.append(plane.to_plane(*sample.position, altitude))
+            places.append(plane.to_plane(*point.position, altitude))
         except ValueError as error:
-            raise TraceError(f"{sample.place}: {error}") from error
-    return points
+            raise TraceError(f"{point.place}: {error}") from error
+    return places
 
 
-def _check_shape(trace: RecordedTrace, samples: list[Sample]) -> None:
-    points = list(zip(trace.east_m, trace.north_m, strict=True))
-    if len(points) == 1:
-        raise TraceError(f"only one valid point, {samples[0].place}")
-    for (before, after), sample in zip(itertools.pairwise(points), samples[1:], strict=True):
+def _check_shape(trace: DriveInPlane, points: list[RecordedPoint]) -> None:
+    places = list(zip(trace.east_m, trace.north_m, strict=True))
+    if len(places) == 1:
+        raise TraceError(f"only one valid point, {points[0].place}")
+    for (before, after), point in zip(itertools.pairwise(places), points[1:], strict=True):
         jump = math.dist(before, after)
         if jump >= MAX_JUMP:
-            raise TraceError(f"{sample.place}: {jump / 1000:.1f} km from the point before")
-    extent = max(math.dist(points[0], point) for point in points)
+            raise TraceError(f"{point.place}: {jump / 1000:.1f} km from the point before")
+    extent = max(math.dist(places[0], place) for place in places)
     if extent < LEAST_EXTENT:
-        raise TraceError(f"all {len(points)} points lie within {extent:.2f} m, so there is no path")
+        raise TraceError(f"all {len(places)} points lie within {extent:.2f} m, so there is no path")

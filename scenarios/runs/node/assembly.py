@@ -17,12 +17,11 @@ from transport.links.inbox import Inbox, IncomingLink
 from transport.links.link import Link
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssNoise, GnssReceiver
-from vehicles.car.parameters import Gains
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
 from vehicles.driver.pose_estimator import PoseEstimator
-from vehicles.driver.speed_law import GapKeeping, ProfileSpeed, SpeedLaw
+from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import FitSettings
@@ -146,13 +145,8 @@ class Kit:
         )
 
     def _controller(self) -> LateralController:
-        steering = self._setup.steering
-        gains = Gains(
-            steering.gains.lateral_rad_per_m,
-            steering.gains.heading_rad_per_rad,
-            steering.gains.yaw_rate_s,
-        )
-        return load_controller(self._setup.controller, self._setup.assumed_parameters, gains)
+        setup = self._setup
+        return load_controller(setup.controller, setup.assumed_parameters, setup.gains)
 
     def _profile(self, start_at: int) -> SpeedLaw:
         return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)

@@ -63,7 +63,7 @@ def test_a_shipped_scenario_reads_back_from_its_own_text(name: str) -> None:
     assert again.tables == scenario.tables
     assert again.text == scenario.text
     assert again.duration_s == scenario.duration_s
-    assert again.route.plan == scenario.route.plan
+    assert again.route.profile == scenario.route.profile
 
 
 def test_the_lane_change_is_the_paper_s() -> None:
@@ -111,8 +111,8 @@ def test_the_motorway_is_driven_as_it_was_recorded() -> None:
     )
     route = scenario.route
     assert route.smoothed is not None
-    run_in = route.plan.times[1]
-    off = [route.plan.at(run_in + time) - speed for time, speed in zip(*rows, strict=True)]
+    run_in = route.profile.times[1]
+    off = [route.profile.at(run_in + time)[0] - speed for time, speed in zip(*rows, strict=True)]
     assert sum(error * error for error in off) / len(off) < 0.15**2  # a second's mean against it
     assert max(map(abs, off)) < 0.8
     assert route.speed_ratio == pytest.approx(1.0, abs=0.002)

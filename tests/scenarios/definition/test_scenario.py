@@ -1,23 +1,19 @@
-"""Scenario files: what they resolve to, and how overrides act."""
+"""Scenario files: what they resolve to."""
 
 import tomllib
 from pathlib import Path
 from typing import Any
 
-import pytest
+import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.check.report import warnings
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.definition.toml_text import override, parse_override, to_toml
 from tests.made.messages import STRAIGHT
-from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.car.parameters import LINCOLN_MKZ, Gains
 
 COORDINATES = "t_s,x_m,y_m\n" + "".join(f"{k},{10 * k},0\n" for k in range(20))
-
-
-# --- What a scenario resolves to
 
 
 def test_defaults_are_the_paper_s() -> None:
@@ -92,6 +88,7 @@ position_noise_m = 0.5
         "heading_rad_per_rad": 0.96,
         "yaw_rate_s": 0.2,
     }
+    assert own.gains == Gains(lateral=0.1, heading=0.96, yaw_rate=0.2)
     assert own.parameters.mass == 2000.0 + 3 * 120.0
     assert own.assumed_parameters == own.parameters
     assert other.parameters.mass == LINCOLN_MKZ.mass + 2 * 120.0
@@ -164,79 +161,40 @@ def test_without_a_duration_the_lead_drives_its_whole_path() -> None:
     assert scenario_from_text(text, overrides=["speed.set_mps=25"]).duration_s == 40.0
 
 
-# --- Overrides
-
-
 @settings(max_examples=50)
 @given(
-    key=st.lists(st.from_regex(r"\A[a-z_]{1,8}\Z"), min_size=1, max_size=4),
-    value=st.one_of(
-        st.integers(-(2**62), 2**62),
-        st.floats(allow_nan=False),
-        st.booleans(),
-        st.lists(st.floats(-1e3, 1e3), max_size=3),
-        st.text(st.characters(exclude_categories=["Cs"]), max_size=12),
+    description=st.text(st.characters(exclude_categories=["Cs"])),
+    link=st.fixed_dictionaries(
+        {"loss_ratio": st.floats(0, 1)}, optional={"rate_hz": st.floats(0.001, 1000)}
     ),
+    offset=st.floats(-20, 20),
+    lengths=st.lists(st.floats(500, 1000), min_size=1, max_size=5),
+    names=st.lists(st.from_regex(r"\A[A-Za-z][A-Za-z0-9_-]{0,5}\Z"), min_size=3, max_size=3),
 )
-def test_an_override_sets_just_the_value_that_it_gives(key: list[str], value: Any) -> None:
-    written = to_toml({"x": value}).removeprefix("x = ").rstrip("\n")
-    parts, parsed = parse_override(f"{'.'.join(key)}={written}")
-    table: dict[str, Any] = {"untouched": 1, key[0]: {}} if key[0] != "untouched" else {}
-    override(table, parts, parsed)
-    found: Any = table
-    for part in key:
-        found = found[part]
-    assert found == value
-    assert type(found) is type(value)
-
-
-@settings(max_examples=50)
-@given(alpha=st.floats(0, 1), latency=st.floats(0, 1000), seed=st.integers(0, 2**63 - 1))
-def test_overrides_arrive_in_the_scenario_and_survive_its_text(
-    alpha: float, latency: float, seed: int
+def test_every_kind_of_value_survives_the_text(
+    description: str,
+    link: dict[str, Any],
+    offset: float,
+    lengths: list[float],
+    names: list[str],
 ) -> None:
-    scenario = scenario_from_text(
-        STRAIGHT,
-        overrides=[
-            f"control.alpha_ratio={alpha!r}",
-            f"links.latency_ms={latency!r}",
-            f"seed={seed}",
-        ],
-    )
-    assert scenario.vehicle("v3").steering.alpha_ratio == alpha
-    assert scenario.links["v2", "v3"].latency_ms == latency
-    assert scenario.seed == seed
-    assert scenario_from_text(scenario.text).tables == scenario.tables
-
-
-@settings(max_examples=50)
-@given(
-    st.recursive(
-        st.one_of(
-            st.integers(-(2**62), 2**62),
-            st.floats(allow_nan=False),
-            st.booleans(),
-            st.text(st.characters(exclude_categories=["Cs"])),
-            st.lists(st.floats(allow_nan=False, allow_infinity=False), max_size=3),
-        ),
-        lambda inner: st.dictionaries(st.text(st.characters(exclude_categories=["Cs"])), inner),
-        max_leaves=12,
-    ).filter(lambda value: isinstance(value, dict))
-)
-def test_written_toml_reads_back_equal(table: dict[str, Any]) -> None:
-    assert tomllib.loads(to_toml(table)) == table
-
-
-def test_an_override_may_be_written_without_quotes_and_with_indices() -> None:
-    scenario = scenario_from_text(
-        STRAIGHT,
-        overrides=[
-            "control.fusion=predecessor",
-            "path.segments.0.length_m=500",
-            "path.segments[1].length_m=700",
-            "link.0={sender='*', receiver='v2', loss_ratio=0.5}",
-        ],
-    )
-    assert scenario.vehicle("v2").steering.fusion == "predecessor"
-    assert scenario.route.length == pytest.approx(1200.0)
-    assert scenario.links["v1", "v2"].loss_ratio == 0.5
+    names = [f"{name}{place}" for place, name in enumerate(names)]
+    tables = {
+        "name": "whole",
+        "description": description,
+        "duration_s": 1.0,
+        "convoy": {"names": names, "vehicles": 3},
+        "path": {"kind": "segments", "segments": [{"length_m": length} for length in lengths]},
+        "link": [{"sender": names[0], "receiver": names[2]} | link],
+        "vehicle": {names[1]: {"lateral_offset_m": offset, "gnss": {"rate_hz": 5.0}}},
+    }
+    scenario = scenario_from_text(tomli_w.dumps(tables))
+    assert scenario.tables.description == description
+    again = scenario_from_text(scenario.text)
+    assert again.tables == scenario.tables
+    assert again.text == scenario.text
+    assert again.links == scenario.links
+    assert again.vehicle(names[1]) == scenario.vehicle(names[1])
+    # What a file may say of a link or a vehicle is as it was given, without defaults.
+    written = tomllib.loads(scenario.text)
+    assert (written["link"], written["vehicle"]) == (tables["link"], tables["vehicle"])

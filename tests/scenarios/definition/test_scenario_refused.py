@@ -115,6 +115,16 @@ BROKEN_TEXT = {
         "path.file",
         "no such file",
     ),
+    "trace with a zero byte in its name": (
+        "name = 'a'\n[path]\nkind = 'trace'\nfile = \"a\\u0000b\"\n",
+        "path.file",
+        "null byte",
+    ),
+    "trace with too long a name": (
+        f"name = 'a'\n[path]\nkind = 'trace'\nfile = '{'x' * 300}.csv'\n",
+        "path.file",
+        "file name too long",
+    ),
 }
 
 

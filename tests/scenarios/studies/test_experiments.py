@@ -39,7 +39,7 @@ def test_every_experiment_can_be_driven() -> None:
         if "/noise/" in key and not key.endswith("/2"):
             continue  # differs from another by its seed only
         scenario = load_scenario(run.scenario, run.overrides, run.seed)
-        assert max(scenario.route.plan.speeds) == min(scenario.route.plan.speeds) or (
+        assert max(scenario.route.profile.speeds) == min(scenario.route.profile.speeds) or (
             run.scenario == "paper_variable_speed"
         ), f"{key}: slowed down in bends"
 
@@ -56,7 +56,7 @@ def test_every_experiment_can_be_driven() -> None:
 )
 def test_the_cases_are_the_papers(case: str, speed: float, loads: list[tuple[int, int]]) -> None:
     scenario = load_scenario(f"paper_{case}")
-    assert scenario.route.plan.speeds == (speed,)
+    assert scenario.route.profile.speeds == (speed,)
     for name, (front, rear) in zip(scenario.vehicle_names, loads, strict=True):
         setup = scenario.vehicle(name)
         mass = setup.assumed_parameters.mass + 120.0 * (front + rear)
@@ -68,8 +68,8 @@ def test_the_cases_are_the_papers(case: str, speed: float, loads: list[tuple[int
 
 
 def test_variable_speed_reaches_30_and_field_drives_25() -> None:
-    assert max(load_scenario("paper_variable_speed").route.plan.speeds) == 30.0
-    assert load_scenario("paper_field").route.plan.speeds == (25.0,)
+    assert max(load_scenario("paper_variable_speed").route.profile.speeds) == 30.0
+    assert load_scenario("paper_field").route.profile.speeds == (25.0,)
 
 
 def test_the_field_course_is_closed() -> None:
@@ -111,7 +111,7 @@ def test_a_road_that_is_not_moved_is_the_case_s_own(case: str) -> None:
             CASES[case][f"{case}/phase/0.5"].overrides,
         )
     )
-    assert own.plan.at(begins[0] / speed) == speed
+    assert own.profile.at(begins[0] / speed)[0] == speed
     for station in np.arange(0.0, 750.0, 0.25):
         here = own.path.at(own.start + station).curvature
         assert again.path.at(again.start + station).curvature == pytest.approx(here, abs=1e-12)

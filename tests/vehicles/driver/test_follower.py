@@ -32,8 +32,7 @@ from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision
-from vehicles.driver.speed import GapLimits, GapPolicy
-from vehicles.driver.speed_law import GapKeeping
+from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.messages import GpsPose
 from vehicles.preview.trajectory import Fusion

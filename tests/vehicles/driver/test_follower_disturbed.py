@@ -32,8 +32,7 @@ from tests.made.followers import (
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.speed import GapLimits, GapPolicy
-from vehicles.driver.speed_law import GapKeeping
+from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose
 from vehicles.preview.trajectory import Fusion

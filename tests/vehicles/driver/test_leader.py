@@ -8,8 +8,7 @@ from tests.made.exact_drives import CONTROL_HZ, START, Source, Step, drive, hear
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.leader import Leader
 from vehicles.driver.pose_estimator import PoseEstimator
-from vehicles.driver.speed import SpeedProfile
-from vehicles.driver.speed_law import ProfileSpeed
+from vehicles.driver.speed import ProfileSpeed, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.schedule import Cadence

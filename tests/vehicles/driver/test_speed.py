@@ -1,23 +1,29 @@
 import math
 from collections import deque
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vehicles.driver.pose_estimator import Pose
 from vehicles.driver.speed import (
     DAMPING,
     GAP_STIFFNESS,
     LEAD_SHARE,
+    PROFILE_CORRECTION,
     STABLE_HEADWAY,
+    GapKeeping,
     GapLimits,
     GapPolicy,
+    ProfileSpeed,
     SpeedProfile,
+    VehiclesAhead,
     gap_acceleration,
 )
+from vehicles.schedule import SECOND, instant
 
-PROFILE = SpeedProfile([0.0, 10.0, 20.0, 25.0], [5.0, 25.0, 25.0, 0.0])
+PROFILE = SpeedProfile((0.0, 10.0, 20.0, 25.0), (5.0, 25.0, 25.0, 0.0))
 STEP = 0.01
 
 
@@ -32,7 +38,9 @@ def test_profile_passes_its_points_with_exact_slopes() -> None:
 def test_profile_is_constant_outside_its_times() -> None:
     assert PROFILE.at(-1.0) == (5.0, 0.0)
     assert PROFILE.at(1000.0) == (0.0, 0.0)
-    assert SpeedProfile([3.0], [7.0]).at(1.0) == SpeedProfile([3.0], [7.0]).at(9.0) == (7.0, 0.0)
+    assert (
+        SpeedProfile((3.0,), (7.0,)).at(1.0) == SpeedProfile((3.0,), (7.0,)).at(9.0) == (7.0, 0.0)
+    )
 
 
 @given(st.floats(0.0, 24.99))
@@ -58,7 +66,29 @@ def test_impossible_profiles_are_refused(
     times: list[float], speeds: list[float], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        SpeedProfile(times, speeds)
+        SpeedProfile(tuple(times), tuple(speeds))
+
+
+@given(st.floats(0.0, 40.0))
+def test_the_distance_is_the_sum_of_the_speed(seconds: float) -> None:
+    steps = 4000
+    middles = ((k + 0.5) * seconds / steps for k in range(steps))
+    driven = sum(PROFILE.at(middle)[0] for middle in middles) * seconds / steps
+    assert PROFILE.distance(seconds) == pytest.approx(driven, abs=1e-3)
+
+
+@given(st.floats(0.0, 24.9), st.floats(0.5, 10.0))
+def test_the_time_to_a_distance_is_that_after_which_it_is_driven(
+    seconds: float, last: float
+) -> None:
+    for profile in (PROFILE, SpeedProfile((1.0, 2.0), (5.0, last))):
+        assert profile.time_to(profile.distance(seconds)) == pytest.approx(seconds, abs=1e-6)
+
+
+def test_a_distance_beyond_the_last_stop_is_never_driven() -> None:
+    assert PROFILE.distance(100.0) == 150.0 + 250.0 + 62.5
+    assert PROFILE.time_to(462.5) == pytest.approx(25.0)
+    assert PROFILE.time_to(462.6) == math.inf
 
 
 def test_gap_grows_with_headway_and_not_without() -> None:
@@ -215,3 +245,137 @@ def test_vehicle_far_behind_catches_up_without_a_crash() -> None:
         string.step(k, 0.0)
         assert string.places[0] - string.places[1] > 7.0
     assert max(map(abs, string.errors[-1])) < 0.1
+
+
+# --- The laws: a command at each control instant
+
+
+START = 1_790_000_000 * SECOND
+PERIOD = 0.02
+
+
+def at_speed(speed: float) -> Pose:
+    return Pose(east=0.0, north=0.0, yaw=0.0, speed=speed, yaw_rate=0.0)
+
+
+def tick(k: int) -> int:
+    return instant(START, k, 50.0)
+
+
+def test_at_the_profile_s_speed_its_own_acceleration_is_asked() -> None:
+    law = ProfileSpeed(SpeedProfile((0.0, 10.0), (10.0, 30.0)), START, PERIOD)
+    command = law.command(tick(100), at_speed(14.0), VehiclesAhead())
+    assert command.acceleration == pytest.approx(2.0)
+    assert command.target_speed == pytest.approx(14.04)
+
+
+def test_a_corner_within_a_period_is_met_at_the_period_s_end() -> None:
+    law = ProfileSpeed(SpeedProfile((0.0, 0.01, 5.0), (20.0, 20.0, 10.0)), START, PERIOD)
+    command = law.command(tick(0), at_speed(20.0), VehiclesAhead())
+    slope = -10.0 / 4.99
+    assert 20.0 + PERIOD * command.acceleration == pytest.approx(20.0 + 0.01 * slope)
+
+
+def test_before_the_start_and_after_the_end_the_speed_is_kept() -> None:
+    law = ProfileSpeed(SpeedProfile((0.0, 10.0), (10.0, 30.0)), START, PERIOD)
+    for now, speed in ((START - SECOND, 10.0), (START + 60 * SECOND, 30.0)):
+        command = law.command(now, at_speed(speed), VehiclesAhead())
+        assert (command.acceleration, command.target_speed) == (0.0, speed)
+
+
+def test_a_speed_error_decays_at_the_stated_rate() -> None:
+    law = ProfileSpeed(SpeedProfile((0.0,), (20.0,)), START, PERIOD)
+    speed = 18.0
+    for k in range(50):
+        speed += PERIOD * law.command(tick(k), at_speed(speed), VehiclesAhead()).acceleration
+    assert 20.0 - speed == pytest.approx(2.0 * (1.0 - PROFILE_CORRECTION * PERIOD) ** 50)
+    assert 20.0 - speed == pytest.approx(2.0 * math.exp(-PROFILE_CORRECTION), rel=0.01)
+
+
+@given(
+    spans=st.lists(st.floats(0.001, 2.0), min_size=1, max_size=8),
+    speeds=st.lists(st.floats(0.0, 40.0), min_size=8, max_size=8),
+)
+@settings(max_examples=50)
+def test_a_car_that_does_as_told_is_on_the_profile_at_every_tick(
+    spans: list[float], speeds: list[float]
+) -> None:
+    profile = SpeedProfile(tuple(accumulate(spans)), tuple(speeds[: len(spans)]))
+    law = ProfileSpeed(profile, START, PERIOD)
+    speed = speeds[0]
+    for k in range(200):
+        assert speed == pytest.approx(profile.at(k * PERIOD)[0], abs=1e-6)
+        speed += PERIOD * law.command(tick(k), at_speed(speed), VehiclesAhead()).acceleration
+
+
+def keeper(headway: float = 0.5) -> GapKeeping:
+    return GapKeeping(GapPolicy(8.0, headway), GapLimits(acceleration=2.0, deceleration=6.0))
+
+
+def test_without_a_predecessor_heard_the_speed_is_kept() -> None:
+    command = keeper().command(tick(0), at_speed(17.0), VehiclesAhead())
+    assert (command.acceleration, command.target_speed) == (0.0, 17.0)
+    # The lead's speed alone says nothing about the gap.
+    command = keeper().command(tick(0), at_speed(17.0), VehiclesAhead(lead_speed=30.0))
+    assert command.acceleration == 0.0
+
+
+def test_at_the_right_gap_and_speed_nothing_is_asked() -> None:
+    ahead = VehiclesAhead(gap=8.0 + 0.5 * 20.0, predecessor_speed=20.0, lead_speed=20.0)
+    command = keeper().command(tick(0), at_speed(20.0), ahead)
+    assert command.acceleration == pytest.approx(0.0)
+    assert command.target_speed == 20.0
+
+
+def test_the_speed_aimed_at_is_the_predecessor_s() -> None:
+    ahead = VehiclesAhead(gap=18.0, predecessor_speed=17.0, lead_speed=22.0)
+    assert keeper().command(tick(0), at_speed(20.0), ahead).target_speed == 17.0
+
+
+@pytest.mark.parametrize(
+    ("gap", "predecessor_speed", "sign"),
+    [(16.0, 20.0, -1), (20.0, 20.0, 1), (18.0, 19.0, -1), (18.0, 21.0, 1)],
+)
+def test_too_near_or_too_fast_brakes_too_far_or_too_slow_hurries(
+    gap: float, predecessor_speed: float, sign: int
+) -> None:
+    ahead = VehiclesAhead(
+        gap=gap, predecessor_speed=predecessor_speed, lead_speed=predecessor_speed
+    )
+    assert math.copysign(1, keeper().command(tick(0), at_speed(20.0), ahead).acceleration) == sign
+
+
+@pytest.mark.parametrize("headway", [0.0, 0.5])
+def test_a_lead_that_was_not_heard_counts_as_fast_as_the_predecessor(headway: float) -> None:
+    unheard = VehiclesAhead(gap=15.0, predecessor_speed=19.5)
+    heard = VehiclesAhead(gap=15.0, predecessor_speed=19.5, lead_speed=19.5)
+    law = keeper(headway)
+    assert law.command(tick(0), at_speed(20.0), unheard) == law.command(
+        tick(0), at_speed(20.0), heard
+    )
+
+
+@given(
+    gap=st.floats(-50.0, 500.0),
+    own=st.floats(0.0, 60.0),
+    predecessor=st.floats(0.0, 60.0),
+    lead=st.floats(0.0, 60.0) | st.just(math.nan),
+)
+@settings(max_examples=100)
+def test_no_more_is_asked_than_the_limits_allow(
+    gap: float, own: float, predecessor: float, lead: float
+) -> None:
+    command = keeper().command(tick(0), at_speed(own), VehiclesAhead(gap, predecessor, lead))
+    assert -6.0 <= command.acceleration <= 2.0
+
+
+def test_a_follower_settles_at_the_gap_of_the_policy() -> None:
+    law = keeper()
+    speed, gap = 15.0, 40.0
+    for k in range(1500):
+        ahead = VehiclesAhead(gap=gap, predecessor_speed=20.0, lead_speed=20.0)
+        command = law.command(tick(k), at_speed(speed), ahead)
+        gap += PERIOD * (20.0 - speed)
+        speed += PERIOD * command.acceleration
+    assert speed == pytest.approx(20.0, abs=1e-3)
+    assert gap == pytest.approx(18.0, abs=1e-3)

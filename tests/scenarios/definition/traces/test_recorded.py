@@ -137,10 +137,10 @@ def test_the_lead_drives_the_recorded_speed_place_by_place(tmp_path: Path) -> No
         route = driven(path, speed='lead = "recorded"').route
         assert route.smoothed is not None
         assert route.start == pytest.approx(route.smoothed.start)  # straight from the start
-        assert route.plan.at(10.0) == pytest.approx(10.0, abs=0.05)
-        assert route.plan.at(22.5) == pytest.approx(0.0, abs=0.05)
-        assert route.plan.at(38.0) == pytest.approx(10.0, abs=0.05)
-        assert route.plan.distance(40.0) == pytest.approx(way, rel=0.01)
+        assert route.profile.at(10.0)[0] == pytest.approx(10.0, abs=0.05)
+        assert route.profile.at(22.5)[0] == pytest.approx(0.0, abs=0.05)
+        assert route.profile.at(38.0)[0] == pytest.approx(10.0, abs=0.05)
+        assert route.profile.distance(40.0) == pytest.approx(way, rel=0.01)
 
 
 def test_speed_in_other_units_is_refused(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_a_record_without_times_has_no_speed(tmp_path: Path) -> None:
     path.write_text(CSV + "".join(f"{2 * k},0\n" for k in range(30)))
     with pytest.raises(ScenarioError, match="allowed only for a trace with times"):
         driven(path, speed='lead = "recorded"')
-    assert driven(path).route.plan.speeds == (20.0,)
+    assert driven(path).route.profile.speeds == (20.0,)
 
 
 def test_a_lead_comes_up_to_a_standing_start_at_walking_pace(tmp_path: Path) -> None:
@@ -168,17 +168,17 @@ def test_a_lead_comes_up_to_a_standing_start_at_walking_pace(tmp_path: Path) -> 
     route = driven(path, speed='lead = "recorded"').route
     assert route.smoothed is not None
     assert route.start < route.smoothed.start
-    assert route.plan.speeds[0] == 1.0
-    run_in = route.plan.times[1]
-    assert route.plan.distance(run_in) == pytest.approx(route.smoothed.start - route.start)
+    assert route.profile.speeds[0] == 1.0
+    run_in = route.profile.times[1]
+    assert route.profile.distance(run_in) == pytest.approx(route.smoothed.start - route.start)
 
 
 def test_derived_speeds_are_means_of_the_way_over_two_seconds() -> None:
     times = np.arange(0.0, 60.0, 0.5)
     way = 10.0 * times + 15.0 * np.sin(times / 5.0)  # 10 + 3 cos(t/5) m/s
-    plan, ratio = recorded(times.tolist(), way.tolist(), ())
+    profile, ratio = recorded(times.tolist(), way.tolist(), ())
     assert ratio == 1.0
     for t in (5.0, 20.0, 41.0):
         mean = (15.0 * (math.sin((t + 1) / 5) - math.sin((t - 1) / 5)) + 20.0) / 2.0
-        assert plan.at(t) == pytest.approx(mean, abs=0.02)
-    assert plan.distance(59.5) == pytest.approx(way[-1], rel=1e-3)
+        assert profile.at(t)[0] == pytest.approx(mean, abs=0.02)
+    assert profile.distance(59.5) == pytest.approx(way[-1], rel=1e-3)

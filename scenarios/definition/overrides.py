@@ -1,10 +1,9 @@
-"""TOML in and out: overrides put into a parsed file, and tables written back as text."""
+"""Overrides: `key.path=value` laid over the tables of a parsed scenario file."""
 
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
-from datetime import datetime
+from collections.abc import Sequence
 from typing import Any
 
 Raw = dict[str, Any]
@@ -51,43 +50,3 @@ def _index(entries: list[Any], parts: Sequence[str]) -> int:
     if int(parts[-1]) == len(entries):
         entries.append({})
     return int(parts[-1])
-
-
-def to_toml(table: Mapping[str, Any], prefix: str = "") -> str:
-    """`table` as TOML text that parses to equal values; None is left out."""
-    table = {key: value for key, value in table.items() if value is not None}
-    lines = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if not _is_table(v)]
-    text = "".join(f"{line}\n" for line in lines)
-    for key, value in table.items():
-        name = f"{prefix}{_key(key)}"
-        if isinstance(value, Mapping):
-            text += f"\n[{name}]\n{to_toml(value, f'{name}.')}"
-        elif _is_table(value):
-            text += "".join(f"\n[[{name}]]\n{to_toml(entry, f'{name}.')}" for entry in value)
-    return text
-
-
-def _is_table(value: object) -> bool:
-    if isinstance(value, Mapping):
-        return True
-    return isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _text(key)
-
-
-def _value(value: object) -> str:
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, datetime):
-        return value.isoformat()
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(_value(entry) for entry in value)}]"
-    return repr(value)
-
-
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

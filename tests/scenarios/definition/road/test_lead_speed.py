@@ -1,10 +1,10 @@
-"""The speed of a scenario: set, by profile, by gap; and what `convoy check` says of it."""
+"""The speed of a scenario: set, by profile, by gap."""
 
 import math
 
 import pytest
 
-from scenarios.definition.check.report import CheckReport, check, report_of
+from scenarios.definition.check.report import report_of
 from scenarios.definition.scenario import scenario_from_text
 from tests.made.messages import STRAIGHT
 
@@ -15,7 +15,7 @@ def test_a_set_speed_is_lowered_for_a_curve_and_taken_up_again() -> None:
         "{ length_m = 200.0 }, { length_m = 60.0, radius_m = 50.0, turn = 'left' }, "
         "{ length_m = 400.0 }",
     ).replace("duration_s = 20.0\n", "")
-    report = check_text(text)
+    report = report_of(scenario_from_text(text))
     assert report.lateral_acceleration_mps2_max == pytest.approx(3.0, rel=2e-3)
     assert report.speed_mps_min == pytest.approx((3.0 * 50.0) ** 0.5, rel=1e-3)
     assert report.braking_mps2_max == pytest.approx(2.5, rel=0.02)
@@ -32,9 +32,9 @@ def test_a_profile_is_driven_exactly_where_no_curve_asks_for_less() -> None:
     route = scenario_from_text(text).route
     assert [route.profile.at(t)[0] for t in (0.0, 2.0, 7.0, 12.0, 99.0)] == [10, 10, 20, 30, 30]
     # 20 m, then 10 s at a mean of 20 m/s, then 8 s at 30 m/s
-    assert route.plan.distance(20.0) == pytest.approx(20.0 + 200.0 + 240.0)
-    assert route.plan.time_to(220.0) == pytest.approx(12.0)
-    assert route.plan.time_to(100.0) == pytest.approx(2.0 + _time_for(80.0))
+    assert route.profile.distance(20.0) == pytest.approx(20.0 + 200.0 + 240.0)
+    assert route.profile.time_to(220.0) == pytest.approx(12.0)
+    assert route.profile.time_to(100.0) == pytest.approx(2.0 + _time_for(80.0))
 
 
 def _time_for(way: float) -> float:
@@ -54,18 +54,3 @@ def test_gap_keeping_vehicles_start_at_the_gap_that_they_keep() -> None:
     )
     assert scenario.route.gaps == (0.0, 14.0, 14.0, 14.0)
     assert scenario.gap_policy.desired(10.0) == 14.0
-
-
-def check_text(text: str) -> CheckReport:
-    return report_of(scenario_from_text(text))
-
-
-def test_check_warns_of_what_may_surprise() -> None:
-    assert check("lane_change").warnings == ()
-    fast = check("lane_change", ["gnss.rate_hz=50"]).warnings
-    assert len(fast) == 4
-    assert "v1 measures at 50 Hz" in fast[0]
-    tight = STRAIGHT.replace(
-        "{ length_m = 1000.0 }", "{ length_m = 5.0, radius_m = 4.0, turn = 'right' }"
-    ).replace("duration_s = 20.0\n", "")
-    assert any("radius of 4.0 m" in warning for warning in check_text(tight).warnings)

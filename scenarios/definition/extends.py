@@ -1,0 +1,148 @@
+"""`extends`: a scenario file laid over the file that it names as its base."""
+
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.library import ScenarioFile, read_base
+from scenarios.definition.overrides import OverrideError, Raw, override, parse_override
+
+EXTENDS = "extends"
+
+Key = tuple[str, ...]
+"""Names of the tables around a value, and its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class MergedScenario:
+    """The tables of a scenario file, its bases and the overrides, not yet validated.
+
+    `files` are those read, the base of all first; `given_in` is the file that each value is
+    from, where an array is one value; `overridden` are the keys that `--set` changed.
+    """
+
+    raw: Raw
+    files: tuple[ScenarioFile, ...]
+    given_in: dict[Key, ScenarioFile]
+    overridden: tuple[str, ...]
+
+    def source(self, key: str) -> str:
+        """Name where a problem of `key` (such as `link[0].sender`) comes from.
+
+        An override of the key, or of one inside it or around it; else a file.
+        """
+        plain = key.replace("[", ".").replace("]", "")
+        if any(_around(one, plain) or _around(plain, one) for one in self.overridden):
+            return "--set"
+        return self._file(key).label
+
+    def folder(self, key: str) -> Path:
+        """Folder in which a file named by the value of `key` is sought."""
+        if any(_around(one, key) for one in self.overridden):
+            return self.files[-1].folder
+        return self._file(key).folder
+
+    def _file(self, key: str) -> ScenarioFile:
+        """File that gives `key`, or, where none does, values beside it.
+
+        Of several files it is the one nearest to the file that was asked for.
+        """
+        parts = tuple(re.split(r"[\[ ]", key)[0].split("."))
+        while parts:
+            givers = [
+                file
+                for given, file in self.given_in.items()
+                if given[: len(parts)] == parts or parts[: len(given)] == given
+            ]
+            if givers:
+                return max(givers, key=self.files.index)
+            parts = parts[:-1]
+        return self.files[-1]
+
+
+def _around(outer: str, inner: str) -> bool:
+    """Tell whether `outer` is the key `inner` or a table around it."""
+    return f"{inner}.".startswith(f"{outer}.")
+
+
+def merged(file: ScenarioFile, overrides: Sequence[str]) -> MergedScenario:
+    """Parse a scenario file, lay it over its bases, and `overrides` over all of that."""
+    chain = _with_bases(file)
+    raw: Raw = {}
+    given_in: dict[Key, ScenarioFile] = {}
+    for one, tables in chain:
+        raw = _laid_over(raw, tables)
+        given_in |= dict.fromkeys(_values(tables), one)
+    kept = set(_values(raw))
+    given_in = {key: one for key, one in given_in.items() if key in kept}
+    overridden = _override(raw, overrides)
+    return MergedScenario(raw, tuple(one for one, _ in chain), given_in, overridden)
+
+
+def _with_bases(file: ScenarioFile) -> list[tuple[ScenarioFile, Raw]]:
+    """Parse a file and its bases, the base of all first."""
+    chain = [(file, _parsed(file))]
+    while EXTENDS in (tables := chain[0][1]):
+        base = read_base(chain[0][0], tables.pop(EXTENDS))
+        chain.insert(0, (base, _parsed(base)))
+        if any(_same(base, other) for other, _ in chain[1:]):
+            names = ", ".join(one.label for one, _ in reversed(chain))
+            raise ScenarioError([f"{chain[1][0].label}: {EXTENDS}: files in a circle: {names}"])
+    return chain
+
+
+def _same(one: ScenarioFile, other: ScenarioFile) -> bool:
+    if one.path is None or other.path is None:
+        return False
+    return one.path.resolve() == other.path.resolve()
+
+
+def _parsed(file: ScenarioFile) -> Raw:
+    try:
+        return tomllib.loads(file.text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError([f"{file.label}: not valid TOML: {error}"]) from error
+
+
+def _laid_over(base: Raw, tables: Raw) -> Raw:
+    """Merge tables key by key; any other value, and a table of another `kind`, is replaced."""
+    result = dict(base)
+    for key, value in tables.items():
+        below = base.get(key)
+        if isinstance(value, dict) and isinstance(below, dict) and _alike(below, value):
+            result[key] = _laid_over(below, value)
+        else:
+            result[key] = value
+    return result
+
+
+def _alike(below: Raw, table: Raw) -> bool:
+    """Tell whether two tables may be merged: keys of one `kind` mean nothing to another."""
+    return "kind" not in below or table.get("kind", below["kind"]) == below["kind"]
+
+
+def _values(tables: Raw, inside: Key = ()) -> Iterator[Key]:
+    """Keys of all values; an array and an empty table are a value."""
+    for key, value in tables.items():
+        if isinstance(value, dict) and value:
+            yield from _values(value, (*inside, key))
+        else:
+            yield (*inside, key)
+
+
+def _override(raw: Raw, overrides: Sequence[str]) -> tuple[str, ...]:
+    """Lay `overrides` over the tables; gives the keys overridden."""
+    changed = []
+    for one in overrides:
+        try:
+            parts, value = parse_override(one)
+            override(raw, parts, value)
+        except OverrideError as error:
+            raise ScenarioError([f"--set {one}: {error}"]) from error
+        if parts[0] == EXTENDS:
+            raise ScenarioError([f"--set {one}: allowed in a scenario file only"])
+        changed.append(".".join(parts))
+    return tuple(changed)
