@@ -1,16 +1,19 @@
 """A follower on a road behind sources that tell exactly where they are."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from tests.made.exact_drives import CONTROL_HZ, PLANE, START, Source, Step
+from transport.codec import RefusedMessageError
+from transport.links.gate import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.follower import Follower
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.speed import ProfileSpeed, SpeedLaw, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.messages import GpsPose
 from vehicles.preview.trajectory import FitSettings, Fusion
 from vehicles.schedule import Cadence
 
@@ -65,3 +68,17 @@ def modes(steps: Sequence[Step]) -> list[tuple[str, float]]:
         if step.decision.mode != before.decision.mode:
             found.append((step.decision.mode, step.seconds))
     return found
+
+
+def believed(poses: Iterable[GpsPose], now: int) -> list[GpsPose]:
+    """Those poses that pass the gates of the follower's inbox at `now` (ns)."""
+    return [pose for pose in poses if _passes(pose, now)]
+
+
+def _passes(pose: GpsPose, now: int) -> bool:
+    gate = PoseGate(sender=pose.vehicle, start_at=START, rate_hz=100.0, plane=PLANE)
+    try:
+        gate.check(pose, now)
+    except RefusedMessageError:
+        return False
+    return True

@@ -23,6 +23,7 @@ from tests.made.followers import (
     BEND,
     FUSIONS,
     STRAIGHT,
+    believed,
     follower,
     lateral,
     lead_of,
@@ -159,7 +160,8 @@ def test_a_pose_that_no_vehicle_of_the_convoy_can_send_is_passed_over(
     usually = hearing(lead_of(BEND), predecessor_of(BEND))
 
     def hear(now: int) -> list[GpsPose]:
-        return [pose if pose.seq % 10 else replace(pose, **wrong) for pose in usually(now)]  # type: ignore[arg-type]
+        told = [pose if pose.seq % 10 else replace(pose, **wrong) for pose in usually(now)]  # type: ignore[arg-type]
+        return believed(told, now)
 
     steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
     assert max(map(abs, lateral(BEND, steps))) < 0.05
@@ -201,7 +203,8 @@ def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
     true = {"v1": lead_of(BEND), "v2": predecessor_of(BEND)}
     for k, told in enumerate(ticks):
         now = instant(START, k, CONTROL_HZ)
-        heard = [pose_of(true[name], seq, place, yaw, v) for name, seq, place, yaw, v in told]
+        poses = (pose_of(true[name], seq, place, yaw, v) for name, seq, place, yaw, v in told)
+        heard = believed(poses, now)
         fix = measured(body, now)
         if fix is not None and fix.seq in own:
             east, north = own[fix.seq]
