@@ -16,7 +16,7 @@ from scenarios.definition.refusal import near
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Trial
 from scenarios.runs.rehearsal import record, rehearse
-from scenarios.studies.paper.claims.claim import VERDICTS
+from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import CASES, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs
 from scenarios.studies.paper.findings import Findings
@@ -59,7 +59,7 @@ def reproduce(
     for key in jobs:  # in one order, whichever part was done first
         add(findings, key, results[key])
     claims = write_report(findings, chosen, out)
-    counts = ", ".join(f"{v}: {sum(c.verdict == v for c in claims)}" for v in VERDICTS)
+    counts = ", ".join(f"{j}: {sum(c.judgement == j for c in claims)}" for j in JUDGEMENTS)
     progress(f"{len(claims)} claims ({counts}); report: {out / REPORT}")
     return 0
 

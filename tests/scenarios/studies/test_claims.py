@@ -1,4 +1,4 @@
-"""Verdicts on made-up findings: claims that hold, claims that fail, and what noise does to them."""
+"""Judgements on made-up findings: claims that hold, claims that fail, the effect of noise."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,44 +6,59 @@ from dataclasses import replace
 import pytest
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.base import BASE, below, decreasing
-from scenarios.studies.paper.claims.claim import Answer, Question, judge, sides
-from scenarios.studies.paper.claims.field import FIELD, settled
-from scenarios.studies.paper.claims.gains import GAINS
-from scenarios.studies.paper.claims.model import MODEL
-from scenarios.studies.paper.claims.other_cases import OTHER_CASES
-from scenarios.studies.paper.claims.theory import THEORY
+from scenarios.studies.paper.claims import base, field, gains, model, other_cases, theory
+from scenarios.studies.paper.claims.base import below, decreasing
+from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, groups, judge
+from scenarios.studies.paper.claims.field import settled
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings, Tally, in_cm, non_increasing
 from tests.made.findings import a_paper_come_true, a_trial
 
-DRIVEN = (*MODEL, *BASE, *OTHER_CASES, *FIELD)
-CALCULATED = (*THEORY, *GAINS)
+SIMULATED = (*base.CLAIMS, *other_cases.CLAIMS, *field.CLAIMS)
+DRIVEN = (*model.CLAIMS, *SIMULATED)
+CALCULATED = (*theory.CLAIMS, *gains.CLAIMS)
 ALL = (*DRIVEN, *CALCULATED)
 
 
-def verdicts(findings: Findings, questions: Sequence[Question] = DRIVEN) -> dict[str, str]:
-    return {claim.name: claim.verdict for claim in judge(questions, findings)}
+def judgements(findings: Findings, claims: Sequence[Claim] = DRIVEN) -> dict[str, str]:
+    return {one.claim.name: one.judgement for one in judge(claims, findings)}
 
 
 def test_names_of_claims_differ() -> None:
-    assert len({question.name for question in ALL}) == len(ALL)
+    assert len({claim.name for claim in ALL}) == len(ALL)
 
 
 def test_only_what_was_run_is_judged() -> None:
-    assert verdicts(Findings()) == {}
-    assert "mass" not in verdicts(Findings(trials={"a": a_trial((0.03, 0.03, 0.03))}))
-    assert "a_decreasing" in verdicts(Findings(trials={"a": a_trial((0.03, 0.03, 0.03))}))
+    assert judgements(Findings()) == {}
+    assert "mass" not in judgements(Findings(trials={"a": a_trial((0.03, 0.03, 0.03))}))
+    assert "a_decreasing" in judgements(Findings(trials={"a": a_trial((0.03, 0.03, 0.03))}))
 
 
 @pytest.mark.parametrize(
-    ("holds", "verdict"), [(True, "holds"), (False, "does not hold"), (None, "not checkable")]
+    ("holds", "judgement"), [(True, "holds"), (False, "does not hold"), (None, "not checkable")]
 )
-def test_an_answer_becomes_a_verdict(holds: bool | None, verdict: str) -> None:
+def test_an_answer_becomes_a_judgement(holds: bool | None, judgement: str) -> None:
     answer = Answer(ours="we", holds=holds, reason="why")
-    question = Question(name="x", where="V", paper="says", answer=lambda _: answer)
-    (claim,) = judge([question], Findings())
-    assert (claim.verdict, claim.ours, claim.reason) == (verdict, "we", "why")
+    claim = Claim(name="x", where="V", paper="says", answer=lambda _: answer)
+    (one,) = judge([claim], Findings())
+    assert (one.judgement, one.answer, one.claim) == (judgement, answer, claim)
+
+
+def test_a_claim_is_registered_under_the_name_of_its_function_in_order() -> None:
+    claims = Claims()
+
+    @claims.claim(where="V", paper="says", needs=("base",))
+    def second_lane_change(_: Findings) -> Answer:
+        return Answer(ours="we", holds=True)
+
+    @claims.claim(where="VI", paper="says more")
+    def conclusion(_: Findings) -> Answer:
+        return Answer(ours="we", holds=None)
+
+    assert [claim.name for claim in claims] == ["second_lane_change", "conclusion"]
+    assert (claims[0].where, claims[0].paper, claims[0].needs) == ("V", "says", ("base",))
+    assert judgements(Findings(), claims) == {"conclusion": "not checkable"}
+    assert second_lane_change(Findings()).holds
 
 
 @pytest.mark.parametrize(
@@ -94,16 +109,16 @@ def test_what_holds_but_for_noise_says_so() -> None:
     assert answer.holds
     assert answer.noise == Tally(0, 1)
     assert "chance" in answer.reason
-    (claim,) = judge([q for q in ALL if q.name == "a_decreasing"], findings)
-    assert {side for side, found in sides([claim]).items() if found} == {"noise spoils"}
+    (one,) = judge([c for c in ALL if c.name == "a_decreasing"], findings)
+    assert {group for group, found in groups([one]).items() if found} == {"noise spoils"}
 
 
 @pytest.mark.parametrize(
-    ("last", "verdict", "holding"),
+    ("last", "judgement", "holding"),
     [(0.02, "holds", 3), (0.0325, "undecided", 1), (0.05, "does not hold", 0)],
 )
 def test_what_hangs_on_where_the_samples_fall_is_undecided(
-    last: float, verdict: str, holding: int
+    last: float, judgement: str, holding: int
 ) -> None:
     findings = Findings(
         trials={
@@ -113,19 +128,19 @@ def test_what_hangs_on_where_the_samples_fall_is_undecided(
             "b/phase/0.75": a_trial((0.04, 0.03, last - 0.001)),
         }
     )
-    (claim,) = judge([q for q in ALL if q.name == "b_decreasing"], findings)
-    assert claim.verdict == verdict
-    assert claim.phases == Tally(holding, 3)
-    assert [claim] == (sides([claim]).get(verdict) or [claim])
-    if verdict == "undecided":
-        assert "at most -0.5 to +2.5 mm from one to the next" in claim.ours
-        assert "two effects" in claim.reason
+    (one,) = judge([c for c in ALL if c.name == "b_decreasing"], findings)
+    assert one.judgement == judgement
+    assert one.answer.phases == Tally(holding, 3)
+    assert [one] == (groups([one]).get(judgement) or [one])
+    if judgement == "undecided":
+        assert "at most -0.5 to +2.5 mm from one to the next" in one.answer.ours
+        assert "two effects" in one.answer.reason
 
 
 def test_where_the_simulations_bear_the_paper_out_all_those_claims_hold() -> None:
-    found = verdicts(a_paper_come_true())
-    assert set(found) == {question.name for question in DRIVEN}
-    simulated = {question.name for question in (*BASE, *OTHER_CASES, *FIELD)}
+    found = judgements(a_paper_come_true())
+    assert set(found) == {claim.name for claim in DRIVEN}
+    simulated = {claim.name for claim in SIMULATED}
     failed = {name for name in simulated if found[name] != "holds"}
     # The peaks were made up at 12 s, where the road is straight; course and road are not known.
     assert failed == {"base_where", "road", "field_course", "field_initial_error"}
@@ -148,11 +163,11 @@ def test_where_the_simulations_bear_the_paper_out_all_those_claims_hold() -> Non
 )  # fmt: skip
 def test_each_claim_fails_where_it_should(key: str, trial: Trial, falls: set[str]) -> None:
     findings = a_paper_come_true()
-    before = verdicts(findings)
+    before = judgements(findings)
     findings.trials[key] = trial
     if key == "d":
         findings.trials["d/blend"] = trial
-    after = verdicts(findings)
+    after = judgements(findings)
     changed = {name for name in after if after[name] != before[name]}
     assert changed == falls
     assert all(after[name] == "does not hold" for name in falls)
@@ -161,12 +176,12 @@ def test_each_claim_fails_where_it_should(key: str, trial: Trial, falls: set[str
 def test_the_field_claims_fail_where_they_should() -> None:
     findings = a_paper_come_true()
     findings.field = FieldRuns(a_trial((0.05, 0.9)), a_trial((0.05, 0.05)), ())
-    found = verdicts(findings)
+    found = judgements(findings)
     assert found["field_amplified"] == "does not hold"
     assert found["field_not_amplified"] == "does not hold"
     assert found["field_on_the_road"] == "does not hold"
     findings.weavings = [replace(w, amplitudes=(1.0, 0.9)) for w in findings.weavings]
-    assert verdicts(findings)["propagation_measured"] == "does not hold"
+    assert judgements(findings)["propagation_measured"] == "does not hold"
 
 
 def test_initial_errors_do_not_count_once_settled() -> None:
@@ -178,9 +193,9 @@ def test_initial_errors_do_not_count_once_settled() -> None:
 
 def test_what_theory_says_of_the_paper() -> None:
     findings = Findings(gains_pictures=(), weavings=a_paper_come_true().weavings)
-    found = verdicts(findings, CALCULATED)
-    assert set(found) == {question.name for question in CALCULATED}
-    assert {name for name, verdict in found.items() if verdict == "does not hold"} == {
+    found = judgements(findings, CALCULATED)
+    assert set(found) == {claim.name for claim in CALCULATED}
+    assert {name for name, judgement in found.items() if judgement == "does not hold"} == {
         "state_equation",
         "equivalence",
         "open_loop_roots",

@@ -12,11 +12,11 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.runs.run_log import LOG_NAME
 from scenarios.studies.paper import reproduce as reproduction
-from scenarios.studies.paper.claims.claim import VERDICTS
+from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import CASES, Experiment
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.report.pictures import PICTURES
-from scenarios.studies.paper.report.report import QUESTIONS, write_report
+from scenarios.studies.paper.report.report import CLAIMS, write_report
 from scenarios.studies.paper.reproduce import (
     add,
     carry_out,
@@ -28,6 +28,17 @@ from scenarios.studies.paper.reproduce import (
 from tests.made.findings import a_paper_come_true
 
 PNG = b"\x89PNG"
+
+NAMES = """
+    parameters steering_parameters preview preview_samples ten_centimetres signs two_samples
+    polynomial state_equation proposition_1 norm_of_g equivalence stabilising_set
+    inside_the_intersection ball all_loadings open_loop_roots road base_below_9_cm base_where
+    base_decreasing base_true amplified_without_lead_data reduced_by_lead_data a_decreasing
+    b_decreasing c_decreasing d_decreasing uneven faster mass small variable_below_11_cm
+    slightly_more variable_speed_decreasing propagation_measured field_course field_amplified
+    field_not_amplified field_initial_error field_on_the_road
+"""
+"""Names of the claims in report.json, in the order of the paper."""
 
 
 def no_progress(_: str) -> None:
@@ -57,9 +68,9 @@ def numbers_in(value: Any) -> list[float]:
 def test_a_whole_report_has_a_row_for_each_claim_and_every_picture(whole: Path) -> None:
     text = (whole / "report.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| .*\|$", text, flags=re.MULTILINE)
-    for question in QUESTIONS:
-        paper = question.paper.replace("|", "\\|")
-        assert sum(f"| {paper} |" in row for row in rows) >= 1, question.name
+    for claim in CLAIMS:
+        paper = claim.paper.replace("|", "\\|")
+        assert sum(f"| {paper} |" in row for row in rows) >= 1, claim.name
     assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == set(PICTURES)
     for name in PICTURES:
         assert (whole / name).read_bytes().startswith(PNG)
@@ -73,11 +84,12 @@ def test_every_row_of_a_table_has_all_its_columns(whole: Path) -> None:
 
 def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
     report = json.loads((whole / "report.json").read_text(encoding="utf-8"))
-    assert [claim["name"] for claim in report["claims"]] == [q.name for q in QUESTIONS]
-    assert {claim["verdict"] for claim in report["claims"]} == set(VERDICTS)
-    counts = [sum(claim["verdict"] == v for claim in report["claims"]) for v in VERDICTS]
+    assert [claim["name"] for claim in report["claims"]] == [c.name for c in CLAIMS]
+    assert [claim["name"] for claim in report["claims"]] == NAMES.split()
+    assert {claim["verdict"] for claim in report["claims"]} == set(JUDGEMENTS)
+    counts = [sum(claim["verdict"] == j for claim in report["claims"]) for j in JUDGEMENTS]
     said = (
-        f"Of {len(QUESTIONS)} claims {counts[0]} hold, {counts[1]} are undecided, {counts[2]} do "
+        f"Of {len(CLAIMS)} claims {counts[0]} hold, {counts[1]} are undecided, {counts[2]} do "
         f"not hold, {counts[3]} cannot"
     )
     assert said in (whole / "report.md").read_text(encoding="utf-8")

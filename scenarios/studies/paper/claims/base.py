@@ -1,13 +1,12 @@
-"""Claims of Section V-C.1: the base case, and what the lead's data do in simulations."""
+"""Claims of Section V-C.1: the base case, and the effect of the lead's data in simulations."""
 
 from collections.abc import Sequence
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import RADII
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
 from scenarios.studies.paper.growth import linear, why_growing
@@ -17,6 +16,121 @@ GAP_S = 0.5
 
 CHANGES = (5.0, 6.0, 7.0, 8.0, 20.0, 21.0, 22.0, 23.0)
 """When (s) the lead of the base case comes to a change of curvature."""
+
+CLAIMS = Claims()
+
+
+@CLAIMS.claim(
+    where="V-C, target trajectory",
+    paper="A double lane change on 1 km: first from 5 s to before 10 s, then from 20 s to 25 s",
+    needs=("base",),
+)
+def road(_: Findings) -> Answer:
+    return Answer(
+        ours="chosen to fit: 3.6 m to the right from 5 s on and back from 20 s on, arcs of 500 m "
+        "radius and straights in turn, a second each; the last car is through at 9.5 s and 24.5 s",
+        holds=None,
+        reason="radius, lane and gaps are not in the paper; what depends on them is said",
+    )
+
+
+@CLAIMS.claim(
+    where="V-C.1, errors with n_f = 1, n_r = 3",
+    paper="Four cars, 30 m/s: the largest lateral error is under 9 cm",
+    needs=("base",),
+)
+def base_below_9_cm(findings: Findings) -> Answer:
+    return below(0.09, "base", findings)
+
+
+@CLAIMS.claim(
+    where="V-C.1",
+    paper="It is observed where the curved section begins and ends",
+    needs=("base",),
+)
+def base_where(findings: Findings) -> Answer:
+    after = []
+    for place, drive in enumerate(findings.trials["base"].followers, start=1):
+        peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * GAP_S
+        after.append(min((peak - at for at in CHANGES), key=abs))
+    return Answer(
+        ours="the largest errors come "
+        + ", ".join(f"{lag:+.2f}" for lag in after)
+        + " s after a car passes the end or the begin of an arc",
+        holds=max(map(abs, after)) < 0.2,
+        numbers={"peak_after_change_of_curvature_s": after},
+    )
+
+
+@CLAIMS.claim(
+    where="V-C.1; IV-B, Definition 1",
+    paper="The largest errors decrease from the first follower on",
+    needs=("base", "base/blend"),
+)
+def base_decreasing(findings: Findings) -> Answer:
+    return decreasing("base", findings)
+
+
+@CLAIMS.claim(
+    where="V-C.1; IV-B (none will be off-track)",
+    paper="This affirms lateral string stability: no car is further off than the one ahead",
+    needs=("base", "long/with"),
+)
+def base_true(findings: Findings) -> Answer:
+    def stays_on_track(run: Trial) -> bool:
+        return non_increasing(run.cross_track)
+
+    trial, long = findings.trials["base"], findings.trials["long/with"]
+    _, expected = linear(findings, "base")
+    return Answer(
+        ours=f"against the lead's driven path {in_cm(trial.cross_track)}; of eight cars "
+        f"{in_cm(long.cross_track)}",
+        holds=stays_on_track(trial),
+        reason="every car adds its own error to half of the one before; they grow, and level off "
+        f"(linear theory: {in_cm(expected)}). An error against the own trajectory does not show it",
+        phases=findings.phases(stays_on_track, "base"),
+        noise=findings.seeds(stays_on_track, "base"),
+        numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
+    )
+
+
+@CLAIMS.claim(
+    where="I, IV-B, in simulation",
+    paper="With the predecessor's data only, cross-track errors amplify",
+    needs=("no_lead_data", "long/without"),
+)
+def amplified_without_lead_data(findings: Findings) -> Answer:
+    def grows(run: Trial) -> bool:
+        return run.cross_track[-1] > run.cross_track[0] + SAME
+
+    trial, long = findings.trials["no_lead_data"], findings.trials["long/without"]
+    _, expected = linear(findings, "no_lead_data")
+    return Answer(
+        ours=f"true errors {in_cm(trial.cross_track)}, of eight cars {in_cm(long.cross_track)}; "
+        f"against the own trajectory only {in_cm(trial.tracking)}",
+        holds=grows(trial),
+        reason=f"as linear theory says: {in_cm(expected)}",
+        noise=findings.seeds(grows, "no_lead_data"),
+        numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
+    )
+
+
+@CLAIMS.claim(
+    where="I, V-C, in simulation",
+    paper="The lead's data reduce the propagation of cross-track errors",
+    needs=("long/with", "long/without"),
+)
+def reduced_by_lead_data(findings: Findings) -> Answer:
+    with_data, without = findings.trials["long/with"], findings.trials["long/without"]
+    growth = [trial.cross_track[-1] - trial.cross_track[-2] for trial in (with_data, without)]
+    return Answer(
+        ours=f"the eighth car is {cm(with_data.cross_track[-1])} off the lead's path with the "
+        f"lead's data and {cm(without.cross_track[-1])} without; it adds {cm(growth[0])} to the "
+        f"one before, without them {cm(growth[1])}",
+        holds=growth[0] < 0.1 * growth[1] and with_data.cross_track[-1] < without.cross_track[-1],
+        reason="errors stay bounded with the lead's data; along the first cars they still grow",
+        numbers={"with_m_max": with_data.cross_track, "without_m_max": without.cross_track},
+    )
 
 
 def numbers_of(trial: Trial) -> dict[str, tuple[float, ...]]:
@@ -42,6 +156,7 @@ def below(limit: float, key: str, findings: Findings) -> Answer:
 
 
 def _radii(limit: float, findings: Findings) -> str:
+    """From which radius on the errors stay under `limit` (m), if the radii were run."""
     tried = [radius for radius in RADII if findings.has(f"radius/{radius:g}")]
     if not tried:
         return ""
@@ -55,25 +170,15 @@ def _radii(limit: float, findings: Findings) -> str:
     )
 
 
-def _where_largest(findings: Findings) -> Answer:
-    after = []
-    for place, drive in enumerate(findings.trials["base"].followers, start=1):
-        peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * GAP_S
-        after.append(min((peak - at for at in CHANGES), key=abs))
-    return Answer(
-        ours="the largest errors come "
-        + ", ".join(f"{lag:+.2f}" for lag in after)
-        + " s after a car passes the end or the begin of an arc",
-        holds=max(map(abs, after)) < 0.2,
-        numbers={"peak_after_change_of_curvature_s": after},
-    )
-
-
 def decreasing(key: str, findings: Findings) -> Answer:
     """Answer whether no follower's largest error exceeds that of the one ahead."""
+
+    def decreases(run: Trial) -> bool:
+        return non_increasing(run.tracking)
+
     trial = findings.trials[key]
-    holds = _decreases(trial)
-    phases, seeds = findings.phases(_decreases, key), findings.seeds(_decreases, key)
+    holds = decreases(trial)
+    phases, seeds = findings.phases(decreases, key), findings.seeds(decreases, key)
     if not holds or (phases is not None and phases.holding < phases.runs):
         reason = why_growing(key, findings)
     elif seeds is not None and seeds.holding < seeds.runs:
@@ -92,10 +197,6 @@ def decreasing(key: str, findings: Findings) -> Answer:
     )
 
 
-def _decreases(trial: Trial) -> bool:
-    return non_increasing(trial.tracking)
-
-
 def _growth(trials: Sequence[Trial]) -> str:
     """By how much the largest error grows from one follower to the next, if it does in any run."""
     steps = [1000.0 * max(b - a for a, b in pairwise(trial.tracking)) for trial in trials]
@@ -104,114 +205,3 @@ def _growth(trials: Sequence[Trial]) -> str:
     if len(steps) == 1:
         return f", up by {steps[0]:.1f} mm"
     return f", at most {min(steps):+.1f} to {max(steps):+.1f} mm from one to the next"
-
-
-def _true(findings: Findings) -> Answer:
-    trial, long = findings.trials["base"], findings.trials["long/with"]
-    _, expected = linear(findings, "base")
-    return Answer(
-        ours=f"against the lead's driven path {in_cm(trial.cross_track)}; of eight cars "
-        f"{in_cm(long.cross_track)}",
-        holds=_stays_on_track(trial),
-        reason="every car adds its own error to half of the one before; they grow, and level off "
-        f"(linear theory: {in_cm(expected)}). An error against the own trajectory does not show it",
-        phases=findings.phases(_stays_on_track, "base"),
-        noise=findings.seeds(_stays_on_track, "base"),
-        numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
-    )
-
-
-def _stays_on_track(trial: Trial) -> bool:
-    return non_increasing(trial.cross_track)
-
-
-def _amplified(findings: Findings) -> Answer:
-    trial, long = findings.trials["no_lead_data"], findings.trials["long/without"]
-    _, expected = linear(findings, "no_lead_data")
-    return Answer(
-        ours=f"true errors {in_cm(trial.cross_track)}, of eight cars {in_cm(long.cross_track)}; "
-        f"against the own trajectory only {in_cm(trial.tracking)}",
-        holds=_grows(trial),
-        reason=f"as linear theory says: {in_cm(expected)}",
-        noise=findings.seeds(_grows, "no_lead_data"),
-        numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
-    )
-
-
-def _grows(trial: Trial) -> bool:
-    return trial.cross_track[-1] > trial.cross_track[0] + SAME
-
-
-def _reduced(findings: Findings) -> Answer:
-    with_data, without = findings.trials["long/with"], findings.trials["long/without"]
-    growth = [trial.cross_track[-1] - trial.cross_track[-2] for trial in (with_data, without)]
-    return Answer(
-        ours=f"the eighth car is {cm(with_data.cross_track[-1])} off the lead's path with the "
-        f"lead's data and {cm(without.cross_track[-1])} without; it adds {cm(growth[0])} to the "
-        f"one before, without them {cm(growth[1])}",
-        holds=growth[0] < 0.1 * growth[1] and with_data.cross_track[-1] < without.cross_track[-1],
-        reason="errors stay bounded with the lead's data; along the first cars they still grow",
-        numbers={"with_m_max": with_data.cross_track, "without_m_max": without.cross_track},
-    )
-
-
-def _chosen(_: Findings) -> Answer:
-    return Answer(
-        ours="chosen to fit: 3.6 m to the right from 5 s on and back from 20 s on, arcs of 500 m "
-        "radius and straights in turn, a second each; the last car is through at 9.5 s and 24.5 s",
-        holds=None,
-        reason="radius, lane and gaps are not in the paper; what depends on them is said",
-    )
-
-
-BASE: tuple[Question, ...] = (
-    Question(
-        name="road",
-        where="V-C, target trajectory",
-        paper="A double lane change on 1 km: first from 5 s to before 10 s, then from 20 s to 25 s",
-        needs=("base",),
-        answer=_chosen,
-    ),
-    Question(
-        name="base_below_9_cm",
-        where="V-C.1, errors with n_f = 1, n_r = 3",
-        paper="Four cars, 30 m/s: the largest lateral error is under 9 cm",
-        needs=("base",),
-        answer=partial(below, 0.09, "base"),
-    ),
-    Question(
-        name="base_where",
-        where="V-C.1",
-        paper="It is observed where the curved section begins and ends",
-        needs=("base",),
-        answer=_where_largest,
-    ),
-    Question(
-        name="base_decreasing",
-        where="V-C.1; IV-B, Definition 1",
-        paper="The largest errors decrease from the first follower on",
-        needs=("base", "base/blend"),
-        answer=partial(decreasing, "base"),
-    ),
-    Question(
-        name="base_true",
-        where="V-C.1; IV-B (none will be off-track)",
-        paper="This affirms lateral string stability: no car is further off than the one ahead",
-        needs=("base", "long/with"),
-        answer=_true,
-    ),
-    Question(
-        name="amplified_without_lead_data",
-        where="I, IV-B, in simulation",
-        paper="With the predecessor's data only, cross-track errors amplify",
-        needs=("no_lead_data", "long/without"),
-        answer=_amplified,
-    ),
-    Question(
-        name="reduced_by_lead_data",
-        where="I, V-C, in simulation",
-        paper="The lead's data reduce the propagation of cross-track errors",
-        needs=("long/with", "long/without"),
-        answer=_reduced,
-    ),
-)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import LANE
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
@@ -34,102 +34,15 @@ class Settled:
     cross_track_rms: tuple[float, ...]
 
 
-def settled(trial: Trial) -> Settled:
-    """Measure the errors that are left once the initial ones are forgotten."""
-    own = [drive.lateral_error[drive.at >= SETTLED] for drive in trial.followers]
-    true = [d.cross_track[d.at[: len(d.cross_track)] >= SETTLED] for d in trial.followers]
-    return Settled(
-        tuple(float(np.abs(values).max()) for values in own),
-        tuple(float(np.abs(values).max()) for values in true),
-        tuple(float(np.sqrt(np.mean(values * values))) for values in own),
-        tuple(float(np.sqrt(np.mean(values * values))) for values in true),
-    )
+CLAIMS = Claims()
 
 
-def _field(findings: Findings) -> tuple[Trial, Trial]:
-    if findings.field is None:
-        raise ValueError("the field experiment was not run")
-    return findings.field.with_lead_data, findings.field.without_lead_data
-
-
-def _grow(rms: tuple[float, ...]) -> bool:
-    return rms[-1] > rms[0] + SAME
-
-
-def _in_words(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:
-    return f"rms {in_cm(rms)}, at most {in_cm(largest)}"
-
-
-def _amplified(findings: Findings) -> Answer:
-    _, trial = _field(findings)
-    errors = settled(trial)
-    return Answer(
-        ours="once the initial errors are gone, off the lead's driven path: "
-        f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
-        f"{_in_words(errors.tracking, errors.tracking_rms)}",
-        holds=_grow(errors.cross_track_rms),
-        noise=findings.seeds(lambda t: _grow(settled(t).cross_track_rms), "field/without"),
-        numbers=numbers_of(errors),
-    )
-
-
-def _not_amplified(findings: Findings) -> Answer:
-    trial, without = _field(findings)
-    errors, others = settled(trial), settled(without)
-    growth, other = (e.cross_track_rms[-1] / e.cross_track_rms[0] for e in (errors, others))
-    return Answer(
-        ours=f"against the own trajectory: {_in_words(errors.tracking, errors.tracking_rms)}",
-        holds=not _grow(errors.tracking_rms),
-        reason="off the lead's driven path they grow all the same, "
-        f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
-        f"without the lead's data {other:.2f}-fold",
-        noise=findings.seeds(lambda t: not _grow(settled(t).tracking_rms), "field/with"),
-        numbers=numbers_of(errors),
-    )
-
-
-def numbers_of(errors: Settled) -> dict[str, tuple[float, ...]]:
-    """Errors once settled, for machines."""
-    return {
-        "settled_tracking_error_m_max": errors.tracking,
-        "settled_tracking_error_m_rms": errors.tracking_rms,
-        "settled_cross_track_error_m_max": errors.cross_track,
-        "settled_cross_track_error_m_rms": errors.cross_track_rms,
-    }
-
-
-def _on_the_road(findings: Findings) -> Answer:
-    trial, _ = _field(findings)
-    true, room = trial.cross_track, 0.5 * (LANE - CAR_WIDTH)
-    return Answer(
-        ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
-        f"{cm(room)} on each side of a car",
-        holds=max(true) < room,
-        numbers={"cross_track_error_m_max": true},
-    )
-
-
-def _initial(findings: Findings) -> Answer:
-    trial, _ = _field(findings)
-    tracking = tuple(drive.tracking_max for drive in trial.followers)
-    return Answer(
-        ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
-        f"{in_cm(settled(trial).tracking)}",
-        holds=tracking[-1] > tracking[0],
-        reason="PL3 follows PL2 back to the lead's path in the first seconds, and no longer after",
-        numbers={"tracking_error_m_max": tracking},
-    )
-
-
-def _not_known(_: Findings) -> Answer:
-    return Answer(
-        ours="an oval with bends of 200 m and a double lane change; errors of some centimetres",
-        holds=None,
-        reason="neither the course, nor the initial errors, nor any number is in the text",
-    )
-
-
-def _measured(findings: Findings) -> Answer:
+@CLAIMS.claim(
+    where="IV-B, on the real convoy",
+    paper="Errors amplify at low frequencies with the predecessor's data only",
+    needs=("propagation",),
+)
+def propagation_measured(findings: Findings) -> Answer:
     frequencies, ratios = findings.ratios(PREVIEW_S)
     paper = np.abs(propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED).at(frequencies))
     trace = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED).at(frequencies))
@@ -161,47 +74,121 @@ def _measured(findings: Findings) -> Answer:
     )
 
 
-FIELD: tuple[Question, ...] = (
-    Question(
-        name="propagation_measured",
-        where="IV-B, on the real convoy",
-        paper="Errors amplify at low frequencies with the predecessor's data only",
-        needs=("propagation",),
-        answer=_measured,
-    ),
-    Question(
-        name="field_course",
-        where="V-D, reference path and errors",
-        paper="The figures of the path and of the lateral errors",
-        needs=("field",),
-        answer=_not_known,
-    ),
-    Question(
-        name="field_amplified",
-        where="V-D.1, without lead data",
-        paper="Cross-track errors amplify from PL2 to PL3",
-        needs=("field",),
-        answer=_amplified,
-    ),
-    Question(
-        name="field_not_amplified",
-        where="V-D.2, with lead data",
-        paper="Cross-track errors of the followers do not amplify",
-        needs=("field",),
-        answer=_not_amplified,
-    ),
-    Question(
-        name="field_initial_error",
-        where="V-D.2, with lead data",
-        paper="Where they appear to, it is for the second car's initial error",
-        needs=("field",),
-        answer=_initial,
-    ),
-    Question(
-        name="field_on_the_road",
-        where="V-D.2",
-        paper="All followers stay on the road throughout",
-        needs=("field",),
-        answer=_on_the_road,
-    ),
+@CLAIMS.claim(
+    where="V-D, reference path and errors",
+    paper="The figures of the path and of the lateral errors",
+    needs=("field",),
 )
+def field_course(_: Findings) -> Answer:
+    return Answer(
+        ours="an oval with bends of 200 m and a double lane change; errors of some centimetres",
+        holds=None,
+        reason="neither the course, nor the initial errors, nor any number is in the text",
+    )
+
+
+@CLAIMS.claim(
+    where="V-D.1, without lead data",
+    paper="Cross-track errors amplify from PL2 to PL3",
+    needs=("field",),
+)
+def field_amplified(findings: Findings) -> Answer:
+    _, trial = _field(findings)
+    errors = settled(trial)
+    return Answer(
+        ours="once the initial errors are gone, off the lead's driven path: "
+        f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
+        f"{_in_words(errors.tracking, errors.tracking_rms)}",
+        holds=_grow(errors.cross_track_rms),
+        noise=findings.seeds(lambda t: _grow(settled(t).cross_track_rms), "field/without"),
+        numbers=numbers_of(errors),
+    )
+
+
+@CLAIMS.claim(
+    where="V-D.2, with lead data",
+    paper="Cross-track errors of the followers do not amplify",
+    needs=("field",),
+)
+def field_not_amplified(findings: Findings) -> Answer:
+    trial, without = _field(findings)
+    errors, others = settled(trial), settled(without)
+    growth, other = (e.cross_track_rms[-1] / e.cross_track_rms[0] for e in (errors, others))
+    return Answer(
+        ours=f"against the own trajectory: {_in_words(errors.tracking, errors.tracking_rms)}",
+        holds=not _grow(errors.tracking_rms),
+        reason="off the lead's driven path they grow all the same, "
+        f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
+        f"without the lead's data {other:.2f}-fold",
+        noise=findings.seeds(lambda t: not _grow(settled(t).tracking_rms), "field/with"),
+        numbers=numbers_of(errors),
+    )
+
+
+@CLAIMS.claim(
+    where="V-D.2, with lead data",
+    paper="Where they appear to, it is for the second car's initial error",
+    needs=("field",),
+)
+def field_initial_error(findings: Findings) -> Answer:
+    trial, _ = _field(findings)
+    tracking = tuple(drive.tracking_max for drive in trial.followers)
+    return Answer(
+        ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
+        f"{in_cm(settled(trial).tracking)}",
+        holds=tracking[-1] > tracking[0],
+        reason="PL3 follows PL2 back to the lead's path in the first seconds, and no longer after",
+        numbers={"tracking_error_m_max": tracking},
+    )
+
+
+@CLAIMS.claim(
+    where="V-D.2",
+    paper="All followers stay on the road throughout",
+    needs=("field",),
+)
+def field_on_the_road(findings: Findings) -> Answer:
+    trial, _ = _field(findings)
+    true, room = trial.cross_track, 0.5 * (LANE - CAR_WIDTH)
+    return Answer(
+        ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
+        f"{cm(room)} on each side of a car",
+        holds=max(true) < room,
+        numbers={"cross_track_error_m_max": true},
+    )
+
+
+def settled(trial: Trial) -> Settled:
+    """Measure the errors that are left once the initial ones are forgotten."""
+    own = [drive.lateral_error[drive.at >= SETTLED] for drive in trial.followers]
+    true = [d.cross_track[d.at[: len(d.cross_track)] >= SETTLED] for d in trial.followers]
+    return Settled(
+        tuple(float(np.abs(values).max()) for values in own),
+        tuple(float(np.abs(values).max()) for values in true),
+        tuple(float(np.sqrt(np.mean(values * values))) for values in own),
+        tuple(float(np.sqrt(np.mean(values * values))) for values in true),
+    )
+
+
+def _field(findings: Findings) -> tuple[Trial, Trial]:
+    if findings.field is None:
+        raise ValueError("the field experiment was not run")
+    return findings.field.with_lead_data, findings.field.without_lead_data
+
+
+def _grow(rms: tuple[float, ...]) -> bool:
+    return rms[-1] > rms[0] + SAME
+
+
+def _in_words(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:
+    return f"rms {in_cm(rms)}, at most {in_cm(largest)}"
+
+
+def numbers_of(errors: Settled) -> dict[str, tuple[float, ...]]:
+    """Errors once settled, for machines."""
+    return {
+        "settled_tracking_error_m_max": errors.tracking,
+        "settled_tracking_error_m_rms": errors.tracking_rms,
+        "settled_cross_track_error_m_max": errors.cross_track,
+        "settled_cross_track_error_m_rms": errors.cross_track_rms,
+    }

@@ -5,7 +5,7 @@ from math import pi
 
 import numpy as np
 
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.findings import Findings
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.gain_margins import common_ball
@@ -16,8 +16,15 @@ SPEED = 30.0
 THRESHOLD = 0.1
 """The paper's 10 cm."""
 
+CLAIMS = Claims()
 
-def _table(_: Findings) -> Answer:
+
+@CLAIMS.claim(
+    where="II, Table I; III-D",
+    paper="The table's car is understeering (K_sg > 0); m_v = W/g",
+    needs=("gains",),
+)
+def parameters(_: Findings) -> Answer:
     car = LINCOLN_MKZ
     front, rear = 1052.32, 843.68
     a = car.wheelbase * rear / (front + rear)
@@ -29,7 +36,12 @@ def _table(_: Findings) -> Answer:
     )
 
 
-def _other_steering(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="II, eq. (4)",
+    paper="ζ = 0.4056, ω_n = 21.4813 rad/s compare with ζ = 0.7, ω_n ≈ 19 rad/s of others",
+    needs=("gains",),
+)
+def steering_parameters(_: Findings) -> Answer:
     other = replace(LINCOLN_MKZ, steering_damping=0.7, steering_frequency=19.0)
     cars = [loaded(other, loading) for loading in all_loadings()]
     stable = bool(stabilises_all(cars, PAPER_SPEEDS, np.array(NOMINAL_GAINS)))
@@ -52,7 +64,12 @@ def _other_steering(_: Findings) -> Answer:
     )
 
 
-def _preview(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-A",
+    paper="L_preview = 0.8 v ≈ 30 m at highway speed",
+    needs=("base",),
+)
+def preview(_: Findings) -> Answer:
     return Answer(
         ours="0.8 s are 24 m at the paper's 30 m/s; 30 m take 37.5 m/s (135 km/h)",
         holds=False,
@@ -61,7 +78,12 @@ def _preview(_: Findings) -> Answer:
     )
 
 
-def _samples(findings: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-A",
+    paper="At 20 Hz the preview holds M, N < 20 samples, about a metre apart",
+    needs=("base",),
+)
+def preview_samples(findings: Findings) -> Answer:
     seen = findings.trials["base"].samples
     return Answer(
         ours=f"at most {seen.lead} samples of the lead and {seen.predecessor} of the predecessor "
@@ -72,7 +94,12 @@ def _samples(findings: Findings) -> Answer:
     )
 
 
-def _threshold(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-A, III-B",
+    paper="Samples within 10 cm of their chord are a straight line",
+    needs=("base",),
+)
+def ten_centimetres(_: Findings) -> Answer:
     hidden = {speed: (0.8 * speed) ** 2 / (8.0 * THRESHOLD) for speed in (10.0, 20.0, 30.0)}
     return Answer(
         ours="no sample of an arc is 10 cm from the chord of the preview where its radius is above "
@@ -84,7 +111,12 @@ def _threshold(_: Findings) -> Answer:
     )
 
 
-def _signs(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-B",
+    paper="e_lat = R − distance from the centre; on a line (Y − m X − c) / √(1 + m²)",
+    needs=("base",),
+)
+def signs(_: Findings) -> Answer:
     return Answer(
         ours="e_lat = R − distance is positive left of the path in left turns only; y = m x + c "
         "has no m for a road to the north",
@@ -93,7 +125,12 @@ def _signs(_: Findings) -> Answer:
     )
 
 
-def _two_samples(findings: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-B",
+    paper="θ_R is the direction of the closest and the second closest point",
+    needs=("base",),
+)
+def two_samples(findings: Findings) -> Answer:
     wrong = findings.trials["base"].samples.rule_error
     return Answer(
         ours=f"in the base case the line through these two points up to {wrong * 180 / pi:.0f}° "
@@ -102,56 +139,3 @@ def _two_samples(findings: Findings) -> Answer:
         reason="samples of lead and predecessor lie side by side. Here the heading is the fit's",
         numbers={"heading_of_two_samples_wrong_by_rad_max": wrong},
     )
-
-
-MODEL: tuple[Question, ...] = (
-    Question(
-        name="parameters",
-        where="II, Table I; III-D",
-        paper="The table's car is understeering (K_sg > 0); m_v = W/g",
-        needs=("gains",),
-        answer=_table,
-    ),
-    Question(
-        name="steering_parameters",
-        where="II, eq. (4)",
-        paper="ζ = 0.4056, ω_n = 21.4813 rad/s compare with ζ = 0.7, ω_n ≈ 19 rad/s of others",
-        needs=("gains",),
-        answer=_other_steering,
-    ),
-    Question(
-        name="preview",
-        where="III-A",
-        paper="L_preview = 0.8 v ≈ 30 m at highway speed",
-        needs=("base",),
-        answer=_preview,
-    ),
-    Question(
-        name="preview_samples",
-        where="III-A",
-        paper="At 20 Hz the preview holds M, N < 20 samples, about a metre apart",
-        needs=("base",),
-        answer=_samples,
-    ),
-    Question(
-        name="ten_centimetres",
-        where="III-A, III-B",
-        paper="Samples within 10 cm of their chord are a straight line",
-        needs=("base",),
-        answer=_threshold,
-    ),
-    Question(
-        name="signs",
-        where="III-B",
-        paper="e_lat = R − distance from the centre; on a line (Y − m X − c) / √(1 + m²)",
-        needs=("base",),
-        answer=_signs,
-    ),
-    Question(
-        name="two_samples",
-        where="III-B",
-        paper="θ_R is the direction of the closest and the second closest point",
-        needs=("base",),
-        answer=_two_samples,
-    ),
-)

@@ -7,7 +7,7 @@ import numpy as np
 
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.base import below, decreasing
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claim, Claims
 from scenarios.studies.paper.experiments import LANE
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
@@ -18,23 +18,49 @@ RADIUS = 500.0
 
 CASES = ("base", "a", "b", "c", "d", "variable_speed")
 
+CLAIMS = Claims()
 
-def _small(findings: Findings) -> Answer:
-    worst = max(max(findings.trials[key].cross_track) for key in CASES)
-    return Answer(
-        ours=f"at most {cm(worst)} beside the lead's path, {100 * worst / LANE:.1f} % of a lane",
-        holds=worst < 0.1 * LANE,
-        numbers={"cross_track_error_m_max": worst},
+for _key, _what in (
+    ("a", "10 m/s, n_r = 2"),
+    ("b", "10 m/s, n_r = 0"),
+    ("c", "20 m/s, n_r = 0"),
+    ("d", "30 m/s, two heavier cars, two lighter"),
+):
+    CLAIMS.append(
+        Claim(
+            name=f"{_key}_decreasing",
+            where=f"V-C.2, scenario {_key.upper()}",
+            paper=f"Largest errors decrease along the convoy ({_what})",
+            needs=(_key,),
+            answer=partial(decreasing, _key),
+        )
     )
 
 
-def _settles_at(speed: float, loading: Loading) -> float:
-    """Offset (m) from a bend's path at which a car settles that does not know its load."""
-    car = loaded(LINCOLN_MKZ, loading)
-    return steady_cornering(car, NOMINAL_GAINS, speed, 1.0 / RADIUS, LINCOLN_MKZ)[0]
+@CLAIMS.claim(
+    where="V-C.2, scenario D",
+    paper="An uneven convoy does not impact lateral string stability",
+    needs=("base", "d"),
+)
+def uneven(findings: Findings) -> Answer:
+    even, mixed = findings.trials["base"], findings.trials["d"]
+    growth = [_head_to_tail(trial) for trial in (even, mixed)]
+    return Answer(
+        ours=f"from the first to the last follower true errors grow {growth[1]:.2f}-fold, in the "
+        f"even convoy of the base case {growth[0]:.2f}-fold",
+        holds=_grows_no_more(even, mixed),
+        phases=findings.phases(_grows_no_more, "base", "d"),
+        reason="it does no harm; whether errors decrease is the row before",
+        numbers={"growth_even_ratio": growth[0], "growth_uneven_ratio": growth[1]},
+    )
 
 
-def _faster(findings: Findings) -> Answer:
+@CLAIMS.claim(
+    where="V-C.2, A against C",
+    paper="Errors are larger at 20 m/s than at 10 m/s",
+    needs=("a", "c", "a/slip_compensated", "c/slip_compensated"),
+)
+def faster(findings: Findings) -> Answer:
     slow, fast = (findings.trials[key].tracking for key in ("a", "c"))
     slow_known, fast_known = (
         findings.trials[f"{key}/slip_compensated"].tracking for key in ("a", "c")
@@ -61,20 +87,12 @@ def _faster(findings: Findings) -> Answer:
     )
 
 
-def _is_larger(one: Trial, other: Trial) -> bool:
-    return max(other.tracking) > max(one.tracking)
-
-
-def _are_alike(one: Trial, other: Trial) -> bool:
-    return _apart(one, other) < max(2.0 * SAME, 0.1 * max(one.tracking))
-
-
-def _apart(one: Trial, other: Trial) -> float:
-    """Largest difference (m) between two runs in the largest error of a follower."""
-    return max(abs(a - b) for a, b in zip(one.tracking, other.tracking, strict=True))
-
-
-def _mass(findings: Findings) -> Answer:
+@CLAIMS.claim(
+    where="V-C.2, A against B",
+    paper="The effect of the mass is negligible",
+    needs=("a", "b"),
+)
+def mass(findings: Findings) -> Answer:
     heavy, light = findings.trials["a"], findings.trials["b"]
     change = _apart(heavy, light)
     return Answer(
@@ -86,29 +104,35 @@ def _mass(findings: Findings) -> Answer:
     )
 
 
-def _uneven(findings: Findings) -> Answer:
-    even, uneven = findings.trials["base"], findings.trials["d"]
-    growth = [_head_to_tail(trial) for trial in (even, uneven)]
+@CLAIMS.claim(
+    where="V-C.2",
+    paper="Errors remain minimal compared to the lane width",
+    needs=CASES,
+)
+def small(findings: Findings) -> Answer:
+    worst = max(max(findings.trials[key].cross_track) for key in CASES)
     return Answer(
-        ours=f"from the first to the last follower true errors grow {growth[1]:.2f}-fold, in the "
-        f"even convoy of the base case {growth[0]:.2f}-fold",
-        holds=_grows_no_more(even, uneven),
-        phases=findings.phases(_grows_no_more, "base", "d"),
-        reason="it does no harm; whether errors decrease is the row before",
-        numbers={"growth_even_ratio": growth[0], "growth_uneven_ratio": growth[1]},
+        ours=f"at most {cm(worst)} beside the lead's path, {100 * worst / LANE:.1f} % of a lane",
+        holds=worst < 0.1 * LANE,
+        numbers={"cross_track_error_m_max": worst},
     )
 
 
-def _head_to_tail(trial: Trial) -> float:
-    """Ratio of the last follower's largest true error to the first one's."""
-    return trial.cross_track[-1] / trial.cross_track[0]
+@CLAIMS.claim(
+    where="V-C.3",
+    paper="With acceleration up to 30 m/s no error exceeds 11 cm",
+    needs=("variable_speed",),
+)
+def variable_below_11_cm(findings: Findings) -> Answer:
+    return below(0.11, "variable_speed", findings)
 
 
-def _grows_no_more(even: Trial, uneven: Trial) -> bool:
-    return _head_to_tail(uneven) <= _head_to_tail(even)
-
-
-def _slightly_more(findings: Findings) -> Answer:
+@CLAIMS.claim(
+    where="V-C.3",
+    paper="Errors are slightly larger than at constant speed",
+    needs=("base", "variable_speed"),
+)
+def slightly_more(findings: Findings) -> Answer:
     constant, varying = (max(findings.trials[key].tracking) for key in ("base", "variable_speed"))
     return Answer(
         ours=f"{cm(varying)} at most, {cm(constant)} at a constant 30 m/s",
@@ -120,7 +144,12 @@ def _slightly_more(findings: Findings) -> Answer:
     )
 
 
-def _varying_decreasing(findings: Findings) -> Answer:
+@CLAIMS.claim(
+    where="V-C.3",
+    paper="Largest errors decrease along the convoy",
+    needs=("variable_speed", "variable_speed/blend"),
+)
+def variable_speed_decreasing(findings: Findings) -> Answer:
     answer = decreasing("variable_speed", findings)
     speeds = []
     for drive in findings.trials["variable_speed"].followers:
@@ -135,73 +164,29 @@ def _varying_decreasing(findings: Findings) -> Answer:
     return replace(answer, reason=why) if answer.reason else answer
 
 
-def _decreasing(key: str, paper: str) -> Question:
-    return Question(
-        name=f"{key}_decreasing",
-        where=f"V-C.2, scenario {key.upper()}",
-        paper=paper,
-        needs=(key,),
-        answer=partial(decreasing, key),
-    )
+def _settles_at(speed: float, loading: Loading) -> float:
+    """Offset (m) from a bend's path at which a car settles that does not know its load."""
+    car = loaded(LINCOLN_MKZ, loading)
+    return steady_cornering(car, NOMINAL_GAINS, speed, 1.0 / RADIUS, LINCOLN_MKZ)[0]
 
 
-OTHER_CASES: tuple[Question, ...] = (
-    *(
-        _decreasing(key, f"Largest errors decrease along the convoy ({what})")
-        for key, what in (
-            ("a", "10 m/s, n_r = 2"),
-            ("b", "10 m/s, n_r = 0"),
-            ("c", "20 m/s, n_r = 0"),
-            ("d", "30 m/s, two heavier cars, two lighter"),
-        )
-    ),
-    Question(
-        name="uneven",
-        where="V-C.2, scenario D",
-        paper="An uneven convoy does not impact lateral string stability",
-        needs=("base", "d"),
-        answer=_uneven,
-    ),
-    Question(
-        name="faster",
-        where="V-C.2, A against C",
-        paper="Errors are larger at 20 m/s than at 10 m/s",
-        needs=("a", "c", "a/slip_compensated", "c/slip_compensated"),
-        answer=_faster,
-    ),
-    Question(
-        name="mass",
-        where="V-C.2, A against B",
-        paper="The effect of the mass is negligible",
-        needs=("a", "b"),
-        answer=_mass,
-    ),
-    Question(
-        name="small",
-        where="V-C.2",
-        paper="Errors remain minimal compared to the lane width",
-        needs=CASES,
-        answer=_small,
-    ),
-    Question(
-        name="variable_below_11_cm",
-        where="V-C.3",
-        paper="With acceleration up to 30 m/s no error exceeds 11 cm",
-        needs=("variable_speed",),
-        answer=partial(below, 0.11, "variable_speed"),
-    ),
-    Question(
-        name="slightly_more",
-        where="V-C.3",
-        paper="Errors are slightly larger than at constant speed",
-        needs=("base", "variable_speed"),
-        answer=_slightly_more,
-    ),
-    Question(
-        name="variable_speed_decreasing",
-        where="V-C.3",
-        paper="Largest errors decrease along the convoy",
-        needs=("variable_speed", "variable_speed/blend"),
-        answer=_varying_decreasing,
-    ),
-)
+def _is_larger(one: Trial, other: Trial) -> bool:
+    return max(other.tracking) > max(one.tracking)
+
+
+def _are_alike(one: Trial, other: Trial) -> bool:
+    return _apart(one, other) < max(2.0 * SAME, 0.1 * max(one.tracking))
+
+
+def _apart(one: Trial, other: Trial) -> float:
+    """Largest difference (m) between two runs in the largest error of a follower."""
+    return max(abs(a - b) for a, b in zip(one.tracking, other.tracking, strict=True))
+
+
+def _head_to_tail(trial: Trial) -> float:
+    """Ratio of the last follower's largest true error to the first one's."""
+    return trial.cross_track[-1] / trial.cross_track[0]
+
+
+def _grows_no_more(even: Trial, uneven: Trial) -> bool:
+    return _head_to_tail(uneven) <= _head_to_tail(even)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.findings import Findings
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.constant_speed import guaranteed_decay
@@ -20,8 +20,15 @@ from vehicles.theory.varying_speed import certified_acceleration
 SPEED = 30.0
 TEN_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
 
+CLAIMS = Claims()
 
-def _polynomial(_: Findings) -> Answer:
+
+@CLAIMS.claim(
+    where="III-F",
+    paper="The coefficients A_6 … A_0 of Δ(s, K)",
+    needs=("gains",),
+)
+def polynomial(_: Findings) -> Answer:
     worst = 0.0
     for speed in PAPER_SPEEDS:
         for loading in all_loadings():
@@ -39,7 +46,12 @@ def _polynomial(_: Findings) -> Answer:
     )
 
 
-def _state_equation(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="IV-A",
+    paper="The matrix A(γ) of the closed loop",
+    needs=("gains",),
+)
+def state_equation(_: Findings) -> Answer:
     car = LINCOLN_MKZ
     right = closed_loop_at(car, NOMINAL_GAINS, SPEED)
     printed = right.copy()
@@ -55,7 +67,12 @@ def _state_equation(_: Findings) -> Answer:
     )
 
 
-def _frozen(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="IV-A, Proposition 1",
+    paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
+    needs=("gains",),
+)
+def proposition_1(_: Findings) -> Answer:
     slowest, fastest = PAPER_SPEEDS[0], SPEED
     decay = guaranteed_decay(LINCOLN_MKZ, NOMINAL_GAINS, slowest, fastest)
     bounds = {
@@ -73,7 +90,12 @@ def _frozen(_: Findings) -> Answer:
     )
 
 
-def _norm(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="IV-B",
+    paper="With the predecessor's data only, ‖G‖∞ > 1, at low frequencies",
+    needs=("propagation",),
+)
+def norm_of_g(_: Findings) -> Answer:
     plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
     lagging = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
     first, second = peak(plain), peak(lagging)
@@ -97,7 +119,12 @@ def _norm(_: Findings) -> Answer:
     )
 
 
-def _equivalent(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="IV-B",
+    paper="sup σ_max(…) ≤ 1 is equivalent to ‖G‖∞ ≤ 1",
+    needs=("propagation",),
+)
+def equivalence(_: Findings) -> Answer:
     frequencies = np.geomspace(0.01, 100.0, 4000)
     s = 1j * frequencies
     plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
@@ -114,42 +141,3 @@ def _equivalent(_: Findings) -> Answer:
         "argument needs no more than that. N(0) also lacks the factor C_f, without consequence",
         numbers={"sigma_max": largest},
     )
-
-
-THEORY: tuple[Question, ...] = (
-    Question(
-        name="polynomial",
-        where="III-F",
-        paper="The coefficients A_6 … A_0 of Δ(s, K)",
-        needs=("gains",),
-        answer=_polynomial,
-    ),
-    Question(
-        name="state_equation",
-        where="IV-A",
-        paper="The matrix A(γ) of the closed loop",
-        needs=("gains",),
-        answer=_state_equation,
-    ),
-    Question(
-        name="proposition_1",
-        where="IV-A, Proposition 1",
-        paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
-        needs=("gains",),
-        answer=_frozen,
-    ),
-    Question(
-        name="norm_of_g",
-        where="IV-B",
-        paper="With the predecessor's data only, ‖G‖∞ > 1, at low frequencies",
-        needs=("propagation",),
-        answer=_norm,
-    ),
-    Question(
-        name="equivalence",
-        where="IV-B",
-        paper="sup σ_max(…) ≤ 1 is equivalent to ‖G‖∞ ≤ 1",
-        needs=("propagation",),
-        answer=_equivalent,
-    ),
-)
