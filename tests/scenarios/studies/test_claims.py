@@ -12,6 +12,7 @@ from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, groups, 
 from scenarios.studies.paper.claims.field import settled
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings, Tally, in_cm, non_increasing
+from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, VARIABLE_SPEED, A, B, C, D, RunKey
 from tests.made.findings import a_paper_come_true, a_trial
 
 SIMULATED = (*base.CLAIMS, *other_cases.CLAIMS, *field.CLAIMS)
@@ -30,8 +31,8 @@ def test_names_of_claims_differ() -> None:
 
 def test_only_what_was_run_is_judged() -> None:
     assert judgements(Findings()) == {}
-    assert "mass" not in judgements(Findings(trials={"a": a_trial((0.03, 0.03, 0.03))}))
-    assert "a_decreasing" in judgements(Findings(trials={"a": a_trial((0.03, 0.03, 0.03))}))
+    assert "mass" not in judgements(Findings(trials={A: a_trial((0.03, 0.03, 0.03))}))
+    assert "a_decreasing" in judgements(Findings(trials={A: a_trial((0.03, 0.03, 0.03))}))
 
 
 @pytest.mark.parametrize(
@@ -47,7 +48,7 @@ def test_an_answer_becomes_a_judgement(holds: bool | None, judgement: str) -> No
 def test_a_claim_is_registered_under_the_name_of_its_function_in_order() -> None:
     claims = Claims()
 
-    @claims.claim(where="V", paper="says", needs=("base",))
+    @claims.claim(where="V", paper="says", needs=(BASE,))
     def second_lane_change(_: Findings) -> Answer:
         return Answer(ours="we", holds=True)
 
@@ -56,7 +57,7 @@ def test_a_claim_is_registered_under_the_name_of_its_function_in_order() -> None
         return Answer(ours="we", holds=None)
 
     assert [claim.name for claim in claims] == ["second_lane_change", "conclusion"]
-    assert (claims[0].where, claims[0].paper, claims[0].needs) == ("V", "says", ("base",))
+    assert (claims[0].where, claims[0].paper, claims[0].needs) == ("V", "says", (BASE,))
     assert judgements(Findings(), claims) == {"conclusion": "not checkable"}
     assert second_lane_change(Findings()).holds
 
@@ -79,33 +80,33 @@ def test_non_increasing(maxima: tuple[float, ...], expected: bool) -> None:
 def test_a_limit_holds_or_not_and_noise_is_counted() -> None:
     findings = Findings(
         trials={
-            "variable_speed": a_trial((0.02, 0.108, 0.05)),
-            "variable_speed/noise/1": a_trial((0.02, 0.10, 0.05)),
-            "variable_speed/noise/2": a_trial((0.02, 0.12, 0.05)),
+            VARIABLE_SPEED: a_trial((0.02, 0.108, 0.05)),
+            VARIABLE_SPEED.noisy(1): a_trial((0.02, 0.10, 0.05)),
+            VARIABLE_SPEED.noisy(2): a_trial((0.02, 0.12, 0.05)),
         }
     )
-    answer = below(0.11, "variable_speed", findings)
+    answer = below(0.11, VARIABLE_SPEED, findings)
     assert answer.holds
     assert answer.noise == Tally(1, 2)
     assert "10.8 cm (2.0, 10.8, 5.0 cm)" in answer.ours
-    assert not below(0.10, "variable_speed", findings).holds
+    assert not below(0.10, VARIABLE_SPEED, findings).holds
 
 
 def test_errors_that_grow_fail_with_a_reason_and_others_need_none() -> None:
-    grows = Findings(trials={key: a_trial((0.04, 0.05, 0.06)) for key in ("d", "d/blend")})
-    answer = decreasing("d", grows)
+    grows = Findings(trials={key: a_trial((0.04, 0.05, 0.06)) for key in (D, D.varied("blend"))})
+    answer = decreasing(D, grows)
     assert answer.holds is False
     assert "one trajectory for each source" in answer.reason
-    falls = decreasing("d", Findings(trials={"d": a_trial((0.06, 0.05, 0.04))}))
+    falls = decreasing(D, Findings(trials={D: a_trial((0.06, 0.05, 0.04))}))
     assert falls.holds
     assert not falls.reason
 
 
 def test_what_holds_but_for_noise_says_so() -> None:
     findings = Findings(
-        trials={"a": a_trial((0.04, 0.03, 0.02)), "a/noise/1": a_trial((0.04, 0.03, 0.05))}
+        trials={A: a_trial((0.04, 0.03, 0.02)), A.noisy(1): a_trial((0.04, 0.03, 0.05))}
     )
-    answer = decreasing("a", findings)
+    answer = decreasing(A, findings)
     assert answer.holds
     assert answer.noise == Tally(0, 1)
     assert "chance" in answer.reason
@@ -122,10 +123,10 @@ def test_what_hangs_on_where_the_samples_fall_is_undecided(
 ) -> None:
     findings = Findings(
         trials={
-            "b": a_trial((0.04, 0.03, last)),
-            "b/blend": a_trial((0.04, 0.03, 0.02)),
-            "b/phase/0.5": a_trial((0.04, 0.031, last - 0.002)),
-            "b/phase/0.75": a_trial((0.04, 0.03, last - 0.001)),
+            B: a_trial((0.04, 0.03, last)),
+            B.varied("blend"): a_trial((0.04, 0.03, 0.02)),
+            B.moved(0.5): a_trial((0.04, 0.031, last - 0.002)),
+            B.moved(0.75): a_trial((0.04, 0.03, last - 0.001)),
         }
     )
     (one,) = judge([c for c in ALL if c.name == "b_decreasing"], findings)
@@ -149,24 +150,24 @@ def test_where_the_simulations_bear_the_paper_out_all_those_claims_hold() -> Non
 @pytest.mark.parametrize(
     ("key", "trial", "falls"),
     [
-        ("base", a_trial((0.08, 0.091, 0.05)), {"base_below_9_cm", "base_decreasing", "base_true"}),
-        ("base", a_trial((0.08, 0.06, 0.05), (0.08, 0.09, 0.10)), {"base_true"}),
-        ("no_lead_data", a_trial((0.08, 0.09, 0.1), (0.08,) * 3), {"amplified_without_lead_data"}),
-        ("c", a_trial((0.03, 0.02, 0.01)), {"faster"}),
-        ("b", a_trial((0.05, 0.04, 0.03)), {"mass"}),
-        ("d", a_trial((0.02, 0.03, 0.05)), {"d_decreasing", "uneven"}),
-        ("variable_speed", a_trial((0.12, 0.09, 0.08)), {"variable_below_11_cm"}),
-        ("variable_speed", a_trial((0.06, 0.05, 0.04)), {"slightly_more"}),
-        ("variable_speed", a_trial((0.09, 0.10, 0.10)), {"variable_speed_decreasing"}),
-        ("a", a_trial((0.03, 0.02, 0.01), (0.03, 0.02, 0.4)), {"small"}),
+        (BASE, a_trial((0.08, 0.091, 0.05)), {"base_below_9_cm", "base_decreasing", "base_true"}),
+        (BASE, a_trial((0.08, 0.06, 0.05), (0.08, 0.09, 0.10)), {"base_true"}),
+        (NO_LEAD_DATA, a_trial((0.08, 0.09, 0.1), (0.08,) * 3), {"amplified_without_lead_data"}),
+        (C, a_trial((0.03, 0.02, 0.01)), {"faster"}),
+        (B, a_trial((0.05, 0.04, 0.03)), {"mass"}),
+        (D, a_trial((0.02, 0.03, 0.05)), {"d_decreasing", "uneven"}),
+        (VARIABLE_SPEED, a_trial((0.12, 0.09, 0.08)), {"variable_below_11_cm"}),
+        (VARIABLE_SPEED, a_trial((0.06, 0.05, 0.04)), {"slightly_more"}),
+        (VARIABLE_SPEED, a_trial((0.09, 0.10, 0.10)), {"variable_speed_decreasing"}),
+        (A, a_trial((0.03, 0.02, 0.01), (0.03, 0.02, 0.4)), {"small"}),
     ],
 )  # fmt: skip
-def test_each_claim_fails_where_it_should(key: str, trial: Trial, falls: set[str]) -> None:
+def test_each_claim_fails_where_it_should(key: RunKey, trial: Trial, falls: set[str]) -> None:
     findings = a_paper_come_true()
     before = judgements(findings)
     findings.trials[key] = trial
-    if key == "d":
-        findings.trials["d/blend"] = trial
+    if key == D:
+        findings.trials[D.varied("blend")] = trial
     after = judgements(findings)
     changed = {name for name in after if after[name] != before[name]}
     assert changed == falls
@@ -180,7 +181,9 @@ def test_the_field_claims_fail_where_they_should() -> None:
     assert found["field_amplified"] == "does not hold"
     assert found["field_not_amplified"] == "does not hold"
     assert found["field_on_the_road"] == "does not hold"
-    findings.weavings = [replace(w, amplitudes=(1.0, 0.9)) for w in findings.weavings]
+    findings.sine_responses = [
+        replace(one, amplitudes=(1.0, 0.9)) for one in findings.sine_responses
+    ]
     assert judgements(findings)["propagation_measured"] == "does not hold"
 
 
@@ -192,7 +195,7 @@ def test_initial_errors_do_not_count_once_settled() -> None:
 
 
 def test_what_theory_says_of_the_paper() -> None:
-    findings = Findings(gains_pictures=(), weavings=a_paper_come_true().weavings)
+    findings = Findings(gains_pictures=(), sine_responses=a_paper_come_true().sine_responses)
     found = judgements(findings, CALCULATED)
     assert set(found) == {claim.name for claim in CALCULATED}
     assert {name for name, judgement in found.items() if judgement == "does not hold"} == {

@@ -13,17 +13,18 @@ from scenarios.results.summary import scenario_in
 from scenarios.runs.rehearsal import record, rehearse
 from scenarios.runs.run_log import LOG_NAME
 from scenarios.studies.paper.experiments import (
-    CASES,
     LANE,
     RADII,
     ROADS,
+    RUNS_OF_CASE,
     Experiment,
     at_the_same_times,
-    pieces,
+    lane_change_lengths,
     road,
 )
 from scenarios.studies.paper.field_runs import as_run, field_runs
-from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, weaving_scenario
+from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, sine_scenario
+from scenarios.studies.paper.keys import BASE, RunKey
 from scenarios.studies.paper.linear_prediction import predicted
 from tests.made.messages import truth
 from transport.log.mcap_log import LogReader
@@ -31,13 +32,13 @@ from vehicles.car.parameters import NOMINAL_GAINS
 from vehicles.messages import CompositeTrajectory, RunStart
 from vehicles.theory.string_stability import Transfer
 
-EXPERIMENTS = {key: run for case in CASES.values() for key, run in case.items()}
+EXPERIMENTS = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
 SHORT = ["duration_s=3.0", "convoy.vehicles=2"]
 
 
 def test_every_experiment_can_be_driven() -> None:
     for key, run in EXPERIMENTS.items():
-        if "/noise/" in key and not key.endswith("/2"):
+        if key.seed not in {None, 2}:
             continue  # differs from another by its seed only
         scenario = load_scenario(run.scenario, run.overrides, run.seed)
         assert max(scenario.route.plan.speeds) == min(scenario.route.plan.speeds) or (
@@ -83,7 +84,7 @@ def test_the_field_course_is_closed() -> None:
 
 @pytest.mark.parametrize("radius", RADII)
 def test_a_lane_change_is_a_lane_wide(radius: float) -> None:
-    arc, straight = pieces(radius)
+    arc, straight = lane_change_lengths(radius)
     angle = arc / radius
     sideways = 2.0 * radius * (1.0 - cos(angle)) + straight * sin(angle)
     assert sideways == pytest.approx(LANE, abs=0.01)
@@ -101,7 +102,7 @@ def test_a_road_of_the_same_times_asks_for_the_same_lateral_acceleration(speed: 
 
 
 @pytest.mark.parametrize("case", ROADS)
-def test_a_road_that_is_not_moved_is_the_case_s_own(case: str) -> None:
+def test_a_road_that_is_not_moved_is_the_case_s_own(case: RunKey) -> None:
     """And a moved one is the same, but later by the way of a part of 0.1 s."""
     speed, begins = ROADS[case]
     own, again, moved = (
@@ -109,7 +110,7 @@ def test_a_road_that_is_not_moved_is_the_case_s_own(case: str) -> None:
         for overrides in (
             (),
             (road(500.0, 30.0, 30.0, begins),),
-            CASES[case][f"{case}/phase/0.5"].overrides,
+            RUNS_OF_CASE[str(case)][case.moved(0.5)].overrides,
         )
     )
     assert own.plan.at(begins[0] / speed) == speed
@@ -181,7 +182,7 @@ def a_drive(name: str, east: np.ndarray, north: np.ndarray, speed: float) -> Dri
     )
 
 
-def test_amplitudes_are_read_off_weaving_paths_beside_a_drift() -> None:
+def test_amplitudes_of_sines_are_found_beside_a_drift() -> None:
     east, frequency, speed = np.arange(0.0, 900.0, 0.6), 2.0, 30.0
     swing = frequency * east / speed
     drives = (
@@ -194,9 +195,9 @@ def test_amplitudes_are_read_off_weaving_paths_beside_a_drift() -> None:
     assert np.angle(found[1] / found[0]) == pytest.approx(-0.3)
 
 
-def test_the_weaving_lead_swings_as_asked_for_all_the_periods() -> None:
+def test_the_lead_drives_the_sine_for_all_the_periods() -> None:
     frequency = 2.5
-    scenario = weaving_scenario(frequency)
+    scenario = sine_scenario(frequency)
     speed = scenario.tables.speed.set_mps
     east = np.arange(0.0, speed * scenario.duration_s, 0.5)
     assert scenario.tables.control.fusion == "predecessor"
@@ -246,6 +247,6 @@ def test_samples_are_counted_ahead_of_the_car_and_by_source() -> None:
 
 
 def test_the_base_case_is_logged_and_its_variants_are_not() -> None:
-    assert EXPERIMENTS["base"] == Experiment(logged=True)
-    assert not EXPERIMENTS["base/blend"].logged
+    assert EXPERIMENTS[BASE] == Experiment(logged=True)
+    assert not EXPERIMENTS[BASE.varied("blend")].logged
     assert sqrt(len(EXPERIMENTS)) < 12.0  # a whole reproduction takes about a minute

@@ -13,8 +13,9 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.runs.run_log import LOG_NAME
 from scenarios.studies.paper import reproduce as reproduction
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
-from scenarios.studies.paper.experiments import CASES, Experiment
+from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, Part, SineKey
 from scenarios.studies.paper.report.pictures import PICTURES
 from scenarios.studies.paper.report.report import CLAIMS, write_report
 from scenarios.studies.paper.reproduce import (
@@ -50,10 +51,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report on made-up findings, with something for every run of every case."""
     out = tmp_path_factory.mktemp("whole")
     findings = a_paper_come_true()
-    for case in CASES.values():
+    for case in RUNS_OF_CASE.values():
         for key in case:
-            findings.trials.setdefault(key, findings.trials["base"])
-    write_report(findings, list(CASES), out)
+            findings.trials.setdefault(key, findings.trials[BASE])
+    write_report(findings, list(RUNS_OF_CASE), out)
     return out
 
 
@@ -93,7 +94,9 @@ def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
         f"not hold, {counts[3]} cannot"
     )
     assert said in (whole / "report.md").read_text(encoding="utf-8")
-    assert set(report["runs"]) >= {key for case in CASES.values() for key in case}
+    assert set(report["runs"]) == {"field/with", "field/without"} | {
+        str(key) for case in RUNS_OF_CASE.values() for key in case
+    }
     noise = next(claim["noise"] for claim in report["claims"] if claim["name"] == "a_decreasing")
     assert noise == {"holding": 3, "runs": 3}
     assert report["runs"]["base"]["tracking_error_m_max"] == pytest.approx([0.08, 0.06, 0.05])
@@ -103,8 +106,8 @@ def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
 def test_a_small_reproduction_from_end_to_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tiny = {"base": Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
-    monkeypatch.setitem(CASES, "base", tiny)
+    tiny = {BASE: Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
+    monkeypatch.setitem(RUNS_OF_CASE, "base", tiny)
     said: list[str] = []
     assert reproduce(["base"], tmp_path / "paper", said.append, workers=0) == 0
     assert (tmp_path / "paper" / "base" / LOG_NAME).exists()
@@ -132,15 +135,15 @@ def test_an_unknown_case_is_refused_with_a_guess(tmp_path: Path) -> None:
 
 def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
     assert chosen_cases(["field", "a", "base"]) == ["base", "a", "field"]
-    assert chosen_cases([]) == list(CASES)
+    assert chosen_cases([]) == list(RUNS_OF_CASE)
 
 
 def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
     jobs = list(jobs_of(chosen_cases([]), tmp_path))
-    runs = {key for case in CASES.values() for key in case}
+    runs = {key for case in RUNS_OF_CASE.values() for key in case}
     assert runs <= set(jobs)
-    assert jobs[:2] == ["field", "gains"]
-    assert jobs.index("variable_speed") < jobs.index("base/noise/1")
+    assert jobs[:2] == [Part.FIELD, Part.GAINS]
+    assert jobs.index(VARIABLE_SPEED) < jobs.index(BASE.noisy(1))
 
 
 def test_jobs_are_done_by_worker_processes() -> None:
@@ -156,11 +159,13 @@ def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
 
 def test_results_are_put_where_they_belong() -> None:
     source, findings = a_paper_come_true(), Findings()
-    add(findings, "base", source.trials["base"])
-    add(findings, "field", source.field)
-    add(findings, "gains", ("one.png",))
-    add(findings, "propagation", source.weavings[0])
-    assert all(map(findings.has, ("base", "field", "gains", "propagation")))
+    add(findings, BASE, source.trials[BASE])
+    add(findings, Part.FIELD, source.field)
+    add(findings, Part.GAINS, ("one.png",))
+    add(findings, SineKey(0.8, 0.25), source.sine_responses[0])
+    assert all(map(findings.has, (BASE, *Part)))
+    with pytest.raises(TypeError, match="base: not a result of this part: FieldRuns"):
+        add(findings, BASE, source.field)
 
 
 def test_the_gains_pictures_are_those_of_the_gains_report(
@@ -173,6 +178,6 @@ def test_the_gains_pictures_are_those_of_the_gains_report(
         return {"pictures": ["roots_over_loadings.png"]}
 
     monkeypatch.setattr("scenarios.studies.gains.report.gains_report", report)
-    pictures = reproduction.jobs_of(["gains"], tmp_path)["gains"]()
+    pictures = reproduction.jobs_of(["gains"], tmp_path)[Part.GAINS]()
     assert pictures == ("roots_over_loadings.png",)
     assert drawn == [tmp_path / "gains"]

@@ -10,6 +10,14 @@ from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import RADII
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
 from scenarios.studies.paper.growth import linear, why_growing
+from scenarios.studies.paper.keys import (
+    BASE,
+    LONG_WITH,
+    LONG_WITHOUT,
+    NO_LEAD_DATA,
+    RunKey,
+    at_radius,
+)
 
 GAP_S = 0.5
 """The convoy's gap (s)."""
@@ -23,7 +31,7 @@ CLAIMS = Claims()
 @CLAIMS.claim(
     where="V-C, target trajectory",
     paper="A double lane change on 1 km: first from 5 s to before 10 s, then from 20 s to 25 s",
-    needs=("base",),
+    needs=(BASE,),
 )
 def road(_: Findings) -> Answer:
     return Answer(
@@ -37,20 +45,20 @@ def road(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-C.1, errors with n_f = 1, n_r = 3",
     paper="Four cars, 30 m/s: the largest lateral error is under 9 cm",
-    needs=("base",),
+    needs=(BASE,),
 )
 def base_below_9_cm(findings: Findings) -> Answer:
-    return below(0.09, "base", findings)
+    return below(0.09, BASE, findings)
 
 
 @CLAIMS.claim(
     where="V-C.1",
     paper="It is observed where the curved section begins and ends",
-    needs=("base",),
+    needs=(BASE,),
 )
 def base_where(findings: Findings) -> Answer:
     after = []
-    for place, drive in enumerate(findings.trials["base"].followers, start=1):
+    for place, drive in enumerate(findings.trials[BASE].followers, start=1):
         peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * GAP_S
         after.append(min((peak - at for at in CHANGES), key=abs))
     return Answer(
@@ -65,31 +73,31 @@ def base_where(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-C.1; IV-B, Definition 1",
     paper="The largest errors decrease from the first follower on",
-    needs=("base", "base/blend"),
+    needs=(BASE, BASE.varied("blend")),
 )
 def base_decreasing(findings: Findings) -> Answer:
-    return decreasing("base", findings)
+    return decreasing(BASE, findings)
 
 
 @CLAIMS.claim(
     where="V-C.1; IV-B (none will be off-track)",
     paper="This affirms lateral string stability: no car is further off than the one ahead",
-    needs=("base", "long/with"),
+    needs=(BASE, LONG_WITH),
 )
 def base_true(findings: Findings) -> Answer:
     def stays_on_track(run: Trial) -> bool:
         return non_increasing(run.cross_track)
 
-    trial, long = findings.trials["base"], findings.trials["long/with"]
-    _, expected = linear(findings, "base")
+    trial, long = findings.trials[BASE], findings.trials[LONG_WITH]
+    _, expected = linear(findings, BASE)
     return Answer(
         ours=f"against the lead's driven path {in_cm(trial.cross_track)}; of eight cars "
         f"{in_cm(long.cross_track)}",
         holds=stays_on_track(trial),
         reason="every car adds its own error to half of the one before; they grow, and level off "
         f"(linear theory: {in_cm(expected)}). An error against the own trajectory does not show it",
-        phases=findings.phases(stays_on_track, "base"),
-        noise=findings.seeds(stays_on_track, "base"),
+        phases=findings.phases(stays_on_track, BASE),
+        noise=findings.seeds(stays_on_track, BASE),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
@@ -97,20 +105,20 @@ def base_true(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="I, IV-B, in simulation",
     paper="With the predecessor's data only, cross-track errors amplify",
-    needs=("no_lead_data", "long/without"),
+    needs=(NO_LEAD_DATA, LONG_WITHOUT),
 )
 def amplified_without_lead_data(findings: Findings) -> Answer:
     def grows(run: Trial) -> bool:
         return run.cross_track[-1] > run.cross_track[0] + SAME
 
-    trial, long = findings.trials["no_lead_data"], findings.trials["long/without"]
-    _, expected = linear(findings, "no_lead_data")
+    trial, long = findings.trials[NO_LEAD_DATA], findings.trials[LONG_WITHOUT]
+    _, expected = linear(findings, NO_LEAD_DATA)
     return Answer(
         ours=f"true errors {in_cm(trial.cross_track)}, of eight cars {in_cm(long.cross_track)}; "
         f"against the own trajectory only {in_cm(trial.tracking)}",
         holds=grows(trial),
         reason=f"as linear theory says: {in_cm(expected)}",
-        noise=findings.seeds(grows, "no_lead_data"),
+        noise=findings.seeds(grows, NO_LEAD_DATA),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
@@ -118,10 +126,10 @@ def amplified_without_lead_data(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="I, V-C, in simulation",
     paper="The lead's data reduce the propagation of cross-track errors",
-    needs=("long/with", "long/without"),
+    needs=(LONG_WITH, LONG_WITHOUT),
 )
 def reduced_by_lead_data(findings: Findings) -> Answer:
-    with_data, without = findings.trials["long/with"], findings.trials["long/without"]
+    with_data, without = findings.trials[LONG_WITH], findings.trials[LONG_WITHOUT]
     growth = [trial.cross_track[-1] - trial.cross_track[-2] for trial in (with_data, without)]
     return Answer(
         ours=f"the eighth car is {cm(with_data.cross_track[-1])} off the lead's path with the "
@@ -138,7 +146,7 @@ def numbers_of(trial: Trial) -> dict[str, tuple[float, ...]]:
     return {"tracking_error_m_max": trial.tracking, "cross_track_error_m_max": trial.cross_track}
 
 
-def below(limit: float, key: str, findings: Findings) -> Answer:
+def below(limit: float, key: RunKey, findings: Findings) -> Answer:
     """Answer whether all errors against the own trajectory stay under `limit` (m)."""
     trial = findings.trials[key]
 
@@ -148,7 +156,7 @@ def below(limit: float, key: str, findings: Findings) -> Answer:
     return Answer(
         ours=f"at most {cm(max(trial.tracking))} ({in_cm(trial.tracking)})",
         holds=stays_below(trial),
-        reason=_radii(limit, findings) if key == "base" else "",
+        reason=_radii(limit, findings) if key == BASE else "",
         phases=findings.phases(stays_below, key),
         noise=findings.seeds(stays_below, key),
         numbers=numbers_of(trial),
@@ -157,20 +165,18 @@ def below(limit: float, key: str, findings: Findings) -> Answer:
 
 def _radii(limit: float, findings: Findings) -> str:
     """From which radius on the errors stay under `limit` (m), if the radii were run."""
-    tried = [radius for radius in RADII if findings.has(f"radius/{radius:g}")]
+    tried = [radius for radius in RADII if findings.has(at_radius(radius))]
     if not tried:
         return ""
-    exact = [r for r in tried if max(findings.trials[f"radius/{r:g}"].tracking) < limit]
-    noisy = [
-        r for r in tried if all(max(t.tracking) < limit for t in findings.noisy(f"radius/{r:g}"))
-    ]
+    exact = [r for r in tried if max(findings.trials[at_radius(r)].tracking) < limit]
+    noisy = [r for r in tried if all(max(t.tracking) < limit for t in findings.noisy(at_radius(r)))]
     return (
         f"depends on the road: of the radii tried it holds from {min(exact):g} m on, with noise "
         f"from {min(noisy):g} m on"
     )
 
 
-def decreasing(key: str, findings: Findings) -> Answer:
+def decreasing(key: RunKey, findings: Findings) -> Answer:
     """Answer whether no follower's largest error exceeds that of the one ahead."""
 
     def decreases(run: Trial) -> bool:
@@ -187,7 +193,7 @@ def decreasing(key: str, findings: Findings) -> Answer:
         reason = ""
     heading = max(float(np.abs(drive.heading_error).max()) for drive in trial.followers)
     return Answer(
-        ours=f"{in_cm(trial.tracking)}{_growth(findings.shifted(key))}; heading errors up to "
+        ours=f"{in_cm(trial.tracking)}{_growth(findings.moved(key))}; heading errors up to "
         f"{heading:.3f} rad",
         holds=holds,
         reason=reason,

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from scenarios.studies.paper.findings import Findings, Tally
+from scenarios.studies.paper.keys import Need
 
 Judgement = Literal["holds", "undecided", "does not hold", "not checkable"]
 JUDGEMENTS: tuple[Judgement, ...] = ("holds", "undecided", "does not hold", "not checkable")
@@ -35,7 +36,7 @@ class Claim:
     name: str
     where: str
     paper: str
-    needs: tuple[str, ...] = ()
+    needs: tuple[Need, ...] = ()
     answer: Callable[[Findings], Answer]
 
 
@@ -43,7 +44,7 @@ class Claims(list[Claim]):
     """The claims of one part of the paper, in the order in which they are registered."""
 
     def claim(
-        self, *, where: str, paper: str, needs: tuple[str, ...] = ()
+        self, *, where: str, paper: str, needs: tuple[Need, ...] = ()
     ) -> Callable[[Callable[[Findings], Answer]], Callable[[Findings], Answer]]:
         """Register the decorated function as the answer to a claim; it gives the claim its name."""
 

@@ -9,6 +9,7 @@ from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import LANE
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
+from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.preview.trajectory import FitSettings
 from vehicles.theory.string_stability import propagation, trace_propagation
@@ -40,7 +41,7 @@ CLAIMS = Claims()
 @CLAIMS.claim(
     where="IV-B, on the real convoy",
     paper="Errors amplify at low frequencies with the predecessor's data only",
-    needs=("propagation",),
+    needs=(Part.PROPAGATION,),
 )
 def propagation_measured(findings: Findings) -> Answer:
     frequencies, ratios = findings.ratios(PREVIEW_S)
@@ -77,7 +78,7 @@ def propagation_measured(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-D, reference path and errors",
     paper="The figures of the path and of the lateral errors",
-    needs=("field",),
+    needs=(Part.FIELD,),
 )
 def field_course(_: Findings) -> Answer:
     return Answer(
@@ -90,7 +91,7 @@ def field_course(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-D.1, without lead data",
     paper="Cross-track errors amplify from PL2 to PL3",
-    needs=("field",),
+    needs=(Part.FIELD,),
 )
 def field_amplified(findings: Findings) -> Answer:
     _, trial = _field(findings)
@@ -100,7 +101,7 @@ def field_amplified(findings: Findings) -> Answer:
         f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
         f"{_in_words(errors.tracking, errors.tracking_rms)}",
         holds=_grow(errors.cross_track_rms),
-        noise=findings.seeds(lambda t: _grow(settled(t).cross_track_rms), "field/without"),
+        noise=findings.seeds(lambda t: _grow(settled(t).cross_track_rms), FIELD_WITHOUT),
         numbers=numbers_of(errors),
     )
 
@@ -108,7 +109,7 @@ def field_amplified(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-D.2, with lead data",
     paper="Cross-track errors of the followers do not amplify",
-    needs=("field",),
+    needs=(Part.FIELD,),
 )
 def field_not_amplified(findings: Findings) -> Answer:
     trial, without = _field(findings)
@@ -120,7 +121,7 @@ def field_not_amplified(findings: Findings) -> Answer:
         reason="off the lead's driven path they grow all the same, "
         f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
         f"without the lead's data {other:.2f}-fold",
-        noise=findings.seeds(lambda t: not _grow(settled(t).tracking_rms), "field/with"),
+        noise=findings.seeds(lambda t: not _grow(settled(t).tracking_rms), FIELD_WITH),
         numbers=numbers_of(errors),
     )
 
@@ -128,7 +129,7 @@ def field_not_amplified(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-D.2, with lead data",
     paper="Where they appear to, it is for the second car's initial error",
-    needs=("field",),
+    needs=(Part.FIELD,),
 )
 def field_initial_error(findings: Findings) -> Answer:
     trial, _ = _field(findings)
@@ -145,7 +146,7 @@ def field_initial_error(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-D.2",
     paper="All followers stay on the road throughout",
-    needs=("field",),
+    needs=(Part.FIELD,),
 )
 def field_on_the_road(findings: Findings) -> Answer:
     trial, _ = _field(findings)

@@ -4,6 +4,7 @@ import numpy as np
 
 from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import (
     LINCOLN_MKZ,
     NOMINAL_GAINS,
@@ -31,7 +32,7 @@ CLAIMS = Claims()
 @CLAIMS.claim(
     where="V-A, figure of the stabilising set",
     paper="The set at 30 m/s is bounded and not convex",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def stabilising_set(_: Findings) -> Answer:
     lateral, heading, yaw_rate = (
@@ -55,7 +56,7 @@ def stabilising_set(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-A",
     paper="(0.06, 0.96, 0.08) lies inside the sets of 10, 20, … 60, 67 mph",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def inside_the_intersection(_: Findings) -> Answer:
     slowest = {speed: float(abscissa(LINCOLN_MKZ, NOMINAL_GAINS, [speed])[0]) for speed in SPEEDS}
@@ -71,7 +72,7 @@ def inside_the_intersection(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-A",
     paper="A ball around the gains fits into the set",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def ball(_: Findings) -> Answer:
     plain = stability_ball(LINCOLN_MKZ, SPEED, NOMINAL_GAINS)
@@ -87,7 +88,7 @@ def ball(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-B, figure of the roots",
     paper="With n_f ≤ 1, n_r ≤ 3 all roots stay in the left half-plane at 30 m/s",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def all_loadings(_: Findings) -> Answer:
     at_speed = [float(abscissa(car, NOMINAL_GAINS, [SPEED])[0]) for car in CARS]
@@ -113,7 +114,7 @@ def all_loadings(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-B, figure of the roots",
     paper="These are roots of Δ_o(s)",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def open_loop_roots(_: Findings) -> Answer:
     roots = np.roots(handling_polynomial(LINCOLN_MKZ, SPEED))

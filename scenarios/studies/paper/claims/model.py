@@ -7,6 +7,7 @@ import numpy as np
 
 from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import BASE, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.gain_margins import common_ball
 from vehicles.theory.gain_sets import PAPER_SPEEDS, abscissa, stabilises_all
@@ -22,7 +23,7 @@ CLAIMS = Claims()
 @CLAIMS.claim(
     where="II, Table I; III-D",
     paper="The table's car is understeering (K_sg > 0); m_v = W/g",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def parameters(_: Findings) -> Answer:
     car = LINCOLN_MKZ
@@ -39,7 +40,7 @@ def parameters(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="II, eq. (4)",
     paper="ζ = 0.4056, ω_n = 21.4813 rad/s compare with ζ = 0.7, ω_n ≈ 19 rad/s of others",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def steering_parameters(_: Findings) -> Answer:
     other = replace(LINCOLN_MKZ, steering_damping=0.7, steering_frequency=19.0)
@@ -67,7 +68,7 @@ def steering_parameters(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="III-A",
     paper="L_preview = 0.8 v ≈ 30 m at highway speed",
-    needs=("base",),
+    needs=(BASE,),
 )
 def preview(_: Findings) -> Answer:
     return Answer(
@@ -81,10 +82,10 @@ def preview(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="III-A",
     paper="At 20 Hz the preview holds M, N < 20 samples, about a metre apart",
-    needs=("base",),
+    needs=(BASE,),
 )
 def preview_samples(findings: Findings) -> Answer:
-    seen = findings.trials["base"].samples
+    seen = findings.trials[BASE].samples
     return Answer(
         ours=f"at most {seen.lead} samples of the lead and {seen.predecessor} of the predecessor "
         "ahead of a car, 1.5 m apart",
@@ -97,7 +98,7 @@ def preview_samples(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="III-A, III-B",
     paper="Samples within 10 cm of their chord are a straight line",
-    needs=("base",),
+    needs=(BASE,),
 )
 def ten_centimetres(_: Findings) -> Answer:
     hidden = {speed: (0.8 * speed) ** 2 / (8.0 * THRESHOLD) for speed in (10.0, 20.0, 30.0)}
@@ -114,7 +115,7 @@ def ten_centimetres(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="III-B",
     paper="e_lat = R − distance from the centre; on a line (Y − m X − c) / √(1 + m²)",
-    needs=("base",),
+    needs=(BASE,),
 )
 def signs(_: Findings) -> Answer:
     return Answer(
@@ -128,10 +129,10 @@ def signs(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="III-B",
     paper="θ_R is the direction of the closest and the second closest point",
-    needs=("base",),
+    needs=(BASE,),
 )
 def two_samples(findings: Findings) -> Answer:
-    wrong = findings.trials["base"].samples.rule_error
+    wrong = findings.trials[BASE].samples.rule_error
     return Answer(
         ours=f"in the base case the line through these two points up to {wrong * 180 / pi:.0f}° "
         "off the car's heading",

@@ -4,6 +4,7 @@ import numpy as np
 
 from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.constant_speed import guaranteed_decay
 from vehicles.theory.gain_sets import PAPER_SPEEDS
@@ -26,7 +27,7 @@ CLAIMS = Claims()
 @CLAIMS.claim(
     where="III-F",
     paper="The coefficients A_6 … A_0 of Δ(s, K)",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def polynomial(_: Findings) -> Answer:
     worst = 0.0
@@ -49,7 +50,7 @@ def polynomial(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="IV-A",
     paper="The matrix A(γ) of the closed loop",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def state_equation(_: Findings) -> Answer:
     car = LINCOLN_MKZ
@@ -70,7 +71,7 @@ def state_equation(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="IV-A, Proposition 1",
     paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
-    needs=("gains",),
+    needs=(Part.GAINS,),
 )
 def proposition_1(_: Findings) -> Answer:
     slowest, fastest = PAPER_SPEEDS[0], SPEED
@@ -93,7 +94,7 @@ def proposition_1(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="IV-B",
     paper="With the predecessor's data only, ‖G‖∞ > 1, at low frequencies",
-    needs=("propagation",),
+    needs=(Part.PROPAGATION,),
 )
 def norm_of_g(_: Findings) -> Answer:
     plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
@@ -122,7 +123,7 @@ def norm_of_g(_: Findings) -> Answer:
 @CLAIMS.claim(
     where="IV-B",
     paper="sup σ_max(…) ≤ 1 is equivalent to ‖G‖∞ ≤ 1",
-    needs=("propagation",),
+    needs=(Part.PROPAGATION,),
 )
 def equivalence(_: Findings) -> Answer:
     frequencies = np.geomspace(0.01, 100.0, 4000)

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from scenarios.results.drives import Array, Drive, Trial
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, A, B, C, D
 from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 
 COLOURS = (GREY, BLUE, ORANGE, GREEN, PURPLE)
@@ -45,7 +46,7 @@ def true_errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
 
 def road(findings: Findings) -> Figure:
     """Draw the lead's path, as in the paper's figure of the target trajectory."""
-    lead = findings.trials["base"].lead
+    lead = findings.trials[BASE].lead
     figure = Figure(figsize=(7.6, 2.4), layout="constrained")
     axes = figure.subplots()
     axes.plot(lead.east, lead.north, color=BLUE)
@@ -72,7 +73,7 @@ def base(findings: Findings) -> Figure:
     """Draw the lateral errors of the base case."""
     figure = Figure(figsize=(7.6, 3.4), layout="constrained")
     axes = figure.subplots()
-    _errors(axes, findings.trials["base"])
+    _errors(axes, findings.trials[BASE])
     for limit in (-9.0, 9.0):
         axes.axhline(limit, color=RED, linewidth=0.8, linestyle=":")
     axes.annotate(
@@ -91,10 +92,10 @@ def base(findings: Findings) -> Figure:
 def a_to_d(findings: Findings) -> Figure:
     """Draw the lateral errors of scenarios A to D, in the paper's layout."""
     titles = {
-        "a": "A: 10 m/s, n_f = 1, n_r = 2",
-        "b": "B: 10 m/s, n_f = 1, n_r = 0",
-        "c": "C: 20 m/s, n_f = 1, n_r = 0",
-        "d": "D: 30 m/s, two heavier cars before two lighter",
+        A: "A: 10 m/s, n_f = 1, n_r = 2",
+        B: "B: 10 m/s, n_f = 1, n_r = 0",
+        C: "C: 20 m/s, n_f = 1, n_r = 0",
+        D: "D: 30 m/s, two heavier cars before two lighter",
     }
     figure = Figure(figsize=(9.6, 5.6), layout="constrained")
     panels = figure.subplots(2, 2, sharey=True)
@@ -107,7 +108,7 @@ def a_to_d(findings: Findings) -> Figure:
 
 def variable_speed(findings: Findings) -> Figure:
     """Draw speed, acceleration and lateral errors under the profile."""
-    trial = findings.trials["variable_speed"]
+    trial = findings.trials[VARIABLE_SPEED]
     figure = Figure(figsize=(7.6, 4.8), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.7))
     lead = trial.lead

@@ -10,6 +10,22 @@ from matplotlib.figure import Figure
 from scenarios.studies.paper.experiments import RADII
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
+from scenarios.studies.paper.keys import (
+    BASE,
+    LONG_WITH,
+    LONG_WITHOUT,
+    NO_LEAD_DATA,
+    VARIABLE_SPEED,
+    A,
+    B,
+    C,
+    D,
+    Need,
+    Part,
+    RunKey,
+    Variant,
+    at_radius,
+)
 from scenarios.studies.paper.report import error_pictures as errors
 from scenarios.studies.paper.report.error_pictures import COLOURS
 from scenarios.studies.picture_style import BLUE, GREEN, GREY, PURPLE, RED
@@ -29,14 +45,14 @@ def lead_data(findings: Findings) -> Figure:
     """Draw true errors without and with the lead's data, and their maxima along eight cars."""
     figure = Figure(figsize=(10.4, 3.6), layout="constrained")
     left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1.2, 1.0))
-    errors.true_errors(left, findings.trials["no_lead_data"])
-    errors.true_errors(middle, findings.trials["base"])
+    errors.true_errors(left, findings.trials[NO_LEAD_DATA])
+    errors.true_errors(middle, findings.trials[BASE])
     left.set_title("Without the lead's data")
     middle.set_title("With the lead's data")
     middle.sharey(left)
     left.legend(loc="lower right")
-    for key, colour in (("without", RED), ("with", BLUE)):
-        trial = findings.trials[f"long/{key}"]
+    for key, colour in ((LONG_WITHOUT, RED), (LONG_WITH, BLUE)):
+        trial = findings.trials[key]
         cars = np.arange(2, 2 + len(trial.followers))
         for values, line, name in (
             (trial.cross_track, "o-", "off the lead's path"),
@@ -49,7 +65,7 @@ def lead_data(findings: Findings) -> Figure:
                 color=colour,
                 markersize=4.0,
                 linewidth=1.2,
-                label=f"{key}: {name}",
+                label=f"{key.variant}: {name}",
             )
     right.set_ylim(bottom=0.0)
     right.set_xlabel("car")
@@ -61,7 +77,7 @@ def lead_data(findings: Findings) -> Figure:
 
 def maxima(findings: Findings) -> Figure:
     """Draw largest errors: exact (bars), with the road moved (dashes), with noise (dots)."""
-    known = ("base", "no_lead_data", "a", "b", "c", "d", "variable_speed")
+    known = (BASE, NO_LEAD_DATA, A, B, C, D, VARIABLE_SPEED)
     cases = [key for key in known if findings.has(key)]
     figure = Figure(figsize=(9.6, 5.2), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
@@ -72,7 +88,7 @@ def maxima(findings: Findings) -> Figure:
                 axes.bar(x, 100.0 * value, width=0.22, color=COLOURS[place + 1], alpha=0.85)
                 noisy = [100.0 * getattr(run, measure)[place] for run in findings.noisy(key)]
                 axes.plot([x] * len(noisy), noisy, "o", color="black", markersize=2.2)
-                moved = [100.0 * getattr(run, measure)[place] for run in findings.shifted(key)]
+                moved = [100.0 * getattr(run, measure)[place] for run in findings.moved(key)]
                 axes.plot([x] * len(moved), moved, "_", color="black", markersize=7.0)
         axes.set_ylabel("largest error (cm)")
     for place in PLACES:
@@ -83,12 +99,8 @@ def maxima(findings: Findings) -> Figure:
     above.set_ylim(0.0, 10.0)
     above.set_title("Off the own trajectory (what the paper shows)")
     below.set_title("Off the lead's driven path")
-    below.set_xticks(range(len(cases)), [_label(key) for key in cases])
+    below.set_xticks(range(len(cases)), [key.label for key in cases])
     return figure
-
-
-def _label(key: str) -> str:
-    return key.upper() if len(key) == 1 else key.replace("_", " ")
 
 
 def radius(findings: Findings) -> Figure:
@@ -96,12 +108,14 @@ def radius(findings: Findings) -> Figure:
     figure = Figure(figsize=(9.6, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     _followers_over_radius(left, findings)
-    for suffix, colour, mark, label in (
-        ("/no_lead_data", RED, "o", "without the lead's data"),
-        ("", BLUE, "s", "with them"),
-        ("/slip_compensated", GREEN, "^", "with them, slip compensated"),
-    ):
-        values = [findings.trials[f"radius/{r:g}{suffix}"].cross_track[-1] for r in RADII]
+    looks: tuple[tuple[Variant | None, str, str, str], ...] = (
+        ("no_lead_data", RED, "o", "without the lead's data"),
+        (None, BLUE, "s", "with them"),
+        ("slip_compensated", GREEN, "^", "with them, slip compensated"),
+    )
+    for variant, colour, mark, label in looks:
+        keys = [RunKey("radius", variant, radius=r) for r in RADII]
+        values = [findings.trials[key].cross_track[-1] for key in keys]
         right.plot(
             RADII, 100.0 * np.array(values), color=colour, marker=mark, markersize=4, label=label
         )
@@ -117,11 +131,11 @@ def radius(findings: Findings) -> Figure:
 def _followers_over_radius(axes: Axes, findings: Findings) -> None:
     for place in PLACES:
         look: dict[str, Any] = {"color": COLOURS[place + 1], "marker": MARKS[place]}
-        values = [findings.trials[f"radius/{r:g}"].tracking[place] for r in RADII]
+        values = [findings.trials[at_radius(r)].tracking[place] for r in RADII]
         label = f"follower {place + 1}"
         axes.plot(RADII, 100.0 * np.array(values), markersize=4.0, label=label, **look)
         for r in RADII:
-            noisy = [100.0 * run.tracking[place] for run in findings.noisy(f"radius/{r:g}")]
+            noisy = [100.0 * run.tracking[place] for run in findings.noisy(at_radius(r))]
             axes.plot([r] * len(noisy), noisy, linestyle="", markersize=2.5, alpha=0.6, **look)
     axes.axhline(9.0, color=RED, linestyle=":", linewidth=1.0)
     axes.annotate(
@@ -168,15 +182,15 @@ def measured_propagation(findings: Findings) -> Figure:
     return figure
 
 
-PICTURES: dict[str, tuple[tuple[str, ...], Draw]] = {
-    "road.png": (("base",), errors.road),
-    "errors_base.png": (("base",), errors.base),
-    "errors_a_to_d.png": (("a", "b", "c", "d"), errors.a_to_d),
-    "errors_variable_speed.png": (("variable_speed",), errors.variable_speed),
-    "maxima.png": (("base",), maxima),
-    "lead_data.png": (("base", "no_lead_data", "long/with", "long/without"), lead_data),
-    "radius.png": (tuple(f"radius/{r:g}" for r in RADII), radius),
-    "propagation.png": (("propagation",), measured_propagation),
-    "field.png": (("field",), errors.field),
+PICTURES: dict[str, tuple[tuple[Need, ...], Draw]] = {
+    "road.png": ((BASE,), errors.road),
+    "errors_base.png": ((BASE,), errors.base),
+    "errors_a_to_d.png": ((A, B, C, D), errors.a_to_d),
+    "errors_variable_speed.png": ((VARIABLE_SPEED,), errors.variable_speed),
+    "maxima.png": ((BASE,), maxima),
+    "lead_data.png": ((BASE, NO_LEAD_DATA, LONG_WITH, LONG_WITHOUT), lead_data),
+    "radius.png": (tuple(at_radius(r) for r in RADII), radius),
+    "propagation.png": ((Part.PROPAGATION,), measured_propagation),
+    "field.png": ((Part.FIELD,), errors.field),
 }
 """What each picture needs, and how it is drawn."""

@@ -12,8 +12,9 @@ from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims import base, field, gains, model, other_cases, theory
 from scenarios.studies.paper.claims.claim import JUDGEMENTS, Answer, JudgedClaim, groups, judge
 from scenarios.studies.paper.claims.field import numbers_of, settled
-from scenarios.studies.paper.experiments import CASES
+from scenarios.studies.paper.experiments import RUNS_OF_CASE
 from scenarios.studies.paper.findings import SAME, Findings, non_increasing
+from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT
 from scenarios.studies.paper.report.pictures import PICTURES
 from scenarios.studies.paper.report.tables import tables
 from scenarios.studies.picture_style import STYLE
@@ -180,7 +181,7 @@ def _logs(findings: Findings, cases: Sequence[str]) -> Iterator[str]:
 
 def logs(findings: Findings, cases: Sequence[str]) -> list[str]:
     """Logs that were kept, relative to the report."""
-    runs = {key: run for case in cases for key, run in CASES[case].items()}
+    runs = {key: run for case in cases for key, run in RUNS_OF_CASE[case].items()}
     found = [f"{key}/run.mcap" for key, run in runs.items() if run.logged and findings.has(key)]
     if findings.field is not None:
         found += [f"field/{name}/run.mcap" for name in findings.field.logs]
@@ -194,25 +195,25 @@ def _machine_readable(
         "schema": SCHEMA,
         "cases": list(cases),
         "claims": [_row(one) for one in claims],
-        "runs": {key: _figures(trial) for key, trial in findings.trials.items()},
+        "runs": {str(key): _figures(trial) for key, trial in findings.trials.items()},
         "propagation": [
             {
-                "frequency_radps": weaving.frequency,
-                "preview_s": weaving.preview_s,
-                "amplitude_m": np.abs(weaving.amplitudes).tolist(),
-                "ratio": weaving.ratios,
+                "frequency_radps": one.frequency,
+                "preview_s": one.preview_s,
+                "amplitude_m": np.abs(one.amplitudes).tolist(),
+                "ratio": one.ratios,
             }
-            for weaving in sorted(findings.weavings, key=lambda weaving: weaving.frequency)
+            for one in sorted(findings.sine_responses, key=lambda one: one.frequency)
         ],
         "pictures": [*pictures, *(f"gains/{name}" for name in findings.gains_pictures or ())],
         "logs": logs(findings, cases),
     }
     if findings.field is not None:
-        for word, trial in (
-            ("field/with", findings.field.with_lead_data),
-            ("field/without", findings.field.without_lead_data),
+        for key, trial in (
+            (FIELD_WITH, findings.field.with_lead_data),
+            (FIELD_WITHOUT, findings.field.without_lead_data),
         ):
-            report["runs"][word] = _figures(trial) | numbers_of(settled(trial))
+            report["runs"][str(key)] = _figures(trial) | numbers_of(settled(trial))
     return report
 
 
