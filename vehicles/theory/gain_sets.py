@@ -211,18 +211,6 @@ def _climbed(
     return best
 
 
-def members(
-    cars: Sequence[VehicleParameters],
-    speeds: Sequence[float],
-    lateral: Array,
-    heading: Array,
-    yaw_rate: Array,
-) -> NDArray[np.bool_]:
-    """Membership (Section V-A) on the grid of three axes, indexed [k_e, k_theta, k_omega]."""
-    grid = np.stack(np.meshgrid(lateral, heading, yaw_rate, indexing="ij"), axis=-1)
-    return stabilises_all(cars, speeds, grid)
-
-
 def non_convex_pair(
     cars: Sequence[VehicleParameters], speeds: Sequence[float], points: int = 10
 ) -> tuple[Gains, Gains] | None:

@@ -5,10 +5,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.studies.gains.numbers import ACTUATIONS, Report, Subject
+from scenarios.studies.gains.numbers import STEERING_MODELS, Report, Subject
 from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, RED, SEQUENCE, SKY
 from vehicles.theory.gain_sets import abscissa
-from vehicles.theory.string_stability import chain, propagation, trace_propagation
+from vehicles.theory.propagation import chain_offsets, propagation, trace_propagation
 
 DRY_ASPHALT = 9.81
 """What tyres can do on dry asphalt, about 1 g (m/s²)."""
@@ -104,12 +104,12 @@ def _draw_propagation(axes: Axes, subject: Subject, report: Report) -> None:
     frequencies = np.geomspace(0.05, 60.0, 900)
     speeds = (subject.speeds[0], subject.speeds[len(subject.speeds) // 2], subject.reference)
     for index, speed in enumerate(dict.fromkeys(speeds)):
-        for actuation in ACTUATIONS:
-            lagging = actuation == "second order"
+        for steering in STEERING_MODELS:
+            lagging = steering == "second order"
             axes.semilogx(
                 frequencies,
                 np.abs(
-                    propagation(subject.parameters, subject.gains, speed, actuation).at(frequencies)
+                    propagation(subject.parameters, subject.gains, speed, steering).at(frequencies)
                 ),
                 color=mpl.colormaps[SEQUENCE](0.4 * index),
                 linestyle="-" if lagging else ":",
@@ -146,7 +146,7 @@ def _draw_chain(axes: Axes, subject: Subject) -> None:
         (0.5, r"composite ($\alpha$ = 0.5)", BLUE, "s"),
         (0.0, r"lead only ($\alpha$ = 0)", GREEN, "^"),
     ):
-        distance = np.abs(chain(trace, np.array([SWING]), alpha, len(followers)))[:, 0]
+        distance = np.abs(chain_offsets(trace, np.array([SWING]), alpha, len(followers)))[:, 0]
         axes.plot(
             followers, 100.0 * distance, color=colour, marker=marker, markersize=4.5, label=label
         )

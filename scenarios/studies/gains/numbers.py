@@ -1,6 +1,5 @@
 """The numbers of the gains report: a function per section, plain values, units in the keys."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -26,16 +25,19 @@ from vehicles.theory.gain_sets import (
     stabilises_all,
 )
 from vehicles.theory.linear_model import characteristic_polynomial, steady_cornering
-from vehicles.theory.simulated_chain import simulated_propagation
-from vehicles.theory.string_stability import (
-    Actuation,
-    amplified_band,
-    largest_weight,
+from vehicles.theory.propagation import (
+    SteeringModel,
     low_frequency_growth,
-    maximum_gain,
-    peak,
     propagation,
     trace_propagation,
+)
+from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
+from vehicles.theory.string_stability import (
+    LANE_CHANGE_BAND,
+    amplified_band,
+    largest_weight,
+    maximum_gain,
+    peak,
 )
 from vehicles.theory.varying_speed import (
     FASTEST,
@@ -46,17 +48,11 @@ from vehicles.theory.varying_speed import (
     lyapunov_change,
 )
 
-LANE_CHANGE_BAND = 2.0 * math.pi
-"""Frequencies (rad/s) up to 1 Hz: what a lane change contains, well below the steering's mode."""
-
 TOLERANCE = 1e-9
 """Distance from the boundary (spectral abscissa over the steering frequency) off which membership
 by Routh-Hurwitz must agree with the roots."""
 
-ACTUATIONS: tuple[Actuation, ...] = ("instantaneous", "second order")
-
-TEN_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
-"""Where the propagation is simulated (rad/s)."""
+STEERING_MODELS: tuple[SteeringModel, ...] = ("instantaneous", "second order")
 
 Report = dict[str, Any]
 
@@ -241,8 +237,8 @@ def at_frequencies(subject: Subject, speed: float) -> Report:
     if not stable:
         return report
     report["low_frequency_growth_s2"] = low_frequency_growth(parameters, gains, speed)
-    for actuation in ACTUATIONS:
-        transfer = propagation(parameters, gains, speed, actuation)
+    for steering in STEERING_MODELS:
+        transfer = propagation(parameters, gains, speed, steering)
         whole, slow = peak(transfer), peak(transfer, LANE_CHANGE_BAND)
         row: Report = {
             "norm_ratio": whole.magnitude,
@@ -254,12 +250,12 @@ def at_frequencies(subject: Subject, speed: float) -> Report:
             "largest_alpha_ratio": largest_weight(transfer),
         }
         if speed == subject.reference:
-            found = simulated_propagation(parameters, gains, speed, TEN_FREQUENCIES, actuation)
-            errors = np.abs(found / transfer.at(TEN_FREQUENCIES) - 1.0)
-            row["simulated_radps"] = TEN_FREQUENCIES.tolist()
+            found = simulated_propagation(parameters, gains, speed, SIMULATED_FREQUENCIES, steering)
+            errors = np.abs(found / transfer.at(SIMULATED_FREQUENCIES) - 1.0)
+            row["simulated_radps"] = SIMULATED_FREQUENCIES.tolist()
             row["simulated_ratio"] = np.abs(found).tolist()
             row["simulation_error_ratio_max"] = float(errors.max())
-        report[actuation.replace(" ", "_")] = row
+        report[steering.replace(" ", "_")] = row
     slow = peak(trace_propagation(parameters, gains, speed), LANE_CHANGE_BAND)
     report["traces"] = {
         "norm_below_1_hz_ratio": slow.magnitude,

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from scenarios.results.drives import Array, Trial
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.frequency_response import SineResponse
 from scenarios.studies.paper.keys import Need, Part, RunKey
+from vehicles.theory.string_stability import is_string_stable
 
 SAME = 0.001
 """Largest errors that differ by less than this (m) count as equal."""
@@ -85,8 +85,8 @@ def _tally(holds: Callable[..., bool], *runs: Sequence[Trial]) -> Tally | None:
 
 
 def non_increasing(maxima: tuple[float, ...]) -> bool:
-    """Whether no vehicle's largest error (m) exceeds that of the one ahead by SAME or more."""
-    return all(behind < ahead + SAME for ahead, behind in pairwise(maxima))
+    """Whether no vehicle's largest error (m) exceeds that of the one ahead by more than SAME."""
+    return is_string_stable(maxima, SAME)
 
 
 def in_cm(maxima: tuple[float, ...]) -> str:

@@ -1,6 +1,6 @@
 """Frequency response of the real convoy: the lead drives a sine, amplitudes are fitted.
 
-Beside it the closed forms of `vehicles.theory.string_stability`: the paper's G(jω), in which a
+Beside it the closed forms of `vehicles.theory.propagation`: the paper's G(jω), in which a
 follower steers by the difference of both cars' states at one instant, and F(jω), in which it steers
 along the path that its predecessor left behind.
 """

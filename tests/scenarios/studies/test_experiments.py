@@ -30,7 +30,7 @@ from tests.made.messages import truth
 from transport.log.mcap_log import LogReader
 from vehicles.car.parameters import NOMINAL_GAINS
 from vehicles.messages import CompositeTrajectory, RunStart
-from vehicles.theory.string_stability import Transfer
+from vehicles.theory.propagation import Transfer
 
 EXPERIMENTS = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
 SHORT = ["duration_s=3.0", "convoy.vehicles=2"]

@@ -9,7 +9,6 @@ from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import RADII
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
-from scenarios.studies.paper.growth import linear, why_growing
 from scenarios.studies.paper.keys import (
     BASE,
     LONG_WITH,
@@ -18,6 +17,7 @@ from scenarios.studies.paper.keys import (
     RunKey,
     at_radius,
 )
+from scenarios.studies.paper.linear_prediction import linear, why_growing
 
 GAP_S = 0.5
 """The convoy's gap (s)."""

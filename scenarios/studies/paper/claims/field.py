@@ -12,7 +12,8 @@ from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_
 from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.preview.trajectory import FitSettings
-from vehicles.theory.string_stability import propagation, trace_propagation
+from vehicles.theory.propagation import propagation, trace_propagation
+from vehicles.theory.string_stability import head_to_tail
 
 SPEED = 30.0
 
@@ -114,7 +115,7 @@ def field_amplified(findings: Findings) -> Answer:
 def field_not_amplified(findings: Findings) -> Answer:
     trial, without = _field(findings)
     errors, others = settled(trial), settled(without)
-    growth, other = (e.cross_track_rms[-1] / e.cross_track_rms[0] for e in (errors, others))
+    growth, other = (head_to_tail(e.cross_track_rms) for e in (errors, others))
     return Answer(
         ours=f"against the own trajectory: {_in_words(errors.tracking, errors.tracking_rms)}",
         holds=not _grow(errors.tracking_rms),

@@ -11,7 +11,8 @@ from scenarios.studies.paper.keys import BASE, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.gain_margins import common_ball
 from vehicles.theory.gain_sets import PAPER_SPEEDS, abscissa, stabilises_all
-from vehicles.theory.string_stability import peak, propagation
+from vehicles.theory.propagation import propagation
+from vehicles.theory.string_stability import peak
 
 SPEED = 30.0
 THRESHOLD = 0.1

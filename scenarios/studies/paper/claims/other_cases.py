@@ -13,6 +13,7 @@ from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
 from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, A, B, C, D
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
 from vehicles.theory.linear_model import steady_cornering
+from vehicles.theory.string_stability import head_to_tail
 
 RADIUS = 500.0
 """Radius (m) of the bends."""
@@ -46,7 +47,7 @@ for _key, _what in (
 )
 def uneven(findings: Findings) -> Answer:
     even, mixed = findings.trials[BASE], findings.trials[D]
-    growth = [_head_to_tail(trial) for trial in (even, mixed)]
+    growth = [head_to_tail(trial.cross_track) for trial in (even, mixed)]
     return Answer(
         ours=f"from the first to the last follower true errors grow {growth[1]:.2f}-fold, in the "
         f"even convoy of the base case {growth[0]:.2f}-fold",
@@ -185,10 +186,5 @@ def _apart(one: Trial, other: Trial) -> float:
     return max(abs(a - b) for a, b in zip(one.tracking, other.tracking, strict=True))
 
 
-def _head_to_tail(trial: Trial) -> float:
-    """Ratio of the last follower's largest true error to the first one's."""
-    return trial.cross_track[-1] / trial.cross_track[0]
-
-
 def _grows_no_more(even: Trial, uneven: Trial) -> bool:
-    return _head_to_tail(uneven) <= _head_to_tail(even)
+    return head_to_tail(uneven.cross_track) <= head_to_tail(even.cross_track)

@@ -8,18 +8,13 @@ from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.constant_speed import guaranteed_decay
 from vehicles.theory.gain_sets import PAPER_SPEEDS
-from vehicles.theory.linear_model import (
-    characteristic_polynomial,
-    closed_loop_at,
-    heading_numerator,
-    lateral_numerator,
-)
-from vehicles.theory.simulated_chain import simulated_propagation
-from vehicles.theory.string_stability import amplified_band, low_frequency_growth, peak, propagation
+from vehicles.theory.linear_model import characteristic_polynomial, closed_loop_at
+from vehicles.theory.propagation import low_frequency_growth, propagation
+from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
+from vehicles.theory.string_stability import amplified_band, largest_singular_value, peak
 from vehicles.theory.varying_speed import certified_acceleration
 
 SPEED = 30.0
-TEN_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
 
 CLAIMS = Claims()
 
@@ -101,8 +96,8 @@ def norm_of_g(_: Findings) -> Answer:
     lagging = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
     first, second = peak(plain), peak(lagging)
     growth = low_frequency_growth(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
-    simulated = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, TEN_FREQUENCIES)
-    wrong = float(np.abs(simulated / lagging.at(TEN_FREQUENCIES) - 1.0).max())
+    simulated = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, SIMULATED_FREQUENCIES)
+    wrong = float(np.abs(simulated / lagging.at(SIMULATED_FREQUENCIES) - 1.0).max())
     return Answer(
         ours=f"‖G‖∞ = {first.magnitude:.3f} at {first.frequency:.2f} rad/s, above 1 for all "
         f"frequencies up to {amplified_band(plain)[0][1]:.2f} rad/s; with steering actuation "
@@ -127,13 +122,9 @@ def norm_of_g(_: Findings) -> Answer:
 )
 def equivalence(_: Findings) -> Answer:
     frequencies = np.geomspace(0.01, 100.0, 4000)
-    s = 1j * frequencies
     plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
-    outputs = [np.polyval(n(LINCOLN_MKZ, SPEED), s) for n in (lateral_numerator, heading_numerator)]
-    feedback = [NOMINAL_GAINS.lateral, np.abs(NOMINAL_GAINS.heading + NOMINAL_GAINS.yaw_rate * s)]
-    # A matrix of rank one, b k, has the singular value |b| |k|.
-    sizes = np.hypot(*np.abs(outputs)) * np.hypot(*feedback)
-    largest = float((sizes / np.abs(np.polyval(plain.denominator, s))).max())
+    values = largest_singular_value(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, frequencies)
+    largest = float(values.max())
     return Answer(
         ours=f"sup σ_max is {largest:.2f} on the axis, ‖G‖∞ {peak(plain).magnitude:.2f}: the "
         "matrix has rank one and |G| is only its non-zero eigenvalue",

@@ -30,8 +30,8 @@ from scenarios.studies.paper.report import error_pictures as errors
 from scenarios.studies.paper.report.error_pictures import COLOURS
 from scenarios.studies.picture_style import BLUE, GREEN, GREY, PURPLE, RED
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
-from vehicles.theory.simulated_chain import simulated_propagation
-from vehicles.theory.string_stability import propagation, trace_propagation
+from vehicles.theory.propagation import propagation, trace_propagation
+from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
 
 MARKS = ("o", "s", "^")
 PLACES = range(3)
@@ -153,16 +153,24 @@ def _followers_over_radius(axes: Axes, findings: Findings) -> None:
 
 def measured_propagation(findings: Findings) -> Figure:
     """Draw |G| and |F|, the simulated chain, and the ratios measured in the convoy."""
-    fine, ten = np.geomspace(0.3, 30.0, 600), np.geomspace(0.3, 25.0, 10)
+    fine = np.geomspace(0.3, 30.0, 600)
     figure = Figure(figsize=(7.6, 4.2), layout="constrained")
     axes = figure.subplots()
     paper = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
     trace = trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
-    chain = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, ten)
+    chain = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, SIMULATED_FREQUENCIES)
     label = "G(jω), the paper's: steering by the difference of states"
     axes.semilogx(fine, np.abs(paper.at(fine)), color=RED, label=label)
     label = "simulated chain of the same linear loops"
-    axes.plot(ten, np.abs(chain), "o", color=RED, mfc="white", markersize=4.5, label=label)
+    axes.plot(
+        SIMULATED_FREQUENCIES,
+        np.abs(chain),
+        "o",
+        color=RED,
+        mfc="white",
+        markersize=4.5,
+        label=label,
+    )
     label = "F(jω): steering along the path left behind"
     axes.plot(fine, np.abs(trace.at(fine)), color=BLUE, linestyle="--", label=label)
     swings, ratios = findings.ratios(PREVIEW_S)

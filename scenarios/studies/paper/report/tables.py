@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.experiments import RADII, lane_change_lengths
 from scenarios.studies.paper.findings import Findings, in_cm, non_increasing
-from scenarios.studies.paper.growth import linear
 from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, A, B, C, at_radius
+from scenarios.studies.paper.linear_prediction import linear
 
 EXPECTED = (BASE, NO_LEAD_DATA, A, B, C)
 """Cases of equal cars at constant speed."""
