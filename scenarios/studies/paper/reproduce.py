@@ -111,7 +111,7 @@ def _gains(folder: Path) -> tuple[str, ...]:
     from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS  # noqa: PLC0415
 
     report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder)
-    return tuple(report["pictures"])
+    return report.pictures
 
 
 def add(findings: Findings, key: JobKey, result: object) -> None:

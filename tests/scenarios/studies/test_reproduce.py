@@ -5,6 +5,7 @@ import re
 from functools import partial
 from math import isfinite
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -173,9 +174,9 @@ def test_the_gains_pictures_are_those_of_the_gains_report(
 ) -> None:
     drawn: list[Path] = []
 
-    def report(*_: object, out_dir: Path) -> dict[str, list[str]]:
+    def report(*_: object, out_dir: Path) -> SimpleNamespace:
         drawn.append(out_dir)
-        return {"pictures": ["roots_over_loadings.png"]}
+        return SimpleNamespace(pictures=("roots_over_loadings.png",))
 
     monkeypatch.setattr("scenarios.studies.gains.report.gains_report", report)
     pictures = reproduction.jobs_of(["gains"], tmp_path)[Part.GAINS]()

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from scenarios.studies.gains.numbers import Subject
+from scenarios.studies.gains.results import Subject
 from scenarios.studies.picture_style import RED, SEQUENCE
 from vehicles.car.parameters import Gains
 from vehicles.theory.gain_sets import boundary_curve, gain_extremes, stabilises_all
