@@ -37,6 +37,9 @@ FIRST_CHANGE_S = {A: 31.0, B: 31.0, C: 17.0, D: 15.0, VARIABLE_SPEED: 15.0}
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
 """Radii (m) of the bends, of which the paper says only that they are hundreds of metres."""
 
+BASE_SPEED = 30.0
+"""Speed (m/s) of the base case, at which the paper gives the figures of its theory."""
+
 LANE = 3.6
 """Width of a lane (m)."""
 

@@ -9,7 +9,7 @@ from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims import base, field, gains, model, other_cases, theory
 from scenarios.studies.paper.claims.base import below, decreasing
 from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, groups, judge
-from scenarios.studies.paper.claims.field import settled
+from scenarios.studies.paper.claims.field import settled_errors
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings, Tally, in_cm, non_increasing
 from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, VARIABLE_SPEED, A, B, C, D, RunKey
@@ -191,7 +191,7 @@ def test_initial_errors_do_not_count_once_settled() -> None:
     trial = a_trial((0.05, 0.06))
     trial.followers[0].cross_track[:50] = 0.4
     assert trial.cross_track[0] == pytest.approx(0.4)
-    assert settled(trial).cross_track == pytest.approx((0.05, 0.06), rel=1e-3)
+    assert settled_errors(trial).cross_track == pytest.approx((0.05, 0.06), rel=1e-3)
 
 
 def test_what_theory_says_of_the_paper() -> None:

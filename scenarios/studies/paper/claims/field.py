@@ -1,4 +1,4 @@
-"""Claims of Section V-D, the field experiment, and how errors propagate in the real convoy."""
+"""Claims of Section V-D, the field experiment, and of the propagation in the emulated convoy."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.claim import Answer, Claims
-from scenarios.studies.paper.experiments import LANE
+from scenarios.studies.paper.experiments import BASE_SPEED, LANE
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
 from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
@@ -15,17 +15,13 @@ from vehicles.preview.trajectory import FitSettings
 from vehicles.theory.propagation import propagation, trace_propagation
 from vehicles.theory.string_stability import head_to_tail
 
-SPEED = 30.0
-
-SETTLED = 10.0
-"""Time (s) after which the initial errors are forgotten: the slowest root takes 0.4 s at 25 m/s."""
-
-CAR_WIDTH = 1.86
+INITIAL_ERRORS_GONE = 10.0
+"""Time (s) after which the initial errors have decayed: the slowest root takes 0.4 s at 25 m/s."""
 
 
 @dataclass(frozen=True)
-class Settled:
-    """Errors (m) of the followers from SETTLED on: largest, and root mean square.
+class SettledErrors:
+    """Errors (m) of the followers from INITIAL_ERRORS_GONE on: largest, and root mean square.
 
     Measured with noise, so the largest values are partly chance; the means decide.
     """
@@ -46,14 +42,14 @@ CLAIMS = Claims()
 )
 def propagation_measured(findings: Findings) -> Answer:
     frequencies, ratios = findings.ratios(PREVIEW_S)
-    paper = np.abs(propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED).at(frequencies))
-    trace = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED).at(frequencies))
+    paper = np.abs(propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED).at(frequencies))
+    trace = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED).at(frequencies))
     mean = ratios.prod(axis=1) ** (1.0 / ratios.shape[1])
     swings, short = findings.ratios(SHORT_PREVIEW_S)
     closer = short.prod(axis=1) ** (1.0 / short.shape[1])
     best, high = int(mean.argmax()), int(np.argmin(np.abs(frequencies - 7.0)))
     settings = FitSettings()
-    window = settings.ahead(SPEED) + settings.behind(SPEED)
+    window = settings.ahead(BASE_SPEED) + settings.behind(BASE_SPEED)
     over = float(frequencies[mean > 1.0].max(initial=0.0))
     return Answer(
         ours=f"in the convoy a swing of the lead grows by up to {100 * (mean[best] - 1):.1f} % "
@@ -96,13 +92,13 @@ def field_course(_: Findings) -> Answer:
 )
 def field_amplified(findings: Findings) -> Answer:
     _, trial = _field(findings)
-    errors = settled(trial)
+    errors = settled_errors(trial)
     return Answer(
         ours="once the initial errors are gone, off the lead's driven path: "
         f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
         f"{_in_words(errors.tracking, errors.tracking_rms)}",
         holds=_grow(errors.cross_track_rms),
-        noise=findings.seeds(lambda t: _grow(settled(t).cross_track_rms), FIELD_WITHOUT),
+        noise=findings.seeds(lambda t: _grow(settled_errors(t).cross_track_rms), FIELD_WITHOUT),
         numbers=numbers_of(errors),
     )
 
@@ -114,7 +110,7 @@ def field_amplified(findings: Findings) -> Answer:
 )
 def field_not_amplified(findings: Findings) -> Answer:
     trial, without = _field(findings)
-    errors, others = settled(trial), settled(without)
+    errors, others = settled_errors(trial), settled_errors(without)
     growth, other = (head_to_tail(e.cross_track_rms) for e in (errors, others))
     return Answer(
         ours=f"against the own trajectory: {_in_words(errors.tracking, errors.tracking_rms)}",
@@ -122,7 +118,7 @@ def field_not_amplified(findings: Findings) -> Answer:
         reason="off the lead's driven path they grow all the same, "
         f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
         f"without the lead's data {other:.2f}-fold",
-        noise=findings.seeds(lambda t: not _grow(settled(t).tracking_rms), FIELD_WITH),
+        noise=findings.seeds(lambda t: not _grow(settled_errors(t).tracking_rms), FIELD_WITH),
         numbers=numbers_of(errors),
     )
 
@@ -137,7 +133,7 @@ def field_initial_error(findings: Findings) -> Answer:
     tracking = tuple(drive.tracking_max for drive in trial.followers)
     return Answer(
         ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
-        f"{in_cm(settled(trial).tracking)}",
+        f"{in_cm(settled_errors(trial).tracking)}",
         holds=tracking[-1] > tracking[0],
         reason="PL3 follows PL2 back to the lead's path in the first seconds, and no longer after",
         numbers={"tracking_error_m_max": tracking},
@@ -151,7 +147,7 @@ def field_initial_error(findings: Findings) -> Answer:
 )
 def field_on_the_road(findings: Findings) -> Answer:
     trial, _ = _field(findings)
-    true, room = trial.cross_track, 0.5 * (LANE - CAR_WIDTH)
+    true, room = trial.cross_track, 0.5 * (LANE - LINCOLN_MKZ.width)
     return Answer(
         ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
         f"{cm(room)} on each side of a car",
@@ -160,11 +156,13 @@ def field_on_the_road(findings: Findings) -> Answer:
     )
 
 
-def settled(trial: Trial) -> Settled:
-    """Measure the errors that are left once the initial ones are forgotten."""
-    own = [drive.lateral_error[drive.at >= SETTLED] for drive in trial.followers]
-    true = [d.cross_track[d.at[: len(d.cross_track)] >= SETTLED] for d in trial.followers]
-    return Settled(
+def settled_errors(trial: Trial) -> SettledErrors:
+    """Measure the errors that are left once the initial ones have decayed."""
+    own = [drive.lateral_error[drive.at >= INITIAL_ERRORS_GONE] for drive in trial.followers]
+    true = [
+        d.cross_track[d.at[: len(d.cross_track)] >= INITIAL_ERRORS_GONE] for d in trial.followers
+    ]
+    return SettledErrors(
         tuple(float(np.abs(values).max()) for values in own),
         tuple(float(np.abs(values).max()) for values in true),
         tuple(float(np.sqrt(np.mean(values * values))) for values in own),
@@ -186,8 +184,8 @@ def _in_words(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:
     return f"rms {in_cm(rms)}, at most {in_cm(largest)}"
 
 
-def numbers_of(errors: Settled) -> dict[str, tuple[float, ...]]:
-    """Errors once settled, for machines."""
+def numbers_of(errors: SettledErrors) -> dict[str, tuple[float, ...]]:
+    """Settled errors, for machines."""
     return {
         "settled_tracking_error_m_max": errors.tracking,
         "settled_tracking_error_m_rms": errors.tracking_rms,

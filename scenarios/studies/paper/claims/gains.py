@@ -3,6 +3,7 @@
 import numpy as np
 
 from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.experiments import BASE_SPEED
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import (
@@ -22,8 +23,7 @@ from vehicles.theory.gain_sets import (
 )
 from vehicles.theory.linear_model import handling_polynomial
 
-SPEED = 30.0
-SPEEDS = (*PAPER_SPEEDS, SPEED)
+SPEEDS = (*PAPER_SPEEDS, BASE_SPEED)
 CARS = [loaded(LINCOLN_MKZ, loading) for loading in every_loading()]
 
 CLAIMS = Claims()
@@ -36,9 +36,10 @@ CLAIMS = Claims()
 )
 def stabilising_set(_: Findings) -> Answer:
     lateral, heading, yaw_rate = (
-        (least[k], most[k]) for k, (least, most) in enumerate(gain_extremes([LINCOLN_MKZ], [SPEED]))
+        (least[k], most[k])
+        for k, (least, most) in enumerate(gain_extremes([LINCOLN_MKZ], [BASE_SPEED]))
     )
-    pair = non_convex_pair([LINCOLN_MKZ], [SPEED])
+    pair = non_convex_pair([LINCOLN_MKZ], [BASE_SPEED])
     convex = "no" if pair is None else "two"
     return Answer(
         ours=f"bounded: k_e up to {lateral[1]:.2f} rad/m, k_θ from {heading[0]:.2f} to "
@@ -75,7 +76,7 @@ def inside_the_intersection(_: Findings) -> Answer:
     needs=(Part.GAINS,),
 )
 def ball(_: Findings) -> Answer:
-    plain = stability_ball(LINCOLN_MKZ, SPEED, NOMINAL_GAINS)
+    plain = stability_ball(LINCOLN_MKZ, BASE_SPEED, NOMINAL_GAINS)
     relative = common_ball(CARS, SPEEDS, NOMINAL_GAINS, NOMINAL_GAINS)
     return Answer(
         ours=f"radius {plain.radius:.2f} at 30 m/s, limited by k_e = 0; over all speeds and "
@@ -91,9 +92,11 @@ def ball(_: Findings) -> Answer:
     needs=(Part.GAINS,),
 )
 def all_loadings(_: Findings) -> Answer:
-    at_speed = [float(abscissa(car, NOMINAL_GAINS, [SPEED])[0]) for car in CARS]
+    at_speed = [float(abscissa(car, NOMINAL_GAINS, [BASE_SPEED])[0]) for car in CARS]
     moved = [
-        float(abscissa(loaded_with_moved_centre(LINCOLN_MKZ, loading), NOMINAL_GAINS, [SPEED])[0])
+        float(
+            abscissa(loaded_with_moved_centre(LINCOLN_MKZ, loading), NOMINAL_GAINS, [BASE_SPEED])[0]
+        )
         for loading in every_loading()
     ]
     everywhere = bool(stabilises_all(CARS, SPEEDS, np.array(NOMINAL_GAINS)))
@@ -117,7 +120,7 @@ def all_loadings(_: Findings) -> Answer:
     needs=(Part.GAINS,),
 )
 def open_loop_roots(_: Findings) -> Answer:
-    roots = np.roots(handling_polynomial(LINCOLN_MKZ, SPEED))
+    roots = np.roots(handling_polynomial(LINCOLN_MKZ, BASE_SPEED))
     return Answer(
         ours="Δ_o(s) = s² R(s) has a double root at the origin, whatever the load; the others lie "
         f"at {roots[0].real:.1f} ± {abs(roots[0].imag):.1f}j 1/s",

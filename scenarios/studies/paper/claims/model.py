@@ -6,6 +6,7 @@ from math import pi
 import numpy as np
 
 from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.experiments import BASE_SPEED
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.keys import BASE, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
@@ -14,7 +15,6 @@ from vehicles.theory.gain_sets import PAPER_SPEEDS, abscissa, stabilises_all
 from vehicles.theory.propagation import propagation
 from vehicles.theory.string_stability import peak
 
-SPEED = 30.0
 THRESHOLD = 0.1
 """The paper's 10 cm."""
 
@@ -49,8 +49,8 @@ def steering_parameters(_: Findings) -> Answer:
     stable = bool(stabilises_all(cars, PAPER_SPEEDS, np.array(NOMINAL_GAINS)))
     own, its = (
         (
-            float(abscissa(car, NOMINAL_GAINS, [SPEED])[0]),
-            peak(propagation(car, NOMINAL_GAINS, SPEED)),
+            float(abscissa(car, NOMINAL_GAINS, [BASE_SPEED])[0]),
+            peak(propagation(car, NOMINAL_GAINS, BASE_SPEED)),
             common_ball([car], PAPER_SPEEDS, NOMINAL_GAINS, NOMINAL_GAINS).radius,
         )
         for car in (LINCOLN_MKZ, other)

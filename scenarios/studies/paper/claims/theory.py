@@ -3,6 +3,7 @@
 import numpy as np
 
 from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.experiments import BASE_SPEED
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
@@ -13,8 +14,6 @@ from vehicles.theory.propagation import low_frequency_growth, propagation
 from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
 from vehicles.theory.string_stability import amplified_band, largest_singular_value, peak
 from vehicles.theory.varying_speed import certified_acceleration
-
-SPEED = 30.0
 
 CLAIMS = Claims()
 
@@ -49,7 +48,7 @@ def polynomial(_: Findings) -> Answer:
 )
 def state_equation(_: Findings) -> Answer:
     car = LINCOLN_MKZ
-    right = closed_loop_at(car, NOMINAL_GAINS, SPEED)
+    right = closed_loop_at(car, NOMINAL_GAINS, BASE_SPEED)
     printed = right.copy()
     printed[2] *= car.mass
     printed[3] *= car.yaw_inertia
@@ -69,7 +68,7 @@ def state_equation(_: Findings) -> Answer:
     needs=(Part.GAINS,),
 )
 def proposition_1(_: Findings) -> Answer:
-    slowest, fastest = PAPER_SPEEDS[0], SPEED
+    slowest, fastest = PAPER_SPEEDS[0], BASE_SPEED
     decay = guaranteed_decay(LINCOLN_MKZ, NOMINAL_GAINS, slowest, fastest)
     bounds = {
         speed: min(certified_acceleration(LINCOLN_MKZ, NOMINAL_GAINS, speed, slowest, fastest))
@@ -92,11 +91,11 @@ def proposition_1(_: Findings) -> Answer:
     needs=(Part.PROPAGATION,),
 )
 def norm_of_g(_: Findings) -> Answer:
-    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
-    lagging = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
+    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, "instantaneous")
+    lagging = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
     first, second = peak(plain), peak(lagging)
-    growth = low_frequency_growth(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
-    simulated = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, SIMULATED_FREQUENCIES)
+    growth = low_frequency_growth(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
+    simulated = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, SIMULATED_FREQUENCIES)
     wrong = float(np.abs(simulated / lagging.at(SIMULATED_FREQUENCIES) - 1.0).max())
     return Answer(
         ours=f"‖G‖∞ = {first.magnitude:.3f} at {first.frequency:.2f} rad/s, above 1 for all "
@@ -122,8 +121,8 @@ def norm_of_g(_: Findings) -> Answer:
 )
 def equivalence(_: Findings) -> Answer:
     frequencies = np.geomspace(0.01, 100.0, 4000)
-    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
-    values = largest_singular_value(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, frequencies)
+    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, "instantaneous")
+    values = largest_singular_value(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, frequencies)
     largest = float(values.max())
     return Answer(
         ours=f"sup σ_max is {largest:.2f} on the axis, ‖G‖∞ {peak(plain).magnitude:.2f}: the "

@@ -11,7 +11,7 @@ import numpy as np
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims import base, field, gains, model, other_cases, theory
 from scenarios.studies.paper.claims.claim import JUDGEMENTS, Answer, JudgedClaim, groups, judge
-from scenarios.studies.paper.claims.field import numbers_of, settled
+from scenarios.studies.paper.claims.field import numbers_of, settled_errors
 from scenarios.studies.paper.experiments import RUNS_OF_CASE
 from scenarios.studies.paper.findings import SAME, Findings, non_increasing
 from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT
@@ -213,7 +213,7 @@ def _machine_readable(
             (FIELD_WITH, findings.field.with_lead_data),
             (FIELD_WITHOUT, findings.field.without_lead_data),
         ):
-            report["runs"][str(key)] = _figures(trial) | numbers_of(settled(trial))
+            report["runs"][str(key)] = _figures(trial) | numbers_of(settled_errors(trial))
     return report
 
 
