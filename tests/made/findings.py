@@ -1,4 +1,4 @@
-"""Findings of a reproduction that nobody ran."""
+"""Findings of a reproduction, made up."""
 
 from dataclasses import replace
 

@@ -89,7 +89,7 @@ def trace_propagation(
     course y' / v and curvature y'' / v². Not smoothed by any fit, so it overstates what happens
     above some 5 rad/s; without actuation it does not even fall off towards high frequency. At low
     frequency F = 1 - (e/kappa) w² / v² with the steady cornering error e of
-    `linear_model.steady_cornering`: a car that runs wide on bends amplifies.
+    `linear_model.steady_cornering`: a car that settles outside the path on curves amplifies.
     `known` is the car as the controller believes it to be.
     """
     believed = known or parameters

@@ -34,10 +34,10 @@ def simulated_propagation(
 ) -> ComplexArray:
     """Second follower's e_lat over the first's, measured on a simulated chain; shape (n,).
 
-    Lead, two followers, feedback on x_i - x_(i-1) (Section IV-B); the lead swings sideways at each
-    frequency (rad/s). Integrated in time (Runge-Kutta, order 4), and once settled the sine of each
-    car is read off by least squares. Agrees with `propagation.propagation` within 1e-3; the
-    first follower's own ratio to the lead is not G, as the lead's heading does not follow suit.
+    Lead, two followers, feedback on x_i - x_(i-1) (Section IV-B); the lead drives a sine of each
+    frequency (rad/s). Integrated in time (Runge-Kutta, order 4); once settled, a sine is fitted to
+    each car by least squares. Agrees with `propagation.propagation` within 1e-3; the
+    first follower's own ratio to the lead is not G, as the lead moves sideways without turning.
     """
     single, column, row = _loop(parameters, gains, speed, steering)
     eigenvalues = np.linalg.eigvals(single)

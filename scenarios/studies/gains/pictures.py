@@ -17,10 +17,10 @@ from vehicles.theory.propagation import chain_offsets, propagation, trace_propag
 DRY_ASPHALT = 9.81
 """What tyres can do on dry asphalt, about 1 g (m/s²)."""
 
-SWING = 0.4 * np.pi
-"""Frequency (rad/s) at which the pictured lead swings: 0.2 Hz, as in a lane change of 5 s."""
+SINE_FREQUENCY = 0.4 * np.pi
+"""Frequency (rad/s) of the lead's sine in the picture: 0.2 Hz, as in a lane change of 5 s."""
 
-NEAR_THE_REAL_AXIS = 10.0
+SLOW_ROOTS = 10.0
 """Imaginary part (rad/s) below which a root belongs to the path, not the steering."""
 
 
@@ -136,7 +136,7 @@ def _draw_propagation(axes: Axes, subject: Subject, report: GainsReport) -> None
 
 
 def _draw_chain(axes: Axes, subject: Subject) -> None:
-    """Distance from the lead's path along the convoy when it swings at `SWING`."""
+    """Distance from the lead's path along the convoy when the lead drives a sine."""
     trace = trace_propagation(subject.parameters, subject.gains, subject.reference)
     followers = np.arange(1, 9)
     for alpha, label, colour, marker in (
@@ -144,7 +144,9 @@ def _draw_chain(axes: Axes, subject: Subject) -> None:
         (0.5, r"composite ($\alpha$ = 0.5)", BLUE, "s"),
         (0.0, r"lead only ($\alpha$ = 0)", GREEN, "^"),
     ):
-        distance = np.abs(chain_offsets(trace, np.array([SWING]), alpha, len(followers)))[:, 0]
+        distance = np.abs(chain_offsets(trace, np.array([SINE_FREQUENCY]), alpha, len(followers)))[
+            :, 0
+        ]
         axes.plot(
             followers, 100.0 * distance, color=colour, marker=marker, markersize=4.5, label=label
         )
@@ -152,7 +154,7 @@ def _draw_chain(axes: Axes, subject: Subject) -> None:
     axes.set_xlabel("follower")
     axes.set_ylabel("distance from the lead's path (cm)")
     axes.set_title(
-        f"Lead swings 1 m at {SWING / (2.0 * np.pi):.1f} Hz, {subject.reference:.4g} m/s"
+        f"Lead swings 1 m at {SINE_FREQUENCY / (2.0 * np.pi):.1f} Hz, {subject.reference:.4g} m/s"
     )
     axes.legend(loc="upper left")
 
@@ -179,10 +181,10 @@ def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
         axes.set_xlabel("real part (1/s)")
     panels[0].set_ylabel("imaginary part (rad/s)")
     panels[0].set_title("All roots")
-    slow = np.abs(roots[..., 1]) < NEAR_THE_REAL_AXIS
+    slow = np.abs(roots[..., 1]) < SLOW_ROOTS
     left = 1.3 * min(float(roots[..., 0].max(axis=1).min()), -0.5)
     shown = roots[slow & (roots[..., 0] > left)]
-    height = 1.5 * float(np.abs(shown[:, 1]).max()) + 0.1 if len(shown) else NEAR_THE_REAL_AXIS
+    height = 1.5 * float(np.abs(shown[:, 1]).max()) + 0.1 if len(shown) else SLOW_ROOTS
     panels[1].set_xlim(left, max(0.3, 1.2 * float(roots[..., 0].max())))
     panels[1].set_ylim(-height, height)
     panels[1].set_title("Close to the origin")

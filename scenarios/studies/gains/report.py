@@ -73,8 +73,8 @@ from vehicles.theory.varying_speed import (
 DEFAULT_SPEEDS = (*PAPER_SPEEDS[:-1], 30.0)
 """The paper's speeds (m/s), 10 to 60 mph and 30 m/s (which it equates with 67 mph)."""
 
-BEND = 1.0 / 300.0
-"""Curvature (1/m) of the bend on which steady cornering is reported."""
+CURVE = 1.0 / 300.0
+"""Curvature (1/m) of the curve on which steady cornering is reported."""
 
 TOLERANCE = 1e-9
 """Distance from the boundary (spectral abscissa over the steering frequency) off which membership
@@ -146,7 +146,7 @@ def _stabilising_set(subject: Subject) -> StabilisingSet:
 
 
 def _box(cars: Sequence[VehicleParameters], speeds: Sequence[float]) -> GainBox:
-    """Least and greatest gains of the set; that it is bounded is what `gain_box` found out."""
+    """Least and greatest gains of the set, which is bounded, or `gain_box` raises ValueError."""
     lateral, heading, yaw_rate = gain_extremes(cars, speeds)
     return GainBox(
         lateral_rad_per_m=(lateral[0].lateral, lateral[1].lateral),
@@ -173,9 +173,9 @@ def _verification(subject: Subject) -> Verification:
 
 
 def _at_speed(subject: Subject, speed: float) -> AtSpeed:
-    """Collect what holds at one constant speed (m/s), steady cornering on a 300 m bend included."""
+    """Collect what holds at one constant speed (m/s), steady cornering at 300 m radius included."""
     parameters, gains = subject.parameters, subject.gains
-    lateral, heading = steady_cornering(parameters, gains, speed, BEND)
+    lateral, heading = steady_cornering(parameters, gains, speed, CURVE)
     return AtSpeed(
         speed_mps=speed,
         abscissa_per_s=float(abscissa(parameters, gains, [speed])[0]),
@@ -194,7 +194,7 @@ def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
     car, speed = loaded(parameters, loading), subject.reference
     roots = np.sort_complex(np.roots(characteristic_polynomial(car, gains, speed)))
     moved = loaded_with_moved_centre(parameters, loading)
-    unknown_load = steady_cornering(car, gains, speed, BEND, known=parameters)
+    unknown_load = steady_cornering(car, gains, speed, CURVE, known=parameters)
     return AtLoading(
         front_passengers=loading.front_passengers,
         rear_passengers=loading.rear_passengers,
@@ -204,7 +204,7 @@ def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
         roots_per_s=tuple((float(root.real), float(root.imag)) for root in roots),
         abscissa_per_s=float(roots.real.max()),
         stable_at_every_speed=is_stable_over(car, gains, speeds[0], speeds[-1]),
-        steady_lateral_error_at_300_m_radius_m=steady_cornering(car, gains, speed, BEND)[0],
+        steady_lateral_error_at_300_m_radius_m=steady_cornering(car, gains, speed, CURVE)[0],
         steady_lateral_error_unknown_load_m=unknown_load[0],
         with_moved_centre=MovedCentre(
             front_axle_distance_m=moved.front_axle_distance,

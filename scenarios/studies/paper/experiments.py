@@ -1,7 +1,7 @@
 """The runs of `convoy reproduce`, by case: which scenario with what changed, and what is logged.
 
 The paper's simulations are done with exact measurements; beside them stand runs with the noise of
-a real receiver, over several seeds, and runs that change one thing to find out what it does.
+a real receiver, over several seeds, and runs in which one thing is changed, to show its effect.
 """
 
 from collections.abc import Mapping
@@ -35,7 +35,7 @@ FIRST_CHANGE_S = {A: 31.0, B: 31.0, C: 17.0, D: 15.0, VARIABLE_SPEED: 15.0}
 """When (s) the last car is through the first lane change, at the speed of each case."""
 
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
-"""Radii (m) of the bends, of which the paper says only that they are hundreds of metres."""
+"""Radii (m) of the curves, which the paper gives as hundreds of metres only."""
 
 BASE_SPEED = 30.0
 """Speed (m/s) of the base case, at which the paper gives the figures of its theory."""
@@ -52,7 +52,7 @@ NOISE = (
 """An RTK receiver with an inertial unit, as in the other scenarios."""
 
 PHASES = (0.25, 0.5, 0.75)
-"""Shares of `SAMPLING_S` by which the road is moved, to see what hangs on where samples fall."""
+"""Shares of `SAMPLING_S` by which the road is moved, to show the effect of where samples fall."""
 
 SAMPLING_S = 0.1
 """After so long (s) the pattern of poses (20 Hz) and decisions (50 Hz) repeats."""
@@ -65,7 +65,7 @@ ROADS = {
     D: (30.0, (150.0, 600.0)),
     VARIABLE_SPEED: (20.0, (100.0, 525.0)),
 }
-"""Of each case's scenario the speed (m/s) at the first bend, and where lane changes begin (m)."""
+"""Of each case's scenario the speed (m/s) at the first curve, and where lane changes begin (m)."""
 
 FIELD_SEEDS = 2
 """Repetitions of the field experiment with other noise."""
@@ -76,13 +76,13 @@ FIRST_CHANGE = ("duration_s=15.0",)
 PREDECESSOR_ONLY = ('control.fusion="predecessor"',)
 SLIP_COMPENSATED = ('control.controller="slip_compensated"',)
 OWN_STATE_AT_50_HZ = ("gnss.rate_hz=50.0", "links.rate_hz=20.0")
-"""Each car knows its own state at every decision; the others still hear it at 20 Hz."""
+"""Each car knows its own state at every decision; the others still receive it at 20 Hz."""
 
 SHORTEST = 1.0
 """A straight shorter than this (m) is left out."""
 
 SWERVE = ("speed.lateral_acceleration_mps2_max=5.0",)
-"""Lets the lead take the tightest bends at full speed."""
+"""The lead need not slow down in the tightest curves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,7 +28,7 @@ Variant = Literal[
 
 @dataclass(frozen=True, slots=True)
 class RunKey:
-    """One run: its setup, the radius (m) of its bends, what is changed, and which repetition it is.
+    """One run: its setup, the radius (m) of its curves, what is changed, and which repetition.
 
     A run with neither `phase` nor `seed` is the exact one. `phase` is the share by which the road
     is moved, `seed` that of the receiver's noise.
@@ -89,7 +89,7 @@ FIELD_WITH, FIELD_WITHOUT = RunKey("field", "with"), RunKey("field", "without")
 
 
 def at_radius(radius: float) -> RunKey:
-    """Give the run on bends of this radius (m)."""
+    """Give the run on curves of this radius (m)."""
     return RunKey("radius", radius=radius)
 
 

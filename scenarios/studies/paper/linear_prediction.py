@@ -41,7 +41,7 @@ def why_growing(key: RunKey, findings: Findings) -> str:
     wide = "cars with the paper's law run wide, and " if low == 0.0 else ""
     bands = f"{low:.1f} to {min(high, LANE_CHANGE_BAND):.1f}"
     text = (
-        f"two effects. (1) {wide}each path is livelier than the one ahead where |F| > 1, in a lane "
+        f"two effects. (1) {wide}each path swings more than the one ahead where |F| > 1, in a lane "
         f"change from {bands} rad/s; linear theory gives {in_cm(tracking)}. (2) A composite runs "
         "through two paths centimetres apart, which no one arc spline explains"
     )

@@ -67,13 +67,13 @@ def reproduce(
 
 
 def chosen_cases(cases: Sequence[str]) -> list[str]:
-    """Return the named cases in the order of the paper; raises ScenarioError for strangers."""
-    strangers = [case for case in cases if case not in RUNS_OF_CASE]
-    if strangers:
+    """Return the named cases in the order of the paper; raises ScenarioError for others."""
+    unknown = [case for case in cases if case not in RUNS_OF_CASE]
+    if unknown:
         allowed = ", ".join(RUNS_OF_CASE)
         raise ScenarioError(
             f"--case {name}: no such case{near(name, list(RUNS_OF_CASE))}, allowed {allowed}"
-            for name in strangers
+            for name in unknown
         )
     return [case for case in RUNS_OF_CASE if case in cases or not cases]
 

@@ -43,7 +43,7 @@ def test_every_experiment_can_be_driven() -> None:
         scenario = load_scenario(run.scenario, run.overrides, run.seed)
         assert max(scenario.route.plan.speeds) == min(scenario.route.plan.speeds) or (
             run.scenario == "paper_variable_speed"
-        ), f"{key}: slowed down in bends"
+        ), f"{key}: slowed down in curves"
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_a_road_of_the_same_times_asks_for_the_same_lateral_acceleration(speed: 
 
 @pytest.mark.parametrize("case", ROADS)
 def test_a_road_that_is_not_moved_is_the_case_s_own(case: RunKey) -> None:
-    """And a moved one is the same, but later by the way of a part of 0.1 s."""
+    """And a moved one is the same, but later by the distance of a part of 0.1 s."""
     speed, begins = ROADS[case]
     own, again, moved = (
         load_scenario(f"paper_{case}", overrides).route

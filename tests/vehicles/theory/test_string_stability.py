@@ -82,7 +82,7 @@ def test_an_oversteering_car_beyond_its_critical_speed_is_the_exception() -> Non
     slower = Gains(0.02, 0.6, 0.08)
     assert abscissa(car, slower, [1.05 * critical])[0] < 0.0
     beyond = propagation(car, slower, 1.05 * critical)
-    assert abs(beyond.at(np.array([0.05]))[0]) < 1.0  # quiet at low frequency
+    assert abs(beyond.at(np.array([0.05]))[0]) < 1.0  # no amplification at low frequency
     assert peak(beyond).magnitude > 1.0  # but not at all
 
 

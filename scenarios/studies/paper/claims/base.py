@@ -23,7 +23,7 @@ GAP_S = 0.5
 """The convoy's gap (s)."""
 
 CHANGES = (5.0, 6.0, 7.0, 8.0, 20.0, 21.0, 22.0, 23.0)
-"""When (s) the lead of the base case comes to a change of curvature."""
+"""When (s) the lead of the base case reaches a change of curvature."""
 
 CLAIMS = Claims()
 

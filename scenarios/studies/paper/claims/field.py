@@ -45,7 +45,7 @@ def propagation_measured(findings: Findings) -> Answer:
     paper = np.abs(propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED).at(frequencies))
     trace = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED).at(frequencies))
     mean = ratios.prod(axis=1) ** (1.0 / ratios.shape[1])
-    swings, short = findings.ratios(SHORT_PREVIEW_S)
+    short_driven, short = findings.ratios(SHORT_PREVIEW_S)
     closer = short.prod(axis=1) ** (1.0 / short.shape[1])
     best, high = int(mean.argmax()), int(np.argmin(np.abs(frequencies - 7.0)))
     settings = FitSettings()
@@ -66,7 +66,7 @@ def propagation_measured(findings: Findings) -> Answer:
             "measured_ratio": ratios.tolist(),
             "g_ratio": paper.tolist(),
             "f_ratio": trace.tolist(),
-            "short_preview_frequency_radps": swings.tolist(),
+            "short_preview_frequency_radps": short_driven.tolist(),
             "short_preview_measured_ratio": short.tolist(),
         },
     )

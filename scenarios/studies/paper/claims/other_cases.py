@@ -16,7 +16,7 @@ from vehicles.theory.linear_model import steady_cornering
 from vehicles.theory.string_stability import head_to_tail
 
 RADIUS = 500.0
-"""Radius (m) of the bends."""
+"""Radius (m) of the curves."""
 
 SIMULATIONS = (BASE, A, B, C, D, VARIABLE_SPEED)
 """The paper's simulations."""
@@ -168,7 +168,7 @@ def variable_speed_decreasing(findings: Findings) -> Answer:
 
 
 def _settles_at(speed: float, loading: Loading) -> float:
-    """Offset (m) from a bend's path at which a car settles that does not know its load."""
+    """Steady offset (m) on a curve of a car whose controller does not know its load."""
     car = loaded(LINCOLN_MKZ, loading)
     return steady_cornering(car, NOMINAL_GAINS, speed, 1.0 / RADIUS, LINCOLN_MKZ)[0]
 

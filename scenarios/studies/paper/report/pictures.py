@@ -250,16 +250,16 @@ def maxima(findings: Findings) -> Figure:
 
 
 def radius(findings: Findings) -> Figure:
-    """Draw how the errors depend on the radius of the bends."""
+    """Draw how the errors depend on the radius of the curves."""
     figure = Figure(figsize=(9.6, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     _followers_over_radius(left, findings)
-    looks: tuple[tuple[Variant | None, str, str, str], ...] = (
+    styles: tuple[tuple[Variant | None, str, str, str], ...] = (
         ("no_lead_data", RED, "o", "without the lead's data"),
         (None, BLUE, "s", "with them"),
         ("slip_compensated", GREEN, "^", "with them, slip compensated"),
     )
-    for variant, colour, mark, label in looks:
+    for variant, colour, mark, label in styles:
         keys = [RunKey("radius", variant, radius=r) for r in RADII]
         values = [findings.trials[key].cross_track[-1] for key in keys]
         right.plot(
@@ -276,13 +276,13 @@ def radius(findings: Findings) -> Figure:
 
 def _followers_over_radius(axes: Axes, findings: Findings) -> None:
     for place in PLACES:
-        look: dict[str, Any] = {"color": COLOURS[place + 1], "marker": MARKS[place]}
+        style: dict[str, Any] = {"color": COLOURS[place + 1], "marker": MARKS[place]}
         values = [findings.trials[at_radius(r)].tracking[place] for r in RADII]
         label = f"follower {place + 1}"
-        axes.plot(RADII, 100.0 * np.array(values), markersize=4.0, label=label, **look)
+        axes.plot(RADII, 100.0 * np.array(values), markersize=4.0, label=label, **style)
         for r in RADII:
             noisy = [100.0 * run.tracking[place] for run in findings.noisy(at_radius(r))]
-            axes.plot([r] * len(noisy), noisy, linestyle="", markersize=2.5, alpha=0.6, **look)
+            axes.plot([r] * len(noisy), noisy, linestyle="", markersize=2.5, alpha=0.6, **style)
     axes.axhline(9.0, color=RED, linestyle=":", linewidth=1.0)
     axes.annotate(
         "the paper's 9 cm",
@@ -319,14 +319,14 @@ def measured_propagation(findings: Findings) -> Figure:
     )
     label = "F(jω): steering along the path left behind"
     axes.plot(fine, np.abs(trace.at(fine)), color=BLUE, linestyle="--", label=label)
-    swings, ratios = findings.ratios(PREVIEW_S)
+    driven, ratios = findings.ratios(PREVIEW_S)
     for place in range(ratios.shape[1]):
         label = f"measured in the convoy, car {place + 2} over car {place + 1}"
-        axes.plot(swings, ratios[:, place], MARKS[place], color=GREEN, markersize=4.5, label=label)
-    axes.plot(swings, ratios.prod(axis=1) ** (1.0 / ratios.shape[1]), color=GREEN, linewidth=1.0)
-    swings, ratios = findings.ratios(SHORT_PREVIEW_S)
+        axes.plot(driven, ratios[:, place], MARKS[place], color=GREEN, markersize=4.5, label=label)
+    axes.plot(driven, ratios.prod(axis=1) ** (1.0 / ratios.shape[1]), color=GREEN, linewidth=1.0)
+    driven, ratios = findings.ratios(SHORT_PREVIEW_S)
     label = f"the same with a preview of {SHORT_PREVIEW_S:g} s, all cars"
-    axes.plot(swings, ratios.mean(axis=1), "D", color=PURPLE, mfc="white", ms=4.5, label=label)
+    axes.plot(driven, ratios.mean(axis=1), "D", color=PURPLE, mfc="white", ms=4.5, label=label)
     axes.axhline(1.0, color=GREY, linewidth=0.8)
     axes.set_ylim(0.0, 2.4)
     axes.set_xlabel("frequency (rad/s)")
