@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.results.drives import Drive, Trial
-from scenarios.results.fitted_samples import SampleFigures
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import (
     FREQUENCIES,
     PREVIEW_S,
@@ -38,7 +38,7 @@ def a_trial(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) 
         replace(lead, name=f"v{k}", lateral_error=-own * peak, cross_track=beside * peak)
         for k, (own, beside) in enumerate(zip(tracking, true or tracking, strict=True), start=2)
     ]
-    return Trial((lead, *followers), SampleFigures(16, 15, 1.5))
+    return Trial((lead, *followers))
 
 
 def a_paper_come_true() -> Findings:
@@ -60,4 +60,7 @@ def a_paper_come_true() -> Findings:
         for frequency in FREQUENCIES
         for preview in (PREVIEW_S, SHORT_PREVIEW_S)
     ]
-    return Findings(trials=trials, sine_responses=responses, field=field, gains_pictures=())
+    samples = {BASE: SampleFigures(16, 15, 1.5)}
+    return Findings(
+        trials=trials, samples=samples, sine_responses=responses, field=field, gains_pictures=()
+    )

@@ -8,6 +8,7 @@ import numpy as np
 
 from scenarios.results.drives import Array, Trial
 from scenarios.studies.paper.field_runs import FieldRuns
+from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import SineResponse
 from scenarios.studies.paper.keys import Need, Part, RunKey
 from vehicles.theory.string_stability import is_string_stable
@@ -25,9 +26,13 @@ class Tally(NamedTuple):
 
 @dataclass
 class Findings:
-    """Results by their keys; what was not run is not in it."""
+    """Results by their keys; what was not run is not in it.
+
+    `samples` are those of the logged runs.
+    """
 
     trials: dict[RunKey, Trial] = field(default_factory=dict)
+    samples: dict[RunKey, SampleFigures] = field(default_factory=dict)
     sine_responses: list[SineResponse] = field(default_factory=list)
     field: FieldRuns | None = None
     gains_pictures: tuple[str, ...] | None = None

@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
@@ -20,6 +21,7 @@ from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.fitted_samples import SampleCounter, SampleFigures
 from scenarios.studies.paper.frequency_response import (
     FREQUENCIES,
     PREVIEW_S,
@@ -95,10 +97,21 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
     return jobs
 
 
-def run_experiment(experiment: Experiment, folder: Path) -> Trial:
+@dataclass(frozen=True, slots=True)
+class Run:
+    """The drives of one run and, if it was logged, the samples to which its followers fitted."""
+
+    trial: Trial
+    samples: SampleFigures | None = None
+
+
+def run_experiment(experiment: Experiment, folder: Path) -> Run:
     """Do one run, with its log in `folder` if it is to have one."""
     scenario = load_scenario(experiment.scenario, experiment.overrides, experiment.seed)
-    return record(scenario, folder) if experiment.logged else rehearse(scenario)
+    if not experiment.logged:
+        return Run(rehearse(scenario))
+    counter = SampleCounter()
+    return Run(record(scenario, folder, listeners=(counter.listen,)), counter.figures)
 
 
 def _field(folder: Path) -> FieldRuns:
@@ -117,8 +130,10 @@ def _gains(folder: Path) -> tuple[str, ...]:
 def add(findings: Findings, key: JobKey, result: object) -> None:
     """Put one result where it belongs."""
     match key, result:
-        case RunKey(), Trial():
-            findings.trials[key] = result
+        case RunKey(), Run():
+            findings.trials[key] = result.trial
+            if result.samples is not None:
+                findings.samples[key] = result.samples
         case SineKey(), SineResponse():
             findings.sine_responses.append(result)
         case Part.FIELD, FieldRuns():

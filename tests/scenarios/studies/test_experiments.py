@@ -8,7 +8,6 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Drive, Trial
-from scenarios.results.fitted_samples import SampleCounter, SampleFigures
 from scenarios.results.summary import scenario_in
 from scenarios.runs.rehearsal import record, rehearse
 from scenarios.runs.run_log import LOG_NAME
@@ -23,9 +22,11 @@ from scenarios.studies.paper.experiments import (
     road,
 )
 from scenarios.studies.paper.field_runs import as_run, field_runs
+from scenarios.studies.paper.fitted_samples import SampleCounter
 from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, sine_scenario
 from scenarios.studies.paper.keys import BASE, RunKey
 from scenarios.studies.paper.linear_prediction import predicted
+from scenarios.studies.paper.reproduce import run_experiment
 from tests.made.messages import truth
 from transport.log.mcap_log import LogReader
 from vehicles.car.parameters import NOMINAL_GAINS
@@ -33,7 +34,6 @@ from vehicles.messages import CompositeTrajectory, RunStart
 from vehicles.theory.propagation import Transfer
 
 EXPERIMENTS = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
-SHORT = ["duration_s=3.0", "convoy.vehicles=2"]
 
 
 def test_every_experiment_can_be_driven() -> None:
@@ -189,7 +189,7 @@ def test_amplitudes_of_sines_are_found_beside_a_drift() -> None:
         a_drive("v1", east, 0.5 * np.sin(swing) + 0.2, speed),
         a_drive("v2", east, 0.6 * np.sin(swing - 0.3) + 0.001 * east, speed),
     )
-    found = amplitudes(Trial(drives, SampleFigures()), frequency)
+    found = amplitudes(Trial(drives), frequency)
     assert abs(found[0]) == pytest.approx(0.5)
     assert abs(found[1]) == pytest.approx(0.6)
     assert np.angle(found[1] / found[0]) == pytest.approx(-0.3)
@@ -222,8 +222,9 @@ def test_linear_theory_of_a_chain_that_answers_with_one_tenth_too_much() -> None
 
 def test_samples_are_counted_ahead_of_the_car_and_by_source() -> None:
     counter = SampleCounter()
-    counter.listen(truth("v3", 0, 5.0, 200.0, yaw=0.5 * pi, distance=200.0))
+    counter.listen(0, truth("v3", 0, 5.0, 200.0, yaw=0.5 * pi, distance=200.0))
     counter.listen(
+        0,
         CompositeTrajectory(
             vehicle="v3",
             seq=0,
@@ -239,11 +240,20 @@ def test_samples_are_counted_ahead_of_the_car_and_by_source() -> None:
             sample_source=(0, 0, 0, 1, 1),
             residual_m_rms=0.0,
             residual_m_max=0.0,
-        )
+        ),
     )
     assert (counter.figures.lead, counter.figures.predecessor) == (2, 2)
     # The two closest samples lie at (5.1, 200.1) and (5.0, 199.0).
     assert counter.figures.rule_error == pytest.approx(np.arctan2(0.1, 1.1))
+
+
+def test_the_samples_of_a_logged_run_are_counted(tmp_path: Path) -> None:
+    short = ("duration_s=6.0", "convoy.vehicles=3", "path.segments=[{length_m=300.0}]")
+    logged = run_experiment(Experiment(overrides=short, logged=True), tmp_path)
+    assert logged.samples is not None
+    assert logged.samples.lead == 16  # 24 m of preview, a sample each 1.5 m
+    assert 0 < logged.samples.predecessor <= 16
+    assert run_experiment(Experiment(overrides=short), tmp_path).samples is None
 
 
 def test_the_base_case_is_logged_and_its_variants_are_not() -> None:

@@ -16,10 +16,11 @@ from scenarios.studies.paper import reproduce as reproduction
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.findings import Findings
-from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, Part, SineKey
+from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, A, Part, SineKey
 from scenarios.studies.paper.report.pictures import PICTURES
 from scenarios.studies.paper.report.report import CLAIMS, write_report
 from scenarios.studies.paper.reproduce import (
+    Run,
     add,
     carry_out,
     chosen_cases,
@@ -160,11 +161,13 @@ def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
 
 def test_results_are_put_where_they_belong() -> None:
     source, findings = a_paper_come_true(), Findings()
-    add(findings, BASE, source.trials[BASE])
+    add(findings, BASE, Run(source.trials[BASE], source.samples[BASE]))
+    add(findings, A, Run(source.trials[A]))
     add(findings, Part.FIELD, source.field)
     add(findings, Part.GAINS, ("one.png",))
     add(findings, SineKey(0.8, 0.25), source.sine_responses[0])
     assert all(map(findings.has, (BASE, *Part)))
+    assert findings.samples == {BASE: source.samples[BASE]}
     with pytest.raises(TypeError, match="base: not a result of this part: FieldRuns"):
         add(findings, BASE, source.field)
 

@@ -86,7 +86,7 @@ def preview(_: Findings) -> Answer:
     needs=(BASE,),
 )
 def preview_samples(findings: Findings) -> Answer:
-    seen = findings.trials[BASE].samples
+    seen = findings.samples[BASE]
     return Answer(
         ours=f"at most {seen.lead} samples of the lead and {seen.predecessor} of the predecessor "
         "ahead of a car, 1.5 m apart",
@@ -133,7 +133,7 @@ def signs(_: Findings) -> Answer:
     needs=(BASE,),
 )
 def two_samples(findings: Findings) -> Answer:
-    wrong = findings.trials[BASE].samples.rule_error
+    wrong = findings.samples[BASE].rule_error
     return Answer(
         ours=f"in the base case the line through these two points up to {wrong * 180 / pi:.0f}° "
         "off the car's heading",
