@@ -89,7 +89,7 @@ def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: 
     with clear_errors():
         report = gains_report(LINCOLN_MKZ, Gains(*gains), speeds or DEFAULT_SPEEDS, out_dir=out)
         Console().print(gains_table(report))
-        click.echo(f"written: {out / 'gains.json'} and {len(report['pictures'])} pictures")
+        click.echo(f"written: {out / 'gains.json'} and {len(report.pictures)} pictures")
 
 
 @click.command(epilog="Example: convoy new > my.toml")

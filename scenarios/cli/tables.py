@@ -1,8 +1,7 @@
 """The figures of a run as tables for a person; `summary.json` holds the same for machines."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -11,6 +10,9 @@ from rich.table import Table
 
 from scenarios.definition.check.report import CheckReport
 from scenarios.results.summary import RunSummary
+
+if TYPE_CHECKING:  # brings scipy, which a run does without
+    from scenarios.studies.gains.results import GainsReport
 
 
 def print_summary(summary: RunSummary, log: Path | None, console: Console) -> None:
@@ -112,11 +114,11 @@ def check_table(report: CheckReport) -> Table:
     return table
 
 
-def gains_table(report: Mapping[str, Any]) -> Table:
+def gains_table(report: "GainsReport") -> Table:
     """Margins, propagation and certificate of a set of gains, one speed a row."""
-    gains, at_all = report["gains"], report["stabilising_set"]["inside_at_all_speeds_and_loadings"]
+    at_all = report.stabilising_set.inside_at_all_speeds_and_loadings
     title = (
-        f"gains {', '.join(f'{value:g}' for value in gains.values())} "
+        f"gains {', '.join(f'{value:g}' for value in report.gains)} "
         f"{'stabilise' if at_all else 'do NOT stabilise'} all speeds and loadings"
     )
     table = Table(title=title, box=SIMPLE_HEAD, min_width=len(title))  # on one line
@@ -127,12 +129,12 @@ def gains_table(report: Mapping[str, Any]) -> Table:
         "predecessor only\npeak |G|, rad/s",
     ):
         table.add_column(heading, justify="right")
-    for row, passed_on in zip(report["speeds"], report["propagation"], strict=True):
-        peak = passed_on.get("second_order")
+    for row, passed_on in zip(report.speeds, report.propagation, strict=True):
+        peak = passed_on.second_order
         table.add_row(
-            f"{row['speed_mps']:.1f}",
-            f"{row['abscissa_per_s']:.2f}",
-            f"{row['ball_radius']:.3f}",
-            f"{peak['norm_ratio']:.3f} @ {peak['peak_radps']:.2f}" if peak else "unstable",
+            f"{row.speed_mps:.1f}",
+            f"{row.abscissa_per_s:.2f}",
+            f"{row.ball_radius:.3f}",
+            f"{peak.norm_ratio:.3f} @ {peak.peak_radps:.2f}" if peak else "unstable",
         )
     return table

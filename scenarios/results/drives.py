@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.fitted_samples import SampleCounter, SampleFigures
 from vehicles.geometry.driven_path import DrivenPath, cross_track
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
@@ -52,10 +51,9 @@ class Drive:
 
 @dataclass(frozen=True)
 class Trial:
-    """The drives of one run, the lead first; `samples` counts those of the followers, if logged."""
+    """The drives of one run, the lead first."""
 
     drives: tuple[Drive, ...]
-    samples: SampleFigures
 
     @property
     def lead(self) -> Drive:
@@ -88,11 +86,9 @@ class Diary:
     def __init__(self) -> None:
         self._truth: defaultdict[str, list[TruePose]] = defaultdict(list)
         self._errors: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-        self._samples = SampleCounter()
 
     def listen(self, message: Message) -> None:
         """Take a message; kinds that are not needed are passed over."""
-        self._samples.listen(message)
         if isinstance(message, TruePose):
             self._truth[message.vehicle].append(message)
         elif isinstance(message, Tracking):
@@ -109,7 +105,7 @@ class Diary:
         apart = hypot(first.east_m - last.east_m, first.north_m - last.north_m)
         path = DrivenPath.of(self._truth[names[0]], RUN_IN + apart, scenario.route.start_yaw)
         drives = tuple(self._drive(name, path, scenario.start_at_ns) for name in names)
-        return Trial(drives, self._samples.figures)
+        return Trial(drives)
 
     def _drive(self, name: str, path: DrivenPath, start_at: int) -> Drive:
         truth = self._truth[name]

@@ -8,6 +8,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import Diary, Trial
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.recorder import Listener
 from scenarios.runs.replay import Replay
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import World, run_virtual
@@ -58,14 +59,22 @@ def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
     return diary.trial(scenario)
 
 
-def record(scenario: Scenario, folder: Path, replays: Sequence[Replay] = ()) -> Trial:
-    """Run `scenario` in virtual time and write its log and summary into `folder`."""
+def record(
+    scenario: Scenario,
+    folder: Path,
+    replays: Sequence[Replay] = (),
+    listeners: Sequence[Listener] = (),
+) -> Trial:
+    """Run `scenario` in virtual time and write its log and summary into `folder`.
+
+    Each of `listeners` gets every recorded message.
+    """
     diary = Diary()
     run_virtual(
         scenario,
         folder,
         Stop(),
-        listeners=(lambda _, message: diary.listen(message),),
+        listeners=(lambda _, message: diary.listen(message), *listeners),
         replays=replays,
     )
     return diary.trial(scenario)

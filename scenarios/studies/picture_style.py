@@ -1,4 +1,4 @@
-"""How pictures look: colours that colour-blind eyes tell apart, and matplotlib's settings.
+"""Style of the pictures: colours for the colour-blind as well, and matplotlib's settings.
 
 Needs no matplotlib itself. Figures are made without pyplot, so nothing global is touched and no
 display is needed.

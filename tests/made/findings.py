@@ -1,18 +1,29 @@
-"""Findings of a reproduction that nobody ran."""
+"""Findings of a reproduction, made up."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from scenarios.results.drives import Drive, Trial
-from scenarios.results.fitted_samples import SampleFigures
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import (
     FREQUENCIES,
     PREVIEW_S,
     SHORT_PREVIEW_S,
-    Weaving,
+    SineResponse,
+)
+from scenarios.studies.paper.keys import (
+    BASE,
+    LONG_WITH,
+    LONG_WITHOUT,
+    NO_LEAD_DATA,
+    VARIABLE_SPEED,
+    A,
+    B,
+    C,
+    D,
 )
 
 
@@ -27,26 +38,29 @@ def a_trial(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) 
         replace(lead, name=f"v{k}", lateral_error=-own * peak, cross_track=beside * peak)
         for k, (own, beside) in enumerate(zip(tracking, true or tracking, strict=True), start=2)
     ]
-    return Trial((lead, *followers), SampleFigures(16, 15, 1.5))
+    return Trial((lead, *followers))
 
 
 def a_paper_come_true() -> Findings:
     """Findings in which every claim of the simulations and the field experiment holds."""
     falling = a_trial((0.08, 0.06, 0.05))
-    same = ("base", "base/blend", "base/as_is", "d", "variable_speed/blend")
+    same = (BASE, BASE.varied("blend"), BASE.varied("as_is"), D, VARIABLE_SPEED.varied("blend"))
     trials = dict.fromkeys(same, falling)
-    trials["no_lead_data"] = a_trial((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
-    trials["long/with"] = a_trial((0.08, 0.06, 0.05), (0.08, 0.06, 0.05))
-    trials["long/without"] = a_trial((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
-    for key in ("a", "a/slip_compensated", "a/same_times", "b"):
+    trials[NO_LEAD_DATA] = a_trial((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
+    trials[LONG_WITH] = a_trial((0.08, 0.06, 0.05), (0.08, 0.06, 0.05))
+    trials[LONG_WITHOUT] = a_trial((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
+    for key in (A, A.varied("slip_compensated"), A.varied("same_times"), B):
         trials[key] = a_trial((0.03, 0.02, 0.01))
-    for key in ("c", "c/slip_compensated", "c/same_times"):
+    for key in (C, C.varied("slip_compensated"), C.varied("same_times")):
         trials[key] = a_trial((0.05, 0.04, 0.03))
-    trials["variable_speed"] = a_trial((0.10, 0.09, 0.08))
+    trials[VARIABLE_SPEED] = a_trial((0.10, 0.09, 0.08))
     field = FieldRuns(a_trial((0.05, 0.04)), a_trial((0.05, 0.06)), ())
-    swings = [
-        Weaving(frequency, preview, (1.0, 1.1, 1.2, 1.3))
+    responses = [
+        SineResponse(frequency, preview, (1.0, 1.1, 1.2, 1.3))
         for frequency in FREQUENCIES
         for preview in (PREVIEW_S, SHORT_PREVIEW_S)
     ]
-    return Findings(trials=trials, weavings=swings, field=field, gains_pictures=())
+    samples = {BASE: SampleFigures(16, 15, 1.5)}
+    return Findings(
+        trials=trials, samples=samples, sine_responses=responses, field=field, gains_pictures=()
+    )

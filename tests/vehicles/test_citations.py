@@ -17,8 +17,8 @@ SCIENCE = (
     "geometry.local_regression", "geometry.path", "geometry.smoothing", "preview.curve_fit",
     "preview.fit_arc", "preview.fit_joined", "preview.outliers", "preview.samples",
     "preview.trace", "preview.trajectory", "theory.constant_speed", "theory.gain_margins",
-    "theory.gain_sets", "theory.linear_model", "theory.polynomials", "theory.simulated_chain",
-    "theory.string_stability", "theory.varying_speed",
+    "theory.gain_sets", "theory.linear_model", "theory.polynomials", "theory.propagation",
+    "theory.simulated_chain", "theory.string_stability", "theory.varying_speed",
 )  # fmt: skip
 PLUMBING = {
     "geometry.driven_path": "distances from a polyline of recorded poses",

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Ball:
-    """The largest ball of stabilising gains around a choice (Section V-A says there is one).
+    """The largest ball of stabilising gains around a choice, which exists by Section V-A.
 
     `radius` in the chosen metric, `nearest` the gains where it touches the boundary, `frequency`
     (rad/s) of the root there (0: the plane k_e = 0), and the speed (m/s) that limits it.

@@ -125,12 +125,10 @@ def gain_box(
 ) -> tuple[tuple[float, float], ...]:
     """Rough bounds of k_e, k_theta and k_omega around the intersection over cars and speeds.
 
-    The set of Section V-A, by a search of our own.
-
-    Searched on grids that grow while members lie on their outer faces and shrink onto the members
-    otherwise, so exact to a cell (about 1/20 of the extent) and widened by one; tips thinner than
-    a cell stick out (`gain_extremes` follows them). The grid is skew, along b k_e + k_theta,
-    because A1 > 0 makes the set at low speed a thin wedge along that plane.
+    The set of Section V-A, searched on grids that grow while members lie on their outer faces and
+    shrink onto the members otherwise, so exact to a cell (about 1/20 of the extent) and widened by
+    one; tips thinner than a cell stick out (`gain_extremes` follows them). The grid is skew, along
+    b k_e + k_theta, because A1 > 0 makes the set at low speed a thin wedge along that plane.
     Raises ValueError if no member is found or the set has no bounds within reach.
     """
     skew = min(car.rear_axle_distance for car in cars)
@@ -160,7 +158,7 @@ def gain_box(
 
 
 SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))
-"""Directions in which `gain_extremes` looks, in units of its reach."""
+"""Directions in which `gain_extremes` searches, in units of its reach."""
 
 
 def gain_extremes(
@@ -170,7 +168,7 @@ def gain_extremes(
 
     Extent of the stabilising set of Section V-A, of which Fig. 6 is a picture at one speed. The set
     runs out into tips thinner than a cell of any grid, so from the outermost members of `gain_box`
-    on better ones are looked for around the best so far, near and far at once, until none is found
+    on better ones are searched around the best so far, near and far at once, until none is found
     within 1e-5 of the box. All six are members: the set reaches so far at least, and about no
     further (to 1 or 2 % of its extent). Raises ValueError as `gain_box` does.
     """
@@ -195,32 +193,20 @@ def _climbed(
     cars: Sequence[VehicleParameters],
     speeds: Sequence[float],
     start: Array,
-    way: Array,
+    direction: Array,
     extent: Array,
 ) -> Array:
-    """Move from a member to others that lie further along a `way`; shapes (3,)."""
+    """Move from a member to others that lie further along `direction`; shapes (3,)."""
     best, reach = start, 0.1
     while reach > 1e-5:
         steps = np.concatenate([reach * 0.3**k * SPREAD for k in range(6)]) * extent
-        ahead = best + steps[(steps * way).sum(axis=1) > 0.0]
+        ahead = best + steps[(steps * direction).sum(axis=1) > 0.0]
         inside = ahead[stabilises_all(cars, speeds, ahead)]
         if len(inside):
-            best = inside[int(np.argmax((inside * way).sum(axis=1)))]
+            best = inside[int(np.argmax((inside * direction).sum(axis=1)))]
         else:
             reach *= 0.6
     return best
-
-
-def members(
-    cars: Sequence[VehicleParameters],
-    speeds: Sequence[float],
-    lateral: Array,
-    heading: Array,
-    yaw_rate: Array,
-) -> NDArray[np.bool_]:
-    """Membership (Section V-A) on the grid of three axes, indexed [k_e, k_theta, k_omega]."""
-    grid = np.stack(np.meshgrid(lateral, heading, yaw_rate, indexing="ij"), axis=-1)
-    return stabilises_all(cars, speeds, grid)
 
 
 def non_convex_pair(
@@ -228,7 +214,7 @@ def non_convex_pair(
 ) -> tuple[Gains, Gains] | None:
     """Two stabilising gains whose midpoint does not stabilise: proof that the set is not convex.
 
-    Section V-A says so of the paper's car. Looked for among all pairs of members of a grid; None if
+    Section V-A says so of the paper's car. Searched among all pairs of members of a grid; None if
     there is no such pair. Of several the one whose midpoint is furthest into instability.
     """
     axes = [np.linspace(low, high, points + 2)[1:-1] for low, high in gain_box(cars, speeds)]

@@ -6,8 +6,7 @@ v_y = e' - v theta~ and yaw rate = theta~' + v kappa; against the paper's text:
 
 - Its state equation lacks M^-1 before L, C_0, B and F (Section IV-A). The second-order form (3) has
   the mass matrix and is right, units included: m v² and a C_f - b C_r are both N m per radian.
-- Eq. (3) holds on arcs only. Where curvature changes, theta~'' also contains -v kappa'
-  (`curvature_rate_input`).
+- Eq. (3) holds on arcs only. Where curvature changes, theta~'' also contains -v kappa'.
 - Eq. (3) holds at constant speed only. Since e' = v_y + v theta~, a changing speed adds v' theta~
   to e'' (`speed_change_matrix`), which A(gamma(t)) of Proposition 1 leaves out.
 - The coefficients A6...A0 are right, but are those of Delta(s, K) / w_n²: the polynomial of the
@@ -22,8 +21,6 @@ from numpy.typing import NDArray
 from vehicles.car.parameters import Gains, VehicleParameters
 
 Array = NDArray[np.float64]
-
-STATES = ("e_lat", "theta", "e_lat_rate", "theta_rate", "steering", "steering_rate")
 
 
 def open_loop(parameters: VehicleParameters) -> tuple[Array, Array]:
@@ -70,32 +67,6 @@ def closed_loop_at(parameters: VehicleParameters, gains: Gains, speed: float) ->
     """A(gamma) of Proposition 1 at gamma = 1 / `speed` (s/m), shape (6, 6)."""
     constant, inverse_speed = closed_loop(parameters, gains)
     return constant + inverse_speed / speed
-
-
-def curvature_input(
-    parameters: VehicleParameters, speed: float, known: VehicleParameters | None = None
-) -> Array:
-    """Column by which the trajectory's curvature (1/m) enters z': -M^-1 F and the feedforward.
-
-    Eqs. (3) and (6); `known` is the car as the controller believes it to be (feedforward).
-    """
-    front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
-    a, b = parameters.front_axle_distance, parameters.rear_axle_distance
-    believed = known or parameters
-    feedforward = believed.wheelbase + believed.steer_gradient * speed * speed
-    column = steering_input(parameters) * feedforward
-    column[2] = -speed * speed - (a * front - b * rear) / parameters.mass
-    column[3] = -(a * a * front + b * b * rear) / parameters.yaw_inertia
-    return column
-
-
-def curvature_rate_input(speed: float) -> Array:
-    """Column by which the rate of curvature (1/(m s)) enters z': -v in theta~''.
-
-    From yaw rate = theta~' + v kappa; absent from eq. (3), which is meant for arcs. While the speed
-    changes as well, the rate to enter is kappa' + v' kappa / v.
-    """
-    return np.array([0.0, 0.0, 0.0, -speed, 0.0, 0.0])
 
 
 def speed_change_matrix() -> Array:

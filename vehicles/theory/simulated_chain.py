@@ -1,7 +1,4 @@
-"""What a convoy's errors do in time: a simulated chain of linear loops, and norms of signals."""
-
-from collections.abc import Sequence
-from itertools import pairwise
+"""Propagation of errors along a chain of linear loops that is simulated in time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +10,16 @@ from vehicles.theory.linear_model import (
     open_loop,
     steering_input,
 )
-from vehicles.theory.string_stability import Actuation
+from vehicles.theory.propagation import SteeringModel
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-SETTLING = 14.0
-"""Time to settle before measuring, in time constants of the slowest root."""
+SIMULATED_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
+"""Where the propagation is simulated (rad/s) to confirm the closed form."""
+
+TRANSIENT = 14.0
+"""Time before the evaluation, in time constants of the slowest root."""
 
 STEP_PER_RATE = 0.2
 """Integration step, in units of the fastest rate."""
@@ -30,22 +30,22 @@ def simulated_propagation(
     gains: Gains,
     speed: float,
     frequencies: Array,
-    actuation: Actuation = "second order",
+    steering: SteeringModel = "second order",
 ) -> ComplexArray:
     """Second follower's e_lat over the first's, measured on a simulated chain; shape (n,).
 
-    Lead, two followers, feedback on x_i - x_(i-1) (Section IV-B); the lead swings sideways at each
-    frequency (rad/s). Integrated in time (Runge-Kutta, order 4), and once settled the sine of each
-    car is read off by least squares. Agrees with `string_stability.propagation` within 1e-3; the
-    first follower's own ratio to the lead is not G, as the lead's heading does not follow suit.
+    Lead, two followers, feedback on x_i - x_(i-1) (Section IV-B); the lead drives a sine of each
+    frequency (rad/s). Integrated in time (Runge-Kutta, order 4); once settled, a sine is fitted to
+    each car by least squares. Agrees with `propagation.propagation` within 1e-3; the
+    first follower's own ratio to the lead is not G, as the lead moves sideways without turning.
     """
-    single, column, row = _loop(parameters, gains, speed, actuation)
+    single, column, row = _loop(parameters, gains, speed, steering)
     eigenvalues = np.linalg.eigvals(single)
     if eigenvalues.real.max() >= 0.0:
         raise ValueError("the loop is not stable: nothing settles")
     frequencies = np.asarray(frequencies, dtype=np.float64)
     step = STEP_PER_RATE / max(float(np.abs(eigenvalues).max()), float(frequencies.max()))
-    settled = SETTLING / -float(eigenvalues.real.max())
+    settled = TRANSIENT / -float(eigenvalues.real.max())
     count = int(np.ceil((settled + 2.0 * np.pi / frequencies.min()) / step))
     first, size = int(settled / step), len(single)
     pair = np.kron(np.eye(2), single)
@@ -67,11 +67,11 @@ def simulated_propagation(
 
 
 def _loop(
-    parameters: VehicleParameters, gains: Gains, speed: float, actuation: Actuation
+    parameters: VehicleParameters, gains: Gains, speed: float, steering: SteeringModel
 ) -> tuple[Array, Array, Array]:
     """Give the closed loop, its steering input and feedback row: six states, four if instant."""
     row = feedback_row(gains)
-    if actuation == "second order":
+    if steering == "second order":
         return closed_loop_at(parameters, gains, speed), steering_input(parameters), row
     constant, inverse_speed = open_loop(parameters)
     steered = constant[:4, 4]
@@ -88,42 +88,3 @@ def _amplitudes(signal: Array, times: Array, frequencies: Array) -> ComplexArray
         real, imaginary = np.linalg.lstsq(basis, signal[:, index], rcond=None)[0]
         found[index] = complex(real, imaginary)
     return found
-
-
-def l2_norm(values: Array, at: Array) -> float:
-    """Root of the integral of values² over `at` (s or m, rising), by the trapezoidal rule."""
-    values, at = np.asarray(values), np.asarray(at)
-    return float(np.sqrt(np.trapezoid(values * values, at)))
-
-
-def tracking_norm(lateral: Array, heading: Array) -> float:
-    """L-infinity norm of (e_lat in m, theta~ in rad) over a run: Definition 1 of Section IV-B.
-
-    The largest absolute value of either component at any time. It mixes metres and radians, as the
-    paper's does; on a lane change the metres decide.
-    """
-    return max(float(np.abs(lateral).max()), float(np.abs(heading).max()))
-
-
-def amplifications(norms: Sequence[float]) -> tuple[float, ...]:
-    """Ratio of each vehicle's norm to the one's before (Definition 1); infinite after one of 0.
-
-    `norms` front to back. One entry fewer than vehicles.
-    """
-    return tuple(behind / ahead if ahead > 0.0 else np.inf for ahead, behind in pairwise(norms))
-
-
-def head_to_tail(norms: Sequence[float]) -> float:
-    """Ratio of the last vehicle's norm to the first's, at most 1 under Definition 1.
-
-    The product of `amplifications`.
-    """
-    return norms[-1] / norms[0] if norms[0] > 0.0 else np.inf
-
-
-def is_string_stable(norms: Sequence[float], slack: float = 0.0) -> bool:
-    """Definition 1 of Section IV-B: norms of the followers, first to last, do not increase.
-
-    `slack` is a relative tolerance for measured convoys.
-    """
-    return all(ratio <= 1.0 + slack for ratio in amplifications(norms))

@@ -1,65 +1,26 @@
-"""How lateral errors travel down the convoy: transfer functions in closed form (Section IV-B).
+"""Norms of propagation and of recorded errors, and string stability by them (Section IV-B).
 
-Two chains of linear loops, each follower steering relative to the one ahead:
-
-`propagation`, the paper's: feedback on x_i - x_(i-1), the difference of both vehicles' lateral
-offset and heading at one instant. The fed-back signal u_i = K x_i obeys u_i = G u_(i-1) with
-G = H / (1 + H), and since x_i = (M_0 + B K)^-1 B u_(i-1), every component of x does so from the
-first follower on: e_lat,(i+1) = G e_lat,i. Against the paper's text:
-
-- N(0) lacks the factor C_f that K(s) carries: N(0) = C_f C_r (a + b) k_e. The sign is the same.
-- N(0)/R(0) > 0, and with it |G| > 1 at low frequency, needs R(0) > 0: true at any speed for an
-  understeering car and below the critical speed for an oversteering one. "det M_0(s) = 0" is meant
-  at s = 0.
-  Amplification somewhere is certain for any car: with two integrators in the loop Bode's integral
-  of ln|G| / w² over all frequencies is not negative.
-- (M_0 + B K)^-1 B K has rank one; |G| is its only non-zero eigenvalue in magnitude and a lower
-  bound of sigma_max, which also mixes metres with radians. |G| <= 1 is necessary, not equivalent.
-- The H-infinity norm is the gain in L2. The paper's definition is in L-infinity, whose gain (the L1
-  norm of the impulse response) is at least as large.
-
-`trace_propagation`, nearer the emulator: a follower knows where its predecessor drove, not how it
-was turned. Its reference is that path: lateral offset y, course y' / v, curvature y'' / v², with
-feedforward. Lateral offset to lateral offset at the same place of the road.
-
-With the lead's data and weight alpha on the predecessor, either chain becomes
-y_i = F (alpha y_(i-1) + (1 - alpha) y_0), which contracts if alpha |F| < 1 at every frequency.
+The H-infinity norm is the gain in L2. The paper's Definition 1 is in L-infinity, whose gain (the L1
+norm of the impulse response) is at least as large.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import pairwise
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.car.parameters import Gains, VehicleParameters
-from vehicles.theory.linear_model import (
-    characteristic_polynomial,
-    feedback_numerator,
-    handling_polynomial,
-    lateral_numerator,
-)
+from vehicles.theory.linear_model import heading_numerator, lateral_numerator
 from vehicles.theory.polynomials import squared_magnitude, stationary_points
+from vehicles.theory.propagation import Transfer, propagation
 
 Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
-Actuation = Literal["second order", "instantaneous"]
-"""Steering by eq. (4), or H_a = 1 as in the paper's Section IV-B."""
-
-
-@dataclass(frozen=True, slots=True)
-class Transfer:
-    """A rational transfer function (G of Section IV-B); coefficients in descending powers of s."""
-
-    numerator: Array
-    denominator: Array
-
-    def at(self, frequencies: Array) -> ComplexArray:
-        """Value at j w for frequencies w (rad/s), like G(j w) of Section IV-B."""
-        s = 1j * np.asarray(frequencies, dtype=np.float64)
-        value = np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
-        return np.asarray(value, dtype=np.complex128)
+LANE_CHANGE_BAND = 2.0 * pi
+"""Frequencies (rad/s) up to 1 Hz: what a lane change contains, well below the steering's mode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,58 +29,6 @@ class Peak:
 
     magnitude: float
     frequency: float
-
-
-def propagation(
-    parameters: VehicleParameters,
-    gains: Gains,
-    speed: float,
-    actuation: Actuation = "second order",
-) -> Transfer:
-    """G(s) = H / (1 + H) of Section IV-B, predecessor's data only, at `speed` (m/s).
-
-    With steering by eq. (4), H becomes H_a H and the denominator Delta(s, K) / w_n².
-    """
-    numerator = feedback_numerator(parameters, gains, speed)
-    if actuation == "second order":
-        return Transfer(numerator, characteristic_polynomial(parameters, gains, speed))
-    return Transfer(numerator, _instantaneous_denominator(parameters, gains, speed))
-
-
-def trace_propagation(
-    parameters: VehicleParameters,
-    gains: Gains,
-    speed: float,
-    actuation: Actuation = "second order",
-    known: VehicleParameters | None = None,
-) -> Transfer:
-    """Lateral offset of a follower over that of the path its predecessor left, beyond the paper.
-
-    F = n_e (k_e + (k_theta / v) s + (k_omega / v + (L + K_sg v²) / v²) s²) / Delta: the numerator
-    n_e of e_lat / delta_f (Section III-F) times the law of eqs. (6), (7) with the reference's
-    course y' / v and curvature y'' / v². Not smoothed by any fit, so it overstates what happens
-    above some 5 rad/s; without actuation it does not even fall off towards high frequency. At low
-    frequency F = 1 - (e/kappa) w² / v² with the steady cornering error e of
-    `linear_model.steady_cornering`: a car that runs wide on bends amplifies.
-    `known` is the car as the controller believes it to be.
-    """
-    believed = known or parameters
-    feedforward = believed.wheelbase + believed.steer_gradient * speed * speed
-    law = np.array(
-        [gains.yaw_rate / speed + feedforward / speed**2, gains.heading / speed, gains.lateral]
-    )
-    numerator = np.convolve(lateral_numerator(parameters, speed), law)
-    if actuation == "second order":
-        return Transfer(numerator, characteristic_polynomial(parameters, gains, speed))
-    return Transfer(numerator, _instantaneous_denominator(parameters, gains, speed))
-
-
-def _instantaneous_denominator(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
-    """s² R(s) + N(s), Section IV-B; shape (5,)."""
-    denominator = np.zeros(5)
-    denominator[:3] = handling_polynomial(parameters, speed)
-    denominator[1:] += feedback_numerator(parameters, gains, speed)
-    return denominator
 
 
 def peak(transfer: Transfer, highest: float = np.inf) -> Peak:
@@ -187,16 +96,6 @@ def maximum_gain(transfer: Transfer) -> float:
     return float(np.trapezoid(np.abs(response), times))
 
 
-def low_frequency_growth(parameters: VehicleParameters, gains: Gains, speed: float) -> float:
-    """Find the c (s²) of |G(j w)| = 1 + c w² + O(w^3) for small w: R(0) / N(0), Section IV-B.
-
-    G = 1 / (1 + s² R / N). Positive, so that errors grow, whenever R(0) is: see the module.
-    Steering actuation does not change it.
-    """
-    handling = handling_polynomial(parameters, speed)
-    return float(handling[-1] / feedback_numerator(parameters, gains, speed)[-1])
-
-
 def largest_weight(transfer: Transfer) -> float:
     """Largest alpha below which alpha |T| < 1 at every frequency, at most 1; beyond the paper.
 
@@ -205,16 +104,30 @@ def largest_weight(transfer: Transfer) -> float:
     return min(1.0, 1.0 / peak(transfer).magnitude)
 
 
-def chain(transfer: Transfer, frequencies: Array, alpha: float, followers: int) -> ComplexArray:
-    """Offset from the lead's path over the lead's offset, per follower; shape (followers, n).
+def largest_singular_value(
+    parameters: VehicleParameters, gains: Gains, speed: float, frequencies: Array
+) -> Array:
+    """sigma_max of (M_0 + B K)^-1 B K at each frequency (rad/s), Section IV-B; shape (n,).
 
-    Beyond the paper, alpha being that of eq. (5):
-    (y_i - y_0) / y_0 for y_i = F (alpha y_(i-1) + (1 - alpha) y_0): with d_0 = 0,
-    d_i = alpha F d_(i-1) + F - 1. At alpha = 1 it is F^i - 1 and grows with i wherever F is not 1;
-    otherwise it levels off at (F - 1) / (1 - alpha F).
+    From the states of one vehicle to those of the next, steered without lag. A matrix of rank one,
+    b k, has the singular value |b| |k|. It adds metres to radians, as the paper's norm does.
     """
-    factor = transfer.at(frequencies)
-    rows = [np.zeros_like(factor)]
-    for _ in range(followers):
-        rows.append(alpha * factor * rows[-1] + factor - 1.0)
-    return np.array(rows[1:])
+    s = 1j * np.asarray(frequencies, dtype=np.float64)
+    plain = propagation(parameters, gains, speed, "instantaneous")
+    outputs = [np.polyval(n(parameters, speed), s) for n in (lateral_numerator, heading_numerator)]
+    feedback = [gains.lateral, np.abs(gains.heading + gains.yaw_rate * s)]
+    sizes = np.hypot(*np.abs(outputs)) * np.hypot(*feedback)
+    return np.asarray(sizes / np.abs(np.polyval(plain.denominator, s)))
+
+
+def is_string_stable(norms: Sequence[float], slack: float = 0.0) -> bool:
+    """Definition 1 of Section IV-B: norms of the followers, first to last, do not increase.
+
+    `slack` is the growth from one to the next, in the unit of the norms, that counts as none.
+    """
+    return all(behind <= ahead + slack for ahead, behind in pairwise(norms))
+
+
+def head_to_tail(norms: Sequence[float]) -> float:
+    """Ratio of the last follower's norm to the first's, at most 1 under Definition 1."""
+    return norms[-1] / norms[0] if norms[0] > 0.0 else np.inf

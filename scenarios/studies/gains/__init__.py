@@ -1,1 +1,6 @@
-"""`convoy gains`: stabilising sets, margins, certificates, propagation."""
+"""`convoy gains`: stabilising sets, margins, certificates, propagation.
+
+report         works all of it out and writes gains.json
+results        the typed results and their form as JSON
+pictures       curves, and the list of all pictures; set_pictures: the stabilising sets
+"""

@@ -1,27 +1,205 @@
-"""Pictures of the gains report. Needs matplotlib, so import it only when drawing."""
+"""Pictures of the gains report: its curves, and the list of all. Needs matplotlib."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.studies.gains.curves import (
-    abscissa_over_speed,
-    certified_acceleration,
-    error_propagation,
-    roots_over_loadings,
-)
-from scenarios.studies.gains.numbers import Report, Subject
-from scenarios.studies.gains.sets import intersection, stabilising_set, stabilising_slices
-from scenarios.studies.picture_style import STYLE
+from scenarios.studies.gains.results import GainsReport, Subject
+from scenarios.studies.gains.set_pictures import intersection, stabilising_set, stabilising_slices
+from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, RED, SEQUENCE, SKY, STYLE
+from vehicles.theory.gain_sets import abscissa
+from vehicles.theory.propagation import chain_offsets, propagation, trace_propagation
+
+DRY_ASPHALT = 9.81
+"""What tyres can do on dry asphalt, about 1 g (m/s²)."""
+
+SINE_FREQUENCY = 0.4 * np.pi
+"""Frequency (rad/s) of the lead's sine in the picture: 0.2 Hz, as in a lane change of 5 s."""
+
+SLOW_ROOTS = 10.0
+"""Imaginary part (rad/s) below which a root belongs to the path, not the steering."""
+
+
+def abscissa_over_speed(subject: Subject, report: GainsReport) -> Figure:
+    """Largest real part of the roots against speed, for the empty car and all loadings."""
+    varying = report.varying_speed
+    speeds = np.linspace(varying.slowest_mps, varying.fastest_mps, 200).tolist()
+    curves = np.array([abscissa(car, subject.gains, speeds) for car in subject.cars])
+    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+    axes = figure.subplots()
+    axes.fill_between(
+        speeds, curves.min(axis=0), curves.max(axis=0), color=SKY, alpha=0.4, label="all loadings"
+    )
+    nominal = abscissa(subject.parameters, subject.gains, speeds)
+    axes.plot(speeds, nominal, color=BLUE, label="empty car")
+    rows = report.speeds
+    axes.plot(
+        [row.speed_mps for row in rows],
+        [row.abscissa_per_s for row in rows],
+        color=BLUE,
+        marker="o",
+        markersize=4.5,
+        linestyle="none",
+    )
+    if varying.stable_at_every_speed:
+        axes.axhline(
+            -varying.decay_per_s,
+            color=ORANGE,
+            linestyle="--",
+            label=rf"proven for all speeds: $\sigma$ = {varying.decay_per_s:.3f} 1/s",
+        )
+    axes.axhline(0.0, color=RED, linewidth=1.0, label="stability limit")
+    axes.set_xlabel("speed (m/s)")
+    axes.set_ylabel("largest real part (1/s)")
+    axes.set_title("Slowest root of the closed loop against speed")
+    axes.legend(loc="best")
+    return figure
+
+
+def certified_acceleration(_subject: Subject, report: GainsReport) -> Figure:
+    """Bounds on acceleration that keep the loop certainly stable, against speed."""
+    table = report.varying_speed.table
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.set_xlabel("speed (m/s)")
+    axes.set_ylabel("certified |acceleration| (m/s²)")
+    axes.set_title("Braking and accelerating that cannot destabilise the loop")
+    if not table:
+        text = "not stable at every constant speed:\nnothing is certified"
+        axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes)
+        return figure
+    speeds = [row.speed_mps for row in table]
+    for bounds, label, colour, line in (
+        ([row.certified for row in table], "certificate: tuned Q, weighted over speed", BLUE, "-"),
+        ([row.tuned_q_only for row in table], "tuned Q, not weighted", GREEN, "--"),
+        ([row.unit_q_only for row in table], "Q = 1, not weighted", ORANGE, ":"),
+    ):
+        smaller = [min(bound.braking, bound.accelerating) for bound in bounds]
+        axes.semilogy(speeds, smaller, color=colour, linestyle=line, label=label)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.axhline(DRY_ASPHALT, color=GREY, linewidth=1.0)
+    axes.annotate(
+        "dry asphalt",
+        (speeds[0], DRY_ASPHALT),
+        (0, -10),
+        textcoords="offset points",
+        color=GREY,
+        fontsize=8.0,
+    )
+    axes.legend(loc="center right", bbox_to_anchor=(1.0, 0.36))
+    return figure
+
+
+def error_propagation(subject: Subject, report: GainsReport) -> Figure:
+    """|G(j w)| from car to car, simulated too, and what the lead's data change."""
+    figure = Figure(figsize=(9.4, 4.0), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
+    _draw_propagation(left, subject, report)
+    _draw_chain(right, subject)
+    return figure
+
+
+def _draw_propagation(axes: Axes, subject: Subject, report: GainsReport) -> None:
+    """|G| over frequency at the slowest, a middle and the reference speed (section IV-B)."""
+    frequencies = np.geomspace(0.05, 60.0, 900)
+    speeds = (subject.speeds[0], subject.speeds[len(subject.speeds) // 2], subject.reference)
+    for index, speed in enumerate(dict.fromkeys(speeds)):
+        colour = mpl.colormaps[SEQUENCE](0.4 * index)
+        plain = propagation(subject.parameters, subject.gains, speed, "instantaneous")
+        axes.semilogx(frequencies, np.abs(plain.at(frequencies)), color=colour, linestyle=":")
+        lagging = propagation(subject.parameters, subject.gains, speed)
+        label = f"{speed:.1f} m/s"
+        axes.semilogx(frequencies, np.abs(lagging.at(frequencies)), color=colour, label=label)
+    axes.plot([], [], color=GREY, linestyle=":", label="without steering lag")
+    simulated = report.propagation[-1].second_order
+    if simulated is not None and simulated.simulated_radps and simulated.simulated_ratio:
+        axes.plot(
+            simulated.simulated_radps,
+            simulated.simulated_ratio,
+            color=RED,
+            marker="o",
+            markersize=4.5,
+            markerfacecolor="white",
+            linestyle="none",
+            label="simulated chain",
+        )
+    axes.axhline(1.0, color=GREY, linewidth=1.0)
+    axes.set_ylim(0.0, 2.5)
+    axes.set_xlabel("frequency (rad/s)")
+    axes.set_ylabel("|G|: error over the predecessor's")
+    axes.set_title("Predecessor only: errors grow where |G| > 1")
+    axes.legend(loc="upper left")
+
+
+def _draw_chain(axes: Axes, subject: Subject) -> None:
+    """Distance from the lead's path along the convoy when the lead drives a sine."""
+    trace = trace_propagation(subject.parameters, subject.gains, subject.reference)
+    followers = np.arange(1, 9)
+    for alpha, label, colour, marker in (
+        (1.0, r"predecessor only ($\alpha$ = 1)", RED, "o"),
+        (0.5, r"composite ($\alpha$ = 0.5)", BLUE, "s"),
+        (0.0, r"lead only ($\alpha$ = 0)", GREEN, "^"),
+    ):
+        distance = np.abs(chain_offsets(trace, np.array([SINE_FREQUENCY]), alpha, len(followers)))[
+            :, 0
+        ]
+        axes.plot(
+            followers, 100.0 * distance, color=colour, marker=marker, markersize=4.5, label=label
+        )
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("follower")
+    axes.set_ylabel("distance from the lead's path (cm)")
+    axes.set_title(
+        f"Lead swings 1 m at {SINE_FREQUENCY / (2.0 * np.pi):.1f} Hz, {subject.reference:.4g} m/s"
+    )
+    axes.legend(loc="upper left")
+
+
+def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
+    """Roots of Delta(s, K) for every loading at the reference speed (paper, section V-B)."""
+    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    panels = figure.subplots(1, 2)
+    rows = report.loadings
+    roots = np.array([row.roots_per_s for row in rows])
+    masses = np.broadcast_to([[row.mass_kg] for row in rows], roots.shape[:2])
+    for axes in panels:
+        dots = axes.scatter(
+            roots[..., 0],
+            roots[..., 1],
+            c=masses,
+            cmap=SEQUENCE,
+            s=26,
+            edgecolor="white",
+            linewidth=0.4,
+            zorder=3,
+        )
+        axes.axvline(0.0, color=RED, linewidth=1.0)
+        axes.set_xlabel("real part (1/s)")
+    panels[0].set_ylabel("imaginary part (rad/s)")
+    panels[0].set_title("All roots")
+    slow = np.abs(roots[..., 1]) < SLOW_ROOTS
+    left = 1.3 * min(float(roots[..., 0].max(axis=1).min()), -0.5)
+    shown = roots[slow & (roots[..., 0] > left)]
+    height = 1.5 * float(np.abs(shown[:, 1]).max()) + 0.1 if len(shown) else SLOW_ROOTS
+    panels[1].set_xlim(left, max(0.3, 1.2 * float(roots[..., 0].max())))
+    panels[1].set_ylim(-height, height)
+    panels[1].set_title("Close to the origin")
+    bar = figure.colorbar(dots, ax=panels)
+    bar.set_label("mass (kg)")
+    figure.suptitle(f"Roots of the closed loop over loadings at {subject.reference:.4g} m/s")
+    return figure
+
 
 OF_SETS: dict[str, Callable[[Subject], Figure]] = {
     "stabilising_slices.png": stabilising_slices,
     "stabilising_set.png": stabilising_set,
     "intersection.png": intersection,
 }
-OF_NUMBERS: dict[str, Callable[[Subject, Report], Figure]] = {
+OF_NUMBERS: dict[str, Callable[[Subject, GainsReport], Figure]] = {
     "abscissa.png": abscissa_over_speed,
     "certified_acceleration.png": certified_acceleration,
     "propagation.png": error_propagation,
@@ -29,11 +207,11 @@ OF_NUMBERS: dict[str, Callable[[Subject, Report], Figure]] = {
 }
 
 
-def draw_all(subject: Subject, report: Report, out_dir: Path) -> list[str]:
+def draw_all(subject: Subject, report: GainsReport, out_dir: Path) -> tuple[str, ...]:
     """Write all pictures as PNG into `out_dir` and give their file names."""
     with mpl.rc_context(STYLE):
         figures = {name: draw(subject) for name, draw in OF_SETS.items()}
         figures |= {name: draw(subject, report) for name, draw in OF_NUMBERS.items()}
         for name, figure in figures.items():
             figure.savefig(out_dir / name, metadata={"Software": ""})
-    return list(figures)
+    return tuple(figures)

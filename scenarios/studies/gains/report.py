@@ -1,21 +1,84 @@
-"""Everything there is to say about one choice of steering gains: numbers as JSON, and pictures.
-
-The numbers come from `vehicles` (stabilising sets, margins, certificate, propagation) by way of
-`gains_numbers`, the pictures from `gains_pictures`; this module joins them and writes the files.
-"""
+"""`convoy gains`: all that is known of one choice of steering gains, as JSON and pictures."""
 
 import json
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from scenarios.studies.gains import numbers
-from vehicles.car.parameters import Gains, Loading, VehicleParameters, all_loadings
-from vehicles.theory.gain_sets import PAPER_SPEEDS
+import numpy as np
+
+from scenarios.studies.gains.results import (
+    Amplification,
+    AtLoading,
+    AtSpeed,
+    CertifiedAt,
+    GainBall,
+    GainBox,
+    GainsReport,
+    MovedCentre,
+    PropagationAt,
+    RelativeGainBall,
+    StabilisingSet,
+    Subject,
+    TraceAmplification,
+    VaryingSpeed,
+    Verification,
+    as_json,
+)
+from vehicles.car.parameters import (
+    Gains,
+    Loading,
+    VehicleParameters,
+    all_loadings,
+    loaded,
+    loaded_with_moved_centre,
+)
+from vehicles.theory.constant_speed import guaranteed_decay, is_stable_over
+from vehicles.theory.gain_margins import common_ball, gain_interval, stability_ball
+from vehicles.theory.gain_sets import (
+    PAPER_SPEEDS,
+    abscissa,
+    gain_box,
+    gain_extremes,
+    is_stabilising,
+    non_convex_pair,
+    singular_frequency,
+    stabilises_all,
+)
+from vehicles.theory.linear_model import characteristic_polynomial, steady_cornering
+from vehicles.theory.propagation import (
+    SteeringModel,
+    low_frequency_growth,
+    propagation,
+    trace_propagation,
+)
+from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
+from vehicles.theory.string_stability import (
+    LANE_CHANGE_BAND,
+    amplified_band,
+    largest_weight,
+    maximum_gain,
+    peak,
+)
+from vehicles.theory.varying_speed import (
+    FASTEST,
+    SLOWEST,
+    UNIT_WEIGHTS,
+    AccelerationBounds,
+    bounds_from,
+    certify,
+    lyapunov_change,
+)
 
 DEFAULT_SPEEDS = (*PAPER_SPEEDS[:-1], 30.0)
 """The paper's speeds (m/s), 10 to 60 mph and 30 m/s (which it equates with 67 mph)."""
+
+CURVE = 1.0 / 300.0
+"""Curvature (1/m) of the curve on which steady cornering is reported."""
+
+TOLERANCE = 1e-9
+"""Distance from the boundary (spectral abscissa over the steering frequency) off which membership
+by Routh-Hurwitz must agree with the roots."""
 
 
 def gains_report(
@@ -26,8 +89,8 @@ def gains_report(
     out_dir: Path | None = None,
     *,
     pictures: bool = True,
-) -> numbers.Report:
-    """Analyse `gains` on the car over `speeds` (m/s) and `loadings`; give the report as a dict.
+) -> GainsReport:
+    """Analyse `gains` on the car over `speeds` (m/s) and `loadings`.
 
     With `out_dir`, writes gains.json there and, unless `pictures` is false, PNG pictures (needs
     matplotlib). Paper, sections III-F, IV and V-A, V-B. The fastest speed is the reference for what
@@ -36,33 +99,189 @@ def gains_report(
     loadings = all_loadings() if loadings is None else loadings
     if not speeds or not loadings:
         raise ValueError("the gains report needs at least one speed and one loading")
-    subject = numbers.Subject(parameters, gains, sorted(speeds), loadings)
-    report: numbers.Report = {
-        "gains": numbers.named(gains),
-        "reference_speed_mps": subject.reference,
-        "stabilising_set": numbers.stabilising_set(subject),
-        "verification": numbers.verification(subject),
-        "speeds": [numbers.at_speed(subject, speed) for speed in subject.speeds],
-        "loadings": [numbers.at_loading(subject, loading) for loading in loadings],
-        "varying_speed": numbers.varying_speed(subject),
-        "propagation": [numbers.at_frequencies(subject, speed) for speed in subject.speeds],
-        "pictures": [],
-    }
+    subject = Subject(parameters, gains, sorted(speeds), loadings)
+    report = GainsReport(
+        gains=gains,
+        reference_speed_mps=subject.reference,
+        stabilising_set=_stabilising_set(subject),
+        verification=_verification(subject),
+        speeds=tuple(_at_speed(subject, speed) for speed in subject.speeds),
+        loadings=tuple(_at_loading(subject, loading) for loading in loadings),
+        varying_speed=_varying_speed(subject),
+        propagation=tuple(_propagation_at(subject, speed) for speed in subject.speeds),
+    )
     if out_dir is not None:
         out_dir.mkdir(parents=True, exist_ok=True)
         if pictures:
             from scenarios.studies.gains.pictures import draw_all  # noqa: PLC0415 - matplotlib is optional
 
-            report["pictures"] = draw_all(subject, report, out_dir)
-        text = json.dumps(_finite(report), indent=2, allow_nan=False)
+            report = replace(report, pictures=draw_all(subject, report, out_dir))
+        text = json.dumps(as_json(report), indent=2, allow_nan=False)
         (out_dir / "gains.json").write_text(text + "\n", encoding="utf-8")
     return report
 
 
-def _finite(value: Any) -> Any:
-    """Replace what JSON cannot hold, infinity and not-a-number, by null."""
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(entry) for entry in value]
-    return value if not isinstance(value, float) or math.isfinite(value) else None
+def _stabilising_set(subject: Subject) -> StabilisingSet:
+    """Whether the gains are inside the sets, how large those are, and the margin inside (V-A)."""
+    parameters, gains, speeds = subject.parameters, subject.gains, subject.speeds
+    cars, reference = subject.cars, subject.reference
+    relative_at_reference = relative_over_all = None
+    if all(gains):
+        relative_at_reference = RelativeGainBall.of(
+            stability_ball(parameters, reference, gains, gains)
+        )
+        relative_over_all = RelativeGainBall.of(common_ball(cars, speeds, gains, gains))
+    return StabilisingSet(
+        inside_at_all_speeds=bool(stabilises_all([parameters], speeds, np.array(gains))),
+        inside_at_all_speeds_and_loadings=bool(stabilises_all(cars, speeds, np.array(gains))),
+        box_at_reference_speed=_box([parameters], [reference]),
+        box_over_speeds=_box([parameters], speeds),
+        box_over_speeds_and_loadings=_box(cars, speeds),
+        ball_at_reference_speed=GainBall.of(stability_ball(parameters, reference, gains)),
+        ball_over_speeds_and_loadings=GainBall.of(common_ball(cars, speeds, gains)),
+        not_convex_between=non_convex_pair([parameters], [reference]),
+        relative_ball_at_reference_speed=relative_at_reference,
+        relative_ball_over_speeds_and_loadings=relative_over_all,
+    )
+
+
+def _box(cars: Sequence[VehicleParameters], speeds: Sequence[float]) -> GainBox:
+    """Least and greatest gains of the set, which is bounded, or `gain_box` raises ValueError."""
+    lateral, heading, yaw_rate = gain_extremes(cars, speeds)
+    return GainBox(
+        lateral_rad_per_m=(lateral[0].lateral, lateral[1].lateral),
+        heading_rad_per_rad=(heading[0].heading, heading[1].heading),
+        yaw_rate_s=(yaw_rate[0].yaw_rate, yaw_rate[1].yaw_rate),
+    )
+
+
+def _verification(subject: Subject) -> Verification:
+    """Membership against the roots on random gains around the set, at every speed."""
+    parameters = subject.parameters
+    random = np.random.default_rng(0)
+    points = disagreements = 0
+    for speed in subject.speeds:
+        low, high = np.array(gain_box([parameters], [speed])).T
+        sample = random.uniform(low - 0.2 * (high - low), high + 0.2 * (high - low), (300, 3))
+        claimed = is_stabilising(parameters, speed, sample)
+        for row, inside in zip(sample.tolist(), claimed, strict=True):
+            roots = np.roots(characteristic_polynomial(parameters, Gains(*row), speed))
+            margin = float(roots.real.max()) / parameters.steering_frequency
+            points += 1
+            disagreements += abs(margin) > TOLERANCE and bool(inside) != (margin < 0.0)
+    return Verification(points, disagreements, TOLERANCE)
+
+
+def _at_speed(subject: Subject, speed: float) -> AtSpeed:
+    """Collect what holds at one constant speed (m/s), steady cornering at 300 m radius included."""
+    parameters, gains = subject.parameters, subject.gains
+    lateral, heading = steady_cornering(parameters, gains, speed, CURVE)
+    return AtSpeed(
+        speed_mps=speed,
+        abscissa_per_s=float(abscissa(parameters, gains, [speed])[0]),
+        ball_radius=stability_ball(parameters, speed, gains).radius,
+        lateral_change_rad_per_m=gain_interval(parameters, speed, gains, (1.0, 0.0, 0.0)),
+        heading_change_rad_per_rad=gain_interval(parameters, speed, gains, (0.0, 1.0, 0.0)),
+        yaw_rate_change_s=gain_interval(parameters, speed, gains, (0.0, 0.0, 1.0)),
+        steady_lateral_error_at_300_m_radius_m=lateral,
+        steady_heading_error_at_300_m_radius_rad=heading,
+    )
+
+
+def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
+    """Collect the roots at the reference speed and what else a loading changes (V-B)."""
+    parameters, gains, speeds = subject.parameters, subject.gains, subject.speeds
+    car, speed = loaded(parameters, loading), subject.reference
+    roots = np.sort_complex(np.roots(characteristic_polynomial(car, gains, speed)))
+    moved = loaded_with_moved_centre(parameters, loading)
+    unknown_load = steady_cornering(car, gains, speed, CURVE, known=parameters)
+    return AtLoading(
+        front_passengers=loading.front_passengers,
+        rear_passengers=loading.rear_passengers,
+        mass_kg=car.mass,
+        yaw_inertia_kgm2=car.yaw_inertia,
+        singular_frequency_radps=singular_frequency(car),
+        roots_per_s=tuple((float(root.real), float(root.imag)) for root in roots),
+        abscissa_per_s=float(roots.real.max()),
+        stable_at_every_speed=is_stable_over(car, gains, speeds[0], speeds[-1]),
+        steady_lateral_error_at_300_m_radius_m=steady_cornering(car, gains, speed, CURVE)[0],
+        steady_lateral_error_unknown_load_m=unknown_load[0],
+        with_moved_centre=MovedCentre(
+            front_axle_distance_m=moved.front_axle_distance,
+            steer_gradient_s2_rad_per_m=moved.steer_gradient,
+            abscissa_per_s=float(abscissa(moved, gains, [speed])[0]),
+        ),
+    )
+
+
+def _varying_speed(subject: Subject) -> VaryingSpeed:
+    """Tabulate the certified accelerations against speed, beside simpler certificates (IV-A)."""
+    parameters, gains = subject.parameters, subject.gains
+    certificate = certify(parameters, gains)
+
+    def unweighted(
+        speed: float, q_diagonal: tuple[float, ...], *, speed_term: bool = True
+    ) -> AccelerationBounds:
+        change, _ = lyapunov_change(parameters, gains, speed, q_diagonal, speed_term=speed_term)
+        return bounds_from(change)
+
+    speeds = np.linspace(SLOWEST, FASTEST, 35).tolist() if certificate.holds else []
+    return VaryingSpeed(
+        slowest_mps=SLOWEST,
+        fastest_mps=FASTEST,
+        stable_at_every_speed=certificate.holds,
+        decay_per_s=guaranteed_decay(parameters, gains, SLOWEST, FASTEST),
+        q_diagonal=certificate.weights,
+        table=tuple(
+            CertifiedAt(
+                speed_mps=speed,
+                certified=certificate.bounds(speed),
+                tuned_q_only=unweighted(speed, certificate.weights),
+                unit_q_only=unweighted(speed, UNIT_WEIGHTS),
+                unit_q_paper_model=unweighted(speed, UNIT_WEIGHTS, speed_term=False),
+            )
+            for speed in speeds
+        ),
+    )
+
+
+def _propagation_at(subject: Subject, speed: float) -> PropagationAt:
+    """Collect the propagation at one speed (IV-B), if the loop is stable."""
+    parameters, gains = subject.parameters, subject.gains
+    if float(abscissa(parameters, gains, [speed])[0]) >= 0.0:
+        return PropagationAt(speed, stable=False)
+    slow = peak(trace_propagation(parameters, gains, speed), LANE_CHANGE_BAND)
+    return PropagationAt(
+        speed_mps=speed,
+        stable=True,
+        low_frequency_growth_s2=low_frequency_growth(parameters, gains, speed),
+        instantaneous=_amplification(subject, speed, "instantaneous"),
+        second_order=_amplification(subject, speed, "second order"),
+        traces=TraceAmplification(slow.magnitude, slow.frequency),
+    )
+
+
+def _amplification(subject: Subject, speed: float, steering: SteeringModel) -> Amplification:
+    """Collect norms of G and where it amplifies; at the reference speed it is simulated as well."""
+    parameters, gains = subject.parameters, subject.gains
+    transfer = propagation(parameters, gains, speed, steering)
+    whole, slow = peak(transfer), peak(transfer, LANE_CHANGE_BAND)
+    found = Amplification(
+        norm_ratio=whole.magnitude,
+        peak_radps=whole.frequency,
+        norm_below_1_hz_ratio=slow.magnitude,
+        peak_below_1_hz_radps=slow.frequency,
+        amplified_radps=tuple(amplified_band(transfer)),
+        maximum_gain_ratio=maximum_gain(transfer),
+        largest_alpha_ratio=largest_weight(transfer),
+    )
+    if speed != subject.reference:
+        return found
+    simulated = simulated_propagation(parameters, gains, speed, SIMULATED_FREQUENCIES, steering)
+    errors = np.abs(simulated / transfer.at(SIMULATED_FREQUENCIES) - 1.0)
+    return replace(
+        found,
+        simulated_radps=tuple(SIMULATED_FREQUENCIES.tolist()),
+        simulated_ratio=tuple(np.abs(simulated).tolist()),
+        simulation_error_ratio_max=float(errors.max()),
+    )

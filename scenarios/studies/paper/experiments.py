@@ -1,12 +1,29 @@
 """The runs of `convoy reproduce`, by case: which scenario with what changed, and what is logged.
 
 The paper's simulations are done with exact measurements; beside them stand runs with the noise of
-a real receiver, over several seeds, and runs that change one thing to find out what it does.
+a real receiver, over several seeds, and runs in which one thing is changed, to show its effect.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import acos, cos, sin
+
+from scenarios.studies.paper.keys import (
+    BASE,
+    FIELD_WITH,
+    FIELD_WITHOUT,
+    LONG_WITH,
+    LONG_WITHOUT,
+    NO_LEAD_DATA,
+    VARIABLE_SPEED,
+    A,
+    B,
+    C,
+    D,
+    Part,
+    RunKey,
+    at_radius,
+)
 
 EXACT_SEEDS = 5
 """Noisy runs of the base case, with and without the lead's data."""
@@ -14,11 +31,14 @@ EXACT_SEEDS = 5
 OTHER_SEEDS = 3
 """Noisy runs of every other case, up to the end of its first lane change."""
 
-FIRST_CHANGE_S = {"a": 31.0, "b": 31.0, "c": 17.0, "d": 15.0, "variable_speed": 15.0}
+FIRST_CHANGE_S = {A: 31.0, B: 31.0, C: 17.0, D: 15.0, VARIABLE_SPEED: 15.0}
 """When (s) the last car is through the first lane change, at the speed of each case."""
 
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
-"""Radii (m) of the bends, of which the paper says only that they are hundreds of metres."""
+"""Radii (m) of the curves, which the paper gives as hundreds of metres only."""
+
+BASE_SPEED = 30.0
+"""Speed (m/s) of the base case, at which the paper gives the figures of its theory."""
 
 LANE = 3.6
 """Width of a lane (m)."""
@@ -32,20 +52,20 @@ NOISE = (
 """An RTK receiver with an inertial unit, as in the other scenarios."""
 
 PHASES = (0.25, 0.5, 0.75)
-"""Shares of `SAMPLING_S` by which the road is moved, to see what hangs on where samples fall."""
+"""Shares of `SAMPLING_S` by which the road is moved, to show the effect of where samples fall."""
 
 SAMPLING_S = 0.1
 """After so long (s) the pattern of poses (20 Hz) and decisions (50 Hz) repeats."""
 
 ROADS = {
-    "base": (30.0, (150.0, 600.0)),
-    "a": (10.0, (150.0, 600.0)),
-    "b": (10.0, (150.0, 600.0)),
-    "c": (20.0, (150.0, 600.0)),
-    "d": (30.0, (150.0, 600.0)),
-    "variable_speed": (20.0, (100.0, 525.0)),
+    BASE: (30.0, (150.0, 600.0)),
+    A: (10.0, (150.0, 600.0)),
+    B: (10.0, (150.0, 600.0)),
+    C: (20.0, (150.0, 600.0)),
+    D: (30.0, (150.0, 600.0)),
+    VARIABLE_SPEED: (20.0, (100.0, 525.0)),
 }
-"""Of each case's scenario the speed (m/s) at the first bend, and where lane changes begin (m)."""
+"""Of each case's scenario the speed (m/s) at the first curve, and where lane changes begin (m)."""
 
 FIELD_SEEDS = 2
 """Repetitions of the field experiment with other noise."""
@@ -53,16 +73,16 @@ FIELD_SEEDS = 2
 FIRST_CHANGE = ("duration_s=15.0",)
 """The first of the two lane changes only."""
 
-NO_LEAD_DATA = ('control.fusion="predecessor"',)
+PREDECESSOR_ONLY = ('control.fusion="predecessor"',)
 SLIP_COMPENSATED = ('control.controller="slip_compensated"',)
 OWN_STATE_AT_50_HZ = ("gnss.rate_hz=50.0", "links.rate_hz=20.0")
-"""Each car knows its own state at every decision; the others still hear it at 20 Hz."""
+"""Each car knows its own state at every decision; the others still receive it at 20 Hz."""
 
 SHORTEST = 1.0
 """A straight shorter than this (m) is left out."""
 
 SWERVE = ("speed.lateral_acceleration_mps2_max=5.0",)
-"""Lets the lead take the tightest bends at full speed."""
+"""The lead need not slow down in the tightest curves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +95,9 @@ class Experiment:
     logged: bool = False
 
 
-def pieces(radius: float, speed: float = 30.0, width: float = LANE) -> tuple[float, float]:
+def lane_change_lengths(
+    radius: float, speed: float = 30.0, width: float = LANE
+) -> tuple[float, float]:
     """Length (m) of each arc of a lane change, and of the straight between them.
 
     An arc lasts a second, unless two of them without a straight move the car too far already.
@@ -120,122 +142,121 @@ def at_the_same_times(speed: float) -> tuple[str, ...]:
     return (road(radius, speed, speed, where), "duration_s=15.0")
 
 
-def _noisy(key: str, scenario: str, seeds: int, *changes: str) -> dict[str, Experiment]:
+def _noisy(key: RunKey, scenario: str, seeds: int, *changes: str) -> dict[RunKey, Experiment]:
     return {
-        f"{key}/noise/{seed}": Experiment(
-            scenario=scenario, overrides=(*changes, *NOISE), seed=seed
-        )
+        key.noisy(seed): Experiment(scenario=scenario, overrides=(*changes, *NOISE), seed=seed)
         for seed in range(1, seeds + 1)
     }
 
 
-def _shifted(key: str) -> dict[str, Experiment]:
-    """The case on its own road, moved along by shares of the way between two samples."""
+def _moved(key: RunKey) -> dict[RunKey, Experiment]:
+    """The case on its own road, moved by shares of the distance between two samples."""
     speed, begins = ROADS[key]
     found = {}
     for phase in PHASES:
-        moved = phase * SAMPLING_S * speed
-        place = road(500.0, 30.0, 30.0, (begins[0] + moved, begins[1] + moved))
-        found[f"{key}/phase/{phase:g}"] = Experiment(scenario=f"paper_{key}", overrides=(place,))
+        distance = phase * SAMPLING_S * speed
+        place = road(500.0, 30.0, 30.0, (begins[0] + distance, begins[1] + distance))
+        found[key.moved(phase)] = Experiment(scenario=f"paper_{key}", overrides=(place,))
     return found
 
 
-def _repeated(key: str, seeds: int, *until: str) -> dict[str, Experiment]:
-    """A case of the paper, exact and logged; moved along its road; and with noise."""
+def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
+    """A case of the paper, exact and logged; on its road moved; and with noise."""
     name = f"paper_{key}"
     return {
         key: Experiment(scenario=name, logged=True),
-        **_shifted(key),
+        **_moved(key),
         **_noisy(key, name, seeds, *until),
     }
 
 
-def _paper(key: str) -> dict[str, Experiment]:
+def _paper(key: RunKey) -> dict[RunKey, Experiment]:
     """One of the paper's other cases, and the same with a trajectory for each source."""
     name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
-    return {
-        **_repeated(key, OTHER_SEEDS, until),
-        f"{key}/blend": Experiment(scenario=name, overrides=('control.fusion="blend"', until)),
-    }
+    blend = Experiment(scenario=name, overrides=('control.fusion="blend"', until))
+    return {**_repeated(key, OTHER_SEEDS, until), key.varied("blend"): blend}
 
 
-def _variant(*changes: str) -> Experiment:
+def _first_change(*changes: str) -> Experiment:
     return Experiment(overrides=(*FIRST_CHANGE, *changes))
 
 
-def _base() -> dict[str, Experiment]:
+def _base() -> dict[RunKey, Experiment]:
+    knows_loading = "control.knows_loading=true"
     return {
-        **_repeated("base", EXACT_SEEDS),
-        "base/as_is": _variant(),
-        "base/blend": _variant('control.fusion="blend"'),
-        "base/lead_only": _variant("control.alpha_ratio=0.0"),
-        "base/slip_compensated": _variant(*SLIP_COMPENSATED),
-        "base/slip_compensated_knows_loading": _variant(
-            *SLIP_COMPENSATED, "control.knows_loading=true"
+        **_repeated(BASE, EXACT_SEEDS),
+        BASE.varied("as_is"): _first_change(),
+        BASE.varied("blend"): _first_change('control.fusion="blend"'),
+        BASE.varied("lead_only"): _first_change("control.alpha_ratio=0.0"),
+        BASE.varied("slip_compensated"): _first_change(*SLIP_COMPENSATED),
+        BASE.varied("slip_compensated_knows_loading"): _first_change(
+            *SLIP_COMPENSATED, knows_loading
         ),
-        "base/knows_loading": _variant("control.knows_loading=true"),
-        "base/gap_25_m": _variant("convoy.gap_m=25.0"),
-        "base/own_state_at_50_hz": _variant(*OWN_STATE_AT_50_HZ),
+        BASE.varied("knows_loading"): _first_change(knows_loading),
+        BASE.varied("gap_25_m"): _first_change("convoy.gap_m=25.0"),
+        BASE.varied("own_state_at_50_hz"): _first_change(*OWN_STATE_AT_50_HZ),
     }
 
 
-def _a_or_c(key: str, speed: float) -> dict[str, Experiment]:
+def _a_or_c(key: RunKey, speed: float) -> dict[RunKey, Experiment]:
     name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
     return {
         **_paper(key),
-        f"{key}/same_times": Experiment(scenario=name, overrides=at_the_same_times(speed)),
-        f"{key}/slip_compensated": Experiment(scenario=name, overrides=(*SLIP_COMPENSATED, until)),
+        key.varied("same_times"): Experiment(scenario=name, overrides=at_the_same_times(speed)),
+        key.varied("slip_compensated"): Experiment(
+            scenario=name, overrides=(*SLIP_COMPENSATED, until)
+        ),
     }
 
 
-def _lead_data() -> dict[str, Experiment]:
-    long = ("convoy.vehicles=8", "duration_s=17.0")
+def _lead_data() -> dict[RunKey, Experiment]:
+    eight_cars = ("convoy.vehicles=8", "duration_s=17.0")
     return {
-        **_repeated("base", EXACT_SEEDS),
-        "no_lead_data": Experiment(overrides=NO_LEAD_DATA, logged=True),
-        **_noisy("no_lead_data", "paper_base", EXACT_SEEDS, *NO_LEAD_DATA),
-        "long/with": Experiment(overrides=long),
-        "long/without": Experiment(overrides=(*long, *NO_LEAD_DATA)),
+        **_repeated(BASE, EXACT_SEEDS),
+        NO_LEAD_DATA: Experiment(overrides=PREDECESSOR_ONLY, logged=True),
+        **_noisy(NO_LEAD_DATA, "paper_base", EXACT_SEEDS, *PREDECESSOR_ONLY),
+        LONG_WITH: Experiment(overrides=eight_cars),
+        LONG_WITHOUT: Experiment(overrides=(*eight_cars, *PREDECESSOR_ONLY)),
     }
 
 
-def _radius() -> dict[str, Experiment]:
+def _radius() -> dict[RunKey, Experiment]:
     found = {}
     for radius in RADII:
-        arc, straight = pieces(radius)
+        arc, straight = lane_change_lengths(radius)
         length = 2.0 * arc + straight
         until = f"duration_s={5.0 + length / 30.0 + 6.0:.1f}"
         changes = (*SWERVE, road(radius, arc, straight, (150.0, 300.0 + length)), until)
-        key = f"radius/{radius:g}"
+        key = at_radius(radius)
         found[key] = Experiment(overrides=changes)
-        found[f"{key}/no_lead_data"] = Experiment(overrides=(*changes, *NO_LEAD_DATA))
-        found[f"{key}/slip_compensated"] = Experiment(overrides=(*changes, *SLIP_COMPENSATED))
+        found[key.varied("no_lead_data")] = Experiment(overrides=(*changes, *PREDECESSOR_ONLY))
+        found[key.varied("slip_compensated")] = Experiment(overrides=(*changes, *SLIP_COMPENSATED))
         found |= _noisy(key, "paper_base", 2, *changes)
     return found
 
 
-def _field() -> dict[str, Experiment]:
-    """Noisy repetitions; live convoys, since a replayed car is heard as a live one is."""
+def _field() -> dict[RunKey, Experiment]:
+    """Noisy repetitions; live convoys, since a replayed car is received as a live one is."""
     found = {}
     for seed in range(2, 2 + FIELD_SEEDS):
-        found[f"field/with/noise/{seed}"] = Experiment(scenario="paper_field", seed=seed)
-        found[f"field/without/noise/{seed}"] = Experiment(
-            scenario="paper_field", seed=seed, overrides=NO_LEAD_DATA
+        found[FIELD_WITH.noisy(seed)] = Experiment(scenario="paper_field", seed=seed)
+        found[FIELD_WITHOUT.noisy(seed)] = Experiment(
+            scenario="paper_field", seed=seed, overrides=PREDECESSOR_ONLY
         )
     return found
 
 
-CASES: Mapping[str, Mapping[str, Experiment]] = {
+RUNS_OF_CASE: Mapping[str, Mapping[RunKey, Experiment]] = {
     "base": _base(),
-    "a": _a_or_c("a", 10.0),
-    "b": _paper("b"),
-    "c": _a_or_c("c", 20.0),
-    "d": _paper("d"),
-    "variable_speed": _paper("variable_speed"),
+    "a": _a_or_c(A, 10.0),
+    "b": _paper(B),
+    "c": _a_or_c(C, 20.0),
+    "d": _paper(D),
+    "variable_speed": _paper(VARIABLE_SPEED),
     "lead_data": _lead_data(),
     "radius": _radius(),
-    "propagation": {},
-    "gains": {},
-    "field": _field(),
+    Part.PROPAGATION: {},
+    Part.GAINS: {},
+    Part.FIELD: _field(),
 }
-"""The runs of each case by their keys; `propagation`, `gains` and `field` are more than runs."""
+"""The runs of each case; `propagation`, `gains` and `field` are more than runs."""

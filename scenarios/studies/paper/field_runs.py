@@ -11,7 +11,6 @@ from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import Drive, Trial
-from scenarios.results.fitted_samples import SampleFigures
 from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.rehearsal import record
 from scenarios.runs.replay import Replay, head_start, read_record
@@ -48,7 +47,7 @@ def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
         done = list(shared)
         for place in range(2, len(scenario.vehicle_names)):
             done.append(_drive(scenario, place, fusion, folder, done))
-        trials[fusion] = Trial(tuple(drive for drive, _ in done), SampleFigures())
+        trials[fusion] = Trial(tuple(drive for drive, _ in done))
         logs += [log for _, log in done[len(shared) :]]
     names = tuple(log.name for log in logs)
     return FieldRuns(trials[WITH_LEAD_DATA], trials[WITHOUT_LEAD_DATA], names)

@@ -2,14 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from scenarios.results.drives import Array, Trial
 from scenarios.studies.paper.field_runs import FieldRuns
-from scenarios.studies.paper.frequency_response import Weaving
+from scenarios.studies.paper.fitted_samples import SampleFigures
+from scenarios.studies.paper.frequency_response import SineResponse
+from scenarios.studies.paper.keys import Need, Part, RunKey
+from vehicles.theory.string_stability import is_string_stable
 
 SAME = 0.001
 """Largest errors that differ by less than this (m) count as equal."""
@@ -24,49 +26,60 @@ class Tally(NamedTuple):
 
 @dataclass
 class Findings:
-    """Results by their keys; what was not run is not in it."""
+    """Results by their keys; what was not run is not in it.
 
-    trials: dict[str, Trial] = field(default_factory=dict)
-    weavings: list[Weaving] = field(default_factory=list)
+    `samples` are those of the logged runs.
+    """
+
+    trials: dict[RunKey, Trial] = field(default_factory=dict)
+    samples: dict[RunKey, SampleFigures] = field(default_factory=dict)
+    sine_responses: list[SineResponse] = field(default_factory=list)
     field: FieldRuns | None = None
     gains_pictures: tuple[str, ...] | None = None
 
-    def has(self, need: str) -> bool:
-        """Whether the result called `need` is there."""
+    def has(self, need: Need) -> bool:
+        """Whether the result was found."""
         match need:
-            case "propagation":
-                return bool(self.weavings)
-            case "field":
+            case RunKey():
+                return need in self.trials
+            case Part.PROPAGATION:
+                return bool(self.sine_responses)
+            case Part.FIELD:
                 return self.field is not None
-            case "gains":
+            case Part.GAINS:
                 return self.gains_pictures is not None
-        return need in self.trials
 
     def ratios(self, preview_s: float) -> tuple[Array, Array]:
-        """Frequencies (rad/s, rising) of the swings with that preview; ratios (n, followers)."""
-        found = [one for one in self.weavings if one.preview_s == preview_s]
-        found.sort(key=lambda weaving: weaving.frequency)
+        """Frequencies (rad/s, rising) driven with that preview, and ratios (n, followers)."""
+        found = [one for one in self.sine_responses if one.preview_s == preview_s]
+        found.sort(key=lambda response: response.frequency)
         return (
-            np.array([weaving.frequency for weaving in found]),
-            np.array([weaving.ratios for weaving in found]),
+            np.array([response.frequency for response in found]),
+            np.array([response.ratios for response in found]),
         )
 
-    def noisy(self, key: str) -> list[Trial]:
+    def noisy(self, key: RunKey) -> list[Trial]:
         """Runs with a receiver's noise, a seed each."""
-        return [trial for name, trial in self.trials.items() if name.startswith(f"{key}/noise/")]
+        return [
+            trial for one, trial in self.trials.items() if one.seed is not None and one.exact == key
+        ]
 
-    def shifted(self, key: str) -> list[Trial]:
+    def moved(self, key: RunKey) -> list[Trial]:
         """The exact run, and its repetitions with the road moved by less than between samples."""
-        moved = [trial for name, trial in self.trials.items() if name.startswith(f"{key}/phase/")]
-        return [self.trials[key], *moved]
+        repeated = [
+            trial
+            for one, trial in self.trials.items()
+            if one.phase is not None and one.exact == key
+        ]
+        return [self.trials[key], *repeated]
 
-    def seeds(self, holds: Callable[..., bool], *keys: str) -> Tally | None:
+    def seeds(self, holds: Callable[..., bool], *keys: RunKey) -> Tally | None:
         """In how many noisy runs something holds of those of `keys`; None without such runs."""
         return _tally(holds, *map(self.noisy, keys))
 
-    def phases(self, holds: Callable[..., bool], *keys: str) -> Tally | None:
+    def phases(self, holds: Callable[..., bool], *keys: RunKey) -> Tally | None:
         """In how many exact runs something holds of those of `keys`; None with but one each."""
-        tally = _tally(holds, *map(self.shifted, keys))
+        tally = _tally(holds, *map(self.moved, keys))
         return tally if tally and tally.runs > 1 else None
 
 
@@ -77,8 +90,8 @@ def _tally(holds: Callable[..., bool], *runs: Sequence[Trial]) -> Tally | None:
 
 
 def non_increasing(maxima: tuple[float, ...]) -> bool:
-    """Whether no vehicle's largest error (m) exceeds that of the one ahead by SAME or more."""
-    return all(behind < ahead + SAME for ahead, behind in pairwise(maxima))
+    """Whether no vehicle's largest error (m) exceeds that of the one ahead by more than SAME."""
+    return is_string_stable(maxima, SAME)
 
 
 def in_cm(maxima: tuple[float, ...]) -> str:

@@ -1,6 +1,6 @@
-"""How a sideways swing travels down the real convoy: the lead weaves, amplitudes are read off.
+"""Frequency response of the real convoy: the lead drives a sine, amplitudes are fitted.
 
-Beside it the closed forms of `vehicles.theory.string_stability`: the paper's G(jω), in which a
+Beside it the closed forms of `vehicles.theory.propagation`: the paper's G(jω), in which a
 follower steers by the difference of both cars' states at one instant, and F(jω), in which it steers
 along the path that its predecessor left behind.
 """
@@ -19,33 +19,36 @@ from scenarios.runs.rehearsal import rehearse
 Array = NDArray[np.float64]
 
 FREQUENCIES = (0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0)
-"""Frequencies (rad/s) of the swing: from a lazy lane change to beyond what cars do."""
+"""Frequencies (rad/s) of the sine: from a slow lane change to above what a car can follow."""
 
 PREVIEW_S = 0.8
 SHORT_PREVIEW_S = 0.25
 """The paper's preview, and one with which the fit smooths little away."""
 
-SWING = 0.5
-"""Largest amplitude of the lead's swing (m)..."""
+LARGEST_AMPLITUDE = 0.5
+"""Limit of the lead's amplitude (m)."""
 
-SIDEWAYS = 1.5
-"""...and its largest sideways acceleration (m/s²)."""
+LARGEST_ACCELERATION = 1.5
+"""Limit of the lead's lateral acceleration (m/s²)."""
 
 PERIODS = 3
-"""Periods that are evaluated; as long as one, but at least SETTLING (s), goes before."""
+"""Periods that are evaluated."""
 
-SETTLING = 4.0
+TRANSIENT = 4.0
+"""Time (s), but at least one period, that is driven before the evaluation."""
+
 SPACING = 0.5
 """Distance of the points of the lead's path (m)."""
 
 STRAIGHT = 1.5
-"""Time (s) driven straight before the swing grows to its amplitude over RISE (s)."""
+"""Time (s) driven straight before the sine begins."""
 
 RISE = 2.0
+"""Time (s) over which the sine grows to its amplitude."""
 
 
 @dataclass(frozen=True)
-class Weaving:
+class SineResponse:
     """Complex amplitude (m) of each vehicle's path at one frequency (rad/s), the lead first."""
 
     frequency: float
@@ -59,14 +62,14 @@ class Weaving:
         return tuple((sizes[1:] / sizes[:-1]).tolist())
 
 
-def weave(frequency: float, preview_s: float = PREVIEW_S) -> Weaving:
-    """Drive a convoy behind a lead that weaves at `frequency` (rad/s); see `weaving_scenario`."""
-    scenario = weaving_scenario(frequency, preview_s)
-    return Weaving(frequency, preview_s, amplitudes(rehearse(scenario), frequency))
+def drive_sine(frequency: float, preview_s: float = PREVIEW_S) -> SineResponse:
+    """Drive a convoy behind a lead on a sine of `frequency` (rad/s); see `sine_scenario`."""
+    scenario = sine_scenario(frequency, preview_s)
+    return SineResponse(frequency, preview_s, amplitudes(rehearse(scenario), frequency))
 
 
-def weaving_scenario(frequency: float, preview_s: float = PREVIEW_S) -> Scenario:
-    """Make the paper's base case (empty cars, no lead data) with a lead that weaves."""
+def sine_scenario(frequency: float, preview_s: float = PREVIEW_S) -> Scenario:
+    """Make the paper's base case (empty cars, no lead data) whose lead drives a sine."""
     alone = (
         'control.fusion="predecessor"',
         "loading.front_passengers=0",
@@ -75,15 +78,20 @@ def weaving_scenario(frequency: float, preview_s: float = PREVIEW_S) -> Scenario
     base = load_scenario("paper_base", (*alone, f"control.preview_s={preview_s}"))
     speed = base.tables.speed.set_mps
     gaps = sum(base.route.gaps)
-    driven = STRAIGHT + RISE + max(SETTLING, 2.0 * pi / frequency)
+    driven = STRAIGHT + RISE + max(TRANSIENT, 2.0 * pi / frequency)
     duration = ceil(driven + PERIODS * 2.0 * pi / frequency + gaps / speed) + 1.0
     east = np.arange(0.0, speed * duration + 60.0, SPACING)
     since = east / speed - STRAIGHT
     rise = np.clip(since / RISE, 0.0, 1.0)
-    height = min(SWING, SIDEWAYS / frequency**2) * rise * rise * (3.0 - 2.0 * rise)
+    height = (
+        min(LARGEST_AMPLITUDE, LARGEST_ACCELERATION / frequency**2)
+        * rise
+        * rise
+        * (3.0 - 2.0 * rise)
+    )
     path = PointsPath(
         kind="points",
-        source="weaving",
+        source="sine",
         east_m=tuple(east.tolist()),
         north_m=tuple((height * np.sin(frequency * since)).tolist()),
         smoothing_m=2.0,

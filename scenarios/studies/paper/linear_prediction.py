@@ -1,36 +1,75 @@
-"""What linear theory says a convoy does behind a given lead: no sampling, no fit, no noise."""
+"""Linear theory of the paper's cases: what errors it predicts, and why they grow."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scenarios.results.drives import Drive
-from vehicles.theory.string_stability import Transfer
-
-Array = NDArray[np.float64]
+from scenarios.results.drives import Array, Drive
+from scenarios.studies.paper.findings import Findings, in_cm
+from scenarios.studies.paper.keys import NO_LEAD_DATA, A, B, C, D, RunKey
+from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
+from vehicles.theory.propagation import Transfer, chain_offsets, trace_propagation
+from vehicles.theory.string_stability import LANE_CHANGE_BAND, amplified_band
 
 SAMPLES = 4096
-"""Points over which the lead's path is laid out; a power of two."""
+"""Points into which the lead's path is divided; a power of two."""
+
+BASE_CAR = (30.0, Loading(front_passengers=1, rear_passengers=3))
+CARS = {
+    A: (10.0, Loading(front_passengers=1, rear_passengers=2)),
+    B: (10.0, Loading(front_passengers=1)),
+    C: (20.0, Loading(front_passengers=1)),
+    D: (30.0, Loading(front_passengers=1, rear_passengers=2)),
+}
+"""Speed (m/s) and load of each case's cars, in D of the first two; any other is the base case."""
+
+
+def transfer(key: RunKey) -> Transfer:
+    """F(jω) of a case: from the path a car follows to its own. Its controller knows no load."""
+    speed, loading = CARS.get(key, BASE_CAR)
+    return trace_propagation(loaded(LINCOLN_MKZ, loading), NOMINAL_GAINS, speed, known=LINCOLN_MKZ)
+
+
+def linear(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """What linear theory predicts of a case: tracking and true errors (m) of the followers."""
+    alpha = 1.0 if key == NO_LEAD_DATA else 0.5
+    return predicted(findings.trials[key].lead, transfer(key), alpha, 3)
+
+
+def why_growing(key: RunKey, findings: Findings) -> str:
+    """Say why the errors of a case grow against the own trajectories, as far as it is known."""
+    tracking, _ = linear(findings, key)
+    low, high = amplified_band(transfer(key))[0]
+    wide = "cars with the paper's law run wide, and " if low == 0.0 else ""
+    bands = f"{low:.1f} to {min(high, LANE_CHANGE_BAND):.1f}"
+    text = (
+        f"two effects. (1) {wide}each path swings more than the one ahead where |F| > 1, in a lane "
+        f"change from {bands} rad/s; linear theory gives {in_cm(tracking)}. (2) A composite runs "
+        "through two paths centimetres apart, which no one arc spline explains"
+    )
+    if findings.has(key.varied("blend")):
+        blend = findings.trials[key.varied("blend")].tracking
+        text += f"; with one trajectory for each source (blend) {in_cm(blend)} in the first change"
+    return text
 
 
 def predicted(
     lead: Drive, transfer: Transfer, alpha: float, followers: int
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Largest tracking and true cross-track errors (m) of each follower.
+    """Largest tracking and true cross-track errors (m) of each follower: no sampling, fit or noise.
 
     The lead drives east at constant speed and ends on the line on which it began. Follower i
-    answers its reference r_i = α y_(i−1) + (1 − α) y_0 with y_i = F r_i (`transfer`), so its error
-    against its own trajectory is y_i − r_i, and against the lead's path y_i − y_0.
+    answers its reference r_i = α y_(i−1) + (1 − α) y_0 with y_i = F r_i (`transfer`). Its error
+    against the lead's path is d_i = y_i − y_0, and against its own trajectory, since
+    r_i − y_0 = α d_(i−1), it is y_i − r_i = d_i − α d_(i−1).
     """
     span = float(lead.at[-1] - lead.at[0])
     times = np.linspace(0.0, span, SAMPLES, endpoint=False)
     east = lead.east[0] + (lead.east[-1] - lead.east[0]) * times / span
     path = np.fft.rfft(np.interp(east, lead.east, lead.north))
     frequencies: Array = 2.0 * np.pi / span * np.arange(SAMPLES // 2 + 1, dtype=np.float64)
-    factor = transfer.at(frequencies)
-    own, tracking, cross_track = path, [], []
-    for _ in range(followers):
-        reference = alpha * own + (1.0 - alpha) * path
-        own = factor * reference
-        tracking.append(float(np.abs(np.fft.irfft(own - reference)).max()))
-        cross_track.append(float(np.abs(np.fft.irfft(own - path)).max()))
-    return tuple(tracking), tuple(cross_track)
+    offsets = path * chain_offsets(transfer, frequencies, alpha, followers)
+    ahead = np.vstack([np.zeros_like(path), offsets[:-1]])
+    tracking, cross_track = (
+        tuple(np.abs(np.fft.irfft(errors)).max(axis=1).tolist())
+        for errors in (offsets - alpha * ahead, offsets)
+    )
+    return tracking, cross_track

@@ -2,33 +2,37 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import Any, TypeVar
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import near
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Trial
 from scenarios.runs.rehearsal import record, rehearse
-from scenarios.studies.paper.claims.claim import VERDICTS
-from scenarios.studies.paper.experiments import CASES, Experiment
+from scenarios.studies.paper.claims.claim import JUDGEMENTS
+from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.fitted_samples import SampleCounter, SampleFigures
 from scenarios.studies.paper.frequency_response import (
     FREQUENCIES,
     PREVIEW_S,
     SHORT_PREVIEW_S,
-    Weaving,
-    weave,
+    SineResponse,
+    drive_sine,
 )
+from scenarios.studies.paper.keys import JobKey, Part, RunKey, SineKey
 
-Jobs = Mapping[str, Callable[[], Any]]
+Key = TypeVar("Key", bound=Hashable)
+Job = Callable[[], Any]
 REPORT = "report.md"
 WORKERS = 2
 
@@ -49,7 +53,7 @@ def reproduce(
         raise ScenarioError([f"{out / REPORT}: exists; give another folder by --out"])
     out.mkdir(parents=True, exist_ok=True)
     jobs = jobs_of(chosen, out)
-    results: dict[str, Any] = {}
+    results: dict[JobKey, Any] = {}
     began = time.monotonic()
     for key, result in carry_out(jobs, workers):
         results[key] = result
@@ -59,45 +63,55 @@ def reproduce(
     for key in jobs:  # in one order, whichever part was done first
         add(findings, key, results[key])
     claims = write_report(findings, chosen, out)
-    counts = ", ".join(f"{v}: {sum(c.verdict == v for c in claims)}" for v in VERDICTS)
+    counts = ", ".join(f"{j}: {sum(c.judgement == j for c in claims)}" for j in JUDGEMENTS)
     progress(f"{len(claims)} claims ({counts}); report: {out / REPORT}")
     return 0
 
 
 def chosen_cases(cases: Sequence[str]) -> list[str]:
-    """Return the named cases in the order of the paper; raises ScenarioError for strangers."""
-    strangers = [case for case in cases if case not in CASES]
-    if strangers:
-        allowed = ", ".join(CASES)
+    """Return the named cases in the order of the paper; raises ScenarioError for others."""
+    unknown = [case for case in cases if case not in RUNS_OF_CASE]
+    if unknown:
+        allowed = ", ".join(RUNS_OF_CASE)
         raise ScenarioError(
-            f"--case {name}: no such case{near(name, list(CASES))}, allowed {allowed}"
-            for name in strangers
+            f"--case {name}: no such case{near(name, list(RUNS_OF_CASE))}, allowed {allowed}"
+            for name in unknown
         )
-    return [case for case in CASES if case in cases or not cases]
+    return [case for case in RUNS_OF_CASE if case in cases or not cases]
 
 
-def jobs_of(cases: Sequence[str], out: Path) -> dict[str, Callable[[], Any]]:
+def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
     """Return what there is to do, the longest parts first."""
-    jobs: dict[str, Callable[[], Any]] = {}
-    if "field" in cases:
-        jobs["field"] = partial(_field, out / "field")
-    if "gains" in cases:
-        jobs["gains"] = partial(_gains, out / "gains")
-    runs = {key: experiment for case in cases for key, experiment in CASES[case].items()}
+    jobs: dict[JobKey, Job] = {}
+    if Part.FIELD in cases:
+        jobs[Part.FIELD] = partial(_field, out / Part.FIELD)
+    if Part.GAINS in cases:
+        jobs[Part.GAINS] = partial(_gains, out / Part.GAINS)
+    runs = {key: experiment for case in cases for key, experiment in RUNS_OF_CASE[case].items()}
     for key, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
-        jobs[key] = partial(run_experiment, experiment, out / key)
-    if "propagation" in cases:
+        jobs[key] = partial(run_experiment, experiment, out / str(key))
+    if Part.PROPAGATION in cases:
         for preview in (PREVIEW_S, SHORT_PREVIEW_S):
             for frequency in FREQUENCIES:
-                name = f"propagation at {frequency:g} rad/s, preview {preview:g} s"
-                jobs[name] = partial(weave, frequency, preview)
+                jobs[SineKey(frequency, preview)] = partial(drive_sine, frequency, preview)
     return jobs
 
 
-def run_experiment(experiment: Experiment, folder: Path) -> Trial:
+@dataclass(frozen=True, slots=True)
+class Run:
+    """The drives of one run and, if it was logged, the samples to which its followers fitted."""
+
+    trial: Trial
+    samples: SampleFigures | None = None
+
+
+def run_experiment(experiment: Experiment, folder: Path) -> Run:
     """Do one run, with its log in `folder` if it is to have one."""
     scenario = load_scenario(experiment.scenario, experiment.overrides, experiment.seed)
-    return record(scenario, folder) if experiment.logged else rehearse(scenario)
+    if not experiment.logged:
+        return Run(rehearse(scenario))
+    counter = SampleCounter()
+    return Run(record(scenario, folder, listeners=(counter.listen,)), counter.figures)
 
 
 def _field(folder: Path) -> FieldRuns:
@@ -110,26 +124,31 @@ def _gains(folder: Path) -> tuple[str, ...]:
     from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS  # noqa: PLC0415
 
     report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder)
-    return tuple(report["pictures"])
+    return report.pictures
 
 
-def add(findings: Findings, key: str, result: object) -> None:
+def add(findings: Findings, key: JobKey, result: object) -> None:
     """Put one result where it belongs."""
-    match result:
-        case Trial():
-            findings.trials[key] = result
-        case Weaving():
-            findings.weavings.append(result)
-        case FieldRuns():
+    match key, result:
+        case RunKey(), Run():
+            findings.trials[key] = result.trial
+            if result.samples is not None:
+                findings.samples[key] = result.samples
+        case SineKey(), SineResponse():
+            findings.sine_responses.append(result)
+        case Part.FIELD, FieldRuns():
             findings.field = result
-        case tuple():
+        case Part.GAINS, tuple():
             findings.gains_pictures = result
+        case _:
+            raise TypeError(f"{key}: not a result of this part: {type(result).__name__}")
 
 
-def carry_out(jobs: Jobs, workers: int) -> Iterator[tuple[str, Any]]:
-    """Do all jobs on so many processes (0: in this one); gives each result as it comes.
+def carry_out(jobs: Mapping[Key, Job], workers: int) -> Iterator[tuple[Key, Any]]:
+    """Do all jobs on so many processes (0: in this one); gives each result when it is done.
 
-    When one fails, or the caller stops listening, those under way are waited for and no more begun.
+    When one fails, or the caller stops iterating, those that have begun are waited for and no more
+    are begun.
     """
     if not workers:
         yield from ((key, job()) for key, job in jobs.items())

@@ -1,4 +1,4 @@
-"""Verdicts on made-up findings: claims that hold, claims that fail, and what noise does to them."""
+"""Judgements on made-up findings: claims that hold, claims that fail, the effect of noise."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,44 +6,60 @@ from dataclasses import replace
 import pytest
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.base import BASE, below, decreasing
-from scenarios.studies.paper.claims.claim import Answer, Question, judge, sides
-from scenarios.studies.paper.claims.field import FIELD, settled
-from scenarios.studies.paper.claims.gains import GAINS
-from scenarios.studies.paper.claims.model import MODEL
-from scenarios.studies.paper.claims.other_cases import OTHER_CASES
-from scenarios.studies.paper.claims.theory import THEORY
+from scenarios.studies.paper.claims import base, field, gains, model, other_cases, theory
+from scenarios.studies.paper.claims.base import below, decreasing
+from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, groups, judge
+from scenarios.studies.paper.claims.field import settled_errors
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings, Tally, in_cm, non_increasing
+from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, VARIABLE_SPEED, A, B, C, D, RunKey
 from tests.made.findings import a_paper_come_true, a_trial
 
-DRIVEN = (*MODEL, *BASE, *OTHER_CASES, *FIELD)
-CALCULATED = (*THEORY, *GAINS)
+SIMULATED = (*base.CLAIMS, *other_cases.CLAIMS, *field.CLAIMS)
+DRIVEN = (*model.CLAIMS, *SIMULATED)
+CALCULATED = (*theory.CLAIMS, *gains.CLAIMS)
 ALL = (*DRIVEN, *CALCULATED)
 
 
-def verdicts(findings: Findings, questions: Sequence[Question] = DRIVEN) -> dict[str, str]:
-    return {claim.name: claim.verdict for claim in judge(questions, findings)}
+def judgements(findings: Findings, claims: Sequence[Claim] = DRIVEN) -> dict[str, str]:
+    return {one.claim.name: one.judgement for one in judge(claims, findings)}
 
 
 def test_names_of_claims_differ() -> None:
-    assert len({question.name for question in ALL}) == len(ALL)
+    assert len({claim.name for claim in ALL}) == len(ALL)
 
 
 def test_only_what_was_run_is_judged() -> None:
-    assert verdicts(Findings()) == {}
-    assert "mass" not in verdicts(Findings(trials={"a": a_trial((0.03, 0.03, 0.03))}))
-    assert "a_decreasing" in verdicts(Findings(trials={"a": a_trial((0.03, 0.03, 0.03))}))
+    assert judgements(Findings()) == {}
+    assert "mass" not in judgements(Findings(trials={A: a_trial((0.03, 0.03, 0.03))}))
+    assert "a_decreasing" in judgements(Findings(trials={A: a_trial((0.03, 0.03, 0.03))}))
 
 
 @pytest.mark.parametrize(
-    ("holds", "verdict"), [(True, "holds"), (False, "does not hold"), (None, "not checkable")]
+    ("holds", "judgement"), [(True, "holds"), (False, "does not hold"), (None, "not checkable")]
 )
-def test_an_answer_becomes_a_verdict(holds: bool | None, verdict: str) -> None:
+def test_an_answer_becomes_a_judgement(holds: bool | None, judgement: str) -> None:
     answer = Answer(ours="we", holds=holds, reason="why")
-    question = Question(name="x", where="V", paper="says", answer=lambda _: answer)
-    (claim,) = judge([question], Findings())
-    assert (claim.verdict, claim.ours, claim.reason) == (verdict, "we", "why")
+    claim = Claim(name="x", where="V", paper="says", answer=lambda _: answer)
+    (one,) = judge([claim], Findings())
+    assert (one.judgement, one.answer, one.claim) == (judgement, answer, claim)
+
+
+def test_a_claim_is_registered_under_the_name_of_its_function_in_order() -> None:
+    claims = Claims()
+
+    @claims.claim(where="V", paper="says", needs=(BASE,))
+    def second_lane_change(_: Findings) -> Answer:
+        return Answer(ours="we", holds=True)
+
+    @claims.claim(where="VI", paper="says more")
+    def conclusion(_: Findings) -> Answer:
+        return Answer(ours="we", holds=None)
+
+    assert [claim.name for claim in claims] == ["second_lane_change", "conclusion"]
+    assert (claims[0].where, claims[0].paper, claims[0].needs) == ("V", "says", (BASE,))
+    assert judgements(Findings(), claims) == {"conclusion": "not checkable"}
+    assert second_lane_change(Findings()).holds
 
 
 @pytest.mark.parametrize(
@@ -64,68 +80,68 @@ def test_non_increasing(maxima: tuple[float, ...], expected: bool) -> None:
 def test_a_limit_holds_or_not_and_noise_is_counted() -> None:
     findings = Findings(
         trials={
-            "variable_speed": a_trial((0.02, 0.108, 0.05)),
-            "variable_speed/noise/1": a_trial((0.02, 0.10, 0.05)),
-            "variable_speed/noise/2": a_trial((0.02, 0.12, 0.05)),
+            VARIABLE_SPEED: a_trial((0.02, 0.108, 0.05)),
+            VARIABLE_SPEED.noisy(1): a_trial((0.02, 0.10, 0.05)),
+            VARIABLE_SPEED.noisy(2): a_trial((0.02, 0.12, 0.05)),
         }
     )
-    answer = below(0.11, "variable_speed", findings)
+    answer = below(0.11, VARIABLE_SPEED, findings)
     assert answer.holds
     assert answer.noise == Tally(1, 2)
     assert "10.8 cm (2.0, 10.8, 5.0 cm)" in answer.ours
-    assert not below(0.10, "variable_speed", findings).holds
+    assert not below(0.10, VARIABLE_SPEED, findings).holds
 
 
 def test_errors_that_grow_fail_with_a_reason_and_others_need_none() -> None:
-    grows = Findings(trials={key: a_trial((0.04, 0.05, 0.06)) for key in ("d", "d/blend")})
-    answer = decreasing("d", grows)
+    grows = Findings(trials={key: a_trial((0.04, 0.05, 0.06)) for key in (D, D.varied("blend"))})
+    answer = decreasing(D, grows)
     assert answer.holds is False
     assert "one trajectory for each source" in answer.reason
-    falls = decreasing("d", Findings(trials={"d": a_trial((0.06, 0.05, 0.04))}))
+    falls = decreasing(D, Findings(trials={D: a_trial((0.06, 0.05, 0.04))}))
     assert falls.holds
     assert not falls.reason
 
 
 def test_what_holds_but_for_noise_says_so() -> None:
     findings = Findings(
-        trials={"a": a_trial((0.04, 0.03, 0.02)), "a/noise/1": a_trial((0.04, 0.03, 0.05))}
+        trials={A: a_trial((0.04, 0.03, 0.02)), A.noisy(1): a_trial((0.04, 0.03, 0.05))}
     )
-    answer = decreasing("a", findings)
+    answer = decreasing(A, findings)
     assert answer.holds
     assert answer.noise == Tally(0, 1)
     assert "chance" in answer.reason
-    (claim,) = judge([q for q in ALL if q.name == "a_decreasing"], findings)
-    assert {side for side, found in sides([claim]).items() if found} == {"noise spoils"}
+    (one,) = judge([c for c in ALL if c.name == "a_decreasing"], findings)
+    assert {group for group, found in groups([one]).items() if found} == {"noise spoils"}
 
 
 @pytest.mark.parametrize(
-    ("last", "verdict", "holding"),
+    ("last", "judgement", "holding"),
     [(0.02, "holds", 3), (0.0325, "undecided", 1), (0.05, "does not hold", 0)],
 )
 def test_what_hangs_on_where_the_samples_fall_is_undecided(
-    last: float, verdict: str, holding: int
+    last: float, judgement: str, holding: int
 ) -> None:
     findings = Findings(
         trials={
-            "b": a_trial((0.04, 0.03, last)),
-            "b/blend": a_trial((0.04, 0.03, 0.02)),
-            "b/phase/0.5": a_trial((0.04, 0.031, last - 0.002)),
-            "b/phase/0.75": a_trial((0.04, 0.03, last - 0.001)),
+            B: a_trial((0.04, 0.03, last)),
+            B.varied("blend"): a_trial((0.04, 0.03, 0.02)),
+            B.moved(0.5): a_trial((0.04, 0.031, last - 0.002)),
+            B.moved(0.75): a_trial((0.04, 0.03, last - 0.001)),
         }
     )
-    (claim,) = judge([q for q in ALL if q.name == "b_decreasing"], findings)
-    assert claim.verdict == verdict
-    assert claim.phases == Tally(holding, 3)
-    assert [claim] == (sides([claim]).get(verdict) or [claim])
-    if verdict == "undecided":
-        assert "at most -0.5 to +2.5 mm from one to the next" in claim.ours
-        assert "two effects" in claim.reason
+    (one,) = judge([c for c in ALL if c.name == "b_decreasing"], findings)
+    assert one.judgement == judgement
+    assert one.answer.phases == Tally(holding, 3)
+    assert [one] == (groups([one]).get(judgement) or [one])
+    if judgement == "undecided":
+        assert "at most -0.5 to +2.5 mm from one to the next" in one.answer.ours
+        assert "two effects" in one.answer.reason
 
 
 def test_where_the_simulations_bear_the_paper_out_all_those_claims_hold() -> None:
-    found = verdicts(a_paper_come_true())
-    assert set(found) == {question.name for question in DRIVEN}
-    simulated = {question.name for question in (*BASE, *OTHER_CASES, *FIELD)}
+    found = judgements(a_paper_come_true())
+    assert set(found) == {claim.name for claim in DRIVEN}
+    simulated = {claim.name for claim in SIMULATED}
     failed = {name for name in simulated if found[name] != "holds"}
     # The peaks were made up at 12 s, where the road is straight; course and road are not known.
     assert failed == {"base_where", "road", "field_course", "field_initial_error"}
@@ -134,25 +150,25 @@ def test_where_the_simulations_bear_the_paper_out_all_those_claims_hold() -> Non
 @pytest.mark.parametrize(
     ("key", "trial", "falls"),
     [
-        ("base", a_trial((0.08, 0.091, 0.05)), {"base_below_9_cm", "base_decreasing", "base_true"}),
-        ("base", a_trial((0.08, 0.06, 0.05), (0.08, 0.09, 0.10)), {"base_true"}),
-        ("no_lead_data", a_trial((0.08, 0.09, 0.1), (0.08,) * 3), {"amplified_without_lead_data"}),
-        ("c", a_trial((0.03, 0.02, 0.01)), {"faster"}),
-        ("b", a_trial((0.05, 0.04, 0.03)), {"mass"}),
-        ("d", a_trial((0.02, 0.03, 0.05)), {"d_decreasing", "uneven"}),
-        ("variable_speed", a_trial((0.12, 0.09, 0.08)), {"variable_below_11_cm"}),
-        ("variable_speed", a_trial((0.06, 0.05, 0.04)), {"slightly_more"}),
-        ("variable_speed", a_trial((0.09, 0.10, 0.10)), {"variable_speed_decreasing"}),
-        ("a", a_trial((0.03, 0.02, 0.01), (0.03, 0.02, 0.4)), {"small"}),
+        (BASE, a_trial((0.08, 0.091, 0.05)), {"base_below_9_cm", "base_decreasing", "base_true"}),
+        (BASE, a_trial((0.08, 0.06, 0.05), (0.08, 0.09, 0.10)), {"base_true"}),
+        (NO_LEAD_DATA, a_trial((0.08, 0.09, 0.1), (0.08,) * 3), {"amplified_without_lead_data"}),
+        (C, a_trial((0.03, 0.02, 0.01)), {"faster"}),
+        (B, a_trial((0.05, 0.04, 0.03)), {"mass"}),
+        (D, a_trial((0.02, 0.03, 0.05)), {"d_decreasing", "uneven"}),
+        (VARIABLE_SPEED, a_trial((0.12, 0.09, 0.08)), {"variable_below_11_cm"}),
+        (VARIABLE_SPEED, a_trial((0.06, 0.05, 0.04)), {"slightly_more"}),
+        (VARIABLE_SPEED, a_trial((0.09, 0.10, 0.10)), {"variable_speed_decreasing"}),
+        (A, a_trial((0.03, 0.02, 0.01), (0.03, 0.02, 0.4)), {"small"}),
     ],
 )  # fmt: skip
-def test_each_claim_fails_where_it_should(key: str, trial: Trial, falls: set[str]) -> None:
+def test_each_claim_fails_where_it_should(key: RunKey, trial: Trial, falls: set[str]) -> None:
     findings = a_paper_come_true()
-    before = verdicts(findings)
+    before = judgements(findings)
     findings.trials[key] = trial
-    if key == "d":
-        findings.trials["d/blend"] = trial
-    after = verdicts(findings)
+    if key == D:
+        findings.trials[D.varied("blend")] = trial
+    after = judgements(findings)
     changed = {name for name in after if after[name] != before[name]}
     assert changed == falls
     assert all(after[name] == "does not hold" for name in falls)
@@ -161,26 +177,28 @@ def test_each_claim_fails_where_it_should(key: str, trial: Trial, falls: set[str
 def test_the_field_claims_fail_where_they_should() -> None:
     findings = a_paper_come_true()
     findings.field = FieldRuns(a_trial((0.05, 0.9)), a_trial((0.05, 0.05)), ())
-    found = verdicts(findings)
+    found = judgements(findings)
     assert found["field_amplified"] == "does not hold"
     assert found["field_not_amplified"] == "does not hold"
     assert found["field_on_the_road"] == "does not hold"
-    findings.weavings = [replace(w, amplitudes=(1.0, 0.9)) for w in findings.weavings]
-    assert verdicts(findings)["propagation_measured"] == "does not hold"
+    findings.sine_responses = [
+        replace(one, amplitudes=(1.0, 0.9)) for one in findings.sine_responses
+    ]
+    assert judgements(findings)["propagation_measured"] == "does not hold"
 
 
 def test_initial_errors_do_not_count_once_settled() -> None:
     trial = a_trial((0.05, 0.06))
     trial.followers[0].cross_track[:50] = 0.4
     assert trial.cross_track[0] == pytest.approx(0.4)
-    assert settled(trial).cross_track == pytest.approx((0.05, 0.06), rel=1e-3)
+    assert settled_errors(trial).cross_track == pytest.approx((0.05, 0.06), rel=1e-3)
 
 
 def test_what_theory_says_of_the_paper() -> None:
-    findings = Findings(gains_pictures=(), weavings=a_paper_come_true().weavings)
-    found = verdicts(findings, CALCULATED)
-    assert set(found) == {question.name for question in CALCULATED}
-    assert {name for name, verdict in found.items() if verdict == "does not hold"} == {
+    findings = Findings(gains_pictures=(), sine_responses=a_paper_come_true().sine_responses)
+    found = judgements(findings, CALCULATED)
+    assert set(found) == {claim.name for claim in CALCULATED}
+    assert {name for name, judgement in found.items() if judgement == "does not hold"} == {
         "state_equation",
         "equivalence",
         "open_loop_roots",

@@ -8,40 +8,41 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Drive, Trial
-from scenarios.results.fitted_samples import SampleCounter, SampleFigures
 from scenarios.results.log_summary import LOG_NAME, scenario_in
 from scenarios.runs.rehearsal import record, rehearse
 from scenarios.studies.paper.experiments import (
-    CASES,
     LANE,
     RADII,
     ROADS,
+    RUNS_OF_CASE,
     Experiment,
     at_the_same_times,
-    pieces,
+    lane_change_lengths,
     road,
 )
 from scenarios.studies.paper.field_runs import as_run, field_runs
-from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, weaving_scenario
+from scenarios.studies.paper.fitted_samples import SampleCounter
+from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, sine_scenario
+from scenarios.studies.paper.keys import BASE, RunKey
 from scenarios.studies.paper.linear_prediction import predicted
+from scenarios.studies.paper.reproduce import run_experiment
 from tests.made.messages import truth
 from transport.log.mcap_log import LogReader
 from vehicles.car.parameters import NOMINAL_GAINS
 from vehicles.messages import CompositeTrajectory, RunStart
-from vehicles.theory.string_stability import Transfer
+from vehicles.theory.propagation import Transfer
 
-EXPERIMENTS = {key: run for case in CASES.values() for key, run in case.items()}
-SHORT = ["duration_s=3.0", "convoy.vehicles=2"]
+EXPERIMENTS = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
 
 
 def test_every_experiment_can_be_driven() -> None:
     for key, run in EXPERIMENTS.items():
-        if "/noise/" in key and not key.endswith("/2"):
+        if key.seed not in {None, 2}:
             continue  # differs from another by its seed only
         scenario = load_scenario(run.scenario, run.overrides, run.seed)
         assert max(scenario.route.profile.speeds) == min(scenario.route.profile.speeds) or (
             run.scenario == "paper_variable_speed"
-        ), f"{key}: slowed down in bends"
+        ), f"{key}: slowed down in curves"
 
 
 @pytest.mark.parametrize(
@@ -82,7 +83,7 @@ def test_the_field_course_is_closed() -> None:
 
 @pytest.mark.parametrize("radius", RADII)
 def test_a_lane_change_is_a_lane_wide(radius: float) -> None:
-    arc, straight = pieces(radius)
+    arc, straight = lane_change_lengths(radius)
     angle = arc / radius
     sideways = 2.0 * radius * (1.0 - cos(angle)) + straight * sin(angle)
     assert sideways == pytest.approx(LANE, abs=0.01)
@@ -100,15 +101,15 @@ def test_a_road_of_the_same_times_asks_for_the_same_lateral_acceleration(speed: 
 
 
 @pytest.mark.parametrize("case", ROADS)
-def test_a_road_that_is_not_moved_is_the_case_s_own(case: str) -> None:
-    """And a moved one is the same, but later by the way of a part of 0.1 s."""
+def test_a_road_that_is_not_moved_is_the_case_s_own(case: RunKey) -> None:
+    """And a moved one is the same, but later by the distance of a part of 0.1 s."""
     speed, begins = ROADS[case]
     own, again, moved = (
         load_scenario(f"paper_{case}", overrides).route
         for overrides in (
             (),
             (road(500.0, 30.0, 30.0, begins),),
-            CASES[case][f"{case}/phase/0.5"].overrides,
+            RUNS_OF_CASE[str(case)][case.moved(0.5)].overrides,
         )
     )
     assert own.profile.at(begins[0] / speed)[0] == speed
@@ -180,22 +181,22 @@ def a_drive(name: str, east: np.ndarray, north: np.ndarray, speed: float) -> Dri
     )
 
 
-def test_amplitudes_are_read_off_weaving_paths_beside_a_drift() -> None:
+def test_amplitudes_of_sines_are_found_beside_a_drift() -> None:
     east, frequency, speed = np.arange(0.0, 900.0, 0.6), 2.0, 30.0
     swing = frequency * east / speed
     drives = (
         a_drive("v1", east, 0.5 * np.sin(swing) + 0.2, speed),
         a_drive("v2", east, 0.6 * np.sin(swing - 0.3) + 0.001 * east, speed),
     )
-    found = amplitudes(Trial(drives, SampleFigures()), frequency)
+    found = amplitudes(Trial(drives), frequency)
     assert abs(found[0]) == pytest.approx(0.5)
     assert abs(found[1]) == pytest.approx(0.6)
     assert np.angle(found[1] / found[0]) == pytest.approx(-0.3)
 
 
-def test_the_weaving_lead_swings_as_asked_for_all_the_periods() -> None:
+def test_the_lead_drives_the_sine_for_all_the_periods() -> None:
     frequency = 2.5
-    scenario = weaving_scenario(frequency)
+    scenario = sine_scenario(frequency)
     speed = scenario.tables.speed.set_mps
     east = np.arange(0.0, speed * scenario.duration_s, 0.5)
     assert scenario.tables.control.fusion == "predecessor"
@@ -220,8 +221,9 @@ def test_linear_theory_of_a_chain_that_answers_with_one_tenth_too_much() -> None
 
 def test_samples_are_counted_ahead_of_the_car_and_by_source() -> None:
     counter = SampleCounter()
-    counter.listen(truth("v3", 0, 5.0, 200.0, yaw=0.5 * pi, distance=200.0))
+    counter.listen(0, truth("v3", 0, 5.0, 200.0, yaw=0.5 * pi, distance=200.0))
     counter.listen(
+        0,
         CompositeTrajectory(
             vehicle="v3",
             seq=0,
@@ -237,14 +239,23 @@ def test_samples_are_counted_ahead_of_the_car_and_by_source() -> None:
             sample_source=(0, 0, 0, 1, 1),
             residual_m_rms=0.0,
             residual_m_max=0.0,
-        )
+        ),
     )
     assert (counter.figures.lead, counter.figures.predecessor) == (2, 2)
     # The two closest samples lie at (5.1, 200.1) and (5.0, 199.0).
     assert counter.figures.rule_error == pytest.approx(np.arctan2(0.1, 1.1))
 
 
+def test_the_samples_of_a_logged_run_are_counted(tmp_path: Path) -> None:
+    short = ("duration_s=6.0", "convoy.vehicles=3", "path.segments=[{length_m=300.0}]")
+    logged = run_experiment(Experiment(overrides=short, logged=True), tmp_path)
+    assert logged.samples is not None
+    assert logged.samples.lead == 16  # 24 m of preview, a sample each 1.5 m
+    assert 0 < logged.samples.predecessor <= 16
+    assert run_experiment(Experiment(overrides=short), tmp_path).samples is None
+
+
 def test_the_base_case_is_logged_and_its_variants_are_not() -> None:
-    assert EXPERIMENTS["base"] == Experiment(logged=True)
-    assert not EXPERIMENTS["base/blend"].logged
+    assert EXPERIMENTS[BASE] == Experiment(logged=True)
+    assert not EXPERIMENTS[BASE.varied("blend")].logged
     assert sqrt(len(EXPERIMENTS)) < 12.0  # a whole reproduction takes about a minute

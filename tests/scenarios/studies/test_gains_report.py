@@ -3,7 +3,6 @@ import subprocess
 import sys
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,6 +12,7 @@ from rich.console import Console
 
 from scenarios.cli.tables import gains_table
 from scenarios.studies.gains.report import DEFAULT_SPEEDS, gains_report
+from scenarios.studies.gains.results import GainsReport, as_json
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Gains, Loading, loaded
 from vehicles.theory.linear_model import closed_loop_at
 
@@ -23,80 +23,107 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def nominal(folder: Path) -> dict[str, Any]:
+def nominal(folder: Path) -> GainsReport:
     before = dict(mpl.rcParams)
     report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder)
     assert dict(mpl.rcParams) == before
     return report
 
 
-def _check_files(folder: Path, report: dict[str, Any]) -> None:
+def _check_files(folder: Path, report: GainsReport) -> None:
     read = json.loads((folder / "gains.json").read_text(encoding="utf-8"))
-    assert read["pictures"] == report["pictures"]
-    assert len(report["pictures"]) == 7
-    for name in report["pictures"]:
+    assert read["pictures"] == list(report.pictures)
+    assert len(report.pictures) == 7
+    for name in report.pictures:
         pixels = imread(folder / name)
         assert pixels.shape[0] > 400
         assert pixels.shape[1] > 600
         assert pixels[..., :3].std() > 0.03  # something is drawn
 
 
-def test_files(nominal: dict[str, Any], folder: Path) -> None:
+def test_files(nominal: GainsReport, folder: Path) -> None:
     _check_files(folder, nominal)
 
 
-def test_what_the_paper_says_of_its_gains(nominal: dict[str, Any]) -> None:
+def test_what_the_paper_says_of_its_gains(nominal: GainsReport) -> None:
     """Section V: in the interior of the intersection, Hurwitz for all loadings, set not convex."""
-    sets = nominal["stabilising_set"]
-    assert sets["inside_at_all_speeds_and_loadings"]
-    assert sets["ball_over_speeds_and_loadings"]["radius_in_gain_units"] == pytest.approx(0.06)
-    assert sets["relative_ball_over_speeds_and_loadings"]["radius_ratio"] > 0.8
-    assert sets["not_convex_between"] is not None
-    assert len(nominal["loadings"]) == 8
-    assert all(row["stable_at_every_speed"] for row in nominal["loadings"])
-    assert nominal["verification"]["disagreements_with_roots"] == 0
-    assert nominal["verification"]["random_points"] == 300 * len(DEFAULT_SPEEDS)
+    sets = nominal.stabilising_set
+    assert sets.inside_at_all_speeds_and_loadings
+    assert sets.ball_over_speeds_and_loadings.radius_in_gain_units == pytest.approx(0.06)
+    relative = sets.relative_ball_over_speeds_and_loadings
+    assert relative is not None
+    assert relative.radius_ratio > 0.8
+    assert sets.not_convex_between is not None
+    assert len(nominal.loadings) == 8
+    assert all(row.stable_at_every_speed for row in nominal.loadings)
+    assert nominal.verification.disagreements_with_roots == 0
+    assert nominal.verification.random_points == 300 * len(DEFAULT_SPEEDS)
 
 
-def test_roots_are_those_of_the_loaded_cars(nominal: dict[str, Any]) -> None:
-    for row in nominal["loadings"]:
-        load = Loading(
-            front_passengers=row["front_passengers"], rear_passengers=row["rear_passengers"]
-        )
+def test_roots_are_those_of_the_loaded_cars(nominal: GainsReport) -> None:
+    for row in nominal.loadings:
+        load = Loading(front_passengers=row.front_passengers, rear_passengers=row.rear_passengers)
         car = loaded(LINCOLN_MKZ, load)
         expected = np.linalg.eigvals(closed_loop_at(car, NOMINAL_GAINS, 30.0))
-        found = np.array([complex(*root) for root in row["roots_per_s"]])
+        found = np.array([complex(*root) for root in row.roots_per_s])
         assert found == pytest.approx(np.sort_complex(expected), rel=1e-6)
 
 
-def test_simulation_stays_within_two_per_cent(nominal: dict[str, Any]) -> None:
-    reference = nominal["propagation"][-1]
-    assert reference["speed_mps"] == 30.0
-    for actuation in ("instantaneous", "second_order"):
-        assert len(reference[actuation]["simulated_ratio"]) == 10
-        assert reference[actuation]["simulation_error_ratio_max"] < 0.02
-        assert reference[actuation]["norm_ratio"] > 1.0
+def test_simulation_stays_within_two_per_cent(nominal: GainsReport) -> None:
+    reference = nominal.propagation[-1]
+    assert reference.speed_mps == 30.0
+    for found in (reference.instantaneous, reference.second_order):
+        assert found is not None
+        assert found.simulated_ratio is not None
+        assert len(found.simulated_ratio) == 10
+        assert found.simulation_error_ratio_max is not None
+        assert found.simulation_error_ratio_max < 0.02
+        assert found.norm_ratio > 1.0
 
 
-def test_certificate_exceeds_dry_asphalt(nominal: dict[str, Any]) -> None:
-    varying = nominal["varying_speed"]
-    assert varying["stable_at_every_speed"]
-    for row in varying["table"]:
-        assert min(row["certified_braking_mps2"], row["certified_accelerating_mps2"]) > 9.81
-        assert row["unit_q_only_accelerating_mps2"] < row["certified_accelerating_mps2"]
+def test_certificate_exceeds_dry_asphalt(nominal: GainsReport) -> None:
+    varying = nominal.varying_speed
+    assert varying.stable_at_every_speed
+    for row in varying.table:
+        assert min(row.certified.braking, row.certified.accelerating) > 9.81
+        assert row.unit_q_only.accelerating < row.certified.accelerating
 
 
 def test_gains_that_do_not_stabilise_are_reported_as_such(tmp_path: Path) -> None:
     gains = Gains(0.06, 3.0, 0.0)
     report = gains_report(LINCOLN_MKZ, gains, [10.0, 30.0], [Loading()], tmp_path)
-    assert not report["stabilising_set"]["inside_at_all_speeds"]
-    assert report["stabilising_set"]["ball_at_reference_speed"]["radius_in_gain_units"] == 0.0
-    assert report["varying_speed"]["table"] == []
-    assert not report["propagation"][-1]["stable"]
+    assert not report.stabilising_set.inside_at_all_speeds
+    assert report.stabilising_set.ball_at_reference_speed.radius_in_gain_units == 0.0
+    assert report.varying_speed.table == ()
+    assert not report.propagation[-1].stable
     _check_files(tmp_path, report)
     read = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
     ball = read["stabilising_set"]["ball_at_reference_speed"]
     assert ball["root_there_radps"] is None  # not a number in JSON
+    assert read["propagation"][-1] == {"speed_mps": 30.0, "stable": False}
+    assert "relative_ball_at_reference_speed" not in read["stabilising_set"]  # k_omega is 0
+
+
+def test_the_form_in_json(nominal: GainsReport, folder: Path) -> None:
+    found = as_json(nominal)
+    assert found == json.loads((folder / "gains.json").read_text(encoding="utf-8"))
+    assert found["gains"] == {
+        "lateral_rad_per_m": 0.06,
+        "heading_rad_per_rad": 0.96,
+        "yaw_rate_s": 0.08,
+    }
+    row, first = found["varying_speed"]["table"][0], nominal.varying_speed.table[0]
+    assert row["certified_braking_mps2"] == first.certified.braking
+    assert row["unit_q_paper_model_accelerating_mps2"] == first.unit_q_paper_model.accelerating
+    assert "simulated_ratio" in found["propagation"][-1]["second_order"]
+    assert "simulated_ratio" not in found["propagation"][0]["second_order"]
+    empty = found["loadings"][0]
+    assert (empty["rear_passengers"], empty["singular_frequency_radps"]) == (0, None)
+
+
+@pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan")])
+def test_what_json_cannot_hold_is_null(value: float) -> None:
+    assert as_json((1.0, value)) == [1.0, None]
 
 
 def test_speeds_may_come_in_any_order() -> None:

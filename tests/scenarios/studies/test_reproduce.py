@@ -5,6 +5,7 @@ import re
 from functools import partial
 from math import isfinite
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,12 +13,14 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.log_summary import LOG_NAME
 from scenarios.studies.paper import reproduce as reproduction
-from scenarios.studies.paper.claims.claim import VERDICTS
-from scenarios.studies.paper.experiments import CASES, Experiment
+from scenarios.studies.paper.claims.claim import JUDGEMENTS
+from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, A, Part, SineKey
 from scenarios.studies.paper.report.pictures import PICTURES
-from scenarios.studies.paper.report.report import QUESTIONS, write_report
+from scenarios.studies.paper.report.report import CLAIMS, write_report
 from scenarios.studies.paper.reproduce import (
+    Run,
     add,
     carry_out,
     chosen_cases,
@@ -29,6 +32,17 @@ from tests.made.findings import a_paper_come_true
 
 PNG = b"\x89PNG"
 
+NAMES = """
+    parameters steering_parameters preview preview_samples ten_centimetres signs two_samples
+    polynomial state_equation proposition_1 norm_of_g equivalence stabilising_set
+    inside_the_intersection ball all_loadings open_loop_roots road base_below_9_cm base_where
+    base_decreasing base_true amplified_without_lead_data reduced_by_lead_data a_decreasing
+    b_decreasing c_decreasing d_decreasing uneven faster mass small variable_below_11_cm
+    slightly_more variable_speed_decreasing propagation_measured field_course field_amplified
+    field_not_amplified field_initial_error field_on_the_road
+"""
+"""Names of the claims in report.json, in the order of the paper."""
+
 
 def no_progress(_: str) -> None:
     pass
@@ -39,10 +53,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report on made-up findings, with something for every run of every case."""
     out = tmp_path_factory.mktemp("whole")
     findings = a_paper_come_true()
-    for case in CASES.values():
+    for case in RUNS_OF_CASE.values():
         for key in case:
-            findings.trials.setdefault(key, findings.trials["base"])
-    write_report(findings, list(CASES), out)
+            findings.trials.setdefault(key, findings.trials[BASE])
+    write_report(findings, list(RUNS_OF_CASE), out)
     return out
 
 
@@ -57,9 +71,9 @@ def numbers_in(value: Any) -> list[float]:
 def test_a_whole_report_has_a_row_for_each_claim_and_every_picture(whole: Path) -> None:
     text = (whole / "report.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| .*\|$", text, flags=re.MULTILINE)
-    for question in QUESTIONS:
-        paper = question.paper.replace("|", "\\|")
-        assert sum(f"| {paper} |" in row for row in rows) >= 1, question.name
+    for claim in CLAIMS:
+        paper = claim.paper.replace("|", "\\|")
+        assert sum(f"| {paper} |" in row for row in rows) >= 1, claim.name
     assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == set(PICTURES)
     for name in PICTURES:
         assert (whole / name).read_bytes().startswith(PNG)
@@ -73,15 +87,18 @@ def test_every_row_of_a_table_has_all_its_columns(whole: Path) -> None:
 
 def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
     report = json.loads((whole / "report.json").read_text(encoding="utf-8"))
-    assert [claim["name"] for claim in report["claims"]] == [q.name for q in QUESTIONS]
-    assert {claim["verdict"] for claim in report["claims"]} == set(VERDICTS)
-    counts = [sum(claim["verdict"] == v for claim in report["claims"]) for v in VERDICTS]
+    assert [claim["name"] for claim in report["claims"]] == [c.name for c in CLAIMS]
+    assert [claim["name"] for claim in report["claims"]] == NAMES.split()
+    assert {claim["verdict"] for claim in report["claims"]} == set(JUDGEMENTS)
+    counts = [sum(claim["verdict"] == j for claim in report["claims"]) for j in JUDGEMENTS]
     said = (
-        f"Of {len(QUESTIONS)} claims {counts[0]} hold, {counts[1]} are undecided, {counts[2]} do "
+        f"Of {len(CLAIMS)} claims {counts[0]} hold, {counts[1]} are undecided, {counts[2]} do "
         f"not hold, {counts[3]} cannot"
     )
     assert said in (whole / "report.md").read_text(encoding="utf-8")
-    assert set(report["runs"]) >= {key for case in CASES.values() for key in case}
+    assert set(report["runs"]) == {"field/with", "field/without"} | {
+        str(key) for case in RUNS_OF_CASE.values() for key in case
+    }
     noise = next(claim["noise"] for claim in report["claims"] if claim["name"] == "a_decreasing")
     assert noise == {"holding": 3, "runs": 3}
     assert report["runs"]["base"]["tracking_error_m_max"] == pytest.approx([0.08, 0.06, 0.05])
@@ -91,8 +108,8 @@ def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
 def test_a_small_reproduction_from_end_to_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tiny = {"base": Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
-    monkeypatch.setitem(CASES, "base", tiny)
+    tiny = {BASE: Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
+    monkeypatch.setitem(RUNS_OF_CASE, "base", tiny)
     said: list[str] = []
     assert reproduce(["base"], tmp_path / "paper", said.append, workers=0) == 0
     assert (tmp_path / "paper" / "base" / LOG_NAME).exists()
@@ -120,15 +137,15 @@ def test_an_unknown_case_is_refused_with_a_guess(tmp_path: Path) -> None:
 
 def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
     assert chosen_cases(["field", "a", "base"]) == ["base", "a", "field"]
-    assert chosen_cases([]) == list(CASES)
+    assert chosen_cases([]) == list(RUNS_OF_CASE)
 
 
 def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
     jobs = list(jobs_of(chosen_cases([]), tmp_path))
-    runs = {key for case in CASES.values() for key in case}
+    runs = {key for case in RUNS_OF_CASE.values() for key in case}
     assert runs <= set(jobs)
-    assert jobs[:2] == ["field", "gains"]
-    assert jobs.index("variable_speed") < jobs.index("base/noise/1")
+    assert jobs[:2] == [Part.FIELD, Part.GAINS]
+    assert jobs.index(VARIABLE_SPEED) < jobs.index(BASE.noisy(1))
 
 
 def test_jobs_are_done_by_worker_processes() -> None:
@@ -144,11 +161,15 @@ def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
 
 def test_results_are_put_where_they_belong() -> None:
     source, findings = a_paper_come_true(), Findings()
-    add(findings, "base", source.trials["base"])
-    add(findings, "field", source.field)
-    add(findings, "gains", ("one.png",))
-    add(findings, "propagation", source.weavings[0])
-    assert all(map(findings.has, ("base", "field", "gains", "propagation")))
+    add(findings, BASE, Run(source.trials[BASE], source.samples[BASE]))
+    add(findings, A, Run(source.trials[A]))
+    add(findings, Part.FIELD, source.field)
+    add(findings, Part.GAINS, ("one.png",))
+    add(findings, SineKey(0.8, 0.25), source.sine_responses[0])
+    assert all(map(findings.has, (BASE, *Part)))
+    assert findings.samples == {BASE: source.samples[BASE]}
+    with pytest.raises(TypeError, match="base: not a result of this part: FieldRuns"):
+        add(findings, BASE, source.field)
 
 
 def test_the_gains_pictures_are_those_of_the_gains_report(
@@ -156,11 +177,11 @@ def test_the_gains_pictures_are_those_of_the_gains_report(
 ) -> None:
     drawn: list[Path] = []
 
-    def report(*_: object, out_dir: Path) -> dict[str, list[str]]:
+    def report(*_: object, out_dir: Path) -> SimpleNamespace:
         drawn.append(out_dir)
-        return {"pictures": ["roots_over_loadings.png"]}
+        return SimpleNamespace(pictures=("roots_over_loadings.png",))
 
     monkeypatch.setattr("scenarios.studies.gains.report.gains_report", report)
-    pictures = reproduction.jobs_of(["gains"], tmp_path)["gains"]()
+    pictures = reproduction.jobs_of(["gains"], tmp_path)[Part.GAINS]()
     assert pictures == ("roots_over_loadings.png",)
     assert drawn == [tmp_path / "gains"]

@@ -12,7 +12,6 @@ from vehicles.theory.gain_sets import (
     gain_box,
     gain_extremes,
     is_stabilising,
-    members,
     non_convex_pair,
     singular_frequency,
     stabilises_all,
@@ -166,9 +165,10 @@ def test_an_unstabilisable_case_is_refused() -> None:
         gain_box([CAR], [2000.0])
 
 
-def test_grid_of_members() -> None:
+def test_membership_on_a_grid_keeps_its_shape() -> None:
     axes = np.array([0.03, 0.06]), np.array([0.5, 0.96, 3.0]), np.array([0.08])
-    inside = members([CAR], [30.0], *axes)
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    inside = stabilises_all([CAR], [30.0], grid)
     assert inside.shape == (2, 3, 1)
     assert inside[1, 1, 0]
     assert not inside[1, 2, 0]

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from tests.made.error_model import curvature_input, curvature_rate_input
 from tests.made.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import (
     NOMINAL_GAINS,
@@ -16,8 +17,6 @@ from vehicles.theory.linear_model import (
     characteristic_polynomial,
     closed_loop,
     closed_loop_at,
-    curvature_input,
-    curvature_rate_input,
     feedback_numerator,
     feedback_row,
     handling_polynomial,

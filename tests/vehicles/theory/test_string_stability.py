@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.signal import impulse, lsim
 
 from tests.made.random_cars import CAR, CARS, GAINS, SPEEDS
@@ -12,67 +13,31 @@ from vehicles.car.parameters import (
     loaded_with_moved_centre,
 )
 from vehicles.theory.gain_sets import abscissa
-from vehicles.theory.linear_model import (
-    closed_loop_at,
-    curvature_input,
-    curvature_rate_input,
-    open_loop,
-    steady_cornering,
-)
-from vehicles.theory.string_stability import (
-    Actuation,
+from vehicles.theory.linear_model import open_loop
+from vehicles.theory.propagation import (
+    SteeringModel,
     Transfer,
-    amplified_band,
-    chain,
-    largest_weight,
     low_frequency_growth,
-    maximum_gain,
-    peak,
     propagation,
     trace_propagation,
 )
+from vehicles.theory.string_stability import (
+    amplified_band,
+    head_to_tail,
+    is_string_stable,
+    largest_singular_value,
+    largest_weight,
+    maximum_gain,
+    peak,
+)
 
-BOTH: tuple[Actuation, ...] = ("instantaneous", "second order")
-FREQUENCIES = np.geomspace(0.05, 60.0, 40)
-
-
-@settings(max_examples=60)
-@given(CARS, GAINS, SPEEDS)
-def test_propagation_is_h_over_one_plus_h(
-    car: VehicleParameters, gains: Gains, speed: float
-) -> None:
-    """H from the paper's M_0(s) and K(s), solved numerically at each frequency."""
-    p, cf, cr = car, car.front_cornering_stiffness, car.rear_cornering_stiffness
-    a, b = p.front_axle_distance, p.rear_axle_distance
-    for frequency in (0.1, 1.0, 7.0, 25.0):
-        s = 1j * frequency
-        m0 = np.array(
-            [
-                [
-                    p.mass * s**2 + (cf + cr) / speed * s,
-                    (a * cf - b * cr) / speed * s - (cf + cr),
-                ],
-                [
-                    (a * cf - b * cr) / speed * s,
-                    p.yaw_inertia * s**2
-                    + (a * a * cf + b * b * cr) / speed * s
-                    - (a * cf - b * cr),
-                ],
-            ]
-        )
-        row = cf * np.array([gains.lateral, gains.heading + gains.yaw_rate * s])
-        h = row @ np.linalg.solve(m0, np.array([1.0, a]))
-        wn, zeta = p.steering_frequency, p.steering_damping
-        lag = wn**2 / (s**2 + 2 * zeta * wn * s + wn**2)
-        for actuation, loop in zip(BOTH, (h, lag * h), strict=True):
-            found = propagation(car, gains, speed, actuation).at(np.array([frequency]))[0]
-            assert found == pytest.approx(loop / (1.0 + loop), rel=1e-8)
+BOTH: tuple[SteeringModel, ...] = ("instantaneous", "second order")
 
 
 @pytest.mark.parametrize("speed", [4.4704, 15.0, 25.0, 30.0])
-@pytest.mark.parametrize("actuation", BOTH)
-def test_peak_against_a_dense_grid(speed: float, actuation: Actuation) -> None:
-    transfer = propagation(CAR, NOMINAL_GAINS, speed, actuation)
+@pytest.mark.parametrize("steering", BOTH)
+def test_peak_against_a_dense_grid(speed: float, steering: SteeringModel) -> None:
+    transfer = propagation(CAR, NOMINAL_GAINS, speed, steering)
     frequencies = np.linspace(1e-3, 60.0, 400_001)
     magnitudes = np.abs(transfer.at(frequencies))
     found = peak(transfer)
@@ -96,33 +61,12 @@ def test_peak_at_infinity() -> None:
     assert found.magnitude == pytest.approx(abs(transfer.at(np.array([1e7]))[0]), rel=1e-6)
 
 
-@settings(max_examples=60)
-@given(CARS, GAINS, SPEEDS)
-def test_predecessor_only_amplifies_at_low_frequency(
-    car: VehicleParameters, gains: Gains, speed: float
-) -> None:
-    """The paper's result, for every stable loop with R(0) > 0, and how much."""
-    assume(gains.lateral > 1e-2)
-    assume(abscissa(car, gains, [speed])[0] < -1e-2)
-    growth = low_frequency_growth(car, gains, speed)
-    assume(growth > 1e-2)
-    for actuation in BOTH:
-        transfer = propagation(car, gains, speed, actuation)
-        band = amplified_band(transfer)
-        assert band[0][0] == 0.0
-        magnitude = abs(transfer.at(np.array([0.1 * band[0][1]]))[0])
-        assert magnitude > 1.0
-        frequency = 1e-3
-        excess = abs(transfer.at(np.array([frequency]))[0]) - 1.0
-        assert excess / frequency**2 == pytest.approx(growth, rel=0.02)
-
-
-@pytest.mark.parametrize("actuation", BOTH)
+@pytest.mark.parametrize("steering", BOTH)
 @pytest.mark.parametrize("speed", [6.0, 15.0, 30.0])
-def test_attenuation_is_paid_for_by_amplification(speed: float, actuation: Actuation) -> None:
+def test_attenuation_is_paid_for_by_amplification(speed: float, steering: SteeringModel) -> None:
     """Bode's integral of ln|G| / w² over all frequencies is zero: the loop has two integrators and
     no zeros in the right half-plane."""
-    transfer = propagation(CAR, NOMINAL_GAINS, speed, actuation)
+    transfer = propagation(CAR, NOMINAL_GAINS, speed, steering)
     assert np.roots(transfer.numerator).real.max() < 0.0
     frequencies = np.geomspace(1e-4, 1e6, 200_001)
     integrand = np.log(np.abs(transfer.at(frequencies))) / frequencies
@@ -138,7 +82,7 @@ def test_an_oversteering_car_beyond_its_critical_speed_is_the_exception() -> Non
     slower = Gains(0.02, 0.6, 0.08)
     assert abscissa(car, slower, [1.05 * critical])[0] < 0.0
     beyond = propagation(car, slower, 1.05 * critical)
-    assert abs(beyond.at(np.array([0.05]))[0]) < 1.0  # quiet at low frequency
+    assert abs(beyond.at(np.array([0.05]))[0]) < 1.0  # no amplification at low frequency
     assert peak(beyond).magnitude > 1.0  # but not at all
 
 
@@ -151,67 +95,6 @@ def test_amplified_band_by_sampling() -> None:
         inside = np.any([(frequencies > a) & (frequencies < b) for a, b in bands], axis=0)
         assert np.array_equal(above, inside)
         assert above.any()
-
-
-@settings(max_examples=60)
-@given(CARS, CARS, GAINS, SPEEDS)
-def test_trace_propagation_from_the_error_model(
-    car: VehicleParameters, known: VehicleParameters, gains: Gains, speed: float
-) -> None:
-    """Second derivation: error relative to the path bent by the predecessor, eq. (3) with F.
-
-    Closed loop driven by curvature and its rate; the path's own offset comes on top.
-    """
-    matrix = closed_loop_at(car, gains, speed)
-    for s in 1j * np.array([0.2, 2.0, 9.0]):
-        column = curvature_input(car, speed, known) + s * curvature_rate_input(speed)
-        curvature = s**2 / speed**2
-        error = np.linalg.solve(s * np.eye(6) - matrix, column * curvature)
-        found = trace_propagation(car, gains, speed, known=known).at(np.array([s.imag]))[0]
-        assert found == pytest.approx(1.0 + error[0], rel=1e-7)
-
-
-def test_running_wide_amplifies_at_low_frequency() -> None:
-    for speed in (10.0, 20.0, 30.0):
-        transfer = trace_propagation(CAR, NOMINAL_GAINS, speed)
-        wide = -steady_cornering(CAR, NOMINAL_GAINS, speed, 1.0)[0]
-        excess = abs(transfer.at(np.array([0.01]))[0]) - 1.0
-        assert excess / 0.01**2 == pytest.approx(wide / speed**2, rel=1e-3)
-
-
-def test_instant_steering_from_the_matrices() -> None:
-    constant, inverse_speed = open_loop(CAR)
-    matrix = (constant + inverse_speed / 20.0)[:4, :4]
-    column = constant[:4, 4]
-    row = np.array([0.06, 0.96, 0.0, 0.08])
-    closed = np.linalg.eigvals(matrix - np.outer(column, row))
-    transfer = propagation(CAR, NOMINAL_GAINS, 20.0, "instantaneous")
-    roots = np.roots(transfer.denominator)
-    assert np.sort_complex(roots) == pytest.approx(np.sort_complex(closed), rel=1e-8)
-
-
-@pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
-def test_chain_by_following_the_recursion(alpha: float) -> None:
-    transfer = trace_propagation(CAR, NOMINAL_GAINS, 30.0)
-    found = chain(transfer, FREQUENCIES, alpha, 4)
-    factor = transfer.at(FREQUENCIES)
-    offsets = [np.ones_like(factor)]
-    for _ in range(4):
-        offsets.append(factor * (alpha * offsets[-1] + (1.0 - alpha) * offsets[0]))
-    for found_row, offset in zip(found, offsets[1:], strict=True):
-        assert found_row == pytest.approx(offset - 1.0, abs=1e-12)
-
-
-def test_lead_data_level_the_growth_off() -> None:
-    """Predecessor only: the offset from the lead's path grows car by car. Half lead: it settles."""
-    transfer = trace_propagation(CAR, NOMINAL_GAINS, 30.0)
-    slow = np.array([1.0])
-    alone = np.abs(chain(transfer, slow, 1.0, 12))[:, 0]
-    half = np.abs(chain(transfer, slow, 0.5, 12))[:, 0]
-    assert alone[11] > 10.0 * alone[0]
-    assert half[11] < 2.5 * half[0]
-    factor = transfer.at(slow)[0]
-    assert half[11] == pytest.approx(abs((factor - 1.0) / (1.0 - 0.5 * factor)), rel=1e-3)
 
 
 def test_largest_weight_is_where_the_chain_stops_contracting() -> None:
@@ -251,3 +134,45 @@ def test_figures_of_the_nominal_loop() -> None:
     lagging = peak(propagation(CAR, NOMINAL_GAINS, 30.0))
     assert (instant.magnitude, instant.frequency) == pytest.approx((1.1482, 2.4889), abs=1e-3)
     assert (lagging.magnitude, lagging.frequency) == pytest.approx((2.0044, 19.6333), abs=1e-3)
+
+
+@settings(max_examples=60)
+@given(CARS, GAINS, SPEEDS)
+def test_singular_value_of_the_matrix(car: VehicleParameters, gains: Gains, speed: float) -> None:
+    """Second method: the matrix between the states, solved and decomposed numerically."""
+    constant, inverse_speed = open_loop(car)
+    matrix = (constant + inverse_speed / speed)[:4, :4]
+    frequencies = np.array([0.1, 1.0, 7.0, 25.0])
+    found = largest_singular_value(car, gains, speed, frequencies)
+    for frequency, value in zip(frequencies, found, strict=True):
+        s = 1j * frequency
+        states = np.linalg.solve(s * np.eye(4) - matrix, constant[:4, 4])[:2]
+        row = np.array([gains.lateral, gains.heading + gains.yaw_rate * s])
+        passed_on = np.linalg.solve(np.eye(2) + np.outer(states, row), np.outer(states, row))
+        assert value == pytest.approx(np.linalg.svd(passed_on, compute_uv=False)[0], rel=1e-6)
+
+
+def test_the_singular_value_is_never_below_the_propagation() -> None:
+    frequencies = np.geomspace(0.05, 60.0, 200)
+    for speed in (10.0, 20.0, 30.0):
+        eigenvalue = np.abs(propagation(CAR, NOMINAL_GAINS, speed, "instantaneous").at(frequencies))
+        values = largest_singular_value(CAR, NOMINAL_GAINS, speed, frequencies)
+        assert (values >= eigenvalue * (1.0 - 1e-12)).all()
+        assert values.max() > 2.0 * eigenvalue.max()
+
+
+@given(st.lists(st.floats(0.001, 100.0), min_size=2, max_size=8))
+def test_norms_that_do_not_increase_are_string_stable(norms: list[float]) -> None:
+    assert is_string_stable(norms) == (sorted(norms, reverse=True) == norms)
+    assert is_string_stable(norms, slack=100.0)
+    if is_string_stable(norms):
+        assert head_to_tail(norms) <= 1.0
+
+
+def test_string_stability_of_recorded_norms() -> None:
+    assert is_string_stable([0.12, 0.11, 0.11])
+    assert not is_string_stable([0.12, 0.13, 0.11])
+    assert is_string_stable([0.120, 0.121, 0.11], slack=0.0011)
+    assert not is_string_stable([0.120, 0.121, 0.11], slack=0.0009)
+    assert head_to_tail([0.10, 0.30, 0.05]) == pytest.approx(0.5)
+    assert head_to_tail([0.0, 0.1]) == np.inf

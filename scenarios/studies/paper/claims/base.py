@@ -1,63 +1,64 @@
-"""Claims of Section V-C.1: the base case, and what the lead's data do in simulations."""
+"""Claims of Section V-C.1: the base case, and the effect of the lead's data in simulations."""
 
 from collections.abc import Sequence
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import RADII
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
-from scenarios.studies.paper.growth import linear, why_growing
+from scenarios.studies.paper.keys import (
+    BASE,
+    LONG_WITH,
+    LONG_WITHOUT,
+    NO_LEAD_DATA,
+    RunKey,
+    at_radius,
+)
+from scenarios.studies.paper.linear_prediction import linear, why_growing
 
 GAP_S = 0.5
 """The convoy's gap (s)."""
 
 CHANGES = (5.0, 6.0, 7.0, 8.0, 20.0, 21.0, 22.0, 23.0)
-"""When (s) the lead of the base case comes to a change of curvature."""
+"""When (s) the lead of the base case reaches a change of curvature."""
+
+CLAIMS = Claims()
 
 
-def numbers_of(trial: Trial) -> dict[str, tuple[float, ...]]:
-    """Largest errors of the followers, front to back, for machines."""
-    return {"tracking_error_m_max": trial.tracking, "cross_track_error_m_max": trial.cross_track}
-
-
-def below(limit: float, key: str, findings: Findings) -> Answer:
-    """Answer whether all errors against the own trajectory stay under `limit` (m)."""
-    trial = findings.trials[key]
-
-    def stays_below(run: Trial) -> bool:
-        return max(run.tracking) < limit
-
+@CLAIMS.claim(
+    where="V-C, target trajectory",
+    paper="A double lane change on 1 km: first from 5 s to before 10 s, then from 20 s to 25 s",
+    needs=(BASE,),
+)
+def road(_: Findings) -> Answer:
     return Answer(
-        ours=f"at most {cm(max(trial.tracking))} ({in_cm(trial.tracking)})",
-        holds=stays_below(trial),
-        reason=_radii(limit, findings) if key == "base" else "",
-        phases=findings.phases(stays_below, key),
-        noise=findings.seeds(stays_below, key),
-        numbers=numbers_of(trial),
+        ours="chosen to fit: 3.6 m to the right from 5 s on and back from 20 s on, arcs of 500 m "
+        "radius and straights in turn, a second each; the last car is through at 9.5 s and 24.5 s",
+        holds=None,
+        reason="radius, lane and gaps are not in the paper; what depends on them is said",
     )
 
 
-def _radii(limit: float, findings: Findings) -> str:
-    tried = [radius for radius in RADII if findings.has(f"radius/{radius:g}")]
-    if not tried:
-        return ""
-    exact = [r for r in tried if max(findings.trials[f"radius/{r:g}"].tracking) < limit]
-    noisy = [
-        r for r in tried if all(max(t.tracking) < limit for t in findings.noisy(f"radius/{r:g}"))
-    ]
-    return (
-        f"depends on the road: of the radii tried it holds from {min(exact):g} m on, with noise "
-        f"from {min(noisy):g} m on"
-    )
+@CLAIMS.claim(
+    where="V-C.1, errors with n_f = 1, n_r = 3",
+    paper="Four cars, 30 m/s: the largest lateral error is under 9 cm",
+    needs=(BASE,),
+)
+def base_below_9_cm(findings: Findings) -> Answer:
+    return below(0.09, BASE, findings)
 
 
-def _where_largest(findings: Findings) -> Answer:
+@CLAIMS.claim(
+    where="V-C.1",
+    paper="It is observed where the curved section begins and ends",
+    needs=(BASE,),
+)
+def base_where(findings: Findings) -> Answer:
     after = []
-    for place, drive in enumerate(findings.trials["base"].followers, start=1):
+    for place, drive in enumerate(findings.trials[BASE].followers, start=1):
         peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * GAP_S
         after.append(min((peak - at for at in CHANGES), key=abs))
     return Answer(
@@ -69,81 +70,66 @@ def _where_largest(findings: Findings) -> Answer:
     )
 
 
-def decreasing(key: str, findings: Findings) -> Answer:
-    """Answer whether no follower's largest error exceeds that of the one ahead."""
-    trial = findings.trials[key]
-    holds = _decreases(trial)
-    phases, seeds = findings.phases(_decreases, key), findings.seeds(_decreases, key)
-    if not holds or (phases is not None and phases.holding < phases.runs):
-        reason = why_growing(key, findings)
-    elif seeds is not None and seeds.holding < seeds.runs:
-        reason = "with a receiver's noise the largest value is a matter of chance"
-    else:
-        reason = ""
-    heading = max(float(np.abs(drive.heading_error).max()) for drive in trial.followers)
-    return Answer(
-        ours=f"{in_cm(trial.tracking)}{_growth(findings.shifted(key))}; heading errors up to "
-        f"{heading:.3f} rad",
-        holds=holds,
-        reason=reason,
-        phases=phases,
-        noise=seeds,
-        numbers=numbers_of(trial),
-    )
+@CLAIMS.claim(
+    where="V-C.1; IV-B, Definition 1",
+    paper="The largest errors decrease from the first follower on",
+    needs=(BASE, BASE.varied("blend")),
+)
+def base_decreasing(findings: Findings) -> Answer:
+    return decreasing(BASE, findings)
 
 
-def _decreases(trial: Trial) -> bool:
-    return non_increasing(trial.tracking)
+@CLAIMS.claim(
+    where="V-C.1; IV-B (none will be off-track)",
+    paper="This affirms lateral string stability: no car is further off than the one ahead",
+    needs=(BASE, LONG_WITH),
+)
+def base_true(findings: Findings) -> Answer:
+    def stays_on_track(run: Trial) -> bool:
+        return non_increasing(run.cross_track)
 
-
-def _growth(trials: Sequence[Trial]) -> str:
-    """By how much the largest error grows from one follower to the next, if it does in any run."""
-    steps = [1000.0 * max(b - a for a, b in pairwise(trial.tracking)) for trial in trials]
-    if max(steps) < 1000.0 * SAME:
-        return ""
-    if len(steps) == 1:
-        return f", up by {steps[0]:.1f} mm"
-    return f", at most {min(steps):+.1f} to {max(steps):+.1f} mm from one to the next"
-
-
-def _true(findings: Findings) -> Answer:
-    trial, long = findings.trials["base"], findings.trials["long/with"]
-    _, expected = linear(findings, "base")
+    trial, long = findings.trials[BASE], findings.trials[LONG_WITH]
+    _, expected = linear(findings, BASE)
     return Answer(
         ours=f"against the lead's driven path {in_cm(trial.cross_track)}; of eight cars "
         f"{in_cm(long.cross_track)}",
-        holds=_stays_on_track(trial),
+        holds=stays_on_track(trial),
         reason="every car adds its own error to half of the one before; they grow, and level off "
         f"(linear theory: {in_cm(expected)}). An error against the own trajectory does not show it",
-        phases=findings.phases(_stays_on_track, "base"),
-        noise=findings.seeds(_stays_on_track, "base"),
+        phases=findings.phases(stays_on_track, BASE),
+        noise=findings.seeds(stays_on_track, BASE),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
 
-def _stays_on_track(trial: Trial) -> bool:
-    return non_increasing(trial.cross_track)
+@CLAIMS.claim(
+    where="I, IV-B, in simulation",
+    paper="With the predecessor's data only, cross-track errors amplify",
+    needs=(NO_LEAD_DATA, LONG_WITHOUT),
+)
+def amplified_without_lead_data(findings: Findings) -> Answer:
+    def grows(run: Trial) -> bool:
+        return run.cross_track[-1] > run.cross_track[0] + SAME
 
-
-def _amplified(findings: Findings) -> Answer:
-    trial, long = findings.trials["no_lead_data"], findings.trials["long/without"]
-    _, expected = linear(findings, "no_lead_data")
+    trial, long = findings.trials[NO_LEAD_DATA], findings.trials[LONG_WITHOUT]
+    _, expected = linear(findings, NO_LEAD_DATA)
     return Answer(
         ours=f"true errors {in_cm(trial.cross_track)}, of eight cars {in_cm(long.cross_track)}; "
         f"against the own trajectory only {in_cm(trial.tracking)}",
-        holds=_grows(trial),
+        holds=grows(trial),
         reason=f"as linear theory says: {in_cm(expected)}",
-        noise=findings.seeds(_grows, "no_lead_data"),
+        noise=findings.seeds(grows, NO_LEAD_DATA),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
 
-def _grows(trial: Trial) -> bool:
-    return trial.cross_track[-1] > trial.cross_track[0] + SAME
-
-
-def _reduced(findings: Findings) -> Answer:
-    with_data, without = findings.trials["long/with"], findings.trials["long/without"]
+@CLAIMS.claim(
+    where="I, V-C, in simulation",
+    paper="The lead's data reduce the propagation of cross-track errors",
+    needs=(LONG_WITH, LONG_WITHOUT),
+)
+def reduced_by_lead_data(findings: Findings) -> Answer:
+    with_data, without = findings.trials[LONG_WITH], findings.trials[LONG_WITHOUT]
     growth = [trial.cross_track[-1] - trial.cross_track[-2] for trial in (with_data, without)]
     return Answer(
         ours=f"the eighth car is {cm(with_data.cross_track[-1])} off the lead's path with the "
@@ -155,63 +141,73 @@ def _reduced(findings: Findings) -> Answer:
     )
 
 
-def _chosen(_: Findings) -> Answer:
+def numbers_of(trial: Trial) -> dict[str, tuple[float, ...]]:
+    """Largest errors of the followers, front to back, for machines."""
+    return {"tracking_error_m_max": trial.tracking, "cross_track_error_m_max": trial.cross_track}
+
+
+def below(limit: float, key: RunKey, findings: Findings) -> Answer:
+    """Answer whether all errors against the own trajectory stay under `limit` (m)."""
+    trial = findings.trials[key]
+
+    def stays_below(run: Trial) -> bool:
+        return max(run.tracking) < limit
+
     return Answer(
-        ours="chosen to fit: 3.6 m to the right from 5 s on and back from 20 s on, arcs of 500 m "
-        "radius and straights in turn, a second each; the last car is through at 9.5 s and 24.5 s",
-        holds=None,
-        reason="radius, lane and gaps are not in the paper; what depends on them is said",
+        ours=f"at most {cm(max(trial.tracking))} ({in_cm(trial.tracking)})",
+        holds=stays_below(trial),
+        reason=_radii(limit, findings) if key == BASE else "",
+        phases=findings.phases(stays_below, key),
+        noise=findings.seeds(stays_below, key),
+        numbers=numbers_of(trial),
     )
 
 
-BASE: tuple[Question, ...] = (
-    Question(
-        name="road",
-        where="V-C, target trajectory",
-        paper="A double lane change on 1 km: first from 5 s to before 10 s, then from 20 s to 25 s",
-        needs=("base",),
-        answer=_chosen,
-    ),
-    Question(
-        name="base_below_9_cm",
-        where="V-C.1, errors with n_f = 1, n_r = 3",
-        paper="Four cars, 30 m/s: the largest lateral error is under 9 cm",
-        needs=("base",),
-        answer=partial(below, 0.09, "base"),
-    ),
-    Question(
-        name="base_where",
-        where="V-C.1",
-        paper="It is observed where the curved section begins and ends",
-        needs=("base",),
-        answer=_where_largest,
-    ),
-    Question(
-        name="base_decreasing",
-        where="V-C.1; IV-B, Definition 1",
-        paper="The largest errors decrease from the first follower on",
-        needs=("base", "base/blend"),
-        answer=partial(decreasing, "base"),
-    ),
-    Question(
-        name="base_true",
-        where="V-C.1; IV-B (none will be off-track)",
-        paper="This affirms lateral string stability: no car is further off than the one ahead",
-        needs=("base", "long/with"),
-        answer=_true,
-    ),
-    Question(
-        name="amplified_without_lead_data",
-        where="I, IV-B, in simulation",
-        paper="With the predecessor's data only, cross-track errors amplify",
-        needs=("no_lead_data", "long/without"),
-        answer=_amplified,
-    ),
-    Question(
-        name="reduced_by_lead_data",
-        where="I, V-C, in simulation",
-        paper="The lead's data reduce the propagation of cross-track errors",
-        needs=("long/with", "long/without"),
-        answer=_reduced,
-    ),
-)
+def _radii(limit: float, findings: Findings) -> str:
+    """From which radius on the errors stay under `limit` (m), if the radii were run."""
+    tried = [radius for radius in RADII if findings.has(at_radius(radius))]
+    if not tried:
+        return ""
+    exact = [r for r in tried if max(findings.trials[at_radius(r)].tracking) < limit]
+    noisy = [r for r in tried if all(max(t.tracking) < limit for t in findings.noisy(at_radius(r)))]
+    return (
+        f"depends on the road: of the radii tried it holds from {min(exact):g} m on, with noise "
+        f"from {min(noisy):g} m on"
+    )
+
+
+def decreasing(key: RunKey, findings: Findings) -> Answer:
+    """Answer whether no follower's largest error exceeds that of the one ahead."""
+
+    def decreases(run: Trial) -> bool:
+        return non_increasing(run.tracking)
+
+    trial = findings.trials[key]
+    holds = decreases(trial)
+    phases, seeds = findings.phases(decreases, key), findings.seeds(decreases, key)
+    if not holds or (phases is not None and phases.holding < phases.runs):
+        reason = why_growing(key, findings)
+    elif seeds is not None and seeds.holding < seeds.runs:
+        reason = "with a receiver's noise the largest value is a matter of chance"
+    else:
+        reason = ""
+    heading = max(float(np.abs(drive.heading_error).max()) for drive in trial.followers)
+    return Answer(
+        ours=f"{in_cm(trial.tracking)}{_growth(findings.moved(key))}; heading errors up to "
+        f"{heading:.3f} rad",
+        holds=holds,
+        reason=reason,
+        phases=phases,
+        noise=seeds,
+        numbers=numbers_of(trial),
+    )
+
+
+def _growth(trials: Sequence[Trial]) -> str:
+    """By how much the largest error grows from one follower to the next, if it does in any run."""
+    steps = [1000.0 * max(b - a for a, b in pairwise(trial.tracking)) for trial in trials]
+    if max(steps) < 1000.0 * SAME:
+        return ""
+    if len(steps) == 1:
+        return f", up by {steps[0]:.1f} mm"
+    return f", at most {min(steps):+.1f} to {max(steps):+.1f} mm from one to the next"

@@ -1,22 +1,24 @@
-"""Claims of the paper as questions to the findings: what it says, what we get, whether it holds."""
+"""Claims of the paper: what it says, how it is answered from the findings, and the judgement."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from scenarios.studies.paper.findings import Findings, Tally
+from scenarios.studies.paper.keys import Need
 
-Verdict = Literal["holds", "undecided", "does not hold", "not checkable"]
-VERDICTS: tuple[Verdict, ...] = ("holds", "undecided", "does not hold", "not checkable")
+Judgement = Literal["holds", "undecided", "does not hold", "not checkable"]
+JUDGEMENTS: tuple[Judgement, ...] = ("holds", "undecided", "does not hold", "not checkable")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What we get, and whether the claim holds; None says that this cannot be checked.
+    """The result here, and whether the claim holds; None if this cannot be checked.
 
-    `reason` is why it does not hold, or cannot be checked, or holds only so far. `phases` says in
-    how many exact runs it holds, the road moved a little from one to the next, and `noise` in how
-    many with a receiver's noise. `numbers` are for machines, units in the keys.
+    `reason` is why it does not hold, or cannot be checked, or under which conditions it holds.
+    `phases` says in how many exact runs it holds, with the road moved a little from one to the
+    next, and `noise` in how many runs with a receiver's noise. `numbers` are for machines, units in
+    the keys.
     """
 
     ours: str
@@ -28,74 +30,75 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
-    """A claim and how to answer it, once all results that it `needs` are there."""
+class Claim:
+    """A statement of the paper and how to answer it, once all results that it `needs` exist."""
 
     name: str
     where: str
     paper: str
-    needs: tuple[str, ...] = ()
+    needs: tuple[Need, ...] = ()
     answer: Callable[[Findings], Answer]
 
 
+class Claims(list[Claim]):
+    """The claims of one part of the paper, in the order in which they are registered."""
+
+    def claim(
+        self, *, where: str, paper: str, needs: tuple[Need, ...] = ()
+    ) -> Callable[[Callable[[Findings], Answer]], Callable[[Findings], Answer]]:
+        """Register the decorated function as the answer to a claim; it gives the claim its name."""
+
+        def register(answer: Callable[[Findings], Answer]) -> Callable[[Findings], Answer]:
+            name = answer.__name__
+            self.append(Claim(name=name, where=where, paper=paper, needs=needs, answer=answer))
+            return answer
+
+        return register
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Claim:
-    """A claim with its verdict: one row of the report."""
+class JudgedClaim:
+    """A claim with its answer and the judgement: one row of the report."""
 
-    name: str
-    where: str
-    paper: str
-    ours: str
-    verdict: Verdict
-    reason: str
-    phases: Tally | None
-    noise: Tally | None
-    numbers: Mapping[str, Any]
+    claim: Claim
+    answer: Answer
+    judgement: Judgement
 
 
-def judge(questions: Iterable[Question], findings: Findings) -> list[Claim]:
-    """Answer the questions for which everything was run."""
+def judge(claims: Iterable[Claim], findings: Findings) -> list[JudgedClaim]:
+    """Judge the claims for which every result that they need exists."""
     return [
-        _claim(question, question.answer(findings))
-        for question in questions
-        if all(map(findings.has, question.needs))
+        _judged(claim, claim.answer(findings))
+        for claim in claims
+        if all(map(findings.has, claim.needs))
     ]
 
 
-def _claim(question: Question, answer: Answer) -> Claim:
-    verdict: Verdict = "not checkable"
+def _judged(claim: Claim, answer: Answer) -> JudgedClaim:
+    judgement: Judgement = "not checkable"
     if answer.phases is not None and 0 < answer.phases.holding < answer.phases.runs:
-        verdict = "undecided"
+        judgement = "undecided"
     elif answer.holds is not None:
-        verdict = "holds" if answer.holds else "does not hold"
-    return Claim(
-        name=question.name,
-        where=question.where,
-        paper=question.paper,
-        ours=answer.ours,
-        verdict=verdict,
-        reason=answer.reason,
-        phases=answer.phases,
-        noise=answer.noise,
-        numbers=answer.numbers,
-    )
+        judgement = "holds" if answer.holds else "does not hold"
+    return JudgedClaim(claim=claim, answer=answer, judgement=judgement)
 
 
-def sides(claims: Iterable[Claim]) -> dict[str, list[Claim]]:
-    """Sort out the claims that do not hold or are undecided, and those on which noise has a say.
+def groups(claims: Iterable[JudgedClaim]) -> dict[str, list[JudgedClaim]]:
+    """Group the claims that do not hold or are undecided, and those that noise changes.
 
     `noise spoils`: holds exactly, but not with every seed; `noise helps`: the other way round.
     """
-    found: dict[str, list[Claim]] = {
-        side: [] for side in ("does not hold", "undecided", "noise spoils", "noise helps")
+    found: dict[str, list[JudgedClaim]] = {
+        group: [] for group in ("does not hold", "undecided", "noise spoils", "noise helps")
     }
-    for claim in claims:
-        if claim.verdict in found:
-            found[claim.verdict].append(claim)
-        if claim.noise is None:
+    for one in claims:
+        if one.judgement in found:
+            found[one.judgement].append(one)
+        noise = one.answer.noise
+        if noise is None:
             continue
-        if claim.verdict == "holds" and claim.noise.holding < claim.noise.runs:
-            found["noise spoils"].append(claim)
-        if claim.verdict == "does not hold" and claim.noise.holding > 0:
-            found["noise helps"].append(claim)
+        if one.judgement == "holds" and noise.holding < noise.runs:
+            found["noise spoils"].append(one)
+        if one.judgement == "does not hold" and noise.holding > 0:
+            found["noise helps"].append(one)
     return found

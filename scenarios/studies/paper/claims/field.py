@@ -1,29 +1,27 @@
-"""Claims of Section V-D, the field experiment, and how errors propagate in the real convoy."""
+"""Claims of Section V-D, the field experiment, and of the propagation in the emulated convoy."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.claim import Answer, Question
-from scenarios.studies.paper.experiments import LANE
+from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.experiments import BASE_SPEED, LANE
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
+from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.preview.trajectory import FitSettings
-from vehicles.theory.string_stability import propagation, trace_propagation
+from vehicles.theory.propagation import propagation, trace_propagation
+from vehicles.theory.string_stability import head_to_tail
 
-SPEED = 30.0
-
-SETTLED = 10.0
-"""Time (s) after which the initial errors are forgotten: the slowest root takes 0.4 s at 25 m/s."""
-
-CAR_WIDTH = 1.86
+INITIAL_ERRORS_GONE = 10.0
+"""Time (s) after which the initial errors have decayed: the slowest root takes 0.4 s at 25 m/s."""
 
 
 @dataclass(frozen=True)
-class Settled:
-    """Errors (m) of the followers from SETTLED on: largest, and root mean square.
+class SettledErrors:
+    """Errors (m) of the followers from INITIAL_ERRORS_GONE on: largest, and root mean square.
 
     Measured with noise, so the largest values are partly chance; the means decide.
     """
@@ -34,11 +32,137 @@ class Settled:
     cross_track_rms: tuple[float, ...]
 
 
-def settled(trial: Trial) -> Settled:
-    """Measure the errors that are left once the initial ones are forgotten."""
-    own = [drive.lateral_error[drive.at >= SETTLED] for drive in trial.followers]
-    true = [d.cross_track[d.at[: len(d.cross_track)] >= SETTLED] for d in trial.followers]
-    return Settled(
+CLAIMS = Claims()
+
+
+@CLAIMS.claim(
+    where="IV-B, on the real convoy",
+    paper="Errors amplify at low frequencies with the predecessor's data only",
+    needs=(Part.PROPAGATION,),
+)
+def propagation_measured(findings: Findings) -> Answer:
+    frequencies, ratios = findings.ratios(PREVIEW_S)
+    paper = np.abs(propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED).at(frequencies))
+    trace = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED).at(frequencies))
+    mean = ratios.prod(axis=1) ** (1.0 / ratios.shape[1])
+    short_driven, short = findings.ratios(SHORT_PREVIEW_S)
+    closer = short.prod(axis=1) ** (1.0 / short.shape[1])
+    best, high = int(mean.argmax()), int(np.argmin(np.abs(frequencies - 7.0)))
+    settings = FitSettings()
+    window = settings.ahead(BASE_SPEED) + settings.behind(BASE_SPEED)
+    over = float(frequencies[mean > 1.0].max(initial=0.0))
+    return Answer(
+        ours=f"in the convoy a swing of the lead grows by up to {100 * (mean[best] - 1):.1f} % "
+        f"from car to car (at {frequencies[best]:g} rad/s), at all frequencies tried up to "
+        f"{over:g} rad/s, and fades above; |G| says {100 * (paper[best] - 1):.0f} %",
+        holds=bool((mean[frequencies <= 2.5] > 1.0).all()),
+        reason="G steers by the difference of both cars' states at one instant. In the convoy a "
+        "car follows the path that the other left, with feedforward (F), and fits it over "
+        f"{window:.0f} m, which smooths away what is shorter: at {frequencies[high]:g} rad/s the "
+        f"ratio is {mean[high]:.2f}, with a preview of {SHORT_PREVIEW_S:g} instead of 0.8 s "
+        f"{closer[high]:.2f}, and |F| {trace[high]:.2f}",
+        numbers={
+            "frequency_radps": frequencies.tolist(),
+            "measured_ratio": ratios.tolist(),
+            "g_ratio": paper.tolist(),
+            "f_ratio": trace.tolist(),
+            "short_preview_frequency_radps": short_driven.tolist(),
+            "short_preview_measured_ratio": short.tolist(),
+        },
+    )
+
+
+@CLAIMS.claim(
+    where="V-D, reference path and errors",
+    paper="The figures of the path and of the lateral errors",
+    needs=(Part.FIELD,),
+)
+def field_course(_: Findings) -> Answer:
+    return Answer(
+        ours="an oval with bends of 200 m and a double lane change; errors of some centimetres",
+        holds=None,
+        reason="neither the course, nor the initial errors, nor any number is in the text",
+    )
+
+
+@CLAIMS.claim(
+    where="V-D.1, without lead data",
+    paper="Cross-track errors amplify from PL2 to PL3",
+    needs=(Part.FIELD,),
+)
+def field_amplified(findings: Findings) -> Answer:
+    _, trial = _field(findings)
+    errors = settled_errors(trial)
+    return Answer(
+        ours="once the initial errors are gone, off the lead's driven path: "
+        f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
+        f"{_in_words(errors.tracking, errors.tracking_rms)}",
+        holds=_grow(errors.cross_track_rms),
+        noise=findings.seeds(lambda t: _grow(settled_errors(t).cross_track_rms), FIELD_WITHOUT),
+        numbers=numbers_of(errors),
+    )
+
+
+@CLAIMS.claim(
+    where="V-D.2, with lead data",
+    paper="Cross-track errors of the followers do not amplify",
+    needs=(Part.FIELD,),
+)
+def field_not_amplified(findings: Findings) -> Answer:
+    trial, without = _field(findings)
+    errors, others = settled_errors(trial), settled_errors(without)
+    growth, other = (head_to_tail(e.cross_track_rms) for e in (errors, others))
+    return Answer(
+        ours=f"against the own trajectory: {_in_words(errors.tracking, errors.tracking_rms)}",
+        holds=not _grow(errors.tracking_rms),
+        reason="off the lead's driven path they grow all the same, "
+        f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
+        f"without the lead's data {other:.2f}-fold",
+        noise=findings.seeds(lambda t: not _grow(settled_errors(t).tracking_rms), FIELD_WITH),
+        numbers=numbers_of(errors),
+    )
+
+
+@CLAIMS.claim(
+    where="V-D.2, with lead data",
+    paper="Where they appear to, it is for the second car's initial error",
+    needs=(Part.FIELD,),
+)
+def field_initial_error(findings: Findings) -> Answer:
+    trial, _ = _field(findings)
+    tracking = tuple(drive.tracking_max for drive in trial.followers)
+    return Answer(
+        ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
+        f"{in_cm(settled_errors(trial).tracking)}",
+        holds=tracking[-1] > tracking[0],
+        reason="PL3 follows PL2 back to the lead's path in the first seconds, and no longer after",
+        numbers={"tracking_error_m_max": tracking},
+    )
+
+
+@CLAIMS.claim(
+    where="V-D.2",
+    paper="All followers stay on the road throughout",
+    needs=(Part.FIELD,),
+)
+def field_on_the_road(findings: Findings) -> Answer:
+    trial, _ = _field(findings)
+    true, room = trial.cross_track, 0.5 * (LANE - LINCOLN_MKZ.width)
+    return Answer(
+        ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
+        f"{cm(room)} on each side of a car",
+        holds=max(true) < room,
+        numbers={"cross_track_error_m_max": true},
+    )
+
+
+def settled_errors(trial: Trial) -> SettledErrors:
+    """Measure the errors that are left once the initial ones have decayed."""
+    own = [drive.lateral_error[drive.at >= INITIAL_ERRORS_GONE] for drive in trial.followers]
+    true = [
+        d.cross_track[d.at[: len(d.cross_track)] >= INITIAL_ERRORS_GONE] for d in trial.followers
+    ]
+    return SettledErrors(
         tuple(float(np.abs(values).max()) for values in own),
         tuple(float(np.abs(values).max()) for values in true),
         tuple(float(np.sqrt(np.mean(values * values))) for values in own),
@@ -60,148 +184,11 @@ def _in_words(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:
     return f"rms {in_cm(rms)}, at most {in_cm(largest)}"
 
 
-def _amplified(findings: Findings) -> Answer:
-    _, trial = _field(findings)
-    errors = settled(trial)
-    return Answer(
-        ours="once the initial errors are gone, off the lead's driven path: "
-        f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
-        f"{_in_words(errors.tracking, errors.tracking_rms)}",
-        holds=_grow(errors.cross_track_rms),
-        noise=findings.seeds(lambda t: _grow(settled(t).cross_track_rms), "field/without"),
-        numbers=numbers_of(errors),
-    )
-
-
-def _not_amplified(findings: Findings) -> Answer:
-    trial, without = _field(findings)
-    errors, others = settled(trial), settled(without)
-    growth, other = (e.cross_track_rms[-1] / e.cross_track_rms[0] for e in (errors, others))
-    return Answer(
-        ours=f"against the own trajectory: {_in_words(errors.tracking, errors.tracking_rms)}",
-        holds=not _grow(errors.tracking_rms),
-        reason="off the lead's driven path they grow all the same, "
-        f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
-        f"without the lead's data {other:.2f}-fold",
-        noise=findings.seeds(lambda t: not _grow(settled(t).tracking_rms), "field/with"),
-        numbers=numbers_of(errors),
-    )
-
-
-def numbers_of(errors: Settled) -> dict[str, tuple[float, ...]]:
-    """Errors once settled, for machines."""
+def numbers_of(errors: SettledErrors) -> dict[str, tuple[float, ...]]:
+    """Settled errors, for machines."""
     return {
         "settled_tracking_error_m_max": errors.tracking,
         "settled_tracking_error_m_rms": errors.tracking_rms,
         "settled_cross_track_error_m_max": errors.cross_track,
         "settled_cross_track_error_m_rms": errors.cross_track_rms,
     }
-
-
-def _on_the_road(findings: Findings) -> Answer:
-    trial, _ = _field(findings)
-    true, room = trial.cross_track, 0.5 * (LANE - CAR_WIDTH)
-    return Answer(
-        ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
-        f"{cm(room)} on each side of a car",
-        holds=max(true) < room,
-        numbers={"cross_track_error_m_max": true},
-    )
-
-
-def _initial(findings: Findings) -> Answer:
-    trial, _ = _field(findings)
-    tracking = tuple(drive.tracking_max for drive in trial.followers)
-    return Answer(
-        ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
-        f"{in_cm(settled(trial).tracking)}",
-        holds=tracking[-1] > tracking[0],
-        reason="PL3 follows PL2 back to the lead's path in the first seconds, and no longer after",
-        numbers={"tracking_error_m_max": tracking},
-    )
-
-
-def _not_known(_: Findings) -> Answer:
-    return Answer(
-        ours="an oval with bends of 200 m and a double lane change; errors of some centimetres",
-        holds=None,
-        reason="neither the course, nor the initial errors, nor any number is in the text",
-    )
-
-
-def _measured(findings: Findings) -> Answer:
-    frequencies, ratios = findings.ratios(PREVIEW_S)
-    paper = np.abs(propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED).at(frequencies))
-    trace = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED).at(frequencies))
-    mean = ratios.prod(axis=1) ** (1.0 / ratios.shape[1])
-    swings, short = findings.ratios(SHORT_PREVIEW_S)
-    closer = short.prod(axis=1) ** (1.0 / short.shape[1])
-    best, high = int(mean.argmax()), int(np.argmin(np.abs(frequencies - 7.0)))
-    settings = FitSettings()
-    window = settings.ahead(SPEED) + settings.behind(SPEED)
-    over = float(frequencies[mean > 1.0].max(initial=0.0))
-    return Answer(
-        ours=f"in the convoy a swing of the lead grows by up to {100 * (mean[best] - 1):.1f} % "
-        f"from car to car (at {frequencies[best]:g} rad/s), at all frequencies tried up to "
-        f"{over:g} rad/s, and fades above; |G| says {100 * (paper[best] - 1):.0f} %",
-        holds=bool((mean[frequencies <= 2.5] > 1.0).all()),
-        reason="G steers by the difference of both cars' states at one instant. In the convoy a "
-        "car follows the path that the other left, with feedforward (F), and fits it over "
-        f"{window:.0f} m, which smooths away what is shorter: at {frequencies[high]:g} rad/s the "
-        f"ratio is {mean[high]:.2f}, with a preview of {SHORT_PREVIEW_S:g} instead of 0.8 s "
-        f"{closer[high]:.2f}, and |F| {trace[high]:.2f}",
-        numbers={
-            "frequency_radps": frequencies.tolist(),
-            "measured_ratio": ratios.tolist(),
-            "g_ratio": paper.tolist(),
-            "f_ratio": trace.tolist(),
-            "short_preview_frequency_radps": swings.tolist(),
-            "short_preview_measured_ratio": short.tolist(),
-        },
-    )
-
-
-FIELD: tuple[Question, ...] = (
-    Question(
-        name="propagation_measured",
-        where="IV-B, on the real convoy",
-        paper="Errors amplify at low frequencies with the predecessor's data only",
-        needs=("propagation",),
-        answer=_measured,
-    ),
-    Question(
-        name="field_course",
-        where="V-D, reference path and errors",
-        paper="The figures of the path and of the lateral errors",
-        needs=("field",),
-        answer=_not_known,
-    ),
-    Question(
-        name="field_amplified",
-        where="V-D.1, without lead data",
-        paper="Cross-track errors amplify from PL2 to PL3",
-        needs=("field",),
-        answer=_amplified,
-    ),
-    Question(
-        name="field_not_amplified",
-        where="V-D.2, with lead data",
-        paper="Cross-track errors of the followers do not amplify",
-        needs=("field",),
-        answer=_not_amplified,
-    ),
-    Question(
-        name="field_initial_error",
-        where="V-D.2, with lead data",
-        paper="Where they appear to, it is for the second car's initial error",
-        needs=("field",),
-        answer=_initial,
-    ),
-    Question(
-        name="field_on_the_road",
-        where="V-D.2",
-        paper="All followers stay on the road throughout",
-        needs=("field",),
-        answer=_on_the_road,
-    ),
-)

@@ -2,15 +2,17 @@
 
 import numpy as np
 
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.experiments import BASE_SPEED
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import (
     LINCOLN_MKZ,
     NOMINAL_GAINS,
-    all_loadings,
     loaded,
     loaded_with_moved_centre,
 )
+from vehicles.car.parameters import all_loadings as every_loading
 from vehicles.theory.gain_margins import common_ball, stability_ball
 from vehicles.theory.gain_sets import (
     PAPER_SPEEDS,
@@ -21,16 +23,23 @@ from vehicles.theory.gain_sets import (
 )
 from vehicles.theory.linear_model import handling_polynomial
 
-SPEED = 30.0
-SPEEDS = (*PAPER_SPEEDS, SPEED)
-CARS = [loaded(LINCOLN_MKZ, loading) for loading in all_loadings()]
+SPEEDS = (*PAPER_SPEEDS, BASE_SPEED)
+CARS = [loaded(LINCOLN_MKZ, loading) for loading in every_loading()]
+
+CLAIMS = Claims()
 
 
-def _bounded(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="V-A, figure of the stabilising set",
+    paper="The set at 30 m/s is bounded and not convex",
+    needs=(Part.GAINS,),
+)
+def stabilising_set(_: Findings) -> Answer:
     lateral, heading, yaw_rate = (
-        (least[k], most[k]) for k, (least, most) in enumerate(gain_extremes([LINCOLN_MKZ], [SPEED]))
+        (least[k], most[k])
+        for k, (least, most) in enumerate(gain_extremes([LINCOLN_MKZ], [BASE_SPEED]))
     )
-    pair = non_convex_pair([LINCOLN_MKZ], [SPEED])
+    pair = non_convex_pair([LINCOLN_MKZ], [BASE_SPEED])
     convex = "no" if pair is None else "two"
     return Answer(
         ours=f"bounded: k_e up to {lateral[1]:.2f} rad/m, k_θ from {heading[0]:.2f} to "
@@ -45,7 +54,12 @@ def _bounded(_: Findings) -> Answer:
     )
 
 
-def _inside(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="V-A",
+    paper="(0.06, 0.96, 0.08) lies inside the sets of 10, 20, … 60, 67 mph",
+    needs=(Part.GAINS,),
+)
+def inside_the_intersection(_: Findings) -> Answer:
     slowest = {speed: float(abscissa(LINCOLN_MKZ, NOMINAL_GAINS, [speed])[0]) for speed in SPEEDS}
     inside = bool(stabilises_all([LINCOLN_MKZ], SPEEDS, np.array(NOMINAL_GAINS)))
     return Answer(
@@ -56,8 +70,13 @@ def _inside(_: Findings) -> Answer:
     )
 
 
-def _ball(_: Findings) -> Answer:
-    plain = stability_ball(LINCOLN_MKZ, SPEED, NOMINAL_GAINS)
+@CLAIMS.claim(
+    where="V-A",
+    paper="A ball around the gains fits into the set",
+    needs=(Part.GAINS,),
+)
+def ball(_: Findings) -> Answer:
+    plain = stability_ball(LINCOLN_MKZ, BASE_SPEED, NOMINAL_GAINS)
     relative = common_ball(CARS, SPEEDS, NOMINAL_GAINS, NOMINAL_GAINS)
     return Answer(
         ours=f"radius {plain.radius:.2f} at 30 m/s, limited by k_e = 0; over all speeds and "
@@ -67,11 +86,18 @@ def _ball(_: Findings) -> Answer:
     )
 
 
-def _loadings(_: Findings) -> Answer:
-    at_speed = [float(abscissa(car, NOMINAL_GAINS, [SPEED])[0]) for car in CARS]
+@CLAIMS.claim(
+    where="V-B, figure of the roots",
+    paper="With n_f ≤ 1, n_r ≤ 3 all roots stay in the left half-plane at 30 m/s",
+    needs=(Part.GAINS,),
+)
+def all_loadings(_: Findings) -> Answer:
+    at_speed = [float(abscissa(car, NOMINAL_GAINS, [BASE_SPEED])[0]) for car in CARS]
     moved = [
-        float(abscissa(loaded_with_moved_centre(LINCOLN_MKZ, loading), NOMINAL_GAINS, [SPEED])[0])
-        for loading in all_loadings()
+        float(
+            abscissa(loaded_with_moved_centre(LINCOLN_MKZ, loading), NOMINAL_GAINS, [BASE_SPEED])[0]
+        )
+        for loading in every_loading()
     ]
     everywhere = bool(stabilises_all(CARS, SPEEDS, np.array(NOMINAL_GAINS)))
     return Answer(
@@ -88,50 +114,16 @@ def _loadings(_: Findings) -> Answer:
     )
 
 
-def _open_loop(_: Findings) -> Answer:
-    roots = np.roots(handling_polynomial(LINCOLN_MKZ, SPEED))
+@CLAIMS.claim(
+    where="V-B, figure of the roots",
+    paper="These are roots of Δ_o(s)",
+    needs=(Part.GAINS,),
+)
+def open_loop_roots(_: Findings) -> Answer:
+    roots = np.roots(handling_polynomial(LINCOLN_MKZ, BASE_SPEED))
     return Answer(
         ours="Δ_o(s) = s² R(s) has a double root at the origin, whatever the load; the others lie "
         f"at {roots[0].real:.1f} ± {abs(roots[0].imag):.1f}j 1/s",
         holds=False,
         reason="the figure must show the roots of the closed loop, Δ(s, K), as the row above does",
     )
-
-
-GAINS: tuple[Question, ...] = (
-    Question(
-        name="stabilising_set",
-        where="V-A, figure of the stabilising set",
-        paper="The set at 30 m/s is bounded and not convex",
-        needs=("gains",),
-        answer=_bounded,
-    ),
-    Question(
-        name="inside_the_intersection",
-        where="V-A",
-        paper="(0.06, 0.96, 0.08) lies inside the sets of 10, 20, … 60, 67 mph",
-        needs=("gains",),
-        answer=_inside,
-    ),
-    Question(
-        name="ball",
-        where="V-A",
-        paper="A ball around the gains fits into the set",
-        needs=("gains",),
-        answer=_ball,
-    ),
-    Question(
-        name="all_loadings",
-        where="V-B, figure of the roots",
-        paper="With n_f ≤ 1, n_r ≤ 3 all roots stay in the left half-plane at 30 m/s",
-        needs=("gains",),
-        answer=_loadings,
-    ),
-    Question(
-        name="open_loop_roots",
-        where="V-B, figure of the roots",
-        paper="These are roots of Δ_o(s)",
-        needs=("gains",),
-        answer=_open_loop,
-    ),
-)

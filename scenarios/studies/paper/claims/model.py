@@ -5,19 +5,28 @@ from math import pi
 
 import numpy as np
 
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.experiments import BASE_SPEED
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import BASE, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.gain_margins import common_ball
 from vehicles.theory.gain_sets import PAPER_SPEEDS, abscissa, stabilises_all
-from vehicles.theory.string_stability import peak, propagation
+from vehicles.theory.propagation import propagation
+from vehicles.theory.string_stability import peak
 
-SPEED = 30.0
 THRESHOLD = 0.1
 """The paper's 10 cm."""
 
+CLAIMS = Claims()
 
-def _table(_: Findings) -> Answer:
+
+@CLAIMS.claim(
+    where="II, Table I; III-D",
+    paper="The table's car is understeering (K_sg > 0); m_v = W/g",
+    needs=(Part.GAINS,),
+)
+def parameters(_: Findings) -> Answer:
     car = LINCOLN_MKZ
     front, rear = 1052.32, 843.68
     a = car.wheelbase * rear / (front + rear)
@@ -29,14 +38,19 @@ def _table(_: Findings) -> Answer:
     )
 
 
-def _other_steering(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="II, eq. (4)",
+    paper="ζ = 0.4056, ω_n = 21.4813 rad/s compare with ζ = 0.7, ω_n ≈ 19 rad/s of others",
+    needs=(Part.GAINS,),
+)
+def steering_parameters(_: Findings) -> Answer:
     other = replace(LINCOLN_MKZ, steering_damping=0.7, steering_frequency=19.0)
     cars = [loaded(other, loading) for loading in all_loadings()]
     stable = bool(stabilises_all(cars, PAPER_SPEEDS, np.array(NOMINAL_GAINS)))
     own, its = (
         (
-            float(abscissa(car, NOMINAL_GAINS, [SPEED])[0]),
-            peak(propagation(car, NOMINAL_GAINS, SPEED)),
+            float(abscissa(car, NOMINAL_GAINS, [BASE_SPEED])[0]),
+            peak(propagation(car, NOMINAL_GAINS, BASE_SPEED)),
             common_ball([car], PAPER_SPEEDS, NOMINAL_GAINS, NOMINAL_GAINS).radius,
         )
         for car in (LINCOLN_MKZ, other)
@@ -52,7 +66,12 @@ def _other_steering(_: Findings) -> Answer:
     )
 
 
-def _preview(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-A",
+    paper="L_preview = 0.8 v ≈ 30 m at highway speed",
+    needs=(BASE,),
+)
+def preview(_: Findings) -> Answer:
     return Answer(
         ours="0.8 s are 24 m at the paper's 30 m/s; 30 m take 37.5 m/s (135 km/h)",
         holds=False,
@@ -61,8 +80,13 @@ def _preview(_: Findings) -> Answer:
     )
 
 
-def _samples(findings: Findings) -> Answer:
-    seen = findings.trials["base"].samples
+@CLAIMS.claim(
+    where="III-A",
+    paper="At 20 Hz the preview holds M, N < 20 samples, about a metre apart",
+    needs=(BASE,),
+)
+def preview_samples(findings: Findings) -> Answer:
+    seen = findings.samples[BASE]
     return Answer(
         ours=f"at most {seen.lead} samples of the lead and {seen.predecessor} of the predecessor "
         "ahead of a car, 1.5 m apart",
@@ -72,7 +96,12 @@ def _samples(findings: Findings) -> Answer:
     )
 
 
-def _threshold(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-A, III-B",
+    paper="Samples within 10 cm of their chord are a straight line",
+    needs=(BASE,),
+)
+def ten_centimetres(_: Findings) -> Answer:
     hidden = {speed: (0.8 * speed) ** 2 / (8.0 * THRESHOLD) for speed in (10.0, 20.0, 30.0)}
     return Answer(
         ours="no sample of an arc is 10 cm from the chord of the preview where its radius is above "
@@ -84,7 +113,12 @@ def _threshold(_: Findings) -> Answer:
     )
 
 
-def _signs(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-B",
+    paper="e_lat = R − distance from the centre; on a line (Y − m X − c) / √(1 + m²)",
+    needs=(BASE,),
+)
+def signs(_: Findings) -> Answer:
     return Answer(
         ours="e_lat = R − distance is positive left of the path in left turns only; y = m x + c "
         "has no m for a road to the north",
@@ -93,8 +127,13 @@ def _signs(_: Findings) -> Answer:
     )
 
 
-def _two_samples(findings: Findings) -> Answer:
-    wrong = findings.trials["base"].samples.rule_error
+@CLAIMS.claim(
+    where="III-B",
+    paper="θ_R is the direction of the closest and the second closest point",
+    needs=(BASE,),
+)
+def two_samples(findings: Findings) -> Answer:
+    wrong = findings.samples[BASE].rule_error
     return Answer(
         ours=f"in the base case the line through these two points up to {wrong * 180 / pi:.0f}° "
         "off the car's heading",
@@ -102,56 +141,3 @@ def _two_samples(findings: Findings) -> Answer:
         reason="samples of lead and predecessor lie side by side. Here the heading is the fit's",
         numbers={"heading_of_two_samples_wrong_by_rad_max": wrong},
     )
-
-
-MODEL: tuple[Question, ...] = (
-    Question(
-        name="parameters",
-        where="II, Table I; III-D",
-        paper="The table's car is understeering (K_sg > 0); m_v = W/g",
-        needs=("gains",),
-        answer=_table,
-    ),
-    Question(
-        name="steering_parameters",
-        where="II, eq. (4)",
-        paper="ζ = 0.4056, ω_n = 21.4813 rad/s compare with ζ = 0.7, ω_n ≈ 19 rad/s of others",
-        needs=("gains",),
-        answer=_other_steering,
-    ),
-    Question(
-        name="preview",
-        where="III-A",
-        paper="L_preview = 0.8 v ≈ 30 m at highway speed",
-        needs=("base",),
-        answer=_preview,
-    ),
-    Question(
-        name="preview_samples",
-        where="III-A",
-        paper="At 20 Hz the preview holds M, N < 20 samples, about a metre apart",
-        needs=("base",),
-        answer=_samples,
-    ),
-    Question(
-        name="ten_centimetres",
-        where="III-A, III-B",
-        paper="Samples within 10 cm of their chord are a straight line",
-        needs=("base",),
-        answer=_threshold,
-    ),
-    Question(
-        name="signs",
-        where="III-B",
-        paper="e_lat = R − distance from the centre; on a line (Y − m X − c) / √(1 + m²)",
-        needs=("base",),
-        answer=_signs,
-    ),
-    Question(
-        name="two_samples",
-        where="III-B",
-        paper="θ_R is the direction of the closest and the second closest point",
-        needs=("base",),
-        answer=_two_samples,
-    ),
-)

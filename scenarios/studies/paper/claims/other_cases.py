@@ -7,51 +7,80 @@ import numpy as np
 
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.base import below, decreasing
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claim, Claims
 from scenarios.studies.paper.experiments import LANE
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
+from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, A, B, C, D
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
 from vehicles.theory.linear_model import steady_cornering
+from vehicles.theory.string_stability import head_to_tail
 
 RADIUS = 500.0
-"""Radius (m) of the bends."""
+"""Radius (m) of the curves."""
 
-CASES = ("base", "a", "b", "c", "d", "variable_speed")
+SIMULATIONS = (BASE, A, B, C, D, VARIABLE_SPEED)
+"""The paper's simulations."""
+
+CLAIMS = Claims()
+
+for _key, _what in (
+    (A, "10 m/s, n_r = 2"),
+    (B, "10 m/s, n_r = 0"),
+    (C, "20 m/s, n_r = 0"),
+    (D, "30 m/s, two heavier cars, two lighter"),
+):
+    CLAIMS.append(
+        Claim(
+            name=f"{_key}_decreasing",
+            where=f"V-C.2, scenario {_key.label}",
+            paper=f"Largest errors decrease along the convoy ({_what})",
+            needs=(_key,),
+            answer=partial(decreasing, _key),
+        )
+    )
 
 
-def _small(findings: Findings) -> Answer:
-    worst = max(max(findings.trials[key].cross_track) for key in CASES)
+@CLAIMS.claim(
+    where="V-C.2, scenario D",
+    paper="An uneven convoy does not impact lateral string stability",
+    needs=(BASE, D),
+)
+def uneven(findings: Findings) -> Answer:
+    even, mixed = findings.trials[BASE], findings.trials[D]
+    growth = [head_to_tail(trial.cross_track) for trial in (even, mixed)]
     return Answer(
-        ours=f"at most {cm(worst)} beside the lead's path, {100 * worst / LANE:.1f} % of a lane",
-        holds=worst < 0.1 * LANE,
-        numbers={"cross_track_error_m_max": worst},
+        ours=f"from the first to the last follower true errors grow {growth[1]:.2f}-fold, in the "
+        f"even convoy of the base case {growth[0]:.2f}-fold",
+        holds=_grows_no_more(even, mixed),
+        phases=findings.phases(_grows_no_more, BASE, D),
+        reason="it does no harm; whether errors decrease is the row before",
+        numbers={"growth_even_ratio": growth[0], "growth_uneven_ratio": growth[1]},
     )
 
 
-def _settles_at(speed: float, loading: Loading) -> float:
-    """Offset (m) from a bend's path at which a car settles that does not know its load."""
-    car = loaded(LINCOLN_MKZ, loading)
-    return steady_cornering(car, NOMINAL_GAINS, speed, 1.0 / RADIUS, LINCOLN_MKZ)[0]
-
-
-def _faster(findings: Findings) -> Answer:
-    slow, fast = (findings.trials[key].tracking for key in ("a", "c"))
+@CLAIMS.claim(
+    where="V-C.2, A against C",
+    paper="Errors are larger at 20 m/s than at 10 m/s",
+    needs=(A, C, A.varied("slip_compensated"), C.varied("slip_compensated")),
+)
+def faster(findings: Findings) -> Answer:
+    slow, fast = (findings.trials[key].tracking for key in (A, C))
     slow_known, fast_known = (
-        findings.trials[f"{key}/slip_compensated"].tracking for key in ("a", "c")
+        findings.trials[key.varied("slip_compensated")].tracking for key in (A, C)
     )
-    slow_times, fast_times = (findings.trials[f"{key}/same_times"].tracking for key in ("a", "c"))
+    slow_times, fast_times = (findings.trials[key.varied("same_times")].tracking for key in (A, C))
     at_10 = _settles_at(10.0, Loading(front_passengers=1, rear_passengers=2))
     at_20 = _settles_at(20.0, Loading(front_passengers=1))
     return Answer(
         ours=f"A {in_cm(slow)}; C {in_cm(fast)}. On roads that take the same time (bends of 56 and "
         f"222 m): {in_cm(slow_times)}; {in_cm(fast_times)}",
-        holds=_is_larger(findings.trials["a"], findings.trials["c"]),
+        holds=_is_larger(findings.trials[A], findings.trials[C]),
         reason="a car in a bend stands at its slip angle to the path, and the law steers against "
         f"that: on 500 m it settles {cm(at_10)} beside the path at 10 m/s, {cm(at_20)} at 20 m/s. "
         f"With the slip compensated the claim holds: {in_cm(slow_known)}; {in_cm(fast_known)}; and "
         "with a receiver's noise, which costs more at speed",
-        phases=findings.phases(_is_larger, "a", "c"),
-        noise=findings.seeds(_is_larger, "a", "c"),
+        phases=findings.phases(_is_larger, A, C),
+        noise=findings.seeds(_is_larger, A, C),
         numbers={
             "a_tracking_error_m_max": slow,
             "c_tracking_error_m_max": fast,
@@ -59,6 +88,89 @@ def _faster(findings: Findings) -> Answer:
             "c_slip_compensated_m_max": fast_known,
         },
     )
+
+
+@CLAIMS.claim(
+    where="V-C.2, A against B",
+    paper="The effect of the mass is negligible",
+    needs=(A, B),
+)
+def mass(findings: Findings) -> Answer:
+    heavy, light = findings.trials[A], findings.trials[B]
+    change = _apart(heavy, light)
+    return Answer(
+        ours=f"A {in_cm(heavy.tracking)}; B {in_cm(light.tracking)}: {1000 * change:.1f} mm",
+        holds=_are_alike(heavy, light),
+        phases=findings.phases(_are_alike, A, B),
+        reason="at 10 m/s. At 30 m/s load matters more, because the feedforward does not know it",
+        numbers={"difference_m_max": change},
+    )
+
+
+@CLAIMS.claim(
+    where="V-C.2",
+    paper="Errors remain minimal compared to the lane width",
+    needs=SIMULATIONS,
+)
+def small(findings: Findings) -> Answer:
+    worst = max(max(findings.trials[key].cross_track) for key in SIMULATIONS)
+    return Answer(
+        ours=f"at most {cm(worst)} beside the lead's path, {100 * worst / LANE:.1f} % of a lane",
+        holds=worst < 0.1 * LANE,
+        numbers={"cross_track_error_m_max": worst},
+    )
+
+
+@CLAIMS.claim(
+    where="V-C.3",
+    paper="With acceleration up to 30 m/s no error exceeds 11 cm",
+    needs=(VARIABLE_SPEED,),
+)
+def variable_below_11_cm(findings: Findings) -> Answer:
+    return below(0.11, VARIABLE_SPEED, findings)
+
+
+@CLAIMS.claim(
+    where="V-C.3",
+    paper="Errors are slightly larger than at constant speed",
+    needs=(BASE, VARIABLE_SPEED),
+)
+def slightly_more(findings: Findings) -> Answer:
+    constant, varying = (max(findings.trials[key].tracking) for key in (BASE, VARIABLE_SPEED))
+    return Answer(
+        ours=f"{cm(varying)} at most, {cm(constant)} at a constant 30 m/s",
+        holds=varying > constant,
+        phases=findings.phases(_is_larger, BASE, VARIABLE_SPEED),
+        reason="on the same bends less speed asks for less lateral acceleration; that the speed "
+        "changes costs little. The paper's profiles and road are not known",
+        numbers={"varying_m_max": varying, "constant_m_max": constant},
+    )
+
+
+@CLAIMS.claim(
+    where="V-C.3",
+    paper="Largest errors decrease along the convoy",
+    needs=(VARIABLE_SPEED, VARIABLE_SPEED.varied("blend")),
+)
+def variable_speed_decreasing(findings: Findings) -> Answer:
+    answer = decreasing(VARIABLE_SPEED, findings)
+    speeds = []
+    for drive in findings.trials[VARIABLE_SPEED].followers:
+        at = int(np.abs(drive.lateral_error).argmax())
+        speeds.append(f"{drive.speed[at]:.0f}")
+    blend = in_cm(findings.trials[VARIABLE_SPEED.varied("blend")].tracking)
+    why = (
+        "all have the same speed at the same time, so each car takes a bend faster than the one "
+        f"ahead did: the largest errors come at {', '.join(speeds)} m/s. Besides, the composite, "
+        f"as in the base case: with one trajectory for each source {blend} in the first lane change"
+    )
+    return replace(answer, reason=why) if answer.reason else answer
+
+
+def _settles_at(speed: float, loading: Loading) -> float:
+    """Steady offset (m) on a curve of a car whose controller does not know its load."""
+    car = loaded(LINCOLN_MKZ, loading)
+    return steady_cornering(car, NOMINAL_GAINS, speed, 1.0 / RADIUS, LINCOLN_MKZ)[0]
 
 
 def _is_larger(one: Trial, other: Trial) -> bool:
@@ -74,134 +186,5 @@ def _apart(one: Trial, other: Trial) -> float:
     return max(abs(a - b) for a, b in zip(one.tracking, other.tracking, strict=True))
 
 
-def _mass(findings: Findings) -> Answer:
-    heavy, light = findings.trials["a"], findings.trials["b"]
-    change = _apart(heavy, light)
-    return Answer(
-        ours=f"A {in_cm(heavy.tracking)}; B {in_cm(light.tracking)}: {1000 * change:.1f} mm",
-        holds=_are_alike(heavy, light),
-        phases=findings.phases(_are_alike, "a", "b"),
-        reason="at 10 m/s. At 30 m/s load matters more, because the feedforward does not know it",
-        numbers={"difference_m_max": change},
-    )
-
-
-def _uneven(findings: Findings) -> Answer:
-    even, uneven = findings.trials["base"], findings.trials["d"]
-    growth = [_head_to_tail(trial) for trial in (even, uneven)]
-    return Answer(
-        ours=f"from the first to the last follower true errors grow {growth[1]:.2f}-fold, in the "
-        f"even convoy of the base case {growth[0]:.2f}-fold",
-        holds=_grows_no_more(even, uneven),
-        phases=findings.phases(_grows_no_more, "base", "d"),
-        reason="it does no harm; whether errors decrease is the row before",
-        numbers={"growth_even_ratio": growth[0], "growth_uneven_ratio": growth[1]},
-    )
-
-
-def _head_to_tail(trial: Trial) -> float:
-    """Ratio of the last follower's largest true error to the first one's."""
-    return trial.cross_track[-1] / trial.cross_track[0]
-
-
 def _grows_no_more(even: Trial, uneven: Trial) -> bool:
-    return _head_to_tail(uneven) <= _head_to_tail(even)
-
-
-def _slightly_more(findings: Findings) -> Answer:
-    constant, varying = (max(findings.trials[key].tracking) for key in ("base", "variable_speed"))
-    return Answer(
-        ours=f"{cm(varying)} at most, {cm(constant)} at a constant 30 m/s",
-        holds=varying > constant,
-        phases=findings.phases(_is_larger, "base", "variable_speed"),
-        reason="on the same bends less speed asks for less lateral acceleration; that the speed "
-        "changes costs little. The paper's profiles and road are not known",
-        numbers={"varying_m_max": varying, "constant_m_max": constant},
-    )
-
-
-def _varying_decreasing(findings: Findings) -> Answer:
-    answer = decreasing("variable_speed", findings)
-    speeds = []
-    for drive in findings.trials["variable_speed"].followers:
-        at = int(np.abs(drive.lateral_error).argmax())
-        speeds.append(f"{drive.speed[at]:.0f}")
-    blend = in_cm(findings.trials["variable_speed/blend"].tracking)
-    why = (
-        "all have the same speed at the same time, so each car takes a bend faster than the one "
-        f"ahead did: the largest errors come at {', '.join(speeds)} m/s. Besides, the composite, "
-        f"as in the base case: with one trajectory for each source {blend} in the first lane change"
-    )
-    return replace(answer, reason=why) if answer.reason else answer
-
-
-def _decreasing(key: str, paper: str) -> Question:
-    return Question(
-        name=f"{key}_decreasing",
-        where=f"V-C.2, scenario {key.upper()}",
-        paper=paper,
-        needs=(key,),
-        answer=partial(decreasing, key),
-    )
-
-
-OTHER_CASES: tuple[Question, ...] = (
-    *(
-        _decreasing(key, f"Largest errors decrease along the convoy ({what})")
-        for key, what in (
-            ("a", "10 m/s, n_r = 2"),
-            ("b", "10 m/s, n_r = 0"),
-            ("c", "20 m/s, n_r = 0"),
-            ("d", "30 m/s, two heavier cars, two lighter"),
-        )
-    ),
-    Question(
-        name="uneven",
-        where="V-C.2, scenario D",
-        paper="An uneven convoy does not impact lateral string stability",
-        needs=("base", "d"),
-        answer=_uneven,
-    ),
-    Question(
-        name="faster",
-        where="V-C.2, A against C",
-        paper="Errors are larger at 20 m/s than at 10 m/s",
-        needs=("a", "c", "a/slip_compensated", "c/slip_compensated"),
-        answer=_faster,
-    ),
-    Question(
-        name="mass",
-        where="V-C.2, A against B",
-        paper="The effect of the mass is negligible",
-        needs=("a", "b"),
-        answer=_mass,
-    ),
-    Question(
-        name="small",
-        where="V-C.2",
-        paper="Errors remain minimal compared to the lane width",
-        needs=CASES,
-        answer=_small,
-    ),
-    Question(
-        name="variable_below_11_cm",
-        where="V-C.3",
-        paper="With acceleration up to 30 m/s no error exceeds 11 cm",
-        needs=("variable_speed",),
-        answer=partial(below, 0.11, "variable_speed"),
-    ),
-    Question(
-        name="slightly_more",
-        where="V-C.3",
-        paper="Errors are slightly larger than at constant speed",
-        needs=("base", "variable_speed"),
-        answer=_slightly_more,
-    ),
-    Question(
-        name="variable_speed_decreasing",
-        where="V-C.3",
-        paper="Largest errors decrease along the convoy",
-        needs=("variable_speed", "variable_speed/blend"),
-        answer=_varying_decreasing,
-    ),
-)
+    return head_to_tail(uneven.cross_track) <= head_to_tail(even.cross_track)

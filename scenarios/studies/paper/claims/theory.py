@@ -2,26 +2,28 @@
 
 import numpy as np
 
-from scenarios.studies.paper.claims.claim import Answer, Question
+from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.experiments import BASE_SPEED
 from scenarios.studies.paper.findings import Findings
+from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.constant_speed import guaranteed_decay
 from vehicles.theory.gain_sets import PAPER_SPEEDS
-from vehicles.theory.linear_model import (
-    characteristic_polynomial,
-    closed_loop_at,
-    heading_numerator,
-    lateral_numerator,
-)
-from vehicles.theory.simulated_chain import simulated_propagation
-from vehicles.theory.string_stability import amplified_band, low_frequency_growth, peak, propagation
+from vehicles.theory.linear_model import characteristic_polynomial, closed_loop_at
+from vehicles.theory.propagation import low_frequency_growth, propagation
+from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
+from vehicles.theory.string_stability import amplified_band, largest_singular_value, peak
 from vehicles.theory.varying_speed import certified_acceleration
 
-SPEED = 30.0
-TEN_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
+CLAIMS = Claims()
 
 
-def _polynomial(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="III-F",
+    paper="The coefficients A_6 … A_0 of Δ(s, K)",
+    needs=(Part.GAINS,),
+)
+def polynomial(_: Findings) -> Answer:
     worst = 0.0
     for speed in PAPER_SPEEDS:
         for loading in all_loadings():
@@ -39,9 +41,14 @@ def _polynomial(_: Findings) -> Answer:
     )
 
 
-def _state_equation(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="IV-A",
+    paper="The matrix A(γ) of the closed loop",
+    needs=(Part.GAINS,),
+)
+def state_equation(_: Findings) -> Answer:
     car = LINCOLN_MKZ
-    right = closed_loop_at(car, NOMINAL_GAINS, SPEED)
+    right = closed_loop_at(car, NOMINAL_GAINS, BASE_SPEED)
     printed = right.copy()
     printed[2] *= car.mass
     printed[3] *= car.yaw_inertia
@@ -55,8 +62,13 @@ def _state_equation(_: Findings) -> Answer:
     )
 
 
-def _frozen(_: Findings) -> Answer:
-    slowest, fastest = PAPER_SPEEDS[0], SPEED
+@CLAIMS.claim(
+    where="IV-A, Proposition 1",
+    paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
+    needs=(Part.GAINS,),
+)
+def proposition_1(_: Findings) -> Answer:
+    slowest, fastest = PAPER_SPEEDS[0], BASE_SPEED
     decay = guaranteed_decay(LINCOLN_MKZ, NOMINAL_GAINS, slowest, fastest)
     bounds = {
         speed: min(certified_acceleration(LINCOLN_MKZ, NOMINAL_GAINS, speed, slowest, fastest))
@@ -73,13 +85,18 @@ def _frozen(_: Findings) -> Answer:
     )
 
 
-def _norm(_: Findings) -> Answer:
-    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
-    lagging = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
+@CLAIMS.claim(
+    where="IV-B",
+    paper="With the predecessor's data only, ‖G‖∞ > 1, at low frequencies",
+    needs=(Part.PROPAGATION,),
+)
+def norm_of_g(_: Findings) -> Answer:
+    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, "instantaneous")
+    lagging = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
     first, second = peak(plain), peak(lagging)
-    growth = low_frequency_growth(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
-    simulated = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, TEN_FREQUENCIES)
-    wrong = float(np.abs(simulated / lagging.at(TEN_FREQUENCIES) - 1.0).max())
+    growth = low_frequency_growth(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
+    simulated = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, SIMULATED_FREQUENCIES)
+    wrong = float(np.abs(simulated / lagging.at(SIMULATED_FREQUENCIES) - 1.0).max())
     return Answer(
         ours=f"‖G‖∞ = {first.magnitude:.3f} at {first.frequency:.2f} rad/s, above 1 for all "
         f"frequencies up to {amplified_band(plain)[0][1]:.2f} rad/s; with steering actuation "
@@ -97,15 +114,16 @@ def _norm(_: Findings) -> Answer:
     )
 
 
-def _equivalent(_: Findings) -> Answer:
+@CLAIMS.claim(
+    where="IV-B",
+    paper="sup σ_max(…) ≤ 1 is equivalent to ‖G‖∞ ≤ 1",
+    needs=(Part.PROPAGATION,),
+)
+def equivalence(_: Findings) -> Answer:
     frequencies = np.geomspace(0.01, 100.0, 4000)
-    s = 1j * frequencies
-    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, "instantaneous")
-    outputs = [np.polyval(n(LINCOLN_MKZ, SPEED), s) for n in (lateral_numerator, heading_numerator)]
-    feedback = [NOMINAL_GAINS.lateral, np.abs(NOMINAL_GAINS.heading + NOMINAL_GAINS.yaw_rate * s)]
-    # A matrix of rank one, b k, has the singular value |b| |k|.
-    sizes = np.hypot(*np.abs(outputs)) * np.hypot(*feedback)
-    largest = float((sizes / np.abs(np.polyval(plain.denominator, s))).max())
+    plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, "instantaneous")
+    values = largest_singular_value(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, frequencies)
+    largest = float(values.max())
     return Answer(
         ours=f"sup σ_max is {largest:.2f} on the axis, ‖G‖∞ {peak(plain).magnitude:.2f}: the "
         "matrix has rank one and |G| is only its non-zero eigenvalue",
@@ -114,42 +132,3 @@ def _equivalent(_: Findings) -> Answer:
         "argument needs no more than that. N(0) also lacks the factor C_f, without consequence",
         numbers={"sigma_max": largest},
     )
-
-
-THEORY: tuple[Question, ...] = (
-    Question(
-        name="polynomial",
-        where="III-F",
-        paper="The coefficients A_6 … A_0 of Δ(s, K)",
-        needs=("gains",),
-        answer=_polynomial,
-    ),
-    Question(
-        name="state_equation",
-        where="IV-A",
-        paper="The matrix A(γ) of the closed loop",
-        needs=("gains",),
-        answer=_state_equation,
-    ),
-    Question(
-        name="proposition_1",
-        where="IV-A, Proposition 1",
-        paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
-        needs=("gains",),
-        answer=_frozen,
-    ),
-    Question(
-        name="norm_of_g",
-        where="IV-B",
-        paper="With the predecessor's data only, ‖G‖∞ > 1, at low frequencies",
-        needs=("propagation",),
-        answer=_norm,
-    ),
-    Question(
-        name="equivalence",
-        where="IV-B",
-        paper="sup σ_max(…) ≤ 1 is equivalent to ‖G‖∞ ≤ 1",
-        needs=("propagation",),
-        answer=_equivalent,
-    ),
-)

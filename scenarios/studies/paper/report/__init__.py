@@ -1,1 +1,1 @@
-"""The report on the paper: text, tables and pictures."""
+"""The report of a reproduction: report writes it, with tables and pictures."""

@@ -1,42 +1,204 @@
-"""Pictures of largest errors and of propagation. Needs matplotlib: import it when drawing."""
+"""Pictures of the report on the paper's experiments. Needs matplotlib: import it when drawing."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.studies.paper.experiments import RADII
+from scenarios.results.drives import Array, Drive, Trial
+from scenarios.studies.paper.experiments import BASE_SPEED, RADII
+from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
-from scenarios.studies.paper.report import error_pictures as errors
-from scenarios.studies.paper.report.error_pictures import COLOURS
-from scenarios.studies.picture_style import BLUE, GREEN, GREY, PURPLE, RED
+from scenarios.studies.paper.keys import (
+    BASE,
+    LONG_WITH,
+    LONG_WITHOUT,
+    NO_LEAD_DATA,
+    VARIABLE_SPEED,
+    A,
+    B,
+    C,
+    D,
+    Need,
+    Part,
+    RunKey,
+    Variant,
+    at_radius,
+)
+from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
-from vehicles.theory.simulated_chain import simulated_propagation
-from vehicles.theory.string_stability import propagation, trace_propagation
+from vehicles.theory.propagation import propagation, trace_propagation
+from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
+
+COLOURS = (GREY, BLUE, ORANGE, GREEN, PURPLE)
+DASHES = ("-", "-", "--", "-.", ":")
+"""The lead first; colour and dashes tell the cars apart."""
 
 MARKS = ("o", "s", "^")
 PLACES = range(3)
 """The followers of the main cases."""
 
-SPEED = 30.0
 Draw = Callable[[Findings], Figure]
+
+
+def _draw(axes: Axes, drives: Sequence[tuple[Drive, Array]], first: int, width: float) -> None:
+    """Values (m) of each drive over time, from place `first` in the convoy on."""
+    for place, (drive, values) in enumerate(drives, start=first):
+        axes.plot(
+            drive.at[: len(values)],
+            100.0 * values,
+            color=COLOURS[place],
+            linestyle=DASHES[place],
+            linewidth=width,
+            label=drive.name if place else f"{drive.name} (lead)",
+        )
+    axes.axhline(0.0, color=GREY, linewidth=0.6)
+    axes.set_xlabel("time (s)")
+
+
+def _errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
+    """Lateral error against the own trajectory, all cars."""
+    _draw(axes, [(drive, drive.lateral_error) for drive in trial.drives], 0, width)
+    axes.set_ylabel("lateral error (cm)")
+
+
+def _true_errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
+    """Draw the followers' places beside the lead's driven path over time."""
+    _draw(axes, [(drive, drive.cross_track) for drive in trial.followers], 1, width)
+    axes.set_ylabel("beside the lead's path (cm)")
+
+
+def road(findings: Findings) -> Figure:
+    """Draw the lead's path, as in the paper's figure of the target trajectory."""
+    lead = findings.trials[BASE].lead
+    figure = Figure(figsize=(7.6, 2.4), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(lead.east, lead.north, color=BLUE)
+    for second in (5, 10, 20, 25):
+        k = int(np.searchsorted(lead.at, second))
+        axes.plot(lead.east[k], lead.north[k], "o", color=RED, markersize=4)
+        axes.annotate(
+            f"{second} s",
+            (lead.east[k], lead.north[k]),
+            (0, 7),
+            textcoords="offset points",
+            ha="center",
+            color=RED,
+            fontsize=8.0,
+        )
+    axes.set_ylim(-4.4, 1.4)
+    axes.set_xlabel("along the road (m)")
+    axes.set_ylabel("to the left (m)")
+    axes.set_title("The lead's path: arcs of 500 m radius, lanes of 3.6 m (height exaggerated)")
+    return figure
+
+
+def base(findings: Findings) -> Figure:
+    """Draw the lateral errors of the base case."""
+    figure = Figure(figsize=(7.6, 3.4), layout="constrained")
+    axes = figure.subplots()
+    _errors(axes, findings.trials[BASE])
+    for limit in (-9.0, 9.0):
+        axes.axhline(limit, color=RED, linewidth=0.8, linestyle=":")
+    axes.annotate(
+        "the paper's 9 cm",
+        (0.3, 9.0),
+        (0, -10),
+        textcoords="offset points",
+        color=RED,
+        fontsize=8.0,
+    )
+    axes.set_title("Base case: 30 m/s, one passenger in front, three in the rear")
+    axes.legend(ncols=4, loc="upper right", bbox_to_anchor=(1.0, 0.93))
+    return figure
+
+
+def a_to_d(findings: Findings) -> Figure:
+    """Draw the lateral errors of scenarios A to D, in the paper's layout."""
+    titles = {
+        A: "A: 10 m/s, n_f = 1, n_r = 2",
+        B: "B: 10 m/s, n_f = 1, n_r = 0",
+        C: "C: 20 m/s, n_f = 1, n_r = 0",
+        D: "D: 30 m/s, two heavier cars before two lighter",
+    }
+    figure = Figure(figsize=(9.6, 5.6), layout="constrained")
+    panels = figure.subplots(2, 2, sharey=True)
+    for axes, (key, title) in zip(panels.flat, titles.items(), strict=True):
+        _errors(axes, findings.trials[key])
+        axes.set_title(title)
+    panels[0, 0].legend(ncols=2, loc="lower center")
+    return figure
+
+
+def variable_speed(findings: Findings) -> Figure:
+    """Draw speed, acceleration and lateral errors under the profile."""
+    trial = findings.trials[VARIABLE_SPEED]
+    figure = Figure(figsize=(7.6, 4.8), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.7))
+    lead = trial.lead
+    above.plot(lead.at, lead.speed, color=BLUE)
+    above.set_ylabel("speed (m/s)", color=BLUE)
+    beside = above.twinx()
+    beside.grid(visible=False)
+    acceleration = np.diff(lead.speed) / np.diff(lead.at)
+    beside.plot(lead.at[:-1], acceleration, color=ORANGE, linestyle="--", linewidth=1.0)
+    beside.set_ylabel("acceleration (m/s²)", color=ORANGE)
+    beside.spines["right"].set_visible(True)
+    above.set_title("Variable speed")
+    _errors(below, trial)
+    below.legend(ncols=4, loc="lower right")
+    return figure
+
+
+def field(findings: Findings) -> Figure:
+    """Draw course and errors of the field experiment."""
+    runs = findings.field
+    if runs is None:
+        raise ValueError("the field experiment was not run")
+    figure = Figure(figsize=(10.4, 5.4), layout="constrained")
+    panels = figure.subplot_mosaic(
+        [["course", "off without", "true without"], ["course", "off with", "true with"]],
+        width_ratios=(0.9, 1.0, 1.0),
+    )
+    _course(panels["course"], runs)
+    for word, trial in (("without", runs.without_lead_data), ("with", runs.with_lead_data)):
+        _errors(panels[f"off {word}"], trial, 0.7)
+        _true_errors(panels[f"true {word}"], trial, 0.9)
+        for kind, height in (("off", 10.0), ("true", 15.0)):
+            panels[f"{kind} {word}"].set_title(f"{word.capitalize()} the lead's data")
+            panels[f"{kind} {word}"].set_ylim(-height, height)
+    return figure
+
+
+def _course(axes: Axes, runs: FieldRuns) -> None:
+    lead = runs.with_lead_data.lead
+    for place, drive in enumerate(runs.with_lead_data.drives):
+        label = f"{drive.name} (lead)" if drive is lead else drive.name
+        axes.plot(
+            drive.east, drive.north, color=COLOURS[place], linestyle=DASHES[place], label=label
+        )
+    axes.set_aspect("equal")
+    axes.set_xlabel("east (m)")
+    axes.set_ylabel("north (m)")
+    axes.set_title("Course")
+    axes.legend(loc="center")
 
 
 def lead_data(findings: Findings) -> Figure:
     """Draw true errors without and with the lead's data, and their maxima along eight cars."""
     figure = Figure(figsize=(10.4, 3.6), layout="constrained")
     left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1.2, 1.0))
-    errors.true_errors(left, findings.trials["no_lead_data"])
-    errors.true_errors(middle, findings.trials["base"])
+    _true_errors(left, findings.trials[NO_LEAD_DATA])
+    _true_errors(middle, findings.trials[BASE])
     left.set_title("Without the lead's data")
     middle.set_title("With the lead's data")
     middle.sharey(left)
     left.legend(loc="lower right")
-    for key, colour in (("without", RED), ("with", BLUE)):
-        trial = findings.trials[f"long/{key}"]
+    for key, colour in ((LONG_WITHOUT, RED), (LONG_WITH, BLUE)):
+        trial = findings.trials[key]
         cars = np.arange(2, 2 + len(trial.followers))
         for values, line, name in (
             (trial.cross_track, "o-", "off the lead's path"),
@@ -49,7 +211,7 @@ def lead_data(findings: Findings) -> Figure:
                 color=colour,
                 markersize=4.0,
                 linewidth=1.2,
-                label=f"{key}: {name}",
+                label=f"{key.variant}: {name}",
             )
     right.set_ylim(bottom=0.0)
     right.set_xlabel("car")
@@ -61,7 +223,7 @@ def lead_data(findings: Findings) -> Figure:
 
 def maxima(findings: Findings) -> Figure:
     """Draw largest errors: exact (bars), with the road moved (dashes), with noise (dots)."""
-    known = ("base", "no_lead_data", "a", "b", "c", "d", "variable_speed")
+    known = (BASE, NO_LEAD_DATA, A, B, C, D, VARIABLE_SPEED)
     cases = [key for key in known if findings.has(key)]
     figure = Figure(figsize=(9.6, 5.2), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
@@ -72,7 +234,7 @@ def maxima(findings: Findings) -> Figure:
                 axes.bar(x, 100.0 * value, width=0.22, color=COLOURS[place + 1], alpha=0.85)
                 noisy = [100.0 * getattr(run, measure)[place] for run in findings.noisy(key)]
                 axes.plot([x] * len(noisy), noisy, "o", color="black", markersize=2.2)
-                moved = [100.0 * getattr(run, measure)[place] for run in findings.shifted(key)]
+                moved = [100.0 * getattr(run, measure)[place] for run in findings.moved(key)]
                 axes.plot([x] * len(moved), moved, "_", color="black", markersize=7.0)
         axes.set_ylabel("largest error (cm)")
     for place in PLACES:
@@ -83,25 +245,23 @@ def maxima(findings: Findings) -> Figure:
     above.set_ylim(0.0, 10.0)
     above.set_title("Off the own trajectory (what the paper shows)")
     below.set_title("Off the lead's driven path")
-    below.set_xticks(range(len(cases)), [_label(key) for key in cases])
+    below.set_xticks(range(len(cases)), [key.label for key in cases])
     return figure
 
 
-def _label(key: str) -> str:
-    return key.upper() if len(key) == 1 else key.replace("_", " ")
-
-
 def radius(findings: Findings) -> Figure:
-    """Draw how the errors depend on the radius of the bends."""
+    """Draw how the errors depend on the radius of the curves."""
     figure = Figure(figsize=(9.6, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     _followers_over_radius(left, findings)
-    for suffix, colour, mark, label in (
-        ("/no_lead_data", RED, "o", "without the lead's data"),
-        ("", BLUE, "s", "with them"),
-        ("/slip_compensated", GREEN, "^", "with them, slip compensated"),
-    ):
-        values = [findings.trials[f"radius/{r:g}{suffix}"].cross_track[-1] for r in RADII]
+    styles: tuple[tuple[Variant | None, str, str, str], ...] = (
+        ("no_lead_data", RED, "o", "without the lead's data"),
+        (None, BLUE, "s", "with them"),
+        ("slip_compensated", GREEN, "^", "with them, slip compensated"),
+    )
+    for variant, colour, mark, label in styles:
+        keys = [RunKey("radius", variant, radius=r) for r in RADII]
+        values = [findings.trials[key].cross_track[-1] for key in keys]
         right.plot(
             RADII, 100.0 * np.array(values), color=colour, marker=mark, markersize=4, label=label
         )
@@ -116,13 +276,13 @@ def radius(findings: Findings) -> Figure:
 
 def _followers_over_radius(axes: Axes, findings: Findings) -> None:
     for place in PLACES:
-        look: dict[str, Any] = {"color": COLOURS[place + 1], "marker": MARKS[place]}
-        values = [findings.trials[f"radius/{r:g}"].tracking[place] for r in RADII]
+        style: dict[str, Any] = {"color": COLOURS[place + 1], "marker": MARKS[place]}
+        values = [findings.trials[at_radius(r)].tracking[place] for r in RADII]
         label = f"follower {place + 1}"
-        axes.plot(RADII, 100.0 * np.array(values), markersize=4.0, label=label, **look)
+        axes.plot(RADII, 100.0 * np.array(values), markersize=4.0, label=label, **style)
         for r in RADII:
-            noisy = [100.0 * run.tracking[place] for run in findings.noisy(f"radius/{r:g}")]
-            axes.plot([r] * len(noisy), noisy, linestyle="", markersize=2.5, alpha=0.6, **look)
+            noisy = [100.0 * run.tracking[place] for run in findings.noisy(at_radius(r))]
+            axes.plot([r] * len(noisy), noisy, linestyle="", markersize=2.5, alpha=0.6, **style)
     axes.axhline(9.0, color=RED, linestyle=":", linewidth=1.0)
     axes.annotate(
         "the paper's 9 cm",
@@ -139,26 +299,34 @@ def _followers_over_radius(axes: Axes, findings: Findings) -> None:
 
 def measured_propagation(findings: Findings) -> Figure:
     """Draw |G| and |F|, the simulated chain, and the ratios measured in the convoy."""
-    fine, ten = np.geomspace(0.3, 30.0, 600), np.geomspace(0.3, 25.0, 10)
+    fine = np.geomspace(0.3, 30.0, 600)
     figure = Figure(figsize=(7.6, 4.2), layout="constrained")
     axes = figure.subplots()
-    paper = propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
-    trace = trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED)
-    chain = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, SPEED, ten)
+    paper = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
+    trace = trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
+    chain = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, SIMULATED_FREQUENCIES)
     label = "G(jω), the paper's: steering by the difference of states"
     axes.semilogx(fine, np.abs(paper.at(fine)), color=RED, label=label)
     label = "simulated chain of the same linear loops"
-    axes.plot(ten, np.abs(chain), "o", color=RED, mfc="white", markersize=4.5, label=label)
+    axes.plot(
+        SIMULATED_FREQUENCIES,
+        np.abs(chain),
+        "o",
+        color=RED,
+        mfc="white",
+        markersize=4.5,
+        label=label,
+    )
     label = "F(jω): steering along the path left behind"
     axes.plot(fine, np.abs(trace.at(fine)), color=BLUE, linestyle="--", label=label)
-    swings, ratios = findings.ratios(PREVIEW_S)
+    driven, ratios = findings.ratios(PREVIEW_S)
     for place in range(ratios.shape[1]):
         label = f"measured in the convoy, car {place + 2} over car {place + 1}"
-        axes.plot(swings, ratios[:, place], MARKS[place], color=GREEN, markersize=4.5, label=label)
-    axes.plot(swings, ratios.prod(axis=1) ** (1.0 / ratios.shape[1]), color=GREEN, linewidth=1.0)
-    swings, ratios = findings.ratios(SHORT_PREVIEW_S)
+        axes.plot(driven, ratios[:, place], MARKS[place], color=GREEN, markersize=4.5, label=label)
+    axes.plot(driven, ratios.prod(axis=1) ** (1.0 / ratios.shape[1]), color=GREEN, linewidth=1.0)
+    driven, ratios = findings.ratios(SHORT_PREVIEW_S)
     label = f"the same with a preview of {SHORT_PREVIEW_S:g} s, all cars"
-    axes.plot(swings, ratios.mean(axis=1), "D", color=PURPLE, mfc="white", ms=4.5, label=label)
+    axes.plot(driven, ratios.mean(axis=1), "D", color=PURPLE, mfc="white", ms=4.5, label=label)
     axes.axhline(1.0, color=GREY, linewidth=0.8)
     axes.set_ylim(0.0, 2.4)
     axes.set_xlabel("frequency (rad/s)")
@@ -168,15 +336,15 @@ def measured_propagation(findings: Findings) -> Figure:
     return figure
 
 
-PICTURES: dict[str, tuple[tuple[str, ...], Draw]] = {
-    "road.png": (("base",), errors.road),
-    "errors_base.png": (("base",), errors.base),
-    "errors_a_to_d.png": (("a", "b", "c", "d"), errors.a_to_d),
-    "errors_variable_speed.png": (("variable_speed",), errors.variable_speed),
-    "maxima.png": (("base",), maxima),
-    "lead_data.png": (("base", "no_lead_data", "long/with", "long/without"), lead_data),
-    "radius.png": (tuple(f"radius/{r:g}" for r in RADII), radius),
-    "propagation.png": (("propagation",), measured_propagation),
-    "field.png": (("field",), errors.field),
+PICTURES: dict[str, tuple[tuple[Need, ...], Draw]] = {
+    "road.png": ((BASE,), road),
+    "errors_base.png": ((BASE,), base),
+    "errors_a_to_d.png": ((A, B, C, D), a_to_d),
+    "errors_variable_speed.png": ((VARIABLE_SPEED,), variable_speed),
+    "maxima.png": ((BASE,), maxima),
+    "lead_data.png": ((BASE, NO_LEAD_DATA, LONG_WITH, LONG_WITHOUT), lead_data),
+    "radius.png": (tuple(at_radius(r) for r in RADII), radius),
+    "propagation.png": ((Part.PROPAGATION,), measured_propagation),
+    "field.png": ((Part.FIELD,), field),
 }
 """What each picture needs, and how it is drawn."""

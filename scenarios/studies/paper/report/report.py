@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +9,25 @@ import matplotlib as mpl
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.base import BASE
-from scenarios.studies.paper.claims.claim import VERDICTS, Claim, judge, sides
-from scenarios.studies.paper.claims.field import FIELD, numbers_of, settled
-from scenarios.studies.paper.claims.gains import GAINS
-from scenarios.studies.paper.claims.model import MODEL
-from scenarios.studies.paper.claims.other_cases import OTHER_CASES
-from scenarios.studies.paper.claims.theory import THEORY
-from scenarios.studies.paper.experiments import CASES
+from scenarios.studies.paper.claims import base, field, gains, model, other_cases, theory
+from scenarios.studies.paper.claims.claim import JUDGEMENTS, Answer, JudgedClaim, groups, judge
+from scenarios.studies.paper.claims.field import numbers_of, settled_errors
+from scenarios.studies.paper.experiments import RUNS_OF_CASE
 from scenarios.studies.paper.findings import SAME, Findings, non_increasing
+from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT
 from scenarios.studies.paper.report.pictures import PICTURES
 from scenarios.studies.paper.report.tables import tables
 from scenarios.studies.picture_style import STYLE
 
 SCHEMA = "convoy.reproduction/1"
-QUESTIONS = (*MODEL, *THEORY, *GAINS, *BASE, *OTHER_CASES, *FIELD)
+CLAIMS = (
+    *model.CLAIMS,
+    *theory.CLAIMS,
+    *gains.CLAIMS,
+    *base.CLAIMS,
+    *other_cases.CLAIMS,
+    *field.CLAIMS,
+)
 """All claims, in the order of the paper."""
 
 CAPTIONS = {
@@ -49,9 +52,9 @@ CAPTIONS = {
 }
 
 
-def write_report(findings: Findings, cases: Sequence[str], out: Path) -> list[Claim]:
+def write_report(findings: Findings, cases: Sequence[str], out: Path) -> list[JudgedClaim]:
     """Judge the findings on `cases`, write report and pictures into `out`; gives the claims."""
-    claims = judge(QUESTIONS, findings)
+    claims = judge(CLAIMS, findings)
     pictures = _draw(findings, out)
     text = "\n".join(_markdown(findings, cases, claims, pictures)) + "\n"
     (out / "report.md").write_text(text, encoding="utf-8")
@@ -72,7 +75,7 @@ def _draw(findings: Findings, out: Path) -> list[str]:
 
 
 def _markdown(
-    findings: Findings, cases: Sequence[str], claims: Sequence[Claim], pictures: Sequence[str]
+    findings: Findings, cases: Sequence[str], claims: Sequence[JudgedClaim], pictures: Sequence[str]
 ) -> Iterator[str]:
     yield "# The paper's claims, tested"
     yield ""
@@ -88,15 +91,15 @@ def _markdown(
     yield from _logs(findings, cases)
 
 
-def _counts(claims: Sequence[Claim]) -> str:
-    hold, open_, fail, rest = (sum(claim.verdict == v for claim in claims) for v in VERDICTS)
+def _counts(claims: Sequence[JudgedClaim]) -> str:
+    hold, open_, fail, rest = (sum(one.judgement == j for one in claims) for j in JUDGEMENTS)
     return (
         f"Of {len(claims)} claims {hold} hold, {open_} are undecided, {fail} do not hold, {rest} "
         "cannot be checked."
     )
 
 
-SIDES = {
+GROUPS = {
     "does not hold": "Do not hold",
     "undecided": "Undecided: hold or not with where on the road the samples fall",
     "noise spoils": "Hold with exact measurements, but with noise not for every seed",
@@ -104,20 +107,20 @@ SIDES = {
 }
 
 
-def _in_short(claims: Sequence[Claim]) -> Iterator[str]:
-    for side, found in sides(claims).items():
+def _in_short(claims: Sequence[JudgedClaim]) -> Iterator[str]:
+    for group, found in groups(claims).items():
         if found:
-            yield f"{SIDES[side]}:"
+            yield f"{GROUPS[group]}:"
             yield ""
-            for claim in found:
-                runs = "" if side == "does not hold" else f": {_runs(claim)}"
-                yield f"- {claim.paper} ({claim.where}){runs}"
+            for one in found:
+                runs = "" if group == "does not hold" else f": {_runs(one.answer)}"
+                yield f"- {one.claim.paper} ({one.claim.where}){runs}"
             yield ""
 
 
-def _runs(claim: Claim) -> str:
+def _runs(answer: Answer) -> str:
     """In how many runs a claim holds."""
-    tallies = ((claim.phases, "phases"), (claim.noise, "seeds"))
+    tallies = ((answer.phases, "phases"), (answer.noise, "seeds"))
     return ", ".join(f"{t.holding} of {t.runs} {name}" for t, name in tallies if t)
 
 
@@ -147,15 +150,16 @@ def _method() -> Iterator[str]:
     )
 
 
-def _claims(claims: Sequence[Claim]) -> Iterator[str]:
+def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     yield "## Claims"
     yield ""
     yield "| paper | says | we get | verdict | holds in | why, or how far |"
     yield "|---|---|---|---|---|---|"
-    for claim in claims:
-        open_or_not = claim.verdict in {"undecided", "does not hold"}
-        verdict = f"**{claim.verdict}**" if open_or_not else claim.verdict
-        cells = (claim.where, claim.paper, claim.ours, verdict, _runs(claim), claim.reason)
+    for one in claims:
+        claim, answer, verdict = one.claim, one.answer, str(one.judgement)
+        if verdict in {"undecided", "does not hold"}:
+            verdict = f"**{verdict}**"
+        cells = (claim.where, claim.paper, answer.ours, verdict, _runs(answer), answer.reason)
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
     yield ""
     yield "## Pictures"
@@ -177,7 +181,7 @@ def _logs(findings: Findings, cases: Sequence[str]) -> Iterator[str]:
 
 def logs(findings: Findings, cases: Sequence[str]) -> list[str]:
     """Logs that were kept, relative to the report."""
-    runs = {key: run for case in cases for key, run in CASES[case].items()}
+    runs = {key: run for case in cases for key, run in RUNS_OF_CASE[case].items()}
     found = [f"{key}/run.mcap" for key, run in runs.items() if run.logged and findings.has(key)]
     if findings.field is not None:
         found += [f"field/{name}/run.mcap" for name in findings.field.logs]
@@ -185,37 +189,48 @@ def logs(findings: Findings, cases: Sequence[str]) -> list[str]:
 
 
 def _machine_readable(
-    findings: Findings, cases: Sequence[str], claims: Sequence[Claim], pictures: Sequence[str]
+    findings: Findings, cases: Sequence[str], claims: Sequence[JudgedClaim], pictures: Sequence[str]
 ) -> dict[str, Any]:
     report: dict[str, Any] = {
         "schema": SCHEMA,
         "cases": list(cases),
-        "claims": [
-            asdict(claim)
-            | {"phases": claim.phases._asdict() if claim.phases else None}
-            | {"noise": claim.noise._asdict() if claim.noise else None}
-            for claim in claims
-        ],
-        "runs": {key: _figures(trial) for key, trial in findings.trials.items()},
+        "claims": [_row(one) for one in claims],
+        "runs": {str(key): _figures(trial) for key, trial in findings.trials.items()},
         "propagation": [
             {
-                "frequency_radps": weaving.frequency,
-                "preview_s": weaving.preview_s,
-                "amplitude_m": np.abs(weaving.amplitudes).tolist(),
-                "ratio": weaving.ratios,
+                "frequency_radps": one.frequency,
+                "preview_s": one.preview_s,
+                "amplitude_m": np.abs(one.amplitudes).tolist(),
+                "ratio": one.ratios,
             }
-            for weaving in sorted(findings.weavings, key=lambda weaving: weaving.frequency)
+            for one in sorted(findings.sine_responses, key=lambda one: one.frequency)
         ],
         "pictures": [*pictures, *(f"gains/{name}" for name in findings.gains_pictures or ())],
         "logs": logs(findings, cases),
     }
     if findings.field is not None:
-        for word, trial in (
-            ("field/with", findings.field.with_lead_data),
-            ("field/without", findings.field.without_lead_data),
+        for key, trial in (
+            (FIELD_WITH, findings.field.with_lead_data),
+            (FIELD_WITHOUT, findings.field.without_lead_data),
         ):
-            report["runs"][word] = _figures(trial) | numbers_of(settled(trial))
+            report["runs"][str(key)] = _figures(trial) | numbers_of(settled_errors(trial))
     return report
+
+
+def _row(one: JudgedClaim) -> dict[str, Any]:
+    """A judged claim as JSON."""
+    claim, answer = one.claim, one.answer
+    return {
+        "name": claim.name,
+        "where": claim.where,
+        "paper": claim.paper,
+        "ours": answer.ours,
+        "verdict": one.judgement,
+        "reason": answer.reason,
+        "phases": answer.phases._asdict() if answer.phases else None,
+        "noise": answer.noise._asdict() if answer.noise else None,
+        "numbers": answer.numbers,
+    }
 
 
 def _figures(trial: Trial) -> dict[str, Any]:

@@ -3,22 +3,23 @@
 from collections.abc import Iterator, Sequence
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.experiments import RADII, pieces
+from scenarios.studies.paper.experiments import RADII, lane_change_lengths
 from scenarios.studies.paper.findings import Findings, in_cm, non_increasing
-from scenarios.studies.paper.growth import linear
+from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, A, B, C, at_radius
+from scenarios.studies.paper.linear_prediction import linear
 
-EXPECTED = ("base", "no_lead_data", "a", "b", "c")
+EXPECTED = (BASE, NO_LEAD_DATA, A, B, C)
 """Cases of equal cars at constant speed."""
 
 CHANGED = {
-    "base/as_is": "nothing: the base case",
-    "base/blend": "one trajectory for each source, commands blended",
-    "base/lead_only": "lead's data only (α = 0)",
-    "base/slip_compensated": "slip compensated in bends (the product's default law)",
-    "base/knows_loading": "controller knows its load",
-    "base/slip_compensated_knows_loading": "both",
-    "base/own_state_at_50_hz": "own state measured at 50 Hz instead of 20 Hz",
-    "base/gap_25_m": "gaps of 25 m: the predecessor, too, is beyond the preview",
+    BASE.varied("as_is"): "nothing: the base case",
+    BASE.varied("blend"): "one trajectory for each source, commands blended",
+    BASE.varied("lead_only"): "lead's data only (α = 0)",
+    BASE.varied("slip_compensated"): "slip compensated in bends (the product's default law)",
+    BASE.varied("knows_loading"): "controller knows its load",
+    BASE.varied("slip_compensated_knows_loading"): "both",
+    BASE.varied("own_state_at_50_hz"): "own state measured at 50 Hz instead of 20 Hz",
+    BASE.varied("gap_25_m"): "gaps of 25 m: the predecessor, too, is beyond the preview",
 }
 
 
@@ -29,15 +30,18 @@ def tables(findings: Findings) -> Iterator[str]:
         yield from _table("What the base case depends on (first lane change)", "changed", rows)
     if any(map(findings.has, EXPECTED)):
         yield from _expected(findings)
-    if findings.has(f"radius/{RADII[0]:g}"):
+    if findings.has(at_radius(RADII[0])):
         yield from _radii(findings)
 
 
 def _radii(findings: Findings) -> Iterator[str]:
     rows = [
-        (f"{r:g} m, {word} ({_road(r)})", findings.trials[f"radius/{r:g}{suffix}"])
+        (f"{r:g} m, {word} ({_road(r)})", findings.trials[key])
         for r in RADII
-        for suffix, word in (("", "with"), ("/no_lead_data", "without"))
+        for key, word in (
+            (at_radius(r), "with"),
+            (at_radius(r).varied("no_lead_data"), "without"),
+        )
     ]
     yield from _table("Radius of the bends, with and without the lead's data", "radius", rows)
     decreasing = sum(non_increasing(trial.tracking) for _, trial in rows[::2])
@@ -53,7 +57,7 @@ def _radii(findings: Findings) -> Iterator[str]:
 
 
 def _road(radius: float) -> str:
-    arc, straight = pieces(radius)
+    arc, straight = lane_change_lengths(radius)
     return f"arcs of {arc:.0f} m, {straight:.0f} m between"
 
 
@@ -81,8 +85,4 @@ def _expected(findings: Findings) -> Iterator[str]:
             own, true = linear(findings, key)
             trial = findings.trials[key]
             cells = (own, trial.tracking, true, trial.cross_track)
-            yield (
-                f"| {key.upper() if len(key) == 1 else key.replace('_', ' ')} | "
-                + " | ".join(map(in_cm, cells))
-                + " |"
-            )
+            yield (f"| {key.label} | " + " | ".join(map(in_cm, cells)) + " |")

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from scenarios.studies.gains.numbers import Subject
+from scenarios.studies.gains.results import Subject
 from scenarios.studies.picture_style import RED, SEQUENCE
 from vehicles.car.parameters import Gains
 from vehicles.theory.gain_sets import boundary_curve, gain_extremes, stabilises_all
@@ -41,7 +41,7 @@ def _boundary(subject: Subject, speed: float, yaw_rate: float, size: Array) -> A
     """Boundary curve of the set at one speed and k_omega; NaN where both sides are alike.
 
     D-decomposition also gives curves between two unstable regions. `size` is the picture's extent
-    in (k_e, k_theta), of which 0.2 % to either side is looked at.
+    in (k_e, k_theta); membership is tested 0.2 % of it to either side.
     """
     curve = boundary_curve(subject.parameters, speed, yaw_rate, np.geomspace(0.02, 90.0, 16_000))
     along = np.gradient(curve / size, axis=0)

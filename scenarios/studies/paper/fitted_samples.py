@@ -1,4 +1,4 @@
-"""What the followers of a logged run fitted their trajectories to, sample by sample."""
+"""The samples to which the followers of a logged run fit their trajectories, for claims on them."""
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
@@ -8,14 +8,14 @@ from vehicles.messages import CompositeTrajectory, Message, TruePose
 
 LEAD, PREDECESSOR = 0, 1
 
-SETTLED = 100.0
-"""Way (m) after which a follower has left the straight line that stands for what it did not hear
-of the start; from then on all samples were received."""
+INITIAL_LINE_LEFT = 100.0
+"""Distance (m) after which a follower has left the straight line that stands for the poses it
+did not receive before its start; from then on all samples were received."""
 
 
 @dataclass(slots=True)
 class SampleFigures:
-    """Most samples ahead of the ego from one source, and what two samples say of the heading.
+    """Most samples ahead of the ego from one source, and the heading error of the two-sample rule.
 
     `rule_error` (rad) is the largest difference, at any instant of the run, between the car's true
     heading and that of the line through the sample closest to it and the second closest, the
@@ -28,22 +28,22 @@ class SampleFigures:
 
 
 class SampleCounter:
-    """Looks at every trajectory as it is recorded."""
+    """Counts the samples of every trajectory when it is recorded; a listener to a run."""
 
     def __init__(self) -> None:
         self.figures = SampleFigures()
         self._pose: dict[str, TruePose] = {}
 
-    def listen(self, message: Message) -> None:
-        """Take a message; only true poses and trajectories matter."""
+    def listen(self, _at: int, message: Message) -> None:
+        """Take a message; all but true poses and trajectories are ignored."""
         if isinstance(message, TruePose):
             self._pose[message.vehicle] = message
         elif isinstance(message, CompositeTrajectory):
             ego = self._pose.get(message.vehicle)
-            if ego is not None and ego.distance_m > SETTLED:
-                self._look(message, ego)
+            if ego is not None and ego.distance_m > INITIAL_LINE_LEFT:
+                self._count(message, ego)
 
-    def _look(self, trajectory: CompositeTrajectory, ego: TruePose) -> None:
+    def _count(self, trajectory: CompositeTrajectory, ego: TruePose) -> None:
         ux, uy = cos(ego.yaw_rad), sin(ego.yaw_rad)
         counts = [0, 0]
         away = []

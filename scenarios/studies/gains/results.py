@@ -1,0 +1,249 @@
+"""What `convoy gains` analyses and finds: one typed result per section, and their form as JSON.
+
+The names of the fields are the keys of gains.json. Where a field that may be left out is None,
+there is no key; any other None is null.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from typing import Any
+
+from vehicles.car.parameters import Gains, Loading, VehicleParameters, loaded
+from vehicles.theory.gain_margins import Ball
+from vehicles.theory.varying_speed import AccelerationBounds
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What a report is about; speeds (m/s) rising, the last being the one shown where one is."""
+
+    parameters: VehicleParameters
+    gains: Gains
+    speeds: Sequence[float]
+    loadings: Sequence[Loading]
+
+    @property
+    def reference(self) -> float:
+        """Speed (m/s) of what is shown at one speed."""
+        return self.speeds[-1]
+
+    @property
+    def cars(self) -> list[VehicleParameters]:
+        """The car with each loading."""
+        return [loaded(self.parameters, loading) for loading in self.loadings]
+
+
+@dataclass(frozen=True, slots=True)
+class GainBox:
+    """Least and greatest gains of a stabilising set."""
+
+    lateral_rad_per_m: Interval
+    heading_rad_per_rad: Interval
+    yaw_rate_s: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class GainBall:
+    """A ball of stabilising gains, measured in the units of the gains."""
+
+    radius_in_gain_units: float
+    nearest_unstable: Gains
+    root_there_radps: float
+    limiting_speed_mps: float
+
+    @classmethod
+    def of(cls, ball: Ball) -> "GainBall":
+        """Take over what theory found."""
+        return cls(ball.radius, ball.nearest, ball.frequency, ball.speed)
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeGainBall:
+    """A ball of stabilising gains, measured relative to the chosen gains."""
+
+    radius_ratio: float
+    nearest_unstable: Gains
+    root_there_radps: float
+    limiting_speed_mps: float
+
+    @classmethod
+    def of(cls, ball: Ball) -> "RelativeGainBall":
+        """Take over what theory found."""
+        return cls(ball.radius, ball.nearest, ball.frequency, ball.speed)
+
+
+@dataclass(frozen=True, slots=True)
+class StabilisingSet:
+    """Whether the gains are inside the sets, how large those are, and the margin inside.
+
+    There are no relative balls if one of the gains is zero.
+    """
+
+    inside_at_all_speeds: bool
+    inside_at_all_speeds_and_loadings: bool
+    box_at_reference_speed: GainBox
+    box_over_speeds: GainBox
+    box_over_speeds_and_loadings: GainBox
+    ball_at_reference_speed: GainBall
+    ball_over_speeds_and_loadings: GainBall
+    not_convex_between: tuple[Gains, Gains] | None
+    relative_ball_at_reference_speed: RelativeGainBall | None = None
+    relative_ball_over_speeds_and_loadings: RelativeGainBall | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Comparison of membership by Routh-Hurwitz with the roots, on random gains."""
+
+    random_points: int
+    disagreements_with_roots: int
+    boundary_tolerance_ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class AtSpeed:
+    """What holds at one constant speed: decay, margins of the gains, steady cornering."""
+
+    speed_mps: float
+    abscissa_per_s: float
+    ball_radius: float
+    lateral_change_rad_per_m: Interval
+    heading_change_rad_per_rad: Interval
+    yaw_rate_change_s: Interval
+    steady_lateral_error_at_300_m_radius_m: float
+    steady_heading_error_at_300_m_radius_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class MovedCentre:
+    """The car whose centre of mass moves with the load."""
+
+    front_axle_distance_m: float
+    steer_gradient_s2_rad_per_m: float
+    abscissa_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class AtLoading:
+    """What holds with one loading at the reference speed; roots as (real, imaginary)."""
+
+    front_passengers: int
+    rear_passengers: int
+    mass_kg: float
+    yaw_inertia_kgm2: float
+    singular_frequency_radps: float | None
+    roots_per_s: tuple[tuple[float, float], ...]
+    abscissa_per_s: float
+    stable_at_every_speed: bool
+    steady_lateral_error_at_300_m_radius_m: float
+    steady_lateral_error_unknown_load_m: float
+    with_moved_centre: MovedCentre
+
+
+@dataclass(frozen=True, slots=True)
+class CertifiedAt:
+    """Accelerations certified at one speed: by the full certificate, and by simpler ones.
+
+    In JSON each bound is a key of its own, such as certified_braking_mps2.
+    """
+
+    speed_mps: float
+    certified: AccelerationBounds
+    tuned_q_only: AccelerationBounds
+    unit_q_only: AccelerationBounds
+    unit_q_paper_model: AccelerationBounds
+
+
+@dataclass(frozen=True, slots=True)
+class VaryingSpeed:
+    """Certified accelerations between two speeds; the table is empty if nothing is certified."""
+
+    slowest_mps: float
+    fastest_mps: float
+    stable_at_every_speed: bool
+    decay_per_s: float
+    q_diagonal: tuple[float, ...]
+    table: tuple[CertifiedAt, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Amplification:
+    """How much of an error is passed on, with the predecessor's data only and a steering model.
+
+    At the reference speed it is simulated as well.
+    """
+
+    norm_ratio: float
+    peak_radps: float
+    norm_below_1_hz_ratio: float
+    peak_below_1_hz_radps: float
+    amplified_radps: tuple[Interval, ...]
+    maximum_gain_ratio: float
+    largest_alpha_ratio: float
+    simulated_radps: tuple[float, ...] | None = None
+    simulated_ratio: tuple[float, ...] | None = None
+    simulation_error_ratio_max: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TraceAmplification:
+    """How much of an error is passed on to a car that follows its predecessor's path."""
+
+    norm_below_1_hz_ratio: float
+    peak_below_1_hz_radps: float
+
+
+@dataclass(frozen=True, slots=True)
+class PropagationAt:
+    """How errors propagate at one speed; nothing is known of a loop that is not stable."""
+
+    speed_mps: float
+    stable: bool
+    low_frequency_growth_s2: float | None = None
+    instantaneous: Amplification | None = None
+    second_order: Amplification | None = None
+    traces: TraceAmplification | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GainsReport:
+    """All that `convoy gains` finds; `pictures` are the names of the files drawn."""
+
+    gains: Gains
+    reference_speed_mps: float
+    stabilising_set: StabilisingSet
+    verification: Verification
+    speeds: tuple[AtSpeed, ...]
+    loadings: tuple[AtLoading, ...]
+    varying_speed: VaryingSpeed
+    propagation: tuple[PropagationAt, ...]
+    pictures: tuple[str, ...] = ()
+
+
+def as_json(value: Any) -> Any:
+    """Give a result as JSON can hold it: null for infinity and what is not a number."""
+    match value:
+        case Gains():
+            return {
+                "lateral_rad_per_m": value.lateral,
+                "heading_rad_per_rad": value.heading,
+                "yaw_rate_s": value.yaw_rate,
+            }
+        case tuple():
+            return [as_json(entry) for entry in value]
+        case float():
+            return value if math.isfinite(value) else None
+    if not is_dataclass(value):
+        return value
+    found: dict[str, Any] = {}
+    for one in fields(value):
+        entry = getattr(value, one.name)
+        if isinstance(entry, AccelerationBounds):
+            found[f"{one.name}_braking_mps2"] = as_json(entry.braking)
+            found[f"{one.name}_accelerating_mps2"] = as_json(entry.accelerating)
+        elif entry is not None or one.default is MISSING:
+            found[one.name] = as_json(entry)
+    return found

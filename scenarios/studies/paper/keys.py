@@ -1,0 +1,119 @@
+"""Keys of the parts of a reproduction, and their text for folders, report.json and progress."""
+
+from dataclasses import KW_ONLY, dataclass, replace
+from enum import StrEnum
+from typing import Literal
+
+Setup = Literal[
+    "base", "a", "b", "c", "d", "variable_speed", "no_lead_data", "long", "radius", "field"
+]
+"""Convoy and road: a case of the paper, or one made to test a claim."""
+
+Variant = Literal[
+    "as_is",
+    "blend",
+    "gap_25_m",
+    "knows_loading",
+    "lead_only",
+    "no_lead_data",
+    "own_state_at_50_hz",
+    "same_times",
+    "slip_compensated",
+    "slip_compensated_knows_loading",
+    "with",
+    "without",
+]
+"""What is changed of the setup."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunKey:
+    """One run: its setup, the radius (m) of its curves, what is changed, and which repetition.
+
+    A run with neither `phase` nor `seed` is the exact one. `phase` is the share by which the road
+    is moved, `seed` that of the receiver's noise.
+    """
+
+    setup: Setup
+    variant: Variant | None = None
+    _: KW_ONLY
+    radius: float | None = None
+    phase: float | None = None
+    seed: int | None = None
+
+    def __str__(self) -> str:
+        parts: list[str] = [self.setup]
+        if self.radius is not None:
+            parts.append(f"{self.radius:g}")
+        if self.variant is not None:
+            parts.append(self.variant)
+        if self.phase is not None:
+            parts.append(f"phase/{self.phase:g}")
+        if self.seed is not None:
+            parts.append(f"noise/{self.seed}")
+        return "/".join(parts)
+
+    @property
+    def label(self) -> str:
+        """Text for tables and axes."""
+        text = str(self)
+        return text.upper() if len(text) == 1 else text.replace("_", " ")
+
+    @property
+    def exact(self) -> "RunKey":
+        """The run without noise and on the road as it is, of which this one is a repetition."""
+        return replace(self, phase=None, seed=None)
+
+    def varied(self, variant: Variant) -> "RunKey":
+        """Give the same run with something changed."""
+        return replace(self, variant=variant)
+
+    def moved(self, phase: float) -> "RunKey":
+        """Give the repetition on a moved road."""
+        return replace(self, phase=phase)
+
+    def noisy(self, seed: int) -> "RunKey":
+        """Give the repetition with a receiver's noise."""
+        return replace(self, seed=seed)
+
+
+BASE = RunKey("base")
+A, B, C, D = RunKey("a"), RunKey("b"), RunKey("c"), RunKey("d")
+VARIABLE_SPEED = RunKey("variable_speed")
+NO_LEAD_DATA = RunKey("no_lead_data")
+LONG_WITH, LONG_WITHOUT = RunKey("long", "with"), RunKey("long", "without")
+"""Eight cars with and without the lead's data."""
+
+FIELD_WITH, FIELD_WITHOUT = RunKey("field", "with"), RunKey("field", "without")
+"""The field experiment with and without the lead's data."""
+
+
+def at_radius(radius: float) -> RunKey:
+    """Give the run on curves of this radius (m)."""
+    return RunKey("radius", radius=radius)
+
+
+class Part(StrEnum):
+    """A part of the reproduction that is more than one run."""
+
+    PROPAGATION = "propagation"
+    GAINS = "gains"
+    FIELD = "field"
+
+
+@dataclass(frozen=True, slots=True)
+class SineKey:
+    """A convoy behind a lead on a sine: its frequency (rad/s) and the followers' preview (s)."""
+
+    frequency: float
+    preview_s: float
+
+    def __str__(self) -> str:
+        return f"{Part.PROPAGATION} at {self.frequency:g} rad/s, preview {self.preview_s:g} s"
+
+
+Need = RunKey | Part
+"""A result that a claim or a picture needs."""
+
+JobKey = RunKey | Part | SineKey
+"""A part that is carried out by itself."""

@@ -1,0 +1,57 @@
+"""The text of keys: folder names, keys in report.json, progress lines."""
+
+import pytest
+
+from scenarios.studies.paper.experiments import RUNS_OF_CASE
+from scenarios.studies.paper.keys import (
+    BASE,
+    FIELD_WITHOUT,
+    LONG_WITH,
+    NO_LEAD_DATA,
+    VARIABLE_SPEED,
+    A,
+    JobKey,
+    Part,
+    SineKey,
+    at_radius,
+)
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        (BASE, "base"),
+        (A.varied("same_times"), "a/same_times"),
+        (BASE.noisy(1), "base/noise/1"),
+        (BASE.moved(0.25), "base/phase/0.25"),
+        (BASE.moved(0.5), "base/phase/0.5"),
+        (NO_LEAD_DATA.noisy(5), "no_lead_data/noise/5"),
+        (LONG_WITH, "long/with"),
+        (at_radius(300.0), "radius/300"),
+        (at_radius(1000.0).varied("no_lead_data"), "radius/1000/no_lead_data"),
+        (at_radius(200.0).noisy(2), "radius/200/noise/2"),
+        (FIELD_WITHOUT.noisy(3), "field/without/noise/3"),
+        (Part.PROPAGATION, "propagation"),
+        (SineKey(0.8, 0.25), "propagation at 0.8 rad/s, preview 0.25 s"),
+        (SineKey(10.0, 0.8), "propagation at 10 rad/s, preview 0.8 s"),
+    ],
+)
+def test_text(key: JobKey, text: str) -> None:
+    assert str(key) == text
+    assert f"{key}" == text
+
+
+def test_no_two_runs_share_a_text() -> None:
+    keys = {key for case in RUNS_OF_CASE.values() for key in case}
+    assert len({str(key) for key in keys}) == len(keys)
+
+
+def test_a_repetition_knows_its_exact_run() -> None:
+    key = at_radius(400.0).varied("slip_compensated")
+    assert key.noisy(2).exact == key.moved(0.5).exact == key.exact == key
+    assert key.noisy(2) != key
+
+
+def test_labels() -> None:
+    assert A.label == "A"
+    assert VARIABLE_SPEED.label == "variable speed"
