@@ -10,13 +10,11 @@ from itertools import pairwise
 from math import cos, hypot, sin
 from pathlib import Path
 
-from scenarios.runs.actors import Actor
-from scenarios.runs.node.outbox import Witness, nobody
-from transport.bus.bus import Bus
+from scenarios.runs.node.sink import Sink
+from scenarios.runs.step_order import Stepper
 from transport.clock import Tick
-from transport.codec import encode
 from transport.log.mcap_log import LogError, LogReader
-from transport.topics import TOPIC_OF, instant, key
+from transport.topics import instant
 from vehicles.car.gnss import from_message
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose
@@ -27,22 +25,20 @@ SEARCHED = 150.0
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """What one vehicle will have said, in order of time, with the instants of the new run."""
+    """The messages of one replayed vehicle, in order of time, with the instants of the new run."""
 
     vehicle: str
     messages: tuple[GpsPose | TruePose, ...]
 
-    def actor(self, bus: Bus, witness: Witness = nobody) -> Actor:
-        """Let it publish each message at its instant, as the vehicle itself would."""
-        said = iter(self.messages)
+    def stepper(self, sink: Sink) -> Stepper:
+        """Send each message at its instant, as the vehicle itself would."""
+        messages = iter(self.messages)
 
         def step(_: Tick) -> None:
-            message = next(said)
-            topic, data = TOPIC_OF[type(message)], encode(message)
-            bus.publish(key(self.vehicle, topic), data, urgent=topic.urgent)
-            witness(topic, data, message)
+            sink.send(next(messages))
+            sink.flush()
 
-        return Actor(self.vehicle, self._ticks, step)
+        return Stepper(self.vehicle, self._ticks, step)
 
     def _ticks(self) -> Iterator[Tick]:
         return (Tick(instant(message), 0.0) for message in self.messages)

@@ -4,8 +4,9 @@ import time
 from collections.abc import Iterable, Iterator
 
 from scenarios.definition.scenario import Scenario
-from scenarios.runs.node.assembly import Kit
+from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.probe import ProcessProbe
+from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
 from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
@@ -21,10 +22,10 @@ END_S = 8.0
 
 def be_vehicle(scenario: Scenario, name: str, options: ZenohOptions, stop: Stop) -> int:
     """Be vehicle `name` of `scenario` for one run; returns the exit code."""
-    kit = Kit(scenario, name)
+    builder = VehicleBuilder(scenario, name)
     stop.begun = True
     with open_bus(options) as bus:
-        finished = drive(kit, bus, stop)
+        finished = drive(builder, bus, stop)
     return 0 if finished else stop.exit_code
 
 
@@ -57,25 +58,25 @@ class Conducted:
         return self.start is not None and end.end_at_ns != self.start.start_at_ns
 
 
-def drive(kit: Kit, bus: Bus, stop: Stop) -> bool:
+def drive(builder: VehicleBuilder, bus: Bus, stop: Stop) -> bool:
     """Announce the vehicle, wait for the start, drive, tell how it went.
 
     Returns whether it drove until the run was over, rather than until it was asked to stop.
     """
     conducted = Conducted(bus)
-    bus.announce(kit.name)
+    bus.announce(builder.name)
     while conducted.start is None and not stop.asked:
         time.sleep(POLL_S)
     if conducted.start is None:
         return False
     start_at = conducted.start.start_at_ns
-    end_at = start_at + kit.duration_ns
+    end_at = start_at + builder.duration_ns
     clock = WallClock(stop.event)
-    probe = ProcessProbe(late_after(kit.control_rate_hz))
-    node = kit.node(start_at, bus, probe)
+    probe = ProcessProbe(late_after(builder.control_rate_hz))
+    node = builder.node(start_at, BusSink(builder.name, bus), probe)
     for sender_key in node.inbox.keys:
         bus.subscribe(sender_key, node.inbox.on_bytes)
-    for tick in punctual(kit.ticks(start_at), clock, probe):
+    for tick in punctual(builder.ticks(start_at), clock, probe):
         if stop.asked or conducted.end is not None:
             break
         node.step(tick)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe, Probe, Usage
+from scenarios.runs.node.sink import BusSink
 from tests.made.messages import START, at, gps
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import ticks
@@ -76,7 +77,7 @@ def ear() -> Inbox:
 def outbox(bus: MemoryBus, inbox: Inbox | None = None, probe: Probe | None = None) -> Outbox:
     return Outbox(
         vehicle="v3",
-        bus=bus,
+        sink=BusSink("v3", bus),
         plane=PLANE,
         inbox=inbox or ear(),
         probe=probe or NoProbe(),
@@ -243,17 +244,16 @@ def refuse(inbox: Inbox, wrong: Iterable[bytes]) -> None:
     inbox.take(at(1.0))
 
 
-def test_a_witness_sees_what_the_bus_carries() -> None:
+def test_on_sent_is_given_what_the_bus_carries() -> None:
     seen: list[tuple[Topic, bytes, Message]] = []
     bus = UrgentBus()
     box = Outbox(
         vehicle="v3",
-        bus=bus,
+        sink=BusSink("v3", bus, lambda topic, data, message: seen.append((topic, data, message))),
         plane=PLANE,
         inbox=ear(),
         probe=NoProbe(),
         start_at=START,
-        witness=lambda topic, data, message: seen.append((topic, data, message)),
     )
     box.publish(START, BODY, FIX, DECISION)
     assert [decode(topic, data) for topic, data, _ in seen] == bus.said

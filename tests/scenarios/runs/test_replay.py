@@ -9,6 +9,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.drives import Trial
+from scenarios.runs.node.sink import BusSink
 from scenarios.runs.rehearsal import record, rehearse
 from scenarios.runs.replay import Record, head_start, read_record
 from scenarios.runs.run_log import LOG_NAME
@@ -48,9 +49,9 @@ def published(drive: Record, start_at: int, ahead: float = 0.0) -> list[Message]
     bus.subscribe("convoy/v1/gps", lambda _, data: heard.append(decode(TOPICS["gps"], data)))
     bus.subscribe("convoy/v1/truth", lambda _, data: heard.append(decode(TOPICS["truth"], data)))
     replay = drive.replay(start_at=start_at, ahead=ahead)
-    actor = replay.actor(bus)
-    for tick in actor.ticks():
-        actor.step(tick)
+    stepper = replay.stepper(BusSink(replay.vehicle, bus))
+    for tick in stepper.ticks():
+        stepper.step(tick)
     return heard
 
 
@@ -69,7 +70,8 @@ def test_a_replayed_vehicle_says_what_was_recorded(
 
 
 def test_it_is_replayed_in_order_of_time(lead: Record) -> None:
-    instants = [tick.at for tick in lead.replay(start_at=7 * SECOND).actor(MemoryBus()).ticks()]
+    stepper = lead.replay(start_at=7 * SECOND).stepper(BusSink("v1", MemoryBus()))
+    instants = [tick.at for tick in stepper.ticks()]
     assert instants == sorted(instants)
     assert instants[0] == 7 * SECOND
 
@@ -89,9 +91,9 @@ def test_an_inbox_takes_every_replayed_pose(lead: Record, ahead: float) -> None:
     bus = MemoryBus()
     bus.subscribe(inbox.keys[0], inbox.on_bytes)
     replay = lead.replay(start_at=start_at, ahead=ahead)
-    actor = replay.actor(bus)
-    for tick in actor.ticks():
-        actor.step(tick)
+    stepper = replay.stepper(BusSink(replay.vehicle, bus))
+    for tick in stepper.ticks():
+        stepper.step(tick)
     heard = inbox.take(start_at + 10 * SECOND)
     assert not inbox.rejected
     assert len(heard) == sum(isinstance(message, GpsPose) for message in replay.messages)
@@ -126,6 +128,19 @@ def test_the_log_of_a_run_behind_a_replay_holds_the_replayed_car(
     assert counts["v1", "truth"] == 300
     assert ("v1", "command") not in counts
     assert counts["v2", "command"] == 300
+
+
+def test_a_record_longer_than_the_run_counts_up_to_the_end_of_the_run(
+    recorded: tuple[Path, Trial], tmp_path: Path
+) -> None:
+    short = load_scenario("lane_change", ["duration_s=3.0", "convoy.vehicles=3"], seed=5)
+    lead = read_record(recorded[0], "v1")
+    assert lead.poses[-1].measured_at_ns - lead.started_at > 5 * SECOND
+    logged = record(short, tmp_path, [lead.replay(start_at=short.start_at_ns)])
+    kept = rehearse(short, [lead.replay(start_at=short.start_at_ns)])
+    assert [len(drive.at) for drive in kept.drives] == [150, 150, 150]
+    for drive, again in zip(kept.drives, logged.drives, strict=True):
+        assert np.array_equal(drive.cross_track, again.cross_track)
 
 
 def test_a_gap_behind_its_start_the_record_begins_at_once(convoy: Scenario, lead: Record) -> None:
