@@ -17,7 +17,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.review import open_view
 from scenarios.results.summary import SUMMARY_NAME, summary_of, summary_text
 from scenarios.runs.processes.launcher import LaunchPlan, launch
-from scenarios.runs.processes.recording import Recording
+from scenarios.runs.processes.recording import RecorderProcess
 from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.recorder import Listener
 from scenarios.runs.run_log import LOG_NAME
@@ -79,13 +79,13 @@ def record_run(
     folder = run_folder(scenario, out)
     with open_bus(options) as bus:
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
-            recording = Recording(
+            recorder = RecorderProcess(
                 scenario, bus, folder, stop, gather_s=gather_s, listeners=watchers
             )
-            summary = recording.carry_on()
+            summary = recorder.record_until_over()
         show(summary, folder, quiet=quiet)
-        # Last of all: where one container's end ends all, this one must not be late.
-        recording.dismiss()
+        # Last of all: on this the vehicles end, and the end of one container may stop all others.
+        recorder.announce_completion()
     if quiet and summary["reason"] and not stop.asked:
         click.echo(summary["reason"], err=True)
     # A signal that comes when all is done changes nothing any more.
