@@ -10,7 +10,8 @@ from typing import Any
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.metrics import Metrics
-from transport.log.mcap_log import LogError, LogReader
+from transport.log.reader import LogReader
+from transport.log.records import LogError
 from vehicles.messages import RunStart
 
 SUMMARY_NAME = "summary.json"

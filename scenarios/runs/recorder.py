@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from scenarios.results.metrics import Metrics
 from transport.codec import RefusedMessageError, decode, encode
-from transport.log.mcap_log import LogWriter
+from transport.log.writer import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
 from vehicles.messages import GpsPose, Health, LogText, Message, RunStart
 from vehicles.schedule import SECOND

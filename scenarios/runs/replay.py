@@ -13,7 +13,8 @@ from pathlib import Path
 from scenarios.runs.node.sink import Sink
 from scenarios.runs.step_order import Stepper
 from transport.clock import Tick
-from transport.log.mcap_log import LogError, LogReader
+from transport.log.reader import LogReader
+from transport.log.records import LogError
 from transport.topics import instant
 from vehicles.car.gnss import from_message
 from vehicles.geometry.geodesy import LocalPlane

@@ -16,7 +16,7 @@ from scenarios.results.summary import (
     summary_text,
 )
 from scenarios.runs.recorder import Listener, Recorder
-from transport.log.mcap_log import LogWriter
+from transport.log.writer import LogWriter
 from vehicles.messages import RunEnd, RunStart
 from vehicles.schedule import SECOND
 

@@ -139,7 +139,7 @@ def read_gpx(text: str) -> Recording:
 
 def read_log(path: Path, vehicle: str | None) -> Recording:
     """Read the GPS poses that `vehicle`, by default the lead, broadcast in an earlier run."""
-    from transport.log.mcap_log import LogError  # noqa: PLC0415 - not in a vehicle's process
+    from transport.log.records import LogError  # noqa: PLC0415 - not in a vehicle's process
 
     try:
         poses = sorted(_poses(path, vehicle), key=lambda pose: pose.measured_at_ns)
@@ -164,7 +164,7 @@ def read_log(path: Path, vehicle: str | None) -> Recording:
 
 
 def _poses(path: Path, vehicle: str | None) -> list[GpsPose]:
-    from transport.log.mcap_log import LogReader  # noqa: PLC0415 - not in a vehicle's process
+    from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
 
     log = LogReader(path)
     senders = [name for name in log.vehicles if log.counts.get((name, "gps"))]

@@ -11,7 +11,8 @@ from scenarios.definition.scenario import Scenario
 from scenarios.runs.processes.supervisor import ChildProcess, describe
 from scenarios.runs.run_log import LOG_NAME
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from transport.log.mcap_log import LogError, repair
+from transport.log.mcap_file import repair
+from transport.log.records import LogError
 
 WATCH_PERIOD_S = 0.05
 RECORDER = "recorder"

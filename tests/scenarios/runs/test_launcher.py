@@ -13,7 +13,7 @@ from scenarios.runs.run_log import LOG_NAME, RunLog
 from scenarios.runs.stop import Stop
 from tests.made.messages import START
 from transport.bus.bus import BusError
-from transport.log.mcap_log import LogReader
+from transport.log.reader import LogReader
 
 ENDPOINT = "tcp/127.0.0.1:4711"
 SEGMENTATION_FAULT = -signal.SIGSEGV

@@ -10,7 +10,8 @@ from scenarios.results.metrics import Metrics
 from scenarios.runs.recorder import Recorder
 from tests.made.messages import START, at, command, gps, health, start, text, tracking, truth
 from transport.codec import MAX_BYTES, encode
-from transport.log.mcap_log import LogReader, LogWriter
+from transport.log.reader import LogReader
+from transport.log.writer import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, key
 from vehicles.messages import LogText, Message, RunEnd, RunStart
 from vehicles.schedule import instant

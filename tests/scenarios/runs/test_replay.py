@@ -17,7 +17,8 @@ from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode
 from transport.links.inbox import Inbox
 from transport.links.link import LinkRule
-from transport.log.mcap_log import LogError, LogReader
+from transport.log.reader import LogReader
+from transport.log.records import LogError
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Message, TruePose

@@ -16,7 +16,8 @@ from scenarios.results.summary import SCENARIO_NAME, summary_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from transport.codec import encode
-from transport.log.mcap_log import LogReader, LogWriter
+from transport.log.reader import LogReader
+from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF
 from vehicles.messages import (
     CompositeTrajectory,

@@ -26,7 +26,7 @@ from scenarios.studies.paper.field_runs import as_run, field_runs
 from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, weaving_scenario
 from scenarios.studies.paper.linear_prediction import predicted
 from tests.made.messages import truth
-from transport.log.mcap_log import LogReader
+from transport.log.reader import LogReader
 from vehicles.car.parameters import NOMINAL_GAINS
 from vehicles.messages import CompositeTrajectory, RunStart
 from vehicles.theory.string_stability import Transfer
