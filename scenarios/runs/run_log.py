@@ -25,6 +25,7 @@ LOG_NAME = "run.mcap"
 EARLY_NS = SECOND
 """A vehicle that is told before the start that the run is over says its last words then."""
 NEVER = 2**63
+SLOW_WRITER = "this version of the mcap package writes the log in its own, slower way"
 
 
 class RunLog:
@@ -67,7 +68,10 @@ class RunLog:
         """Log the start instant (ns); returns the announcement for the bus."""
         self._start_at = start_at
         self.recorder.valid_from = start_at - EARLY_NS
-        return self.recorder.put(RunStart, at, start_at_ns=start_at, run_id=self._about["run_id"])
+        start = self.recorder.put(RunStart, at, start_at_ns=start_at, run_id=self._about["run_id"])
+        if not self._writer.fast:
+            self.recorder.say(at, SLOW_WRITER, "warning")
+        return start
 
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.

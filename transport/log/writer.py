@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from transport.codec import PROTOBUF, decode
-from transport.log.fast_mcap import new_writer
+from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.foxglove import Twin, descriptor_set, twins
 from transport.log.records import LogError
 from transport.topics import Topic, key
@@ -54,6 +54,8 @@ class LogWriter:
         except OSError as error:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
         self._writer = new_writer(self._file)
+        self.fast = isinstance(self._writer, FastWriter)
+        """False with a version of the mcap package that allows no faster way to add messages."""
         self._writer.start(profile="", library=library or library_name())
         self._file.flush()  # even a log without a message is recognised as one
         self._twins = twins()
