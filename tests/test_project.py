@@ -1,5 +1,6 @@
 """The project as a whole: its checks, its folders, its imports and its dependencies."""
 
+import ast
 import fnmatch
 import importlib.metadata
 import importlib.util
@@ -7,6 +8,7 @@ import re
 import subprocess
 import sys
 import tomllib
+import warnings
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -25,7 +27,12 @@ TOP_LEVEL = {
     "docker-compose.yml", "Dockerfile", ".dockerignore", ".gitignore", ".ci",
 }  # fmt: skip
 GENERATED = {"transport/convoy_pb2.py"}
-LONGEST_MODULE = 300
+MOST_STATEMENTS = 40
+"""Of a function."""
+MOST_MODULES = 12
+"""Of a folder."""
+LONG_MODULE = 350
+"""Lines of a module that deserve a look."""
 PURE = {
     "bisect", "collections", "dataclasses", "enum", "fractions", "functools", "heapq", "importlib",
     "itertools", "math", "numpy", "pymap3d", "scipy", "typing",
@@ -88,13 +95,55 @@ def sources() -> list[Path]:
     return sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
 
 
+MODULES = [name for path in sources() if (name := str(path.relative_to(ROOT))) not in GENERATED]
+
+
+def statements(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Statements of a function but its docstring, those of functions inside it included."""
+    inside = sum(isinstance(node, ast.stmt) for node in ast.walk(function)) - 1
+    return inside - (ast.get_docstring(function) is not None)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_functions_are_short(name: str) -> None:
+    """A module over a page is looked at; whether it is one subject no number can tell."""
+    text = (ROOT / name).read_text(encoding="utf-8")
+    functions = [
+        node
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
+    assert {one.name for one in functions if statements(one) > MOST_STATEMENTS} == set()
+    if text.count("\n") > LONG_MODULE:
+        warnings.warn(f"{name} has {text.count(chr(10))} lines: one subject?", stacklevel=1)
+
+
+def folders() -> list[Path]:
+    """Folders with modules, of the packages and of the tests."""
+    found = {path.parent for name in (*PACKAGES, "tests") for path in (ROOT / name).rglob("*.py")}
+    return sorted(folder for folder in found if "__pycache__" not in folder.parts)
+
+
+@pytest.mark.parametrize("folder", folders(), ids=lambda one: str(one.relative_to(ROOT)))
+def test_a_folder_can_be_taken_in_at_a_glance(folder: Path) -> None:
+    modules = [path for path in folder.glob("*.py") if path.stem != "__init__"]
+    assert len(modules) <= MOST_MODULES
+
+
 @pytest.mark.parametrize(
-    "name",
-    [name for path in sources() if (name := str(path.relative_to(ROOT))) not in GENERATED],
+    "folder",
+    [folder for folder in folders() if folder.relative_to(ROOT).parts[0] != "tests"],
+    ids=lambda one: str(one.relative_to(ROOT)),
 )
-def test_no_module_is_longer_than_can_be_read_at_a_time(name: str) -> None:
-    lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
-    assert len(lines) <= LONGEST_MODULE
+def test_a_folder_s_map_names_what_is_in_it(folder: Path) -> None:
+    """Every room and module of a folder stands in its `__init__`, and nothing else does."""
+    text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+    assert text
+    modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "__main__", "convoy_pb2"}
+    rooms = {path.parent.name for path in folder.glob("*/__init__.py")}
+    named = re.findall(r"^ {4}(\w[\w, /]*?)(?: {2,}|$)", text, flags=re.MULTILINE)
+    words = {word.strip(" /") for line in named for word in line.split(",")} - {""}
+    assert words - {"library"} == modules | rooms
 
 
 def test_everything_that_ships_is_in_the_distribution() -> None:
@@ -239,15 +288,16 @@ HEAVY = {"scipy", "rich", "rerun", "mcap", "matplotlib", "pandas", "pyarrow", "z
 def test_a_vehicle_s_process_loads_nothing_that_it_does_not_need() -> None:
     """Each takes megabytes, of which a process has 80."""
     drive = """
-from scenarios.runs.node.assembly import Kit
+from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.node.sink import BusSink
 from scenarios.definition.scenario import load_scenario
 from transport.bus.memory_bus import MemoryBus
 import scenarios.cli.main, scenarios.runs.processes.vehicle
 for scenario in ("lane_change", "church_lot", "highway"):
-    kit = Kit(load_scenario(scenario, ["duration_s=0.2"]), "v2")
-    node = kit.node(0, MemoryBus(), NoProbe())
-    for tick in kit.ticks(0):
+    builder = VehicleBuilder(load_scenario(scenario, ["duration_s=0.2"]), "v2")
+    node = builder.node(0, BusSink("v2", MemoryBus()), NoProbe())
+    for tick in builder.ticks(0):
         node.step(tick)
 """
     loaded = {name.split(".")[0] for name in modules_after(drive)}

@@ -24,7 +24,7 @@ from scenarios.cli.options import (
     zenoh_options,
 )
 from scenarios.cli.study import COMMANDS
-from scenarios.runs.stop import first_of_all
+from scenarios.runs.stop import stop_on_request
 
 EXAMPLES = """\b
 Examples:
@@ -93,7 +93,7 @@ Examples:
 @leash_option
 def router(*, until_empty: bool, leash: bool, **flags: Any) -> None:
     """Start the Zenoh router that the vehicles and the recorder meet at."""
-    stop = first_of_all(leash=leash)
+    stop = stop_on_request(with_launcher=leash)
     from scenarios.runs.processes.router import route
 
     with clear_errors():
@@ -121,13 +121,13 @@ def vehicle(
     **flags: Any,
 ) -> None:
     """Be one vehicle of SCENARIO; starts when the recorder says so."""
-    stop = first_of_all(leash=leash)
+    stop = stop_on_request(with_launcher=leash)
     from scenarios.definition.scenario import load_scenario
-    from scenarios.runs.processes.vehicle import be_vehicle
+    from scenarios.runs.processes.vehicle import run_vehicle
 
     with clear_errors():
         convoy = load_scenario(scenario, overrides, seed)
-        sys.exit(be_vehicle(convoy, name, zenoh_from(flags), stop))
+        sys.exit(run_vehicle(convoy, name, zenoh_from(flags), stop))
 
 
 @cli.command(
@@ -163,7 +163,7 @@ def record(
     **flags: Any,
 ) -> None:
     """Gather the vehicles of SCENARIO, start them together, and write the log of their run."""
-    stop = first_of_all(leash=leash)
+    stop = stop_on_request(with_launcher=leash)
     from scenarios.cli.run import record_run
     from scenarios.definition.scenario import load_scenario
 

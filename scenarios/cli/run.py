@@ -16,13 +16,14 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of
 from scenarios.results.review import open_view
 from scenarios.results.summary import RunSummary, to_json
-from scenarios.runs.processes.launcher import Launch, launch
-from scenarios.runs.processes.recording import Recording
+from scenarios.runs.processes.launcher import LaunchPlan, launch
+from scenarios.runs.processes.recording import RecorderProcess
+from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.recorder import Listener
 from scenarios.runs.stop import EXIT_FAILED, Stop, stop_on_signals
 from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.log.mcap_log import LogError
+from transport.log.records import LogError
 from transport.picture.view import parse_rerun_option
 
 
@@ -44,22 +45,22 @@ def run_scenario(
     folder = run_folder(scenario, out)
     stop = stop_on_signals()
     if clock == "virtual":
-        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears:
-            summary = run_virtual(scenario, folder, stop, listeners=ears)
+        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
+            summary = run_virtual(scenario, folder, stop, listeners=watchers)
         show(summary, folder, quiet=quiet)
         return stop.exit_code if summary.reason else 0
     again = [name, *(f"--set={text}" for text in overrides)]
     if seed is not None:
         again.append(f"--seed={seed}")
     recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
-    fate = launch(Launch(scenario, again, folder, recorder_flags), stop)
-    if fate.reason:
+    outcome = launch(LaunchPlan(scenario, again, folder, recorder_flags), stop, Supervisor())
+    if outcome.reason:
         console = Console(stderr=True)
-        console.print(f"[bold red]{fate.reason}[/]", highlight=False)
-    if fate.repaired:
+        console.print(f"[bold red]{outcome.reason}[/]", highlight=False)
+    if outcome.repaired:
         with suppress(LogError):  # killed before the first message
             sum_up(folder, quiet=quiet)
-    return fate.exit_code
+    return outcome.exit_code
 
 
 def record_run(
@@ -76,12 +77,14 @@ def record_run(
     stop.begun = True
     folder = run_folder(scenario, out)
     with open_bus(options) as bus:
-        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as ears:
-            recording = Recording(scenario, bus, folder, stop, gather_s=gather_s, listeners=ears)
-            summary = recording.carry_on()
+        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
+            recorder = RecorderProcess(
+                scenario, bus, folder, stop, gather_s=gather_s, listeners=watchers
+            )
+            summary = recorder.record_until_over()
         show(summary, folder, quiet=quiet)
-        # Last of all: where one container's end ends all, this one must not be late.
-        recording.dismiss()
+        # Last of all: on this the vehicles end, and the end of one container may stop all others.
+        recorder.announce_completion()
     if quiet and summary.reason and not stop.asked:
         click.echo(summary.reason, err=True)
     # A signal that comes when all is done changes nothing any more.
@@ -101,7 +104,7 @@ def run_folder(scenario: Scenario, out: Path | None) -> Path:
 def listeners(
     scenario: Scenario, rerun: str, *, run_id: str, quiet: bool
 ) -> Iterator[list[Listener]]:
-    """Everyone who looks on while a run is recorded: the viewer and the progress line."""
+    """Open the viewer and the progress line, which are given each message as it is recorded."""
     with ExitStack() as stack:
         view = stack.enter_context(open_view(parse_rerun_option(rerun), scenario, run_id))
         found: list[Listener] = [view.draw]

@@ -6,7 +6,8 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
-from transport.log.mcap_log import LogError, LogReader
+from transport.log.reader import LogReader
+from transport.log.records import LogError
 from vehicles.messages import RunStart
 
 LOG_NAME = "run.mcap"

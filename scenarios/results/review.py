@@ -7,7 +7,8 @@ import click
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from transport.log.mcap_log import LogError, LogReader
+from transport.log.reader import LogReader
+from transport.log.records import LogError
 from transport.picture.view import RerunOption, RerunView
 from transport.topics import CONDUCTOR
 from vehicles.messages import RunStart

@@ -7,7 +7,7 @@ from typing import cast
 from scenarios.results.metrics import Metrics
 from transport.codec import RefusedMessageError, decode, encode
 from transport.links.gate import HORIZON_NS, PoseGate
-from transport.log.mcap_log import LogWriter
+from transport.log.writer import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Health, LogText, Message, RunEnd, RunStart

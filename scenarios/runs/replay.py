@@ -1,7 +1,7 @@
-"""A recorded vehicle put back on the bus: its poses from the log of a run, shifted in time.
+"""A recorded vehicle back on the bus: its poses from the log of a run, shifted in time.
 
-The followers behind it are live and cannot tell: the same messages come over the same links. What
-the log knows of the car's true state is published along with it, for the new log and its figures.
+The followers behind it are live and receive the same messages over the same links as from a live
+vehicle. Its true states in the log are published along with them, for the new log and its figures.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,46 +10,43 @@ from itertools import pairwise
 from math import cos, hypot, sin
 from pathlib import Path
 
-from scenarios.runs.actors import Actor
-from scenarios.runs.node.outbox import Witness, nobody
-from transport.bus.bus import Bus
+from scenarios.runs.node.sink import Sink
+from scenarios.runs.step_order import Stepper
 from transport.clock import Tick
-from transport.codec import encode
-from transport.log.mcap_log import LogError, LogReader
-from transport.topics import TOPIC_OF, instant, key
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from transport.topics import instant
 from vehicles.car.gnss import from_message
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose
 
 SEARCHED = 150.0
-"""A place is sought on so much (m) of the start of a recorded drive, so not on a later lap."""
+"""A place is looked for on the first part (m) of a recorded drive, so not on a later lap."""
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """What one vehicle will have said, in order of time, with the instants of the new run."""
+    """The messages of one replayed vehicle, in order of time, with the instants of the new run."""
 
     vehicle: str
     messages: tuple[GpsPose | TruePose, ...]
 
-    def actor(self, bus: Bus, witness: Witness = nobody) -> Actor:
-        """Let it publish each message at its instant, as the vehicle itself would."""
-        said = iter(self.messages)
+    def stepper(self, sink: Sink) -> Stepper:
+        """Send each message at its instant, as the vehicle itself would."""
+        messages = iter(self.messages)
 
         def step(_: Tick) -> None:
-            message = next(said)
-            topic, data = TOPIC_OF[type(message)], encode(message)
-            bus.publish(key(self.vehicle, topic), data, urgent=topic.urgent)
-            witness(topic, data, message)
+            sink.send(next(messages))
+            sink.flush()
 
-        return Actor(self.vehicle, self._ticks, step)
+        return Stepper(self.vehicle, self._ticks, step)
 
     def _ticks(self) -> Iterator[Tick]:
         return (Tick(instant(message), 0.0) for message in self.messages)
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class RecordedVehicle:
     """What a log holds of one vehicle: its poses and true states, and when its run started (ns)."""
 
     started_at: int
@@ -57,27 +54,27 @@ class Record:
     truth: tuple[TruePose, ...]
 
     def replay(self, *, start_at: int, ahead: float = 0.0, vehicle: str | None = None) -> Replay:
-        """Put the record into a run that starts at `start_at` (ns), as `vehicle`.
+        """Shift the messages to a run that starts at `start_at` (ns), under the name `vehicle`.
 
-        At the start the vehicle is where it was `ahead` (s) after the start of its own run; what
-        it said before that is left out, and its messages are numbered anew.
+        At the start the vehicle is where it was `ahead` (s) after the start of its own run;
+        earlier messages are left out, and those that remain are numbered anew.
         """
         name = vehicle or self.poses[0].vehicle
         shift = start_at - self.started_at - round(ahead * 1e9)
         poses = [p for p in self.poses if p.measured_at_ns + shift >= start_at]
         truth = [t for t in self.truth if t.true_at_ns + shift >= start_at]
-        said: list[GpsPose | TruePose] = [
+        messages: list[GpsPose | TruePose] = [
             replace(p, vehicle=name, seq=seq, measured_at_ns=p.measured_at_ns + shift)
             for seq, p in enumerate(poses)
         ]
-        said += [
+        messages += [
             replace(t, vehicle=name, seq=seq, true_at_ns=t.true_at_ns + shift)
             for seq, t in enumerate(truth)
         ]
-        return Replay(name, tuple(sorted(said, key=instant)))
+        return Replay(name, tuple(sorted(messages, key=instant)))
 
 
-def read_record(log: Path, vehicle: str) -> Record:
+def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
     """Read what `log` holds of `vehicle`; raises LogError if that is nothing."""
     reader = LogReader(log)
     poses: list[GpsPose] = []
@@ -94,36 +91,40 @@ def read_record(log: Path, vehicle: str) -> Record:
         known = ", ".join(sorted({name for name, topic in reader.counts if topic == "gps"}))
         raise LogError(f"{log}: holds no poses of {vehicle!r}, but of {known or 'nobody'}")
     start = poses[0].measured_at_ns if started_at is None else started_at
-    return Record(start, tuple(poses), tuple(truth))
+    return RecordedVehicle(start, tuple(poses), tuple(truth))
 
 
-def head_start(record: Record, plane: LocalPlane, place: tuple[float, float], gap: float) -> float:
+def head_start(
+    recorded: RecordedVehicle, plane: LocalPlane, place: tuple[float, float], gap: float
+) -> float:
     """Time (s) after its start at which the recorded vehicle was `gap` (m) ahead of `place`.
 
     `place` (east, north, m) is where the vehicle behind it will start, beside the first part of
-    the recorded way or behind it. 0 if the record begins further ahead than that already.
+    the recorded drive or behind it. 0 if that begins further ahead than `gap` already.
     """
-    fixes = [from_message(pose, plane) for pose in record.poses]
+    fixes = [from_message(pose, plane) for pose in recorded.poses]
     first = fixes[0]
-    way = [0.0]
+    stations = [0.0]
     for before, after in pairwise(fixes):
-        way.append(way[-1] + hypot(after.east - before.east, after.north - before.north))
-    beginning = [k for k, station in enumerate(way) if station <= SEARCHED]
+        stations.append(stations[-1] + hypot(after.east - before.east, after.north - before.north))
+    beginning = [k for k, station in enumerate(stations) if station <= SEARCHED]
     nearest = min(
         beginning, key=lambda k: hypot(fixes[k].east - place[0], fixes[k].north - place[1])
     )
-    station = way[nearest]
+    station = stations[nearest]
     if nearest == 0:
-        along = (cos(first.yaw), sin(first.yaw))
-        station = (place[0] - first.east) * along[0] + (place[1] - first.north) * along[1]
-    return max(_time_at(way, [fix.measured_at for fix in fixes], station + gap, record), 0.0)
+        ux, uy = cos(first.yaw), sin(first.yaw)
+        station = (place[0] - first.east) * ux + (place[1] - first.north) * uy
+    return max(_time_at(stations, [fix.measured_at for fix in fixes], station + gap, recorded), 0.0)
 
 
-def _time_at(way: Sequence[float], at: Sequence[int], station: float, record: Record) -> float:
-    """Time (s) from the start of the recorded run at which `station` (m) of the way was reached."""
-    for k in range(1, len(way)):
-        if way[k] >= station and way[k] > way[k - 1]:
-            share = (station - way[k - 1]) / (way[k] - way[k - 1])
+def _time_at(
+    stations: Sequence[float], at: Sequence[int], station: float, recorded: RecordedVehicle
+) -> float:
+    """Time (s) from the start of the recorded run at which `station` (m) was reached."""
+    for k in range(1, len(stations)):
+        if stations[k] >= station and stations[k] > stations[k - 1]:
+            share = (station - stations[k - 1]) / (stations[k] - stations[k - 1])
             reached = at[k - 1] + share * (at[k] - at[k - 1])
-            return (reached - record.started_at) * 1e-9
+            return (reached - recorded.started_at) * 1e-9
     raise ValueError(f"the recorded drive is shorter than {station:.1f} m")

@@ -14,8 +14,10 @@ from scenarios.results.log_summary import (
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
 from scenarios.runs.recorder import Listener, Recorder
-from transport.log.mcap_log import LogWriter
+from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
+
+SLOW_WRITER = "this version of the mcap package writes the log in its own, slower way"
 
 
 class RunLog:
@@ -57,7 +59,10 @@ class RunLog:
     def start(self, at: int, start_at: int) -> bytes:
         """Log the start instant (ns); returns the announcement for the bus."""
         self._start_at = start_at
-        return self.recorder.begin(at, start_at, self._identity.run_id)
+        start = self.recorder.begin(at, start_at, self._identity.run_id)
+        if not self._writer.fast:
+            self.recorder.say(at, SLOW_WRITER, "warning")
+        return start
 
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.

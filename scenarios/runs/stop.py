@@ -1,4 +1,4 @@
-"""How a process learns that it should stop: a signal, or the end of the one that started it."""
+"""Requests to stop a process: by a signal, or because the process that started it has ended."""
 
 import os
 import signal
@@ -12,10 +12,10 @@ EXIT_BAD_INPUT = 2
 
 
 class Stop:
-    """Whether the process was asked to stop, why, and with which exit code it shall end.
+    """Whether the process was asked to stop, why, and with which exit code it has to end.
 
-    Loops look at it; nobody waits on the event, so a signal handler may set it. Until `begun` is
-    set there is nothing that the process would have to wind up.
+    Loops poll it and none waits on the event, so a signal handler may set it. `begun` says that
+    the process has something to complete before it ends; `orphaned` that its launcher has ended.
     """
 
     def __init__(self) -> None:
@@ -27,7 +27,7 @@ class Stop:
 
     @property
     def asked(self) -> bool:
-        """Whether anyone asked."""
+        """Whether the process was asked to stop."""
         return self.event.is_set()
 
     def ask(self, reason: str, exit_code: int) -> None:
@@ -50,11 +50,11 @@ def stop_on_signals() -> Stop:
     return stop
 
 
-def hold_leash(stop: Stop) -> None:
-    """Stop when the launcher, at the other end of standard input, says why or is gone.
+def stop_with_launcher(stop: Stop) -> None:
+    """Ask to stop when standard input, a pipe from the launcher, gives a reason or closes.
 
-    A launcher that is killed with SIGKILL cannot tell its children, but its pipes close. A child
-    that has not begun by then ends at once: its imports alone may take seconds on a busy machine.
+    A launcher killed by SIGKILL cannot inform its children, but its pipes close. A child that has
+    not begun by then ends at once: its imports alone may take seconds on a busy machine.
     """
 
     def wait() -> None:
@@ -65,12 +65,12 @@ def hold_leash(stop: Stop) -> None:
         stop.orphaned = not reason
         stop.ask(reason.decode() if reason else "the launcher is gone", EXIT_FAILED)
 
-    Thread(target=wait, name="leash", daemon=True).start()
+    Thread(target=wait, name="launcher", daemon=True).start()
 
 
-def first_of_all(*, leash: bool) -> Stop:
-    """Heed signals, and the launcher where there is one, before the slow imports of a command."""
+def stop_on_request(*, with_launcher: bool) -> Stop:
+    """Stop on signals and, if asked, with the launcher; call it before a command's slow imports."""
     stop = stop_on_signals()
-    if leash:
-        hold_leash(stop)
+    if with_launcher:
+        stop_with_launcher(stop)
     return stop

@@ -1,19 +1,19 @@
 """`--clock virtual`: the same nodes in one process over a memory bus, as fast as they go."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.actors import Actor, in_turn
-from scenarios.runs.node.assembly import Kit
+from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.node import Node
-from scenarios.runs.node.outbox import Witness, nobody
 from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.node.sink import BusSink, Sink
 from scenarios.runs.recorder import Listener
 from scenarios.runs.replay import Replay
 from scenarios.runs.run_log import RunLog
+from scenarios.runs.step_order import Stepper, steps_in_order
 from scenarios.runs.stop import Stop
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import VirtualClock
@@ -32,11 +32,11 @@ def run_virtual(
 ) -> RunSummary:
     """Run `scenario` in virtual time into `folder`; returns the summary.
 
-    Vehicles in `replays` say what was recorded, the others are live. Depends on nothing but these,
+    Vehicles in `replays` send what was recorded, the others are live. Depends on nothing but these,
     the scenario, its seed and the versions: the log is equal byte for byte.
     """
-    world = World(scenario)
-    clock = world.clock
+    convoy = VirtualConvoy(scenario)
+    clock = convoy.clock
     run = RunLog(
         scenario,
         folder,
@@ -45,50 +45,55 @@ def run_virtual(
         listeners=listeners,
     )
 
-    def witness(topic: Topic, data: bytes, message: Message) -> None:
+    def record(topic: Topic, data: bytes, message: Message) -> None:
         run.recorder.on_sent(topic, data, message, clock.now())
 
     run.start(clock.now(), clock.now())
-    nodes = world.populate(replays, witness)
-    world.go(stop)
+    nodes = convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record), replays)
+    convoy.run(stop)
     for node in nodes.values():
         node.outbox.publish_health(clock.now(), final=True)
     run.end(clock.now(), stop.reason)
     return run.close(clock.now())
 
 
-class World:
-    """The vehicles of a scenario in one process: their bus, their time, their turns."""
+class VirtualConvoy:
+    """The vehicles of a scenario in one process, with the bus and the clock that they share."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.bus = MemoryBus()
         self.clock = VirtualClock(scenario.start_at_ns)
         self._scenario = scenario
-        self._actors: list[Actor] = []
+        self._steppers: list[Stepper] = []
 
-    def populate(
-        self, replays: Sequence[Replay] = (), witness: Witness = nobody
+    def build(
+        self, sink_of: Callable[[str], Sink], replays: Sequence[Replay] = ()
     ) -> dict[str, Node]:
-        """Put every vehicle on the road; returns those that are live and not replayed."""
+        """Build every vehicle; returns the nodes of those that are live and not replayed.
+
+        `sink_of` makes the sink for the messages of a vehicle from its name.
+        """
         start_at = self._scenario.start_at_ns
         recorded = {replay.vehicle: replay for replay in replays}
         nodes: dict[str, Node] = {}
         for name in self._scenario.vehicle_names:
+            sink = sink_of(name)
             if name in recorded:
-                self._actors.append(recorded[name].actor(self.bus, witness))
+                self._steppers.append(recorded[name].stepper(sink))
                 continue
-            kit = Kit(self._scenario, name)
-            node = nodes[name] = kit.node(start_at, self.bus, NoProbe(), witness)
+            builder = VehicleBuilder(self._scenario, name)
+            node = nodes[name] = builder.node(start_at, sink, NoProbe())
             for sender_key in node.inbox.keys:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
-            self._actors.append(Actor(kit.rates_hz, partial(kit.ticks, start_at), node.step))
+            ticks = partial(builder.ticks, start_at)
+            self._steppers.append(Stepper(builder.rates_hz, ticks, node.step))
         return nodes
 
-    def go(self, stop: Stop) -> None:
-        """Let everyone act until the end of the run, or until asked to stop."""
+    def run(self, stop: Stop) -> None:
+        """Let all vehicles make their steps until the end of the run, or until asked to stop."""
         end_at = self._scenario.start_at_ns + round(self._scenario.duration_s * SECOND)
-        for tick, step in in_turn(self._actors):
-            if tick.at >= end_at:  # a record may be longer than the run
+        for tick, step in steps_in_order(self._steppers):
+            if tick.at >= end_at:  # a recorded drive may be longer than the run
                 break
             self.clock.wait_until(tick.at)
             step(tick)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from transport.codec import encode
-from transport.log.mcap_log import LogWriter
+from transport.log.writer import LogWriter
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose

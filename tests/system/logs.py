@@ -11,7 +11,7 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from transport.log.mcap_log import LogReader
+from transport.log.reader import LogReader
 from transport.picture.viewer_process import program, quiet_environment
 from vehicles.messages import (
     CompositeTrajectory,

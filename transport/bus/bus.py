@@ -1,4 +1,4 @@
-"""What carries bytes between the processes of a convoy, whichever way."""
+"""The interface of a bus, which carries bytes between the vehicles of a convoy."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -8,11 +8,11 @@ from typing import Protocol, Self
 Handler = Callable[[str, bytes], None]
 """Is given a message's key and payload, on a thread of the bus; must be quick and never raise."""
 AliveHandler = Callable[[str, bool], None]
-"""Is given a vehicle's name and whether it is alive; may be told the same twice."""
+"""Is given a vehicle's name and whether it is alive; may be called twice with the same."""
 
 
 class BusError(Exception):
-    """The bus could not do what was asked: one line with what, where, and what would be right."""
+    """The bus could not do what was asked: one line that says what, where, and what is allowed."""
 
 
 class Closing(ABC):
@@ -20,7 +20,7 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of everything; a second time changes nothing."""
+        """Release all resources; a second call has no effect."""
 
     def __enter__(self) -> Self:
         return self
@@ -35,7 +35,7 @@ class Closing(ABC):
 
 
 class Bus(Protocol):
-    """Publishes and subscribes bytes by key, and says who is alive."""
+    """Publishes and subscribes bytes by key, and reports which vehicles are alive."""
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
         """Send `data` under `key`; never blocks for a slow or absent receiver."""
@@ -44,13 +44,13 @@ class Bus(Protocol):
         """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
 
     def announce(self, vehicle: str) -> None:
-        """Say that `vehicle` is alive, until this bus closes or its process dies."""
+        """Announce that `vehicle` is alive, until this bus closes or its process ends."""
 
     def watch(self, handler: AliveHandler) -> None:
         """Call `handler` for every vehicle that is, becomes or ceases to be alive."""
 
     def close(self) -> None:
-        """Hand on what was published, then leave."""
+        """Deliver what was published, then leave the network."""
 
     def __enter__(self) -> Self: ...
 

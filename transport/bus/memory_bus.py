@@ -4,7 +4,7 @@ from transport.bus.bus import AliveHandler, Closing, Handler
 
 
 def matches(key_expression: str, key: str) -> bool:
-    """Say whether `key` is among those of `key_expression`.
+    """Whether `key` is one of those that `key_expression` stands for.
 
     `*` stands for one chunk and a `**` at the end for any number of chunks; neither stands for a
     chunk that begins with `@`, as in Zenoh.
@@ -22,7 +22,7 @@ def matches(key_expression: str, key: str) -> bool:
 
 
 class MemoryNetwork:
-    """What the memory buses of one process share: who listens to what, and who is alive."""
+    """Shared by the memory buses of one process: their subscriptions, and the vehicles alive."""
 
     def __init__(self) -> None:
         self._subscriptions: list[tuple[object, str, Handler]] = []
@@ -31,7 +31,7 @@ class MemoryNetwork:
         self._routes: dict[str, tuple[Handler, ...]] = {}
 
     def publish(self, key: str, data: bytes) -> None:
-        """Hand `data` to every subscription of `key`, in the order in which they were made."""
+        """Deliver `data` to every subscription of `key`, in the order in which they were made."""
         route = self._routes.get(key)
         if route is None:
             route = tuple(h for _, wanted, h in self._subscriptions if matches(wanted, key))
@@ -45,20 +45,20 @@ class MemoryNetwork:
         self._routes.clear()
 
     def announce(self, member: object, vehicle: str) -> None:
-        """Note that `vehicle` lives as long as `member` does."""
+        """Note that `vehicle` is alive until `member` leaves."""
         owners = self._alive.setdefault(vehicle, [])
         owners.append(member)
         if len(owners) == 1:
             self._tell(vehicle, alive=True)
 
     def watch(self, member: object, handler: AliveHandler) -> None:
-        """Tell `handler` who is alive and of every change."""
+        """Call `handler` for every vehicle that is alive, and at every change."""
         self._watchers.append((member, handler))
         for vehicle in self._alive:
             handler(vehicle, True)
 
     def leave(self, member: object) -> None:
-        """Forget the subscriptions of `member` and end the vehicles that it announced."""
+        """Remove the subscriptions of `member`; its vehicles are alive no longer."""
         self._subscriptions = [row for row in self._subscriptions if row[0] is not member]
         self._watchers = [row for row in self._watchers if row[0] is not member]
         self._routes.clear()
@@ -80,7 +80,7 @@ class MemoryBus(Closing):
         self._network = network or MemoryNetwork()
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:  # noqa: ARG002
-        """Hand `data` to all who subscribed to `key`, before this returns."""
+        """Deliver `data` to all subscriptions of `key` before this returns."""
         self._network.publish(key, data)
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
@@ -88,7 +88,7 @@ class MemoryBus(Closing):
         self._network.subscribe(self, key_expression, handler)
 
     def announce(self, vehicle: str) -> None:
-        """Say that `vehicle` is alive, until this bus closes."""
+        """Announce that `vehicle` is alive, until this bus closes."""
         self._network.announce(self, vehicle)
 
     def watch(self, handler: AliveHandler) -> None:

@@ -1,4 +1,4 @@
-"""The bus over Eclipse Zenoh: the only module that knows it.
+"""The bus over Eclipse Zenoh; no other module imports it.
 
 A star is the ordinary shape: one router and every process a client of it. A router does not
 forward between two peers, so peers need each other's endpoints (or gossip through a third).
@@ -21,11 +21,11 @@ from transport.topics import TOPICS, alive_key
 __all__ = ["DEFAULT_ENDPOINT", "Router", "ZenohBus", "ZenohOptions", "open_bus", "open_router"]
 
 FLUSH_S = 1.0
-"""At most so long does closing wait until what was published has reached the router."""
+"""Longest time that closing waits until what was published has reached the router."""
 
 _SLICE_S = 1.0
 _SETTLE_S = 0.01
-"""A lost router shows in `connected()` within 3 ms of the deaths it feigns (measured, idle)."""
+"""`connected()` is False within 3 ms after a lost router makes vehicles seem dead (measured)."""
 
 logger = logging.getLogger(__name__)
 _SOURCE_LINE = re.compile(r" at /\S+?\.rs:\d+\.?")
@@ -41,7 +41,7 @@ class ZenohBus(Closing):
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
-        self._kept: list[object] = []  # subscribers and tokens end when they are let go of
+        self._declared: list[object] = []  # a subscriber or token ends when it is deleted
         self._announced: set[str] = set()
 
     @property
@@ -50,9 +50,9 @@ class ZenohBus(Closing):
         return str(self._session.zid())
 
     def connected(self) -> bool:
-        """Say whether a router or peer is linked to this process.
+        """Whether a router or peer is linked to this process.
 
-        When the router goes, every vehicle seems to die at once; then this is False.
+        When the router is lost, every vehicle is reported dead at once; then this is False.
         """
         return bool(self._session.info.transports())
 
@@ -61,7 +61,7 @@ class ZenohBus(Closing):
         publisher = self._publishers.get((key, urgent))
         if publisher is None:
             publisher = self._publishers[key, urgent] = self._declare(key, urgent=urgent)
-        try:  # no `with` here, where a vehicle comes by two hundred times a second
+        try:  # no `with` here: a vehicle publishes two hundred times a second
             publisher.put(data)
         except zenoh.ZError as error:
             raise BusError(f"cannot publish {key}: {_reason(error)}") from None
@@ -69,69 +69,69 @@ class ZenohBus(Closing):
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call `handler`, on a thread of its own, for every message whose key matches."""
 
-        def hear(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             try:
                 handler(str(sample.key_expr), sample.payload.to_bytes())
-            except Exception:  # a handler's fault must not end the subscription for good
+            except Exception:  # a handler's error must not end the subscription
                 logger.exception("handler of %s failed", key_expression)
 
-        with _one_line(f"cannot subscribe {key_expression}"):
-            self._kept.append(self._session.declare_subscriber(key_expression, hear))
+        with _as_bus_error(f"cannot subscribe {key_expression}"):
+            self._declared.append(self._session.declare_subscriber(key_expression, receive))
 
     def announce(self, vehicle: str) -> None:
-        """Say that `vehicle` is alive, until this bus closes or its process dies."""
+        """Announce that `vehicle` is alive, until this bus closes or its process ends."""
         if vehicle in self._announced:
             return
-        with _one_line(f"cannot announce {vehicle}"):
-            self._kept.append(self._session.liveliness().declare_token(alive_key(vehicle)))
+        with _as_bus_error(f"cannot announce {vehicle}"):
+            self._declared.append(self._session.liveliness().declare_token(alive_key(vehicle)))
         self._announced.add(vehicle)
 
     def watch(self, handler: AliveHandler) -> None:
         """Call `handler` for every vehicle that is, becomes or ceases to be alive.
 
-        What Zenoh says twice is passed on once. When the router is lost every vehicle is reported
-        dead and `connected()` is False by then, on a busy machine some milliseconds later; those
-        that live are reported again once it is back.
+        What Zenoh reports twice is passed on once. When the router is lost, every vehicle is
+        reported dead, and `connected()` is False by then, on a busy machine some milliseconds
+        later; those alive are reported again once the router is back.
         """
         alive: set[str] = set()
 
-        def hear(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             vehicle = str(sample.key_expr).split("/")[1]
-            lives = sample.kind == zenoh.SampleKind.PUT
-            if lives == (vehicle in alive):
+            is_alive = sample.kind == zenoh.SampleKind.PUT
+            if is_alive == (vehicle in alive):
                 return
-            (alive.add if lives else alive.discard)(vehicle)
-            if not lives and self.connected():
+            (alive.add if is_alive else alive.discard)(vehicle)
+            if not is_alive and self.connected():
                 time.sleep(_SETTLE_S)
             try:
-                handler(vehicle, lives)
+                handler(vehicle, is_alive)
             except Exception:  # as above
                 logger.exception("handler of liveliness failed")
 
-        with _one_line("cannot watch liveliness"):
-            self._kept.append(
-                self._session.liveliness().declare_subscriber(alive_key("*"), hear, history=True)
+        with _as_bus_error("cannot watch liveliness"):
+            self._declared.append(
+                self._session.liveliness().declare_subscriber(alive_key("*"), receive, history=True)
             )
 
     def close(self) -> None:
-        """Wait until the router has what was published, then leave."""
+        """Wait until the router has what was published, then leave the network."""
         if self._session.is_closed():
             return
-        # Closing drops what still waits in the queue. A query that nobody answers waits behind it
-        # and comes back when the router has read it all.
-        nobody = f"convoy/@flush/{self.zid}"
+        # Closing drops what still waits in the queue. A query without an answer waits behind it
+        # and returns when the router has read it all.
+        unanswered = f"convoy/@flush/{self.zid}"
         try:
-            list(self._session.get(nobody, priority=zenoh.Priority.DATA, timeout=FLUSH_S))
+            list(self._session.get(unanswered, priority=zenoh.Priority.DATA, timeout=FLUSH_S))
         except zenoh.ZError:
             logger.debug("nothing to flush to")
         self._publishers.clear()
-        self._kept.clear()
+        self._declared.clear()
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
     def _declare(self, key: str, *, urgent: bool) -> zenoh.Publisher:
         topic = TOPICS.get(key.rpartition("/")[2])
         encoding = zenoh.Encoding.APPLICATION_PROTOBUF
-        with _one_line(f"cannot publish {key}"):
+        with _as_bus_error(f"cannot publish {key}"):
             return self._session.declare_publisher(
                 key,
                 encoding=encoding.with_schema(f"convoy.{topic.message.__name__}")
@@ -152,7 +152,7 @@ class Router(Closing):
         self.zid = str(session.zid())
 
     def occupied(self) -> bool:
-        """Say whether anyone is linked to this router."""
+        """Whether any process is linked to this router."""
         return bool(self._session.info.transports())
 
     def close(self) -> None:
@@ -166,19 +166,19 @@ def open_bus(options: ZenohOptions) -> ZenohBus:
     config = configuration(options, DEFAULTS | MEMBER_DEFAULTS)
     zenoh.init_log_from_env_or("error")
     if config.get_json("mode") != '"client"':
-        # A peer that finds nobody opens all the same: the others may come later.
-        with _one_line("cannot open a peer"):
+        # A peer that finds no other opens all the same: others may come later.
+        with _as_bus_error("cannot open a peer"):
             return ZenohBus(zenoh.open(config))
     endpoints = config.get_json("connect/endpoints").strip("[]").replace('"', "")
     if not endpoints:
         raise BusError(f"a client needs a router to connect to, such as {DEFAULT_ENDPOINT}")
-    patience = f"{options.connect_timeout_s:g} s"
-    with _one_line(f"cannot join through {endpoints} within {patience}; is a router there?"):
-        return ZenohBus(_patiently(config, options.connect_timeout_s))
+    longest = f"{options.connect_timeout_s:g} s"
+    with _as_bus_error(f"cannot join through {endpoints} within {longest}; is a router there?"):
+        return ZenohBus(_open_with_retries(config, options.connect_timeout_s))
 
 
-def _patiently(config: zenoh.Config, timeout_s: float) -> zenoh.Session:
-    """Open a client, in slices of time, so that signals are heard in between."""
+def _open_with_retries(config: zenoh.Config, timeout_s: float) -> zenoh.Session:
+    """Open a client, in slices of time, so that signals are handled in between."""
     give_up_at = time.monotonic() + timeout_s
     while True:
         left_s = min(give_up_at - time.monotonic(), _SLICE_S)
@@ -198,14 +198,14 @@ def open_router(
 ) -> Router:
     """Start a router; port 0 picks a free one. Raises BusError, for one when a port is taken."""
     options = ZenohOptions(listen=listen, config=config, cfg=cfg)
-    # Nobody is scouted for, so there is no use in waiting half a second for answers.
+    # A router scouts for no one, so it need not wait half a second for answers.
     chosen = configuration(options, DEFAULTS | {"scouting/delay": "0"})
     _insert(chosen, "mode", '"router"')
     ask = any(endpoint.endswith(":0") for endpoint in listen)
     if ask:
         _insert(chosen, "adminspace/enabled", "true")
     zenoh.init_log_from_env_or("error")
-    with _one_line(f"cannot listen on {', '.join(listen)}"):
+    with _as_bus_error(f"cannot listen on {', '.join(listen)}"):
         session = zenoh.open(chosen)
         return Router(session, _locators(session) if ask else listen)
 
@@ -218,13 +218,16 @@ def _locators(session: zenoh.Session) -> tuple[str, ...]:
 
 
 def configuration(options: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
-    """Lay flags over the user's file over `defaults`; raises BusError for what Zenoh refuses."""
-    given, pristine = zenoh.Config(), zenoh.Config()
+    """Combine flags, the user's file and `defaults`, in this order of precedence.
+
+    Raises BusError for what Zenoh refuses.
+    """
+    given, unset = zenoh.Config(), zenoh.Config()
     if options.config is not None:
-        with _one_line(f"cannot read {options.config}"):
+        with _as_bus_error(f"cannot read {options.config}"):
             given = zenoh.Config.from_file(options.config)
     for setting, value in defaults.items():
-        if given.get_json(setting) == pristine.get_json(setting):
+        if given.get_json(setting) == unset.get_json(setting):
             _insert(given, setting, value)
     if options.mode is not None:
         _insert(given, "mode", json.dumps(options.mode))
@@ -240,12 +243,12 @@ def configuration(options: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.C
 
 
 def _insert(config: zenoh.Config, setting: str, value: str) -> None:
-    with _one_line(f"setting {setting}:{value}"):
+    with _as_bus_error(f"setting {setting}:{value}"):
         config.insert_json5(setting, value)
 
 
 @contextmanager
-def _one_line(what: str) -> Iterator[None]:
+def _as_bus_error(what: str) -> Iterator[None]:
     """Turn Zenoh's errors into BusError, in one line and without its source files."""
     try:
         yield

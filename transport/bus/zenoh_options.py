@@ -9,7 +9,7 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 # They hold where neither the user's file nor a flag says otherwise. Each value is JSON5 text.
 DEFAULTS = {
     "mode": '"client"',
-    # A convoy never finds another one on the same network by accident.
+    # Two convoys on the same network do not find each other by accident.
     "scouting/multicast/enabled": "false",
     # Two peers that know each other by gossip open one link, not two.
     "scouting/gossip/autoconnect_strategy": '{peer: {to_peer: "greater-zid"}}',
@@ -23,7 +23,7 @@ DEFAULTS = {
     "connect/retry": "{period_init_ms: 100, period_max_ms: 500, period_increase_factor: 1.5}",
 }
 MEMBER_DEFAULTS = {
-    # How soon the others learn that this process froze; a death they learn at once. A router keeps
+    # How soon a process that hangs is noticed; one that ends is noticed at once. A router keeps
     # the default of 10 s: with 2 s a recorder whose handler stalls for 3 s would be cut off.
     "transport/link/tx/lease": "2000",
 }

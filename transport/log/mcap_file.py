@@ -1,4 +1,4 @@
-"""The MCAP file beneath a log: what can be read of it, and making a broken one whole.
+"""The MCAP file of a log: its complete records, and the repair of one that breaks off.
 
 Reads with the mcap package; `transport/log/fast_mcap.py` writes with it.
 """
@@ -43,7 +43,7 @@ class McapFile:
         """Give the records of the data section, those in chunks one by one."""
         self._bytes.seek(0)
         stream = StreamReader(cast("IO[bytes]", self._bytes), validate_crcs=True)
-        with self._damage_named(), suppress(EndOfFile):  # a broken log ends after some record
+        with self._name_damage(), suppress(EndOfFile):  # a broken log ends after some record
             for record in stream.records:
                 if isinstance(record, records.DataEnd):
                     return
@@ -53,7 +53,7 @@ class McapFile:
         """Give (channel, log time, data) of all messages, several times as fast as one by one."""
         for content in records_in(self._bytes, CHUNK):
             chunk = records.Chunk.read(_stream(content))
-            with self._damage_named():
+            with self._name_damage():
                 stream, length = get_chunk_data_stream(chunk, validate_crc=True)
             yield from messages_in(stream.read(length))
 
@@ -78,7 +78,7 @@ class McapFile:
         return topics, Counter(channel for channel, _, _ in self.messages())
 
     @contextmanager
-    def _damage_named(self) -> Iterator[None]:
+    def _name_damage(self) -> Iterator[None]:
         try:
             yield
         except (CRCValidationError, McapError, ZstdError) as error:
@@ -90,11 +90,11 @@ def _stream(content: bytes) -> ReadDataStream:
 
 
 def repair(path: Path) -> bool:
-    """Make a log that breaks off a complete one, with every record that can be read.
+    """Complete a log that breaks off, with every record that can be read.
 
-    Rewrites it beside and then puts it in place in one step; a complete log stays untouched. The
-    metadata `repaired` say how many messages were kept. Returns whether there was something to
-    do. Raises LogError if the file is no MCAP log.
+    Writes a new file beside it and then replaces it in one step; a complete log is not changed. The
+    metadata `repaired` say how many messages were kept. Returns whether the log was
+    repaired. Raises LogError if the file is no MCAP log.
     """
     broken = McapFile(path)
     if not broken.truncated:

@@ -1,4 +1,4 @@
-"""What can be read of a log's file: all of it, or all up to where its recorder was killed."""
+"""The records of an MCAP file, up to where its recorder was killed if it was."""
 
 import mmap
 import struct
@@ -19,7 +19,7 @@ _OPCODES = range(0x01, 0x10)
 
 
 class LogError(Exception):
-    """A log that cannot be written or read: one line that says what, where and what is right."""
+    """A log that cannot be written or read: one line that says what, where and what is allowed."""
 
 
 def map_log(path: Path) -> tuple[mmap.mmap, bool]:
@@ -55,7 +55,7 @@ def _measure(whole: mmap.mmap) -> tuple[int, bool]:
 
 
 def records_in(log: mmap.mmap, opcode: int) -> Iterator[bytes]:
-    """Give the contents of the records of one kind in the data section, those in chunks not."""
+    """Give the contents of the records of one kind in the data section but not in its chunks."""
     at = len(MAGIC)
     while at < len(log):
         found, length = _HEAD.unpack_from(log, at)

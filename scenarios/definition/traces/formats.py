@@ -234,7 +234,7 @@ def _merged(one: RecordedPoint, other: RecordedPoint) -> RecordedPoint:
 
 def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
     """Read the GPS poses that `vehicle`, by default the lead, broadcast in an earlier run."""
-    from transport.log.mcap_log import LogError  # noqa: PLC0415 - not in a vehicle's process
+    from transport.log.records import LogError  # noqa: PLC0415 - not in a vehicle's process
 
     try:
         poses = sorted(_poses(path, vehicle), key=lambda pose: pose.measured_at_ns)
@@ -259,7 +259,7 @@ def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
 
 
 def _poses(path: Path, vehicle: str | None) -> list[GpsPose]:
-    from transport.log.mcap_log import LogReader  # noqa: PLC0415 - not in a vehicle's process
+    from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
 
     log = LogReader(path)
     senders = [name for name in log.vehicles if log.counts.get((name, "gps"))]

@@ -1,4 +1,4 @@
-"""Puts one vehicle together from what the scenario says of it."""
+"""Builds one vehicle from its part of the scenario."""
 
 from collections.abc import Iterator
 from math import cos, radians, sin
@@ -8,9 +8,9 @@ import numpy as np
 from scenarios.definition.links import link_effects
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
-from scenarios.runs.node.outbox import Outbox, Witness, nobody
+from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import Probe
-from transport.bus.bus import Bus
+from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
@@ -28,8 +28,8 @@ from vehicles.preview.trajectory import FitSettings
 from vehicles.schedule import SECOND, Cadence
 
 
-class Kit:
-    """All parts of one vehicle, ready to be put together once the start instant is known."""
+class VehicleBuilder:
+    """Builds one vehicle of a scenario as a node, once the start instant is known."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         """Raises ScenarioError if `scenario` has no vehicle called `name`."""
@@ -47,8 +47,8 @@ class Kit:
         end_at = start_at + self.duration_ns
         return ticks(start_at, end_at, *self.rates_hz)
 
-    def node(self, start_at: int, bus: Bus, probe: Probe, witness: Witness = nobody) -> Node:
-        """The vehicle as a node that starts at `start_at` (ns) and publishes on `bus`."""
+    def node(self, start_at: int, sink: Sink, probe: Probe) -> Node:
+        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
         setup = self._setup
         links = [self._incoming(sender, start_at) for sender in setup.hears]
         inbox = Inbox(self.name, links, start_at=start_at)
@@ -60,12 +60,11 @@ class Kit:
             inbox=inbox,
             outbox=Outbox(
                 vehicle=self.name,
-                bus=bus,
+                sink=sink,
                 plane=self._plane,
                 inbox=inbox,
                 probe=probe,
                 start_at=start_at,
-                witness=witness,
             ),
         )
 
@@ -80,7 +79,7 @@ class Kit:
         )
 
     def _body(self) -> Body:
-        """The car where the scenario puts it: on the path, its gap behind the one ahead."""
+        """The car at its start: on the path its gap behind the one ahead, with its offsets."""
         setup = self._setup
         place = self._route.path.at(self._route.start_station(setup.place))
         aside = setup.lateral_offset_m
@@ -99,7 +98,7 @@ class Kit:
             speed=table.speed_noise_mps,
             yaw_rate=table.yaw_rate_noise_radps,
         )
-        # Each receiver has its own stream, so that one vehicle more changes nobody else's noise.
+        # A stream for each receiver: its noise does not depend on the number of vehicles.
         random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
         return GnssReceiver(noise, table.rate_hz, start_at, random)
 
@@ -131,9 +130,10 @@ class Kit:
         )
 
     def _fit_settings(self) -> FitSettings:
-        """The fit reckons with the noise of the receivers heard, and never with less than RTK's.
+        """The fit assumes the largest noise of the receivers received from, at least that of RTK.
 
-        Its tolerance is the scenario's, or five times that noise (as are the paper's 10 cm).
+        Its tolerance is the scenario's, or five times that noise if that is more (the paper's
+        10 cm are five times the 2 cm of RTK).
         """
         steering = self._setup.steering
         heard = (self._scenario.vehicle(name).gnss for name in self._setup.hears)

@@ -13,7 +13,7 @@ from vehicles.driver.decision import Driver
 
 @dataclass(slots=True, kw_only=True)
 class Node:
-    """A car, its GNSS receiver, its driver, and what it hears and says."""
+    """A car, its GNSS receiver and its driver, with its incoming and its outgoing messages."""
 
     body: Body
     parameters: VehicleParameters
@@ -23,9 +23,9 @@ class Node:
     outbox: Outbox
 
     def step(self, tick: Tick) -> None:
-        """One tick of the schedule: hear, measure, decide, tell, move on to the next tick."""
-        heard = self.inbox.take(tick.at)
+        """One tick of the schedule: receive, measure, decide, send, advance the car to the next."""
+        received = self.inbox.take(tick.at)
         fix = self.gnss.measure(self.body, tick.at)
-        decision = self.driver.step(tick.at, fix, heard)
+        decision = self.driver.step(tick.at, fix, received)
         self.outbox.publish(tick.at, self.body, fix, decision)
         self.body = advance(self.body, decision.actuation, tick.span_s, self.parameters)

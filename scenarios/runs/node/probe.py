@@ -1,4 +1,4 @@
-"""How a process is doing: memory, processor time, lateness. In virtual time all of it is zero."""
+"""Memory, processor time and lateness of a process; in virtual time all of them are zero."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,18 +17,18 @@ class Usage:
 
 
 class Probe(Protocol):
-    """Something that can be read."""
+    """A source of readings."""
 
     def read(self) -> Usage:
-        """Read it now."""
+        """Take a reading."""
         ...
 
 
 class NoProbe:
-    """Virtual time has no process of its own per vehicle, and nothing is ever late."""
+    """For virtual time, where a vehicle has no process of its own and no tick is late."""
 
     def read(self) -> Usage:
-        """Nothing used, nothing late."""
+        """Return zeros."""
         return Usage()
 
 

@@ -1,4 +1,4 @@
-"""When a run starts and when it is over, decided from what is present and what was heard."""
+"""Decides when a run starts and when it is over, from the vehicles present and their messages."""
 
 from collections.abc import Sequence
 from enum import Enum, auto
@@ -7,17 +7,17 @@ from vehicles.messages import Health, Message
 from vehicles.schedule import SECOND
 
 DEATH_AFTER_NS = SECOND // 2
-"""A vehicle is dead when its token has been gone for this long while the router was there.
+"""A vehicle is dead when its token has been gone for this long with the router in reach.
 
-One that says its last words early has left by then: whoever stopped it may tell this process, too,
-and why.
+One that sends its final counters early counts as having left after the same time: what stopped it
+may stop this process, too, and give the reason.
 """
 ROUTER_LOST_AFTER_NS = 5 * SECOND
 """The run ends when the router has been out of reach for this long."""
-LAST_WORDS_NS = 3 * SECOND
-"""How long past the end the last messages of a vehicle are waited for."""
+FINAL_COUNTERS_NS = 3 * SECOND
+"""How long after the end the final counters of a vehicle are waited for."""
 LEAD_TIME_NS = SECOND // 2
-"""From the announcement to the start: time for everyone to hear it and get ready."""
+"""From the announcement to the start: time for all vehicles to receive it and to prepare."""
 
 
 class Phase(Enum):
@@ -29,7 +29,7 @@ class Phase(Enum):
 
 
 class Conductor:
-    """Gathers the vehicles, sets the start, and knows the end. Instants are ns of Unix time."""
+    """Waits for the vehicles, sets the start, decides on the end. Instants are ns of Unix time."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class Conductor:
             self._gone_since.setdefault(vehicle, at)
 
     def listen(self, at: int, message: Message) -> None:
-        """Learn from a recorded message who has finished."""
+        """Note from a recorded message which vehicle has finished."""
         if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
             self._finished.add(message.vehicle)
             if message.reported_at_ns < self.end_at:
@@ -82,8 +82,8 @@ class Conductor:
         """Vehicles that are not present."""
         return [name for name in self._vehicles if name not in self._alive]
 
-    def awaits_last_words(self) -> bool:
-        """Whether a vehicle that is present has not said its last words."""
+    def awaits_final_counters(self) -> bool:
+        """Whether a vehicle that is present has not sent its final counters."""
         return bool(self._alive - self._finished)
 
     def advance(self, now: int, *, connected: bool) -> list[str]:
@@ -111,58 +111,58 @@ class Conductor:
         return []
 
     def _run(self, now: int, *, connected: bool) -> list[str]:
-        said: list[str] = []
+        lines: list[str] = []
         if not connected:
             self._router_lost_at = self._router_lost_at or now
             if now - self._router_lost_at > ROUTER_LOST_AFTER_NS:
                 self.stop("the router is gone")
-            return said
+            return lines
         if self._router_lost_at is not None:
             outage = (now - self._router_lost_at) / SECOND
-            said.append(f"the router was out of reach for {outage:.1f} s")
+            lines.append(f"the router was out of reach for {outage:.1f} s")
             self._router_lost_at = None
             self._gone_since = dict.fromkeys(self._gone_since, now)
-        said += self._count_the_dead(now)
-        said += self._count_the_early(now)
+        lines += self._count_the_dead(now)
+        lines += self._count_the_early(now)
         self._end_if_over(now)
-        return said
+        return lines
 
     def _end_if_over(self, now: int) -> None:
-        everyone = set(self._vehicles)
-        if self._dead >= everyone:
+        vehicles = set(self._vehicles)
+        if self._dead >= vehicles:
             self.stop("all vehicles died")
-        elif self._dead | self._left >= everyone:
+        elif self._dead | self._left >= vehicles:
             self.stop("all vehicles died or left")
-        elif not (awaited := everyone - self._finished - self._dead):
+        elif not (awaited := vehicles - self._finished - self._dead):
             if self._left == self._early.keys():  # else it is not yet known why the last one left
                 self.stop("")
-        elif now > self.end_at + LAST_WORDS_NS:
+        elif now > self.end_at + FINAL_COUNTERS_NS:
             self.stop(f"no last words from {', '.join(sorted(awaited))}")
 
     def _count_the_dead(self, now: int) -> list[str]:
-        said: list[str] = []
+        lines: list[str] = []
         for name, since in self._gone_since.items():
             if name in self._finished | self._dead or now - since < DEATH_AFTER_NS:
                 continue
             self._dead.add(name)
             line = f"{name} died {self._when(since)}"
             if self._goes_on:
-                said.append(f"{line}; the convoy goes on without it")
+                lines.append(f"{line}; the convoy goes on without it")
             else:
                 self.stop(line)
-        return said
+        return lines
 
     def _count_the_early(self, now: int) -> list[str]:
-        said: list[str] = []
+        lines: list[str] = []
         for name, at in self._early.items():
             if name in self._left or now - at <= DEATH_AFTER_NS:
                 continue
             if self._goes_on:
                 self._left.add(name)
-                said.append(f"{name} left {self._when(at)}; the convoy goes on without it")
+                lines.append(f"{name} left {self._when(at)}; the convoy goes on without it")
             else:
                 self.stop(f"left before the end: {', '.join(sorted(self._early))}")
-        return said
+        return lines
 
     def _when(self, at: int) -> str:
         seconds = (at - self.start_at) / SECOND

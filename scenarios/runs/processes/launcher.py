@@ -1,22 +1,54 @@
-"""`convoy run` on the wall clock: a router, a process per vehicle, a recorder, and their watch."""
+"""`convoy run` on the wall clock: starts a router, a recorder and a process per vehicle."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.log_summary import LOG_NAME
-from scenarios.runs.processes.supervisor import Child, Supervisor
+from scenarios.runs.processes.supervisor import ChildProcess, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from transport.log.mcap_log import LogError, repair
+from transport.log.mcap_file import repair
+from transport.log.records import LogError
 
 WATCH_PERIOD_S = 0.05
+RECORDER = "recorder"
+
+
+class ProcessSupervisor(Protocol):
+    """What the launcher needs of a `Supervisor`."""
+
+    @property
+    def children(self) -> Sequence[ChildProcess]:
+        """Those that were started and not yet reported as ended or stopped."""
+        ...
+
+    def start_router(self) -> str:
+        """Start a router; returns its endpoint."""
+        ...
+
+    def start(self, name: str, arguments: Sequence[str]) -> ChildProcess:
+        """Start `convoy ARGUMENTS`."""
+        ...
+
+    def tell(self, name: str, reason: str) -> None:
+        """Tell a child why it has to stop."""
+        ...
+
+    def ended(self) -> Sequence[ChildProcess]:
+        """Children that have ended since the last call."""
+        ...
+
+    def stop(self, names: Sequence[str] | None = None, grace_s: float = ...) -> object:
+        """Stop the named children, by default all of them."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
-class Launch:
+class LaunchPlan:
     """What to launch: the scenario, the arguments that name it again, and where to write."""
 
     scenario: Scenario
@@ -26,10 +58,10 @@ class Launch:
 
 
 @dataclass(slots=True)
-class Fate:
+class RunOutcome:
     """How the run ended: exit code and, if not as planned, the line that says why.
 
-    `repaired` says that the recorder could not complete its log, and that this was done for it.
+    `repaired` says that the recorder could not complete its log, and that the launcher did.
     """
 
     exit_code: int = 0
@@ -42,14 +74,19 @@ class Fate:
             self.reason, self.exit_code = reason, exit_code
 
 
-def launch(plan: Launch, stop: Stop) -> Fate:
+def launch(
+    plan: LaunchPlan,
+    stop: Stop,
+    supervisor: ProcessSupervisor,
+    *,
+    sleep: Callable[[float], object] = time.sleep,
+) -> RunOutcome:
     """Run the convoy to its end and leave no process behind."""
-    supervisor = Supervisor()
-    fate = Fate()
+    outcome = RunOutcome()
     try:
         endpoint = supervisor.start_router()
         recorder = supervisor.start(
-            "recorder",
+            RECORDER,
             [
                 *("record", *plan.scenario_arguments, "--leash", "-e", endpoint),
                 *("--out", str(plan.folder), *plan.recorder_arguments),
@@ -60,36 +97,42 @@ def launch(plan: Launch, stop: Stop) -> Fate:
                 name,
                 ["vehicle", *plan.scenario_arguments, "--leash", "--name", name, "-e", endpoint],
             )
-        _watch(plan, supervisor, recorder, stop, fate)
+        while not _is_over(plan, supervisor, recorder, stop, outcome):
+            sleep(WATCH_PERIOD_S)
     finally:
-        _wind_up(plan, supervisor, fate)
-    return fate
+        _stop_all(plan, supervisor, outcome)
+    return outcome
 
 
-def _watch(plan: Launch, supervisor: Supervisor, recorder: Child, stop: Stop, fate: Fate) -> None:
-    """Return when the run is over: as planned, as asked, or because something died."""
+def _is_over(
+    plan: LaunchPlan,
+    supervisor: ProcessSupervisor,
+    recorder: ChildProcess,
+    stop: Stop,
+    outcome: RunOutcome,
+) -> bool:
+    """Whether the run is over: as planned, as asked, or because a process failed."""
     vehicles = plan.scenario.vehicle_names
-    go_on = plan.scenario.goes_on_without_the_dead
-    while not fate.reason:
-        if stop.asked:
-            fate.fail(stop.reason, stop.exit_code)
-        for child in supervisor.ended():
-            if child is recorder and child.exit_code == 0:
-                return
-            if child is recorder and child.exit_code == EXIT_FAILED:
-                fate.fail("the run failed, see above")
-            elif child.name not in vehicles or (child.exit_code != 0 and not go_on):
-                fate.fail(f"{child.fate()}; the run ends")
-        time.sleep(WATCH_PERIOD_S)
+    goes_on = plan.scenario.goes_on_without_the_dead
+    if stop.asked:
+        outcome.fail(stop.reason, stop.exit_code)
+    for child in supervisor.ended():
+        if child is recorder and child.exit_code == 0:
+            return True
+        if child is recorder and child.exit_code == EXIT_FAILED:
+            outcome.fail("the run failed, see above")
+        elif child.name not in vehicles or (child.exit_code != 0 and not goes_on):
+            outcome.fail(f"{describe(child)}; the run ends")
+    return bool(outcome.reason)
 
 
-def _wind_up(plan: Launch, supervisor: Supervisor, fate: Fate) -> None:
-    """Stop what still runs: the vehicles first, so that the recorder gets their last words."""
-    supervisor.tell("recorder", fate.reason)
+def _stop_all(plan: LaunchPlan, supervisor: ProcessSupervisor, outcome: RunOutcome) -> None:
+    """Stop what still runs: the vehicles first, so that the recorder gets their last messages."""
+    supervisor.tell(RECORDER, outcome.reason)
     names = [child.name for child in supervisor.children]
     supervisor.stop([name for name in names if name in plan.scenario.vehicle_names], grace_s=1.0)
-    supervisor.stop(["recorder"], grace_s=2.5)
+    supervisor.stop([RECORDER], grace_s=2.5)
     supervisor.stop(grace_s=0.5)
     log = plan.folder / LOG_NAME
     with suppress(LogError):  # killed before it had begun its log
-        fate.repaired = log.exists() and repair(log)
+        outcome.repaired = log.exists() and repair(log)

@@ -8,16 +8,19 @@ from scenarios.runs.stop import Stop
 from transport.bus.zenoh_bus import DEFAULT_ENDPOINT, ZenohOptions, open_router
 
 LISTENING = "listening on "
-"""What the first line of output begins with; the endpoints follow."""
+"""Begin of the first line of output; the endpoints follow."""
 POLL_S = 0.05
 EMPTY_S = 2.0
-"""How long nobody must be there before `--until-empty` ends the router."""
+"""How long no one has been connected when `--until-empty` ends the router."""
 AFTER_THE_LAUNCHER_S = 2.0
 """How long a router outlives its launcher, so that the recorder still gets the last messages."""
 
 
 def route(options: ZenohOptions, stop: Stop, *, until_empty: bool) -> int:
-    """Route until asked to stop, or until all who came have left; returns the exit code."""
+    """Route until asked to stop or, with `until_empty`, until all who connected have left.
+
+    Returns the exit code.
+    """
     stop.begun = True
     listen = options.listen or (DEFAULT_ENDPOINT,)
     with open_router(listen, config=options.config, cfg=options.cfg) as router:

@@ -1,4 +1,4 @@
-"""Keeps the processes of a run together: starts them, sees them die, leaves none behind."""
+"""Starts the processes of a run, reports which have ended, and stops those that are left."""
 
 import subprocess
 import sys
@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Protocol
 
 from scenarios.runs.processes.router import LISTENING
 from transport.bus.bus import BusError
@@ -14,34 +15,49 @@ GRACE_S = 3.0
 """Time between the request to stop and SIGKILL; with it every run ends within five seconds."""
 
 
+class ChildProcess(Protocol):
+    """A process of the run: its name, and its exit code once it has ended."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in messages: router, recorder, or the vehicle's name."""
+        ...
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs; the negative number of the signal that killed it."""
+        ...
+
+
 @dataclass(slots=True)
 class Child:
-    """A process of the run, by its name."""
+    """A child process that this process started."""
 
     name: str
     process: "subprocess.Popen[bytes]"
 
     @property
     def exit_code(self) -> int | None:
-        """None while it runs; negative for the signal that killed it."""
+        """None while it runs; the negative number of the signal that killed it."""
         return self.process.poll()
 
-    def fate(self) -> str:
-        """How it ended, for a person."""
-        code = self.process.poll()
-        if code is None:
-            return f"{self.name} still runs"
-        if code < 0:
-            return f"{self.name} was killed by signal {-code}"
-        return f"{self.name} ended with exit code {code}"
+
+def describe(child: ChildProcess) -> str:
+    """Say how `child` ended, in words for the user."""
+    code = child.exit_code
+    if code is None:
+        return f"{child.name} still runs"
+    if code < 0:
+        return f"{child.name} was killed by signal {-code}"
+    return f"{child.name} ended with exit code {code}"
 
 
 class Supervisor:
-    """Owns the children of a run.
+    """Starts and stops the child processes of a run.
 
-    Each is a session of its own, so that a Ctrl-C in the terminal reaches only the launcher, and
-    holds the read end of a pipe: when the launcher dies, however it dies, the pipe ends and the
-    child stops by itself.
+    Each has a session of its own, so that a Ctrl-C in the terminal reaches only the launcher. Its
+    standard input is a pipe from the launcher: when the launcher ends in any way, the pipe closes
+    and the child stops by itself.
     """
 
     def __init__(self) -> None:
@@ -69,13 +85,13 @@ class Supervisor:
             ["router", "--leash", "-l", "tcp/127.0.0.1:0"], stdout=subprocess.PIPE
         )
         self.children.append(Child("router", process))
-        said = process.stdout.readline().decode() if process.stdout else ""
-        if not said.startswith(LISTENING):
+        first_line = process.stdout.readline().decode() if process.stdout else ""
+        if not first_line.startswith(LISTENING):
             raise BusError("the router did not start")
-        return said.removeprefix(LISTENING).strip()
+        return first_line.removeprefix(LISTENING).strip()
 
     def tell(self, name: str, reason: str) -> None:
-        """Tell a child why it shall stop; nothing happens if it has ended."""
+        """Tell a child why it has to stop; one that has ended is passed over."""
         for child in self.children:
             if child.name == name and child.process.stdin:
                 with suppress(OSError):
@@ -83,10 +99,10 @@ class Supervisor:
                     child.process.stdin.flush()
 
     def ended(self) -> list[Child]:
-        """Children that have ended, taken out of the ones that are watched."""
-        gone = [child for child in self.children if child.exit_code is not None]
-        self.children = [child for child in self.children if child not in gone]
-        return gone
+        """Children that have ended since the last call; they are no longer in `children`."""
+        ended = [child for child in self.children if child.exit_code is not None]
+        self.children = [child for child in self.children if child not in ended]
+        return ended
 
     def stop(self, names: Sequence[str] | None = None, grace_s: float = GRACE_S) -> list[Child]:
         """Ask the named children (all of them by default) to stop, and kill those that do not.
@@ -99,9 +115,9 @@ class Supervisor:
         deadline = time.monotonic() + grace_s
         while time.monotonic() < deadline and any(c.exit_code is None for c in chosen):
             time.sleep(0.01)
-        stubborn = [child for child in chosen if child.exit_code is None]
-        for child in stubborn:
+        remaining = [child for child in chosen if child.exit_code is None]
+        for child in remaining:
             child.process.kill()
             child.process.wait()
         self.children = [child for child in self.children if child not in chosen]
-        return stubborn
+        return remaining

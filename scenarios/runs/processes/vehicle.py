@@ -4,8 +4,9 @@ import time
 from collections.abc import Iterable, Iterator
 
 from scenarios.definition.scenario import Scenario
-from scenarios.runs.node.assembly import Kit
+from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.probe import ProcessProbe
+from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
 from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
@@ -16,34 +17,34 @@ from vehicles.messages import RunEnd, RunStart
 
 POLL_S = 0.01
 END_S = 8.0
-"""How long a vehicle that has finished waits for the recorder to say that the log is complete."""
+"""How long a vehicle that has finished waits until the recorder's log is complete."""
 
 
-def be_vehicle(scenario: Scenario, name: str, options: ZenohOptions, stop: Stop) -> int:
-    """Be vehicle `name` of `scenario` for one run; returns the exit code."""
-    kit = Kit(scenario, name)
+def run_vehicle(scenario: Scenario, name: str, options: ZenohOptions, stop: Stop) -> int:
+    """Drive vehicle `name` of `scenario` for one run; returns the exit code."""
+    builder = VehicleBuilder(scenario, name)
     stop.begun = True
     with open_bus(options) as bus:
-        finished = drive(kit, bus, stop)
+        finished = drive(builder, bus, stop)
     return 0 if finished else stop.exit_code
 
 
-class Conducted:
-    """What the conductor announced: when the run starts, and that it is over.
+class RunAnnouncements:
+    """What the recorder announced: when the run starts, and that it is over.
 
-    The bytes of some other messages pass for a start or an end too. They are told by the vehicle
-    that they name or, a start that came under the end's key, by its instant.
+    The bytes of some other messages can be decoded as a start or an end too. They are recognised
+    by the vehicle that they name; a start that came under the end's key, by its instant.
     """
 
     def __init__(self, bus: Bus) -> None:
         self.start: RunStart | None = None
         self.end: RunEnd | None = None
         for name in ("start", "end"):
-            bus.subscribe(key(CONDUCTOR, TOPICS[name]), self._hear)
+            bus.subscribe(key(CONDUCTOR, TOPICS[name]), self._receive)
 
-    def _hear(self, heard_key: str, data: bytes) -> None:
+    def _receive(self, key_expression: str, data: bytes) -> None:
         try:
-            message = decode(TOPICS[heard_key.rsplit("/", 1)[-1]], data, exact=True)
+            message = decode(TOPICS[key_expression.rsplit("/", 1)[-1]], data, exact=True)
         except RefusedMessageError:
             return
         if message.vehicle != CONDUCTOR:
@@ -57,32 +58,32 @@ class Conducted:
         return self.start is not None and end.end_at_ns != self.start.start_at_ns
 
 
-def drive(kit: Kit, bus: Bus, stop: Stop) -> bool:
-    """Announce the vehicle, wait for the start, drive, tell how it went.
+def drive(builder: VehicleBuilder, bus: Bus, stop: Stop) -> bool:
+    """Announce the vehicle, wait for the start, drive, send the final counters.
 
     Returns whether it drove until the run was over, rather than until it was asked to stop.
     """
-    conducted = Conducted(bus)
-    bus.announce(kit.name)
-    while conducted.start is None and not stop.asked:
+    announced = RunAnnouncements(bus)
+    bus.announce(builder.name)
+    while announced.start is None and not stop.asked:
         time.sleep(POLL_S)
-    if conducted.start is None:
+    if announced.start is None:
         return False
-    start_at = conducted.start.start_at_ns
-    end_at = start_at + kit.duration_ns
+    start_at = announced.start.start_at_ns
+    end_at = start_at + builder.duration_ns
     clock = WallClock(stop.event)
-    probe = ProcessProbe(late_after(kit.control_rate_hz))
-    node = kit.node(start_at, bus, probe)
+    probe = ProcessProbe(late_after(builder.control_rate_hz))
+    node = builder.node(start_at, BusSink(builder.name, bus), probe)
     for sender_key in node.inbox.keys:
         bus.subscribe(sender_key, node.inbox.on_bytes)
-    for tick in punctual(kit.ticks(start_at), clock, probe):
-        if stop.asked or conducted.end is not None:
+    for tick in punctual(builder.ticks(start_at), clock, probe):
+        if stop.asked or announced.end is not None:
             break
         node.step(tick)
-    clock.wait_until(0 if conducted.end is not None else end_at)
+    clock.wait_until(0 if announced.end is not None else end_at)
     finished = not stop.asked
     node.outbox.publish_health(min(clock.now(), end_at), final=True)
-    _wait_for_end(conducted, stop)
+    _wait_for_end(announced, stop)
     return finished
 
 
@@ -93,7 +94,7 @@ def punctual(ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe) -> It
         yield tick
 
 
-def _wait_for_end(conducted: Conducted, stop: Stop) -> None:
+def _wait_for_end(announced: RunAnnouncements, stop: Stop) -> None:
     deadline = time.monotonic() + END_S
-    while conducted.end is None and not stop.asked and time.monotonic() < deadline:
+    while announced.end is None and not stop.asked and time.monotonic() < deadline:
         time.sleep(POLL_S)

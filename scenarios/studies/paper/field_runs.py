@@ -13,7 +13,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.rehearsal import record
-from scenarios.runs.replay import Replay, head_start, read_record
+from scenarios.runs.replay import Replay, head_start, read_recorded_vehicle
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import Fusion
 
@@ -92,7 +92,7 @@ def _replays(run: Scenario, logs: Sequence[Path]) -> list[Replay]:
     ego = len(names) - 1
     found = []
     for place in sorted({0, ego - 1}) if ego else []:
-        recorded = read_record(logs[place] / LOG_NAME, names[place])
+        recorded = read_recorded_vehicle(logs[place] / LOG_NAME, names[place])
         start = route.path.at(route.start_station(ego))
         gap = sum(route.gaps[place + 1 : ego + 1])
         ahead = head_start(recorded, LocalPlane(run.origin), (start.east, start.north), gap)

@@ -16,7 +16,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.scenario import library, load_scenario, template
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
-from transport.log.mcap_log import LogReader
+from transport.log.reader import LogReader
 from transport.topics import CONDUCTOR, TOPIC_OF, key
 from vehicles.schedule import SECOND
 

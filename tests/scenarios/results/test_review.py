@@ -8,7 +8,8 @@ from scenarios.results.review import open_view, review, widest_gap
 from tests.made import drive
 from tests.made.recording import Table, columns
 from transport.codec import encode
-from transport.log.mcap_log import LogError, LogWriter
+from transport.log.records import LogError
+from transport.log.writer import LogWriter
 from transport.picture.view import parse_rerun_option
 from transport.topics import TOPIC_OF
 from vehicles.messages import Message

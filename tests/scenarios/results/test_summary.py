@@ -23,7 +23,10 @@ from scenarios.results.summary import (
 from scenarios.runs.run_log import RunLog
 from tests.made.messages import START, at, gps, health, text, tracking, truth, verdict
 from transport.codec import encode
-from transport.log.mcap_log import LogError, LogReader, LogWriter, repair
+from transport.log.mcap_file import repair
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from transport.log.writer import LogWriter
 from transport.reasons import REASONS
 from transport.topics import TOPIC_OF, TOPICS, key
 from vehicles.messages import Message

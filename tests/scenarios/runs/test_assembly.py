@@ -6,9 +6,10 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.assembly import Kit
+from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.node.sink import BusSink
 from transport.bus.memory_bus import MemoryBus
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, loaded
@@ -24,7 +25,7 @@ def scenario(*overrides: str, seed: int = 1) -> Scenario:
 
 
 def node(made: Scenario, name: str) -> Node:
-    return Kit(made, name).node(START, MemoryBus(), NoProbe())
+    return VehicleBuilder(made, name).node(START, BusSink(name, MemoryBus()), NoProbe())
 
 
 def fixes(made: Scenario, name: str, count: int = 20) -> list[Fix]:
@@ -75,14 +76,14 @@ def test_the_lead_follows_its_path_and_the_others_whom_they_hear() -> None:
 
 def test_a_vehicle_that_is_not_in_the_scenario_is_refused() -> None:
     with pytest.raises(ScenarioError, match="v9"):
-        Kit(scenario(), "v9")
+        VehicleBuilder(scenario(), "v9")
 
 
 def test_the_schedule_is_that_of_control_and_receiver() -> None:
     made = scenario("control.rate_hz=40", "vehicle.v2.gnss.rate_hz=10", "duration_s=3")
-    lead = [tick.at - START for tick in Kit(made, "v1").ticks(START)]
+    lead = [tick.at - START for tick in VehicleBuilder(made, "v1").ticks(START)]
     assert len(lead) == 3 * 40  # 20 Hz nest in 40 Hz
-    second = list(Kit(scenario("duration_s=3"), "v2").ticks(START))
+    second = list(VehicleBuilder(scenario("duration_s=3"), "v2").ticks(START))
     assert len(second) == 3 * (50 + 20 - 10)  # ten instants of a second are in both
     assert sum(tick.span_s for tick in second) == pytest.approx(3.0)
     assert second[-1].at + round(second[-1].span_s * SECOND) == START + 3 * SECOND
@@ -165,8 +166,8 @@ def test_followers_keep_the_profile_or_a_gap() -> None:
     for made in (same, gap):
         second, told = node(made, "v2"), MemoryBus()
         told.subscribe("convoy/v1/gps", second.inbox.on_bytes)
-        lead = Kit(made, "v1").node(START, told, NoProbe())
-        for tick in Kit(made, "v1").ticks(START):
+        lead = VehicleBuilder(made, "v1").node(START, BusSink("v1", told), NoProbe())
+        for tick in VehicleBuilder(made, "v1").ticks(START):
             if tick.at > START + SECOND // 2:
                 break
             lead.step(tick)

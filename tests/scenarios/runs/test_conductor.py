@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scenarios.runs.processes.conductor import (
     DEATH_AFTER_NS,
-    LAST_WORDS_NS,
+    FINAL_COUNTERS_NS,
     LEAD_TIME_NS,
     ROUTER_LOST_AFTER_NS,
     Conductor,
@@ -113,7 +113,7 @@ def test_a_run_is_over_when_all_have_finished() -> None:
     told = play(*ALL_COME, *ALL_FINISH)
     assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
     assert told.reason == ""
-    assert not told.conductor.awaits_last_words()
+    assert not told.conductor.awaits_final_counters()
 
 
 def test_only_the_last_word_of_health_finishes_a_vehicle() -> None:
@@ -123,7 +123,7 @@ def test_only_the_last_word_of_health_finishes_a_vehicle() -> None:
         told.conductor.listen(at(5.0), tracking(name, 0))
     assert told.conductor.advance(at(5.0), connected=True) == []
     assert told.conductor.phase is Phase.RUNNING
-    assert told.conductor.awaits_last_words()
+    assert told.conductor.awaits_final_counters()
 
 
 def test_vehicles_may_go_once_they_have_finished() -> None:
@@ -137,14 +137,14 @@ def test_vehicles_may_go_once_they_have_finished() -> None:
 def test_a_vehicle_without_last_words_is_named() -> None:
     told = play(*ALL_COME, ALL_FINISH[0], ALL_FINISH[2])
     assert told.reason == "no last words from v2"
-    assert told.over == pytest.approx(ENDED + LAST_WORDS_NS / SECOND, abs=0.11)
+    assert told.over == pytest.approx(ENDED + FINAL_COUNTERS_NS / SECOND, abs=0.11)
 
 
 def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
     told = play(*ALL_COME, (10.0, "v3 finishes"), (10.0, "v2 finishes"))
     assert told.over == pytest.approx(10.0 + DEATH_S, abs=0.1)
     assert told.reason == "left before the end: v2, v3"
-    assert told.conductor.awaits_last_words()  # v1 has not said anything yet
+    assert told.conductor.awaits_final_counters()  # v1 has not said anything yet
 
 
 def test_the_convoy_goes_on_without_those_that_left_early_if_it_should() -> None:
@@ -185,7 +185,7 @@ def test_a_vehicle_that_dies_ends_the_run() -> None:
     told = play(*ALL_COME, (STARTED + 7.0, "v2 goes"))
     assert told.reason == "v2 died 7.0 s after the start"
     assert told.over == pytest.approx(STARTED + 7.0 + DEATH_S, abs=0.06)
-    assert told.conductor.awaits_last_words()
+    assert told.conductor.awaits_final_counters()
 
 
 def test_the_convoy_goes_on_without_the_dead_if_it_should() -> None:
@@ -317,7 +317,7 @@ anything = st.builds(
 @settings(max_examples=60)
 def test_every_run_ends(history: list[Event], *, goes_on: bool) -> None:
     longest = GATHER_S + LEAD_TIME_S + DURATION_S
-    patience = (LAST_WORDS_NS + ROUTER_LOST_AFTER_NS) / SECOND + 1.0
+    patience = (FINAL_COUNTERS_NS + ROUTER_LOST_AFTER_NS) / SECOND + 1.0
     told = play(*history, goes_on=goes_on, until=longest + patience)
     assert told.over is not None
     assert told.over <= longest + patience

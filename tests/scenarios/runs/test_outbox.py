@@ -5,6 +5,7 @@ from dataclasses import replace
 from scenarios.definition.schema.tables import LinkTable
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe, Probe, Usage
+from scenarios.runs.node.sink import BusSink
 from tests.made.links import inbox as inbox_of
 from tests.made.messages import START, at, gps
 from transport.bus.memory_bus import MemoryBus
@@ -41,22 +42,22 @@ HELD = replace(DECISION, fresh=False)
 
 
 class UrgentBus(MemoryBus):
-    """A memory bus that keeps what was said, and what of it was urgent."""
+    """A memory bus that keeps the messages published, and what of them was urgent."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.said: list[Message] = []
+        self.published: list[Message] = []
         self.urgent: dict[str, set[bool]] = defaultdict(set)
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
         _, vehicle, name = key.split("/")
         message = decode(TOPICS[name], data)
         assert message.vehicle == vehicle
-        self.said.append(message)
+        self.published.append(message)
         self.urgent[name].add(urgent)
 
     def of(self, kind: type[Message]) -> list[Message]:
-        return [message for message in self.said if type(message) is kind]
+        return [message for message in self.published if type(message) is kind]
 
 
 class Slow:
@@ -69,7 +70,7 @@ class Slow:
         return self.usage
 
 
-def ear() -> Inbox:
+def receiving_inbox() -> Inbox:
     links = {"v1": LinkTable(latency_ms=20.0), "v2": LinkTable(loss_ratio=1.0)}
     return inbox_of("v3", links, start_at=START, origin=PLANE.origin)
 
@@ -77,9 +78,9 @@ def ear() -> Inbox:
 def outbox(bus: MemoryBus, inbox: Inbox | None = None, probe: Probe | None = None) -> Outbox:
     return Outbox(
         vehicle="v3",
-        bus=bus,
+        sink=BusSink("v3", bus),
         plane=PLANE,
-        inbox=inbox or ear(),
+        inbox=inbox or receiving_inbox(),
         probe=probe or NoProbe(),
         start_at=START,
     )
@@ -101,24 +102,24 @@ def test_a_tick_tells_fix_truth_and_decision() -> None:
         )
     ]  # fmt: skip
     told = DECISION.messages("v3", 0, at(0.1))
-    assert [message for message in bus.said if message in told] == list(told)
+    assert [message for message in bus.published if message in told] == list(told)
 
 
 def test_between_decisions_only_what_was_measured_and_heard_is_told() -> None:
-    bus, inbox = UrgentBus(), ear()
+    bus, inbox = UrgentBus(), receiving_inbox()
     box = outbox(bus, inbox)
     box.publish(at(0.0), BODY, FIX, DECISION)
     inbox.on_bytes("convoy/v1/gps", encode(gps("v1", 0)))
     inbox.take(at(0.025))
-    before = len(bus.said)
+    before = len(bus.published)
     box.publish(at(0.025), BODY, replace(FIX, seq=5), HELD)
-    assert [type(message) for message in bus.said[before:]] == [GpsPose, LinkVerdict]
+    assert [type(message) for message in bus.published[before:]] == [GpsPose, LinkVerdict]
     box.publish(at(0.05), BODY, None, HELD)
-    assert len(bus.said) == before + 2
+    assert len(bus.published) == before + 2
 
 
 def test_every_verdict_is_told_once() -> None:
-    bus, inbox = UrgentBus(), ear()
+    bus, inbox = UrgentBus(), receiving_inbox()
     box = outbox(bus, inbox)
     for seq in range(4):
         for name in ("v1", "v2"):
@@ -141,7 +142,7 @@ def test_numbers_of_each_kind_follow_one_another() -> None:
         due = (tick.at - START) % (SECOND // 50) == 0
         fix = replace(FIX, seq=0) if k == 0 else None
         box.publish(tick.at, BODY, fix, DECISION if due else HELD)
-    kinds = {type(message) for message in bus.said}
+    kinds = {type(message) for message in bus.published}
     assert {TruePose, Command, Health, LogText} <= kinds
     for kind in kinds:
         assert [message.seq for message in bus.of(kind)] == list(range(len(bus.of(kind))))
@@ -152,7 +153,7 @@ def test_what_the_convoy_waits_for_is_urgent_and_nothing_else() -> None:
     bus = UrgentBus()
     outbox(bus).publish(START, BODY, FIX, DECISION)
     assert bus.urgent == {
-        TOPIC_OF[type(message)].name: {TOPIC_OF[type(message)].urgent} for message in bus.said
+        TOPIC_OF[type(message)].name: {TOPIC_OF[type(message)].urgent} for message in bus.published
     }
     assert bus.urgent["gps"] == {True}
     assert bus.urgent["truth"] == {False}
@@ -184,7 +185,7 @@ def test_health_is_told_once_a_second_whatever_the_rates() -> None:
 
 
 def test_health_counts_ticks_and_messages() -> None:
-    bus, inbox, slow = UrgentBus(), ear(), Slow()
+    bus, inbox, slow = UrgentBus(), receiving_inbox(), Slow()
     box = outbox(bus, inbox, slow)
     for name in ("v1", "v2"):
         inbox.on_bytes(key(name, TOPICS["gps"]), encode(gps(name, 0)))
@@ -199,7 +200,7 @@ def test_health_counts_ticks_and_messages() -> None:
     assert (last.ticks, last.late_ticks, last.lateness_ms_max) == (5, 2, 14.0)
     assert (last.heard, last.dropped, last.rejected_messages) == (1, 1, 1)
     assert (last.memory_bytes, last.cpu_ratio, last.final) == (60_000_000, 0.03, True)
-    assert last.published == len(bus.said) - 1  # all before itself
+    assert last.published == len(bus.published) - 1  # all before itself
 
 
 def texts(bus: UrgentBus) -> list[tuple[str, str]]:
@@ -220,7 +221,7 @@ def test_a_change_of_mode_is_told_with_its_reason() -> None:
 
 
 def test_refused_messages_and_late_ticks_are_told_once() -> None:
-    bus, inbox, slow = UrgentBus(), ear(), Slow()
+    bus, inbox, slow = UrgentBus(), receiving_inbox(), Slow()
     box = outbox(bus, inbox, slow)
     refuse(inbox, [b"", b"rubbish", bytes(5000)])
     slow.usage = replace(slow.usage, late_ticks=3, lateness_ms_max=12.34)
@@ -244,25 +245,24 @@ def refuse(inbox: Inbox, wrong: Iterable[bytes]) -> None:
     inbox.take(at(1.0))
 
 
-def test_a_witness_sees_what_the_bus_carries() -> None:
+def test_on_sent_is_given_what_the_bus_carries() -> None:
     seen: list[tuple[Topic, bytes, Message]] = []
     bus = UrgentBus()
     box = Outbox(
         vehicle="v3",
-        bus=bus,
+        sink=BusSink("v3", bus, lambda topic, data, message: seen.append((topic, data, message))),
         plane=PLANE,
-        inbox=ear(),
+        inbox=receiving_inbox(),
         probe=NoProbe(),
         start_at=START,
-        witness=lambda topic, data, message: seen.append((topic, data, message)),
     )
     box.publish(START, BODY, FIX, DECISION)
-    assert [decode(topic, data) for topic, data, _ in seen] == bus.said
-    assert [message.seq for _, _, message in seen] == [message.seq for message in bus.said]
+    assert [decode(topic, data) for topic, data, _ in seen] == bus.published
+    assert [message.seq for _, _, message in seen] == [message.seq for message in bus.published]
 
 
 def test_refused_messages_are_told_once_by_reason_and_counted() -> None:
-    bus, inbox = UrgentBus(), ear()
+    bus, inbox = UrgentBus(), receiving_inbox()
     box = outbox(bus, inbox)
     for k in range(100):
         if k == 10:

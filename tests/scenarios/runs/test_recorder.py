@@ -13,7 +13,8 @@ from scenarios.runs.recorder import Recorder
 from tests.made.links import inbox as inbox_of
 from tests.made.messages import START, at, command, gps, health, start, text, tracking, truth
 from transport.codec import MAX_BYTES, encode
-from transport.log.mcap_log import LogReader, LogWriter
+from transport.log.reader import LogReader
+from transport.log.writer import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, key
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import LogText, Message, RunEnd, RunStart, Tracking

@@ -11,12 +11,14 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.log_summary import LOG_NAME
+from scenarios.runs.node.sink import BusSink
 from scenarios.runs.rehearsal import record, rehearse
-from scenarios.runs.replay import Record, head_start, read_record
+from scenarios.runs.replay import RecordedVehicle, head_start, read_recorded_vehicle
 from tests.made.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode
-from transport.log.mcap_log import LogError, LogReader
+from transport.log.reader import LogReader
+from transport.log.records import LogError
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Message, TruePose
@@ -37,25 +39,25 @@ def recorded(convoy: Scenario, tmp_path_factory: pytest.TempPathFactory) -> tupl
 
 
 @pytest.fixture(scope="module")
-def lead(recorded: tuple[Path, Trial]) -> Record:
-    return read_record(recorded[0], "v1")
+def lead(recorded: tuple[Path, Trial]) -> RecordedVehicle:
+    return read_recorded_vehicle(recorded[0], "v1")
 
 
-def published(drive: Record, start_at: int, ahead: float = 0.0) -> list[Message]:
+def published(drive: RecordedVehicle, start_at: int, ahead: float = 0.0) -> list[Message]:
     """What comes over the bus while the record is replayed."""
     heard: list[Message] = []
     bus = MemoryBus()
     bus.subscribe("convoy/v1/gps", lambda _, data: heard.append(decode(TOPICS["gps"], data)))
     bus.subscribe("convoy/v1/truth", lambda _, data: heard.append(decode(TOPICS["truth"], data)))
     replay = drive.replay(start_at=start_at, ahead=ahead)
-    actor = replay.actor(bus)
-    for tick in actor.ticks():
-        actor.step(tick)
+    stepper = replay.stepper(BusSink(replay.vehicle, bus))
+    for tick in stepper.ticks():
+        stepper.step(tick)
     return heard
 
 
 def test_a_replayed_vehicle_says_what_was_recorded(
-    convoy: Scenario, recorded: tuple[Path, Trial], lead: Record
+    convoy: Scenario, recorded: tuple[Path, Trial], lead: RecordedVehicle
 ) -> None:
     later = convoy.start_at_ns + 300 * SECOND
     said = published(lead, later)
@@ -68,13 +70,16 @@ def test_a_replayed_vehicle_says_what_was_recorded(
     assert [t.true_at_ns - later for t in truth] == [k * SECOND // 50 for k in range(300)]
 
 
-def test_it_is_replayed_in_order_of_time(lead: Record) -> None:
-    instants = [tick.at for tick in lead.replay(start_at=7 * SECOND).actor(MemoryBus()).ticks()]
+def test_it_is_replayed_in_order_of_time(lead: RecordedVehicle) -> None:
+    stepper = lead.replay(start_at=7 * SECOND).stepper(BusSink("v1", MemoryBus()))
+    instants = [tick.at for tick in stepper.ticks()]
     assert instants == sorted(instants)
     assert instants[0] == 7 * SECOND
 
 
-def test_further_ahead_it_begins_later_in_its_record_and_is_numbered_anew(lead: Record) -> None:
+def test_further_ahead_it_begins_later_in_its_record_and_is_numbered_anew(
+    lead: RecordedVehicle,
+) -> None:
     poses = [m for m in published(lead, 7 * SECOND, ahead=0.5) if isinstance(m, GpsPose)]
     assert [pose.seq for pose in poses] == list(range(110))
     assert poses[0].measured_at_ns == 7 * SECOND
@@ -83,7 +88,7 @@ def test_further_ahead_it_begins_later_in_its_record_and_is_numbered_anew(lead: 
 
 
 @pytest.mark.parametrize("ahead", [0.0, 0.5, 0.513])
-def test_an_inbox_takes_every_replayed_pose(lead: Record, ahead: float) -> None:
+def test_an_inbox_takes_every_replayed_pose(lead: RecordedVehicle, ahead: float) -> None:
     start_at = 1_000 * SECOND
     inbox = inbox_of(
         "v2", {"v1": LinkTable()}, start_at=start_at, origin=load_scenario("lane_change").origin
@@ -91,15 +96,15 @@ def test_an_inbox_takes_every_replayed_pose(lead: Record, ahead: float) -> None:
     bus = MemoryBus()
     bus.subscribe(inbox.keys[0], inbox.on_bytes)
     replay = lead.replay(start_at=start_at, ahead=ahead)
-    actor = replay.actor(bus)
-    for tick in actor.ticks():
-        actor.step(tick)
+    stepper = replay.stepper(BusSink(replay.vehicle, bus))
+    for tick in stepper.ticks():
+        stepper.step(tick)
     heard = inbox.take(start_at + 10 * SECOND)
     assert not inbox.rejected
     assert len(heard) == sum(isinstance(message, GpsPose) for message in replay.messages)
 
 
-def test_it_may_take_another_name(lead: Record) -> None:
+def test_it_may_take_another_name(lead: RecordedVehicle) -> None:
     replay = lead.replay(start_at=0, vehicle="PL1")
     assert {message.vehicle for message in replay.messages} == {"PL1"}
 
@@ -108,7 +113,10 @@ def test_followers_cannot_tell_a_replayed_car_from_a_live_one(
     convoy: Scenario, recorded: tuple[Path, Trial]
 ) -> None:
     log, live = recorded
-    replays = [read_record(log, name).replay(start_at=convoy.start_at_ns) for name in ("v1", "v2")]
+    replays = [
+        read_recorded_vehicle(log, name).replay(start_at=convoy.start_at_ns)
+        for name in ("v1", "v2")
+    ]
     again = rehearse(convoy, replays)
     assert [drive.name for drive in again.drives] == ["v1", "v2", "v3"]
     for drive, before in zip(again.drives, live.drives, strict=True):
@@ -121,7 +129,7 @@ def test_followers_cannot_tell_a_replayed_car_from_a_live_one(
 def test_the_log_of_a_run_behind_a_replay_holds_the_replayed_car(
     convoy: Scenario, recorded: tuple[Path, Trial], tmp_path: Path
 ) -> None:
-    replay = read_record(recorded[0], "v1").replay(start_at=convoy.start_at_ns)
+    replay = read_recorded_vehicle(recorded[0], "v1").replay(start_at=convoy.start_at_ns)
     record(convoy, tmp_path, [replay])
     counts = LogReader(tmp_path / LOG_NAME).counts
     assert counts["v1", "gps"] == 120
@@ -130,7 +138,22 @@ def test_the_log_of_a_run_behind_a_replay_holds_the_replayed_car(
     assert counts["v2", "command"] == 300
 
 
-def test_a_gap_behind_its_start_the_record_begins_at_once(convoy: Scenario, lead: Record) -> None:
+def test_a_record_longer_than_the_run_counts_up_to_the_end_of_the_run(
+    recorded: tuple[Path, Trial], tmp_path: Path
+) -> None:
+    short = load_scenario("lane_change", ["duration_s=3.0", "convoy.vehicles=3"], seed=5)
+    lead = read_recorded_vehicle(recorded[0], "v1")
+    assert lead.poses[-1].measured_at_ns - lead.started_at > 5 * SECOND
+    logged = record(short, tmp_path, [lead.replay(start_at=short.start_at_ns)])
+    kept = rehearse(short, [lead.replay(start_at=short.start_at_ns)])
+    assert [len(drive.at) for drive in kept.drives] == [150, 150, 150]
+    for drive, again in zip(kept.drives, logged.drives, strict=True):
+        assert np.array_equal(drive.cross_track, again.cross_track)
+
+
+def test_a_gap_behind_its_start_the_record_begins_at_once(
+    convoy: Scenario, lead: RecordedVehicle
+) -> None:
     start = convoy.route.path.at(convoy.route.start_station(1))
     ahead = head_start(lead, LocalPlane(convoy.origin), (start.east, start.north), 15.0)
     assert ahead == pytest.approx(0.0, abs=0.1 / SPEED)
@@ -138,7 +161,7 @@ def test_a_gap_behind_its_start_the_record_begins_at_once(convoy: Scenario, lead
 
 @pytest.mark.parametrize("aside", [0.0, 1.0])
 def test_from_the_same_start_the_record_is_a_gap_further_on(
-    convoy: Scenario, lead: Record, aside: float
+    convoy: Scenario, lead: RecordedVehicle, aside: float
 ) -> None:
     start = convoy.route.path.at(convoy.route.start + 40.0)
     place = (start.east - aside * sin(start.yaw), start.north + aside * cos(start.yaw))
@@ -147,12 +170,12 @@ def test_from_the_same_start_the_record_is_a_gap_further_on(
 
 
 def test_a_record_that_begins_too_far_ahead_is_taken_from_its_start(
-    convoy: Scenario, lead: Record
+    convoy: Scenario, lead: RecordedVehicle
 ) -> None:
     assert head_start(lead, LocalPlane(convoy.origin), (-60.0, 0.0), 15.0) == 0.0
 
 
-def test_a_record_shorter_than_the_gap_is_refused(convoy: Scenario, lead: Record) -> None:
+def test_a_record_shorter_than_the_gap_is_refused(convoy: Scenario, lead: RecordedVehicle) -> None:
     with pytest.raises(ValueError, match="shorter than"):
         head_start(lead, LocalPlane(convoy.origin), (0.0, 0.0), 500.0)
 
@@ -161,4 +184,4 @@ def test_a_vehicle_that_the_log_does_not_hold_is_named_with_those_it_does(
     recorded: tuple[Path, Trial],
 ) -> None:
     with pytest.raises(LogError, match=r"no poses of 'v9', but of v1, v2, v3"):
-        read_record(recorded[0], "v9")
+        read_recorded_vehicle(recorded[0], "v9")

@@ -8,7 +8,7 @@ from scenarios.results.summary import to_json
 from scenarios.runs.run_log import RunLog
 from tests.made.messages import START, at, gps, health, tracking, truth
 from transport.codec import decode, encode
-from transport.log.mcap_log import LogReader
+from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, TOPICS, key
 from vehicles.messages import Health, Message, RunEnd, RunStart
 

@@ -16,8 +16,8 @@ from scenarios.runs.stop import Stop
 SOON_S = 10.0
 WAITER = """
 import sys, time
-from scenarios.runs.stop import first_of_all
-stop = first_of_all(leash="leash" in sys.argv)
+from scenarios.runs.stop import stop_on_request
+stop = stop_on_request(with_launcher="launched" in sys.argv)
 stop.begun = "importing" not in sys.argv
 print("ready", flush=True)
 deadline = time.monotonic() + 20.0
@@ -28,7 +28,7 @@ sys.exit(stop.exit_code)
 """
 LAUNCHER = """
 import subprocess, sys, time
-subprocess.Popen([sys.executable, "-c", sys.argv[1], "leash"], stdin=subprocess.PIPE)
+subprocess.Popen([sys.executable, "-c", sys.argv[1], "launched"], stdin=subprocess.PIPE)
 time.sleep(20.0)
 """
 
@@ -85,28 +85,28 @@ def test_a_second_signal_changes_nothing() -> None:
 
 
 def test_the_end_of_standard_input_is_the_end_of_the_launcher() -> None:
-    with waiter("leash") as process:
+    with waiter("launched") as process:
         assert process.stdin is not None
         process.stdin.close()
         assert last_words(process) == ("the launcher is gone orphaned", 1)
 
 
 def test_a_process_that_has_not_begun_ends_with_its_launcher_at_once() -> None:
-    with waiter("leash", "importing") as process:
+    with waiter("launched", "importing") as process:
         assert process.stdin is not None
         process.stdin.close()
         assert last_words(process) == ("", 1)
 
 
 def test_a_launcher_may_say_why() -> None:
-    with waiter("leash") as process:
+    with waiter("launched") as process:
         assert process.stdin is not None
         process.stdin.write("v2 was killed by signal 9; the run ends")
         process.stdin.flush()
         assert last_words(process) == ("v2 was killed by signal 9; the run ends held", 1)
 
 
-def test_without_a_leash_the_end_of_standard_input_means_nothing() -> None:
+def test_without_a_launcher_the_end_of_standard_input_means_nothing() -> None:
     with waiter() as process:
         assert process.stdin is not None
         process.stdin.close()
@@ -116,7 +116,7 @@ def test_without_a_leash_the_end_of_standard_input_means_nothing() -> None:
         assert last_words(process) == ("stopped by SIGTERM held", 143)
 
 
-def test_a_launcher_that_is_killed_lets_go_of_the_leash(tmp_path: Path) -> None:
+def test_the_children_of_a_launcher_that_is_killed_stop(tmp_path: Path) -> None:
     said = tmp_path / "said"
     with said.open("wb") as out:
         launcher = subprocess.Popen([sys.executable, "-c", LAUNCHER, WAITER], stdout=out)

@@ -13,7 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from scenarios.runs.processes.supervisor import Child, Supervisor
+from scenarios.runs.processes.supervisor import Child, Supervisor, describe
 from transport.bus.bus import BusError
 
 SOON_S = 15.0
@@ -81,13 +81,13 @@ def test_a_router_listens_on_a_port_of_its_own(supervisor: Supervisor) -> None:
     assert is_up(endpoint)
     assert supervisor.ended() == []
     assert router.exit_code is None
-    assert router.fate() == "router still runs"
+    assert describe(router) == "router still runs"
     # A Ctrl-C in the terminal must reach the launcher alone.
     assert os.getsid(router.process.pid) == router.process.pid
     # Asked to stop it does so by itself, with the exit code of the signal.
     assert supervisor.stop() == []
     assert router.exit_code == 143
-    assert router.fate() == "router ended with exit code 143"
+    assert describe(router) == "router ended with exit code 143"
     assert not is_up(endpoint)
     assert supervisor.children == []
 
@@ -101,20 +101,20 @@ def test_deaths_are_seen_reasons_told_and_the_stubborn_killed(supervisor: Superv
     killed.process.kill()
     until(lambda: killed.exit_code is not None)
     assert supervisor.ended() == [killed]
-    assert killed.fate() == "killed was killed by signal 9"
+    assert describe(killed) == "killed was killed by signal 9"
     assert supervisor.ended() == []  # told once
 
     supervisor.tell("told", "v2 died; the run ends")
     supervisor.tell("killed", "too late")
     supervisor.tell("nobody", "nothing happens")
     until(lambda: told.exit_code is not None)
-    assert told.fate() == "told ended with exit code 1"
+    assert describe(told) == "told ended with exit code 1"
     supervisor.tell("told", "has ended, nothing happens")
 
     assert orphan.process.stdin is not None
     orphan.process.stdin.close()
     until(lambda: orphan.exit_code is not None)
-    assert orphan.fate() == "orphan ended with exit code 1"
+    assert describe(orphan) == "orphan ended with exit code 1"
     assert supervisor.ended() == [told, orphan]
 
     stubborn.process.send_signal(signal.SIGSTOP)  # hears no SIGTERM any more
@@ -123,7 +123,7 @@ def test_deaths_are_seen_reasons_told_and_the_stubborn_killed(supervisor: Superv
     began = time.monotonic()
     assert supervisor.stop(["stubborn"], grace_s=0.3) == [stubborn]
     assert 0.3 <= time.monotonic() - began < 3.0
-    assert stubborn.fate() == "stubborn was killed by signal 9"
+    assert describe(stubborn) == "stubborn was killed by signal 9"
     assert supervisor.children == []
 
 
@@ -131,7 +131,7 @@ def test_a_child_that_cannot_do_its_work_ends_by_itself(supervisor: Supervisor) 
     child = supervisor.start("nonsense", ("nonsense",))
     until(lambda: child.exit_code is not None)
     assert supervisor.ended() == [child]
-    assert child.fate() == "nonsense ended with exit code 2"
+    assert describe(child) == "nonsense ended with exit code 2"
     assert supervisor.stop() == []
 
 
@@ -143,7 +143,7 @@ def test_a_router_that_does_not_start_is_told_in_one_line(
         supervisor.start_router()
 
 
-def test_a_killed_launcher_leaves_nobody_behind() -> None:
+def test_a_killed_launcher_leaves_no_process_behind() -> None:
     launcher = subprocess.Popen([sys.executable, "-c", LAUNCHER], stdout=subprocess.PIPE, text=True)
     with launcher:
         assert launcher.stdout is not None

@@ -14,16 +14,21 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.log_summary import SCENARIO_NAME, summary_of
 from scenarios.results.summary import LinkSummary, RunSummary
+from scenarios.runs.run_log import SLOW_WRITER
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
+from tests.made.mcap_package import RenamedWriter
 from transport.codec import encode
-from transport.log.mcap_log import LogReader, LogWriter
+from transport.log import fast_mcap
+from transport.log.reader import LogReader
+from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF
 from vehicles.messages import (
     CompositeTrajectory,
     GpsPose,
     Health,
     LinkVerdict,
+    LogText,
     Message,
     RunEnd,
     RunStart,
@@ -338,6 +343,24 @@ def test_a_trajectory_reaches_as_far_as_the_preview() -> None:
         assert min(lengths) > preview_s * 30.0  # there is some behind the ego, too
         reach[preview_s] = sum(lengths) / len(lengths)
     assert reach[0.8] - reach[0.4] == pytest.approx(0.4 * 30.0, abs=1.5)
+
+
+def test_a_log_that_is_written_in_the_slower_way_says_so_and_holds_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scenario = load_scenario("lane_change", ["duration_s=1"])
+    fast = run(scenario)
+    monkeypatch.setattr(fast_mcap, "Writer", RenamedWriter)
+    slow = run(scenario)
+    first = [message for _, message in slow.recorded[:2]]
+    assert [type(message) for message in first] == [RunStart, LogText]
+    assert first[1] == LogText(
+        vehicle="run", seq=0, logged_at_ns=scenario.start_at_ns, level="warning", text=SLOW_WRITER
+    )
+    assert fast.of("run", LogText) == []
+    # All the rest but the recorder's own counters, the last message, is the same.
+    rest = [[encode(message) for _, message in ran.recorded[:-1]] for ran in (slow, fast)]
+    assert rest[0][2:] == rest[1][1:]
 
 
 def test_one_vehicle_more_changes_nobody_ahead_of_it() -> None:

@@ -1,0 +1,42 @@
+"""A log of a made-up drive, and what others read of it."""
+
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from mcap.reader import make_reader
+
+from tests.made import drive
+from transport.codec import encode
+from transport.log.writer import LogWriter
+from transport.picture import viewer_process
+from transport.topics import TOPIC_OF
+from vehicles.messages import Message
+
+TICKS = 60
+
+
+def write(path: Path, ticks: int = TICKS) -> list[tuple[int, Message]]:
+    messages = list(drive.drive(ticks))
+    with LogWriter(path, library="test") as log:
+        log.metadata("convoy", {"scenario": "circle", "seed": "1"})
+        log.attach("scenario.toml", "application/toml", b"seed = 1\n")
+        for at, message in messages:
+            put(log, at, message)
+    return messages
+
+
+def put(log: LogWriter, at: int, message: Message) -> None:
+    log.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at, None, message)
+
+
+def rows(path: Path) -> list[Any]:
+    with path.open("rb") as file:
+        return list(make_reader(file, validate_crcs=True).iter_messages(log_time_order=False))
+
+
+def rerun_accepts(path: Path) -> bool:
+    check = [str(viewer_process.program()), "mcap", "check", str(path)]
+    done = subprocess.run(check, env={**os.environ, "CI": "1"}, capture_output=True, check=False)
+    return done.returncode == 0

@@ -1,0 +1,267 @@
+"""A launch as a history: which process ended when and how, and what became of the run."""
+
+import signal
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.log_summary import LOG_NAME
+from scenarios.runs.processes.launcher import WATCH_PERIOD_S, LaunchPlan, RunOutcome, launch
+from scenarios.runs.run_log import RunLog
+from scenarios.runs.stop import Stop
+from tests.made.messages import START
+from transport.bus.bus import BusError
+from transport.log.reader import LogReader
+
+ENDPOINT = "tcp/127.0.0.1:4711"
+SEGMENTATION_FAULT = -signal.SIGSEGV
+Event = tuple[float, str, int]
+"""Time (s), process, exit code. `SIGINT` asks the launcher to stop, with the given exit code."""
+
+
+@dataclass(eq=False)
+class FakeChild:
+    """A process that ends when its history says so."""
+
+    name: str
+    arguments: Sequence[str]
+    exit_code: int | None = None
+
+
+@dataclass
+class FakeSupervisor:
+    """Starts nothing: children end as their history says, and all calls are kept."""
+
+    router_starts: bool = True
+    children: list[FakeChild] = field(default_factory=list)
+    started: list[FakeChild] = field(default_factory=list)
+    calls: list[tuple[str, ...]] = field(default_factory=list)
+
+    def start_router(self) -> str:
+        if not self.router_starts:
+            raise BusError("the router did not start")
+        self.start("router", ())
+        return ENDPOINT
+
+    def start(self, name: str, arguments: Sequence[str]) -> FakeChild:
+        child = FakeChild(name, arguments)
+        self.children.append(child)
+        self.started.append(child)
+        return child
+
+    def tell(self, name: str, reason: str) -> None:
+        self.calls.append(("tell", name, reason))
+
+    def ended(self) -> list[FakeChild]:
+        ended = [child for child in self.children if child.exit_code is not None]
+        self.children = [child for child in self.children if child.exit_code is None]
+        return ended
+
+    def stop(self, names: Sequence[str] | None = None, grace_s: float = 3.0) -> None:
+        assert 0.0 < grace_s <= 3.0
+        chosen = [child.name for child in self.children if names is None or child.name in names]
+        self.calls.append(("stop", *chosen))
+        self.children = [child for child in self.children if child.name not in chosen]
+
+
+@dataclass
+class Launched:
+    """What became of a launch."""
+
+    outcome: RunOutcome
+    supervisor: FakeSupervisor
+    over: float
+
+    @property
+    def ending(self) -> tuple[int, str]:
+        return self.outcome.exit_code, self.outcome.reason
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "run"
+
+
+def scenario(*, goes_on: bool = False) -> Scenario:
+    policy = "go_on" if goes_on else "end"
+    return load_scenario(
+        "lane_change", ["convoy.vehicles=3", f'convoy.when_a_vehicle_dies="{policy}"']
+    )
+
+
+def play(folder: Path, *history: Event, goes_on: bool = False) -> Launched:
+    """Launch a convoy whose processes live through `history`, in no time."""
+    supervisor, stop = FakeSupervisor(), Stop()
+    waiting, now = sorted(history), 0.0
+
+    def sleep(seconds: float) -> None:
+        nonlocal now
+        now += seconds
+        assert now < 60.0, "the run does not end"
+        while waiting and waiting[0][0] <= now:
+            _, name, code = waiting.pop(0)
+            if name == "SIGINT":
+                stop.ask("stopped by SIGINT", code)
+            for child in supervisor.children:
+                if child.name == name:
+                    child.exit_code = code
+
+    plan = LaunchPlan(scenario(goes_on=goes_on), ["my.toml", "--seed=3"], folder, ["--quiet"])
+    outcome = launch(plan, stop, supervisor, sleep=sleep)
+    assert supervisor.children == []  # whatever happened, no process is left behind
+    return Launched(outcome, supervisor, now)
+
+
+# ---- Starting
+
+
+def test_every_process_is_told_the_scenario_and_the_endpoint_of_the_router(folder: Path) -> None:
+    started = play(folder, (1.0, "recorder", 0)).supervisor.started
+    assert [child.name for child in started] == ["router", "recorder", "v1", "v2", "v3"]
+    common = ["my.toml", "--seed=3", "--leash"]
+    assert started[1].arguments == [
+        *("record", *common, "-e", ENDPOINT, "--out", str(folder), "--quiet")
+    ]
+    for child in started[2:]:
+        assert child.arguments == ["vehicle", *common, "--name", child.name, "-e", ENDPOINT]
+
+
+def test_a_router_that_does_not_start_is_an_error_and_nothing_else_is_started(folder: Path) -> None:
+    supervisor = FakeSupervisor(router_starts=False)
+    plan = LaunchPlan(scenario(), ["lane_change"], folder, [])
+    with pytest.raises(BusError, match="the router did not start"):
+        launch(plan, Stop(), supervisor, sleep=lambda _: None)
+    assert supervisor.started == []
+
+
+# ---- Ending as planned
+
+
+def test_a_run_is_completed_when_its_recorder_is(folder: Path) -> None:
+    vehicles = [(20.0, name, 0) for name in ("v1", "v2", "v3")]
+    launched = play(folder, *vehicles, (20.5, "recorder", 0))
+    assert launched.ending == (0, "")
+    assert launched.over == pytest.approx(20.5, abs=2 * WATCH_PERIOD_S)
+    assert not launched.outcome.repaired
+    assert launched.supervisor.calls == [
+        ("tell", "recorder", ""),
+        ("stop",),
+        ("stop",),
+        ("stop", "router"),
+    ]
+
+
+def test_a_vehicle_that_ends_with_0_does_not_end_the_run(folder: Path) -> None:
+    launched = play(folder, (3.0, "v2", 0), (20.0, "recorder", 0))
+    assert launched.ending == (0, "")
+    assert launched.over >= 20.0
+
+
+def test_a_completed_recorder_decides_over_a_signal_that_comes_later(folder: Path) -> None:
+    assert play(folder, (20.0, "recorder", 0), (20.1, "SIGINT", 130)).ending == (0, "")
+
+
+# ---- Failing
+
+
+def test_a_vehicle_that_is_killed_ends_the_run(folder: Path) -> None:
+    launched = play(folder, (7.0, "v2", SEGMENTATION_FAULT), (20.0, "recorder", 0))
+    reason = "v2 was killed by signal 11; the run ends"
+    assert launched.ending == (1, reason)
+    assert launched.over == pytest.approx(7.0, abs=2 * WATCH_PERIOD_S)
+    assert launched.supervisor.calls == [
+        ("tell", "recorder", reason),
+        ("stop", "v1", "v3"),  # before the recorder, which gets their last messages
+        ("stop", "recorder"),
+        ("stop", "router"),
+    ]
+
+
+def test_a_vehicle_that_fails_ends_the_run_with_its_exit_code_in_the_line(folder: Path) -> None:
+    launched = play(folder, (1.0, "v3", 2), (20.0, "recorder", 0))
+    assert launched.ending == (1, "v3 ended with exit code 2; the run ends")
+
+
+def test_the_convoy_goes_on_without_the_dead_if_it_should(folder: Path) -> None:
+    deaths = [(7.0, "v2", SEGMENTATION_FAULT), (8.0, "v3", 1)]
+    launched = play(folder, *deaths, (20.0, "recorder", 0), goes_on=True)
+    assert launched.ending == (0, "")
+    assert launched.over >= 20.0
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_without_its_router_no_run_goes_on(folder: Path, *, goes_on: bool) -> None:
+    launched = play(folder, (5.0, "router", -9), (20.0, "recorder", 0), goes_on=goes_on)
+    assert launched.ending == (1, "router was killed by signal 9; the run ends")
+    assert launched.over == pytest.approx(5.0, abs=2 * WATCH_PERIOD_S)
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_a_recorder_that_failed_has_said_why_itself(folder: Path, *, goes_on: bool) -> None:
+    launched = play(folder, (5.0, "recorder", 1), goes_on=goes_on)
+    assert launched.ending == (1, "the run failed, see above")
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_a_recorder_that_is_killed_ends_the_run(folder: Path, *, goes_on: bool) -> None:
+    launched = play(folder, (5.0, "recorder", -9), goes_on=goes_on)
+    assert launched.ending == (1, "recorder was killed by signal 9; the run ends")
+
+
+def test_the_first_failure_decides(folder: Path) -> None:
+    launched = play(folder, (5.0, "v1", -9), (5.0, "v2", -15), (5.0, "router", 1))
+    assert launched.ending == (1, "router ended with exit code 1; the run ends")
+    launched = play(folder, (5.0, "v2", -15), (5.5, "v1", -9))
+    assert launched.ending == (1, "v2 was killed by signal 15; the run ends")
+
+
+# ---- Being stopped
+
+
+def test_a_launcher_that_is_asked_to_stop_ends_the_run_with_the_exit_code_of_the_signal(
+    folder: Path,
+) -> None:
+    launched = play(folder, (4.0, "SIGINT", 130), (20.0, "recorder", 0))
+    assert launched.ending == (130, "stopped by SIGINT")
+    assert launched.over == pytest.approx(4.0, abs=2 * WATCH_PERIOD_S)
+    assert ("tell", "recorder", "stopped by SIGINT") in launched.supervisor.calls
+
+
+def test_a_stop_decides_over_the_deaths_that_it_brings(folder: Path) -> None:
+    launched = play(folder, (4.0, "SIGINT", 130), (4.0, "v1", -2), (4.0, "recorder", 1))
+    assert launched.ending == (130, "stopped by SIGINT")
+
+
+# ---- The log
+
+
+def test_a_log_that_its_recorder_could_not_complete_is_repaired(folder: Path) -> None:
+    run = RunLog(scenario(), folder, clock="wall", run_id="run")
+    run.start(START, START)
+    run.flush()
+    assert LogReader(folder / LOG_NAME).truncated
+    launched = play(folder, (5.0, "recorder", -9))
+    assert launched.outcome.repaired
+    assert launched.ending == (1, "recorder was killed by signal 9; the run ends")
+    assert not LogReader(folder / LOG_NAME).truncated
+
+
+def test_a_complete_log_is_left_as_it_is(folder: Path) -> None:
+    run = RunLog(scenario(), folder, clock="wall", run_id="run")
+    run.start(START, START)
+    run.end(START, "")
+    run.close(START)
+    before = (folder / LOG_NAME).read_bytes()
+    assert not play(folder, (5.0, "recorder", 0)).outcome.repaired
+    assert (folder / LOG_NAME).read_bytes() == before
+
+
+def test_a_log_that_was_not_begun_cannot_be_repaired(folder: Path) -> None:
+    folder.mkdir()
+    (folder / LOG_NAME).touch()
+    launched = play(folder, (0.1, "recorder", -9))
+    assert not launched.outcome.repaired
+    assert launched.ending == (1, "recorder was killed by signal 9; the run ends")

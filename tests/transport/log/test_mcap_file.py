@@ -1,0 +1,94 @@
+"""Logs that break off: what is left of them, and their repair."""
+
+import random
+import signal
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.made import drive
+from tests.made.logs import TICKS, put, rerun_accepts, rows
+from transport.codec import encode
+from transport.log.mcap_file import repair
+from transport.log.reader import LogReader
+from transport.log.writer import LogWriter
+from transport.topics import instant
+
+
+def test_a_log_cut_anywhere_keeps_its_beginning(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    messages = list(drive.drive(TICKS))
+    with LogWriter(path) as log:
+        for number, (at, message) in enumerate(messages):
+            put(log, at, message)
+            if number % 100 == 0:
+                log.flush()
+    whole = path.read_bytes()
+    header = whole.index(b"zstandard") + 40
+    chance = random.Random(3)
+    for cut in sorted(chance.randrange(header, len(whole)) for _ in range(25)):
+        broken = tmp_path / "broken.mcap"
+        broken.write_bytes(whole[:cut])
+        assert repair(broken)
+        kept = [row[2].data for row in rows(broken) if row[0].name.startswith("convoy.")]
+        assert kept == [encode(message) for _, message in messages[: len(kept)]]
+        assert len(kept) % 100 == 1 or len(kept) == len(messages) or not kept
+        assert not repair(broken)
+        assert {file.name for file in tmp_path.iterdir()} == {"run.mcap", "broken.mcap"}
+    assert rerun_accepts(broken)
+    assert LogReader(broken).metadata()["repaired"]["messages"].isdigit()
+
+
+WRITER = """
+import os, sys, time
+from pathlib import Path
+from tests.made import drive
+from transport.codec import encode
+from transport.log.writer import LogWriter
+from transport.topics import TOPICS
+
+log = LogWriter(Path(sys.argv[1]))
+log.metadata("convoy", {"seed": "1"})
+last = os.open(sys.argv[2], os.O_WRONLY | os.O_CREAT)
+flushed = 0
+for seq in range(10**9):
+    now = time.time_ns()
+    pose = drive.gps("v1", seq, now)
+    log.write(TOPICS["gps"], "v1", encode(pose), now, None, pose)
+    os.pwrite(last, now.to_bytes(8, "little"), 0)
+    if now - flushed >= 400_000_000:
+        flushed = now
+        log.flush()
+    time.sleep(0.001)
+"""
+
+
+@pytest.mark.parametrize("moment_s", [0.9, 1.37])
+def test_a_killed_recorder_loses_at_most_half_a_second(tmp_path: Path, moment_s: float) -> None:
+    path, last = tmp_path / "run.mcap", tmp_path / "last"
+    writer = subprocess.Popen([sys.executable, "-c", WRITER, str(path), str(last)])
+    while not last.exists():
+        assert writer.poll() is None
+    try:
+        writer.wait(moment_s)
+    except subprocess.TimeoutExpired:
+        writer.send_signal(signal.SIGKILL)
+    assert writer.wait() == -signal.SIGKILL
+    (last_written,) = struct.unpack("<q", last.read_bytes())
+    reader = LogReader(path)
+    assert reader.truncated
+    before = [message for _, _, message in reader.messages()]
+    assert last_written - instant(before[-1]) <= 500_000_000
+    assert repair(path)
+    repaired = LogReader(path)
+    assert not repaired.truncated
+    assert [message for _, _, message in repaired.messages()] == before
+    assert len(rows(path)) == 2 * len(before)
+    assert repaired.metadata() == {
+        "convoy": {"seed": "1"},
+        "repaired": {"messages": str(2 * len(before))},
+    }
+    assert rerun_accepts(path)

@@ -1,0 +1,99 @@
+"""What a log holds is what was written, in standard form."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.made import drive
+from tests.made.logs import TICKS, put, rerun_accepts, rows, write
+from transport.codec import encode
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from transport.log.writer import LogWriter
+from transport.topics import TOPIC_OF, instant, key
+from vehicles.messages import LogText, Message
+
+
+def test_own_bytes_stand_untouched_under_the_key(tmp_path: Path) -> None:
+    written = write(tmp_path / "run.mcap")
+    own = [row for row in rows(tmp_path / "run.mcap") if row[0].name.startswith("convoy.")]
+    assert len(own) == len(written)
+    for (at, message), (schema, channel, record) in zip(written, own, strict=True):
+        topic = TOPIC_OF[type(message)]
+        assert record.data == encode(message)
+        assert record.sequence == message.seq
+        assert record.log_time == at
+        assert record.publish_time == instant(message)
+        assert schema.name == f"convoy.{type(message).__name__}"
+        assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
+        assert channel.topic == "/" + key(message.vehicle, topic)
+        assert channel.metadata == {"zenoh_key": key(message.vehicle, topic)}
+
+
+def test_same_writes_give_the_same_bytes(tmp_path: Path) -> None:
+    write(tmp_path / "one.mcap")
+    write(tmp_path / "two.mcap")
+    write(tmp_path / "other.mcap", TICKS + 1)
+    one = (tmp_path / "one.mcap").read_bytes()
+    assert one == (tmp_path / "two.mcap").read_bytes()
+    assert one != (tmp_path / "other.mcap").read_bytes()
+
+
+def test_log_times_never_go_back(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "run.mcap") as log:
+        for at in (5, 3, 9, 9, 2, 10):
+            put(log, drive.START + at, drive.truth("v1", 0))
+    recorded = [(record.log_time, channel) for _, channel, record in rows(tmp_path / "run.mcap")]
+    assert [at for at, _ in recorded] == sorted(at for at, _ in recorded)
+    own = [at - drive.START for at, channel in recorded if channel.topic == "/convoy/v1/truth"]
+    assert own == [5, 5, 9, 9, 9, 10]
+
+
+def test_messages_of_strangers_are_logged_as_they_are(tmp_path: Path) -> None:
+    """What is well-formed but nonsense must not bring the recorder down."""
+    good = drive.trajectory("v2", 0)
+    nonsense: list[Message] = [
+        drive.gps("v2", 0, -5),
+        LogText(vehicle="v2", seq=2**40, logged_at_ns=0, level="info", text=""),
+        _with(good, piece_length_m=(math.nan, math.inf)),
+        _with(good, piece_length_m=(1e300, -1.0), decided_at_ns=2**62),
+    ]
+    with LogWriter(tmp_path / "run.mcap") as log:
+        for message in nonsense:
+            put(log, drive.START, message)
+    read = [encode(message) for _, _, message in LogReader(tmp_path / "run.mcap").messages()]
+    assert read == [encode(message) for message in nonsense]
+
+
+def _with(message: Any, **changes: Any) -> Any:
+    values = {name: getattr(message, name) for name in message.__dataclass_fields__}
+    return type(message)(**{**values, **changes})
+
+
+def test_rerun_accepts_the_log(tmp_path: Path) -> None:
+    write(tmp_path / "run.mcap")
+    assert rerun_accepts(tmp_path / "run.mcap")
+
+
+def test_what_was_flushed_can_be_read_before_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    log = LogWriter(path)
+    log.metadata("convoy", {"seed": "7"})
+    put(log, drive.START, drive.truth("v1", 0))
+    log.flush()
+    put(log, drive.START + 1, drive.truth("v1", 1))
+    reader = LogReader(path)
+    assert reader.truncated
+    assert [message.seq for _, _, message in reader.messages()] == [0]
+    assert reader.metadata() == {"convoy": {"seed": "7"}}
+    assert reader.counts == {("v1", "truth"): 1}
+    log.close()
+    log.close()
+    assert [message.seq for _, _, message in LogReader(path).messages()] == [0, 1]
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot write"):
+        LogWriter(tmp_path / "nowhere" / "run.mcap")

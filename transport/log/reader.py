@@ -1,0 +1,76 @@
+"""Reads the log of a run back as messages, whether it is complete or breaks off."""
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from transport.codec import RefusedMessageError, decode
+from transport.log.mcap_file import McapFile
+from transport.log.records import LogError
+from transport.topics import TOPICS, Topic, key
+from vehicles.messages import Message
+
+
+class LogReader:
+    """The messages, metadata and attachments of a log.
+
+    `truncated` says that the log was not completed (its recorder was killed): everything up to
+    the last `flush()` is still there, and `repair` makes it a complete log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = McapFile(path)
+        self.truncated = self._file.truncated
+        channels, counts = self._file.channels()
+        self._sources = {number: _source(name) for number, name in channels.items()}
+        self.counts: dict[tuple[str, str], int] = {
+            (source[0], source[1].name): counts.get(number, 0)
+            for number, source in self._sources.items()
+            if source
+        }
+        """Number of messages of each (vehicle, topic)."""
+        if not self.counts:
+            raise LogError(
+                f"{path}: holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
+                f"with a topic of {', '.join(TOPICS)}"
+            )
+        self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
+
+    def messages(
+        self, topics: Collection[str] | None = None, vehicles: Collection[str] | None = None
+    ) -> Iterator[tuple[int, str, Message]]:
+        """Give (log time in ns, vehicle, message) in the order of the log.
+
+        `topics` and `vehicles` name what is wanted, by default all of them.
+        """
+        wanted = {
+            number: source
+            for number, source in self._sources.items()
+            if source
+            and (vehicles is None or source[0] in vehicles)
+            and (topics is None or source[1].name in topics)
+        }
+        for channel, log_time, data in self._file.messages():
+            if channel in wanted:
+                vehicle, topic = wanted[channel]
+                try:
+                    message = decode(topic, data)
+                except RefusedMessageError as error:
+                    raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
+                yield log_time, vehicle, message
+
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Return the named text values of the log."""
+        return self._file.metadata()
+
+    def attachments(self) -> dict[str, bytes]:
+        """Return the files in the log by name."""
+        return self._file.attachments()
+
+
+def _source(channel: str) -> tuple[str, Topic] | None:
+    """Split `/convoy/<vehicle>/<topic>`; None for a channel that is not one of ours."""
+    match channel.split("/"):
+        case ["", "convoy", vehicle, name] if name in TOPICS:
+            return vehicle, TOPICS[name]
+    return None
