@@ -141,9 +141,8 @@ def test_a_folder_s_map_names_what_is_in_it(folder: Path) -> None:
     assert text
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "__main__", "convoy_pb2"}
     rooms = {path.parent.name for path in folder.glob("*/__init__.py")}
-    named = re.findall(r"^ {4}(\w[\w, /]*?)(?: {2,}|$)", text, flags=re.MULTILINE)
-    words = {word.strip(" /") for line in named for word in line.split(",")} - {""}
-    assert words - {"library"} == modules | rooms
+    named = set(re.findall(r"^(\w+)/? {3,}\S", text, flags=re.MULTILINE))
+    assert named - {"library"} == modules | rooms
 
 
 def test_everything_that_ships_is_in_the_distribution() -> None:

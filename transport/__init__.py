@@ -1,9 +1,11 @@
 """What carries messages and time, and shows them.
 
-topics, codec        which messages there are, and their bytes
-clock                wall clock and virtual time
-bus/                 between processes: Zenoh, or memory within one process
-links/               what a directed link does to a message, and what a vehicle receives
-log/                 the MCAP file of a run
-picture/             the run in Rerun
+topics     the table of topics: name, message, who logs it, how urgent
+reasons    the table of reasons why a message was not used
+codec      bytes from messages and back
+clock      wall clock and virtual time
+bus/       between processes: Zenoh, or memory within one process
+links/     what a directed link does to a message, and what a vehicle receives
+log/       the MCAP file of a run
+picture/   the run in Rerun
 """

@@ -1,21 +1,23 @@
-"""Clocks and the schedule of a run: what time it is, when a step is due, how late it began.
+"""Clocks and the ticks of a run: what time it is, when a step begins and how late it is.
 
 Instants are integer nanoseconds of Unix time, spans float seconds. A node is given scheduled
 instants, never a reading of the clock.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from heapq import merge
-from itertools import count, groupby, takewhile
+from itertools import groupby
+from math import inf
 from threading import Event
 from typing import Protocol
 
-NS_PER_S = 1_000_000_000
+from vehicles.schedule import MILLISECOND, SECOND, instants
+
 LATE_SHARE_OF_PERIOD = 0.5
 """A tick is late when it begins more than this share of a control period after its instant."""
-_LONGEST_SLEEP_NS = 50_000_000
+_LONGEST_SLEEP_NS = 50 * MILLISECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class WallClock:
         # Sleeping in slices, not Event.wait(): a signal handler may then set the event from the
         # very thread that waits, which could deadlock on the event's own lock.
         while (remaining := at - self.now()) > 0 and not self._stop.is_set():
-            time.sleep(min(remaining, _LONGEST_SLEEP_NS) / NS_PER_S)
+            time.sleep(min(remaining, _LONGEST_SLEEP_NS) / SECOND)
         return -remaining
 
 
@@ -78,32 +80,38 @@ class VirtualClock:
         return self._now - at
 
 
-def instant(start_at: int, k: int, rate_hz: float) -> int:
-    """Return the k-th instant (from 0) of a periodic event, in ns, rounded to the nearest."""
-    return start_at + round(k * NS_PER_S / rate_hz)
-
-
-def instants(start_at: int, end_at: int, rate_hz: float) -> Iterator[int]:
-    """Yield the instants of a periodic event from `start_at` on, before `end_at`.
-
-    A duration that is a whole number of periods has duration x rate of them: the end itself, where
-    the next one would lie, does not belong.
-    """
-    return takewhile(lambda at: at < end_at, (instant(start_at, k, rate_hz) for k in count()))
-
-
 def ticks(start_at: int, end_at: int, *rates_hz: float) -> Iterator[Tick]:
     """Yield the union of the instants of all rates; the last span reaches to `end_at`."""
     each = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
     before: int | None = None
     for at, _ in groupby(merge(*each)):
         if before is not None:
-            yield Tick(before, (at - before) / NS_PER_S)
+            yield Tick(before, (at - before) / SECOND)
         before = at
     if before is not None:
-        yield Tick(before, (end_at - before) / NS_PER_S)
+        yield Tick(before, (end_at - before) / SECOND)
 
 
 def late_after(control_rate_hz: float) -> int:
     """Return the lateness in ns above which a tick counts as late (10 ms at 50 Hz)."""
-    return round(LATE_SHARE_OF_PERIOD * NS_PER_S / control_rate_hz)
+    return round(LATE_SHARE_OF_PERIOD * SECOND / control_rate_hz)
+
+
+def poll(
+    holds: Callable[[], bool],
+    *,
+    every_s: float,
+    at_most_s: float = inf,
+    sleep: Callable[[float], object] = time.sleep,
+) -> bool:
+    """Look every so often whether something holds, for so long at most; says whether it does.
+
+    For what a signal handler or another thread brings about: an event that is waited on could
+    deadlock with the handler that sets it.
+    """
+    give_up_at = time.monotonic() + at_most_s
+    while not holds():
+        if time.monotonic() >= give_up_at:
+            return False
+        sleep(every_s)
+    return True

@@ -65,7 +65,7 @@ def alive_key(vehicle: str) -> str:
     return f"convoy/{vehicle}/@alive"
 
 
-def instant(message: Message) -> int:
+def valid_at(message: Message) -> int:
     """Return the instant at which `message` was valid, in nanoseconds."""
     at: int = getattr(message, TOPIC_OF[type(message)].instant)
     return at

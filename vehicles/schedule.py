@@ -1,14 +1,33 @@
-"""Instants of a periodic schedule, in integer nanoseconds."""
+"""Instants in integer nanoseconds: their units, periodic schedules, and what is due."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import count, takewhile
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
+
+MILLISECOND = 1_000_000
+"""Nanoseconds in a millisecond."""
+
+
+def nanoseconds(seconds: float) -> int:
+    """Span in ns, to the nearest."""
+    return round(seconds * SECOND)
 
 
 def instant(start_at: int, k: int, rate_hz: float) -> int:
     """k-th instant (ns, from 0) of a schedule of `rate_hz` that starts at `start_at` (ns)."""
     return start_at + round(k * SECOND / rate_hz)
+
+
+def instants(start_at: int, end_at: int, rate_hz: float) -> Iterator[int]:
+    """Yield the instants (ns) of a schedule of `rate_hz` from `start_at` on, before `end_at`.
+
+    A duration that is a whole number of periods has duration x rate of them: the end itself, where
+    the next one would lie, does not belong.
+    """
+    return takewhile(lambda at: at < end_at, (instant(start_at, k, rate_hz) for k in count()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,3 +54,23 @@ class Cadence:
     def due(self, now: int) -> bool:
         """Whether `now` (ns) is one of the instants."""
         return self.index(now) is not None
+
+
+@dataclass(slots=True)
+class Timer:
+    """Something done every `period` (ns) at most, at the instants at which somebody asks.
+
+    It is due from the instant `due_at` (ns) on. Once done it is due a period later, counted from
+    when it was done, or with `steady` from when it was due, so that no period is stretched.
+    """
+
+    period: int
+    due_at: int = 0
+    steady: bool = False
+
+    def is_due(self, now: int) -> bool:
+        """Whether it is due at `now` (ns); if so, it counts as done."""
+        if now < self.due_at:
+            return False
+        self.due_at = (self.due_at if self.steady else now) + self.period
+        return True

@@ -1,10 +1,13 @@
-"""What a scenario says: read, refused in clear lines, or resolved to all that a run needs.
+"""What a scenario says: read, refused in clear lines, or resolved.
 
 library          scenario files as text: shipped ones and the user's
-extends          a file laid over the one that it extends; overrides: `--set` over both
+extends          a file laid over the one that it extends
+overrides        `--set` laid over both
 schema/          the tables of a file: keys with units, defaults and limits
 contradictions   keys that do not fit one another
-refusal          what is wrong, in one line each; errors: the exceptions that carry the lines
+refusal          what is wrong, in one line each
+errors           the exceptions that carry those lines
+links            who listens to whom, and what is asked of each directed link
 traces/          the lead's recorded drive
 road/            the lead's path and speed, and where each vehicle starts
 vehicle_setup    one vehicle: its own tables laid over the convoy's

@@ -6,11 +6,10 @@ from fractions import Fraction
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import LinkEntry, LinkTable, ScenarioTables
 from transport.links.effects import Decimation, Effect, Jitter, Latency, Loss
+from vehicles.schedule import MILLISECOND
 
 ANY = "*"
 """Stands for every vehicle in a link's `sender` or `receiver`."""
-
-_NS_PER_MS = 1_000_000
 
 
 def senders_to(names: Sequence[str], receiver: str) -> tuple[str, ...]:
@@ -51,7 +50,7 @@ def link_effects(table: LinkTable, source_rate_hz: float) -> tuple[Effect, ...]:
         found.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
     if table.loss_ratio > 0.0:
         found.append(Loss(table.loss_ratio))
-    found.append(Latency(round(table.latency_ms * _NS_PER_MS)))
+    found.append(Latency(round(table.latency_ms * MILLISECOND)))
     if table.jitter_ms > 0.0:
-        found.append(Jitter(round(table.jitter_ms * _NS_PER_MS)))
+        found.append(Jitter(round(table.jitter_ms * MILLISECOND)))
     return tuple(found)

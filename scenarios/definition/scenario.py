@@ -26,6 +26,7 @@ from scenarios.definition.traces.recorded import with_points
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import Origin
+from vehicles.schedule import SECOND
 
 __all__ = ["Scenario", "library", "load_scenario", "scenario_from_text", "template"]
 
@@ -59,7 +60,7 @@ class Scenario:
     def start_at_ns(self) -> int:
         """Unix time at which a virtual run starts; a wall-clock run starts when it starts."""
         start = self.tables.start_at
-        return int(start.timestamp()) * 1_000_000_000 + start.microsecond * 1000
+        return int(start.timestamp()) * SECOND + start.microsecond * 1000
 
     @property
     def control_rate_hz(self) -> float:

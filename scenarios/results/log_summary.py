@@ -9,6 +9,7 @@ from scenarios.results.summary import RunIdentity, RunSummary, from_json
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from vehicles.messages import RunStart
+from vehicles.schedule import SECOND
 
 LOG_NAME = "run.mcap"
 SUMMARY_NAME = "summary.json"
@@ -34,7 +35,7 @@ def summarise(
         outcome="failed" if reason else "completed",
         reason=reason,
         duration_s=scenario.duration_s,
-        ran_s=min(ran_ns * 1e-9, scenario.duration_s),
+        ran_s=min(ran_ns / SECOND, scenario.duration_s),
         recorder_rejected_messages=dict(sorted(rejected.items())),
         vehicles=metrics.vehicle_summaries(scenario.route.start_yaw),
         links=metrics.link_summaries(),

@@ -12,6 +12,7 @@ from scenarios.results.summary import LinkSummary, VehicleSummary
 from transport.reasons import counts_as_loss
 from vehicles.geometry.driven_path import DrivenPath, cross_track
 from vehicles.messages import GpsPose, Health, LinkVerdict, Message, Tracking, TruePose
+from vehicles.schedule import MILLISECOND
 
 
 @dataclass(slots=True)
@@ -194,6 +195,8 @@ class Metrics:
             # What a link's rate holds back is not sent on it, so it cannot be lost.
             loss_ratio=lost / (figures.heard + lost) if lost else 0.0,
             late=figures.late,
-            latency_ms_mean=figures.latency_ns_sum / figures.heard * 1e-6 if figures.heard else 0.0,
-            latency_ms_max=figures.latency_ns_max * 1e-6,
+            latency_ms_mean=figures.latency_ns_sum / figures.heard / MILLISECOND
+            if figures.heard
+            else 0.0,
+            latency_ms_max=figures.latency_ns_max / MILLISECOND,
         )

@@ -1,1 +1,13 @@
-"""One run of a scenario: in processes over Zenoh, or in virtual time."""
+"""One run of a scenario: in processes over Zenoh, or in virtual time.
+
+node/        one vehicle, the same on the wall clock and in virtual time
+processes/   a process per vehicle, router, recorder, and what keeps them together
+virtual      all vehicles in one process, as fast as it goes
+step_order   whose turn it is in virtual time
+rehearsal    a virtual run whose drives stay in memory
+replay       a recorded vehicle put back on the road
+recorder     every message into log, figures and picture
+run_log      the two files of a run
+pool         many jobs on several processes
+stop         why and how a process has to stop; exit codes
+"""

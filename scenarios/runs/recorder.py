@@ -8,7 +8,7 @@ from scenarios.results.metrics import Metrics
 from transport.codec import RefusedMessageError, decode, encode
 from transport.links.gate import HORIZON_NS, PoseGate
 from transport.log.writer import LogWriter
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
+from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Health, LogText, Message, RunEnd, RunStart
 from vehicles.schedule import SECOND
@@ -105,10 +105,10 @@ class Recorder:
             raise RefusedMessageError("early", "the run has not begun")
         if isinstance(message, GpsPose):
             self._gates[vehicle].check(message, at)
-        elif instant(message) < self._start_at - EARLY_NS:
-            raise RefusedMessageError("early", f"valid at {instant(message)}")
-        elif instant(message) > at + HORIZON_NS:
-            raise RefusedMessageError("future", f"valid at {instant(message)}")
+        elif valid_at(message) < self._start_at - EARLY_NS:
+            raise RefusedMessageError("early", f"valid at {valid_at(message)}")
+        elif valid_at(message) > at + HORIZON_NS:
+            raise RefusedMessageError("future", f"valid at {valid_at(message)}")
         if message.seq in self._seen[key_expression]:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
         return topic, message

@@ -15,10 +15,11 @@ from scenarios.runs.step_order import Stepper
 from transport.clock import Tick
 from transport.log.reader import LogReader
 from transport.log.records import LogError
-from transport.topics import instant
+from transport.topics import valid_at
 from vehicles.car.gnss import from_message
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose
+from vehicles.schedule import SECOND, nanoseconds
 
 SEARCHED = 150.0
 """A place is looked for on the first part (m) of a recorded drive, so not on a later lap."""
@@ -42,7 +43,7 @@ class Replay:
         return Stepper(self.vehicle, self._ticks, step)
 
     def _ticks(self) -> Iterator[Tick]:
-        return (Tick(instant(message), 0.0) for message in self.messages)
+        return (Tick(valid_at(message), 0.0) for message in self.messages)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ class RecordedVehicle:
         earlier messages are left out, and those that remain are numbered anew.
         """
         name = vehicle or self.poses[0].vehicle
-        shift = start_at - self.started_at - round(ahead * 1e9)
+        shift = start_at - self.started_at - nanoseconds(ahead)
         poses = [p for p in self.poses if p.measured_at_ns + shift >= start_at]
         truth = [t for t in self.truth if t.true_at_ns + shift >= start_at]
         messages: list[GpsPose | TruePose] = [
@@ -71,7 +72,7 @@ class RecordedVehicle:
             replace(t, vehicle=name, seq=seq, true_at_ns=t.true_at_ns + shift)
             for seq, t in enumerate(truth)
         ]
-        return Replay(name, tuple(sorted(messages, key=instant)))
+        return Replay(name, tuple(sorted(messages, key=valid_at)))
 
 
 def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
@@ -126,5 +127,5 @@ def _time_at(
         if stations[k] >= station and stations[k] > stations[k - 1]:
             share = (station - stations[k - 1]) / (stations[k] - stations[k - 1])
             reached = at[k - 1] + share * (at[k] - at[k - 1])
-            return (reached - recorded.started_at) * 1e-9
+            return (reached - recorded.started_at) / SECOND
     raise ValueError(f"the recorded drive is shorter than {station:.1f} m")

@@ -1,1 +1,6 @@
-"""Many runs and the theory behind them: stabilising gains, the paper's claims."""
+"""Many runs and the theory behind them.
+
+gains/          `convoy gains`: stabilising gain sets, margins, certificates
+paper/          `convoy reproduce`: the paper's experiments run, its claims judged
+picture_style   colours and settings of the pictures
+"""

@@ -18,7 +18,7 @@ from tests.system.processes import Process, run_to_the_end, start
 from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.codec import encode
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, instant, key
+from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking
 
 DURATION_S = 5.0
@@ -41,7 +41,7 @@ def examples(run: Run) -> dict[str, dict[Topic, Message]]:
     for message in run.messages:
         topic = TOPIC_OF[type(message)]
         of_vehicle = found.setdefault(message.vehicle, {})
-        if topic not in of_vehicle or instant(message) <= middle:
+        if topic not in of_vehicle or valid_at(message) <= middle:
             of_vehicle[topic] = message
     return found
 

@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from transport.log.foxglove import twins
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, alive_key, instant, key
+from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, alive_key, key, valid_at
 from vehicles.messages import GpsPose, Message, RunStart
 
 
@@ -45,7 +45,7 @@ def test_poses_go_ahead_of_what_is_only_for_the_log() -> None:
 
 
 def test_the_instant_of_a_message_is_read_by_the_table() -> None:
-    assert instant(RunStart(vehicle="run", seq=0, start_at_ns=17, run_id="x")) == 17
+    assert valid_at(RunStart(vehicle="run", seq=0, start_at_ns=17, run_id="x")) == 17
     assert TOPIC_OF[GpsPose].instant == "measured_at_ns"
 
 

@@ -1,10 +1,10 @@
 from fractions import Fraction
+from itertools import pairwise
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from transport import clock
-from vehicles.schedule import SECOND, Cadence, instant
+from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer, instant, nanoseconds
 
 START = 1_790_000_000 * SECOND + 123_456_789
 rates = st.sampled_from([1.0, 5.0, 10.0, 20.0, 30.0, 50.0, 99.9, 500.0]) | st.floats(0.1, 500.0)
@@ -51,9 +51,32 @@ def test_instants_do_not_drift_over_a_day() -> None:
         assert instant(START, day * rate_hz, rate_hz) == START + day * SECOND
 
 
-@given(rate_hz=rates, k=st.integers(0, 100_000))
-@settings(max_examples=100)
-def test_the_clock_of_the_transport_has_the_same_instants(rate_hz: float, k: int) -> None:
-    """A vehicle decides at a tick only if both agree on it to the nanosecond."""
-    assert clock.instant(START, k, rate_hz) == instant(START, k, rate_hz)
-    assert clock.NS_PER_S == SECOND
+@given(st.lists(st.integers(0, 10 * SECOND), min_size=1, max_size=50))
+def test_a_timer_is_due_a_period_after_it_was_done(asked: list[int]) -> None:
+    timer = Timer(SECOND, due_at=SECOND)
+    done = [at for at in sorted(asked) if timer.is_due(at)]
+    assert all(at >= SECOND for at in done)
+    assert all(later - earlier >= SECOND for earlier, later in pairwise(done))
+    missed = [at for at in sorted(asked) if at >= SECOND and at not in done]
+    assert all(any(at - SECOND < one <= at for one in done) for at in missed)
+
+
+def test_a_steady_timer_does_not_drift_with_whoever_asks() -> None:
+    timer = Timer(SECOND, due_at=START, steady=True)
+    asked = [START + k * 150 * MILLISECOND for k in range(40)]
+    late = [(at - START) % SECOND for at in asked if timer.is_due(at)]
+    assert len(late) == 6
+    assert max(late) < 150 * MILLISECOND
+
+
+def test_a_timer_can_be_called_for_earlier() -> None:
+    timer = Timer(SECOND)
+    assert timer.is_due(START)
+    timer.due_at = START + 5
+    assert not timer.is_due(START + 4)
+    assert timer.is_due(START + 5)
+
+
+@given(st.floats(-1e6, 1e6))
+def test_spans_in_seconds_and_nanoseconds_agree(seconds: float) -> None:
+    assert abs(nanoseconds(seconds) / SECOND - seconds) <= 1e-9

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import cast
 
-from transport.clock import NS_PER_S
 from transport.codec import RefusedMessageError, decode
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose
+from vehicles.schedule import SECOND
 
 GPS = TOPICS["gps"]
 LONGEST_POSE_BYTES = 512
 """A pose with a name of 400 letters still fits."""
-HORIZON_NS = 60 * NS_PER_S
+HORIZON_NS = 60 * SECOND
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
 a vehicle that was held up hears, when it goes on, what the others sent meanwhile."""
 
@@ -80,5 +80,5 @@ class PoseGate:
             raise RefusedMessageError("past", f"measured at {pose.measured_at_ns}")
         if pose.measured_at_ns > now + HORIZON_NS:
             raise RefusedMessageError("future", f"measured at {pose.measured_at_ns}")
-        if pose.seq > elapsed * self.rate_hz / NS_PER_S + _ROUNDING:
+        if pose.seq > elapsed * self.rate_hz / SECOND + _ROUNDING:
             raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")

@@ -1,1 +1,9 @@
-"""The MCAP log of a run, written as it happens and read back."""
+"""The MCAP log of a run, written as it happens and read back.
+
+writer      messages in, each with its standard twins
+reader      messages, metadata and attachments out
+foxglove    standard messages made of our own
+mcap_file   the file beneath, and repairing one that breaks off
+records     records of a file that may break off
+fast_mcap   a shorter way to write very many messages
+"""

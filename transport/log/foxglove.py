@@ -27,12 +27,13 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from vehicles.geometry.trajectory_points import FRAME_ID, points_along
 from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, TruePose
+from vehicles.schedule import MILLISECOND
 
 PREVIEW_SPACING_M = 2.0
 """Distance between the poses that stand for a composite trajectory."""
-PREVIEW_PERIOD_NS = 200_000_000
+PREVIEW_PERIOD_NS = 200 * MILLISECOND
 """A composite trajectory is shown five times a second; our own message has every one."""
-POSE_PERIOD_NS = 80_000_000
+POSE_PERIOD_NS = 80 * MILLISECOND
 """The true pose is shown at every fourth control tick, 12.5 times a second; ours has every one."""
 _LEVELS = {
     "debug": Log.DEBUG,

@@ -18,6 +18,7 @@ from transport.log.foxglove import Twin, descriptor_set, twins
 from transport.log.records import LogError
 from transport.topics import Topic, key
 from vehicles.messages import Message
+from vehicles.schedule import Timer
 
 SEQUENCE_MASK = 0xFFFF_FFFF
 """MCAP holds sequence numbers in 32 bits; our own message has all of them."""
@@ -32,12 +33,11 @@ def library_name() -> str:
 class _Channel:
     """The channels of one topic of one vehicle: its own and those of its twins."""
 
-    __slots__ = ("due", "identifier", "twins")
+    __slots__ = ("identifier", "twins")
 
-    def __init__(self, identifier: int, beside: tuple[tuple[Twin, int], ...]) -> None:
+    def __init__(self, identifier: int, twins: tuple[tuple[Twin, int, Timer], ...]) -> None:
         self.identifier = identifier
-        self.twins = beside
-        self.due: dict[int, int] = {}  # by channel of a twin, when (ns) the next one is due
+        self.twins = twins
 
 
 class LogWriter:
@@ -93,21 +93,22 @@ class LogWriter:
         sequence = message.seq & SEQUENCE_MASK
         add = self._writer.add_message
         add(channel.identifier, log_time, data, publish_time, sequence)
-        for twin, identifier in channel.twins:
-            if twin.period_ns:
-                if valid_at < channel.due.get(identifier, 0):
-                    continue
-                channel.due[identifier] = valid_at + twin.period_ns
-            add(identifier, log_time, twin.make(message), publish_time, sequence)
+        for twin, identifier, timer in channel.twins:
+            if not twin.period_ns or timer.is_due(valid_at):
+                add(identifier, log_time, twin.make(message), publish_time, sequence)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)
         own = self._register(f"/{origin}", PROTOBUF[topic.message], {"zenoh_key": origin})
-        beside = tuple(
-            (twin, self._register(f"/convoy/{vehicle}/{twin.name}", twin.schema, {"of": origin}))
+        twins = tuple(
+            (
+                twin,
+                self._register(f"/convoy/{vehicle}/{twin.name}", twin.schema, {"of": origin}),
+                Timer(twin.period_ns),
+            )
             for twin in self._twins.get(topic.message, ())
         )
-        channel = self._channels[vehicle, topic.name] = _Channel(own, beside)
+        channel = self._channels[vehicle, topic.name] = _Channel(own, twins)
         return channel
 
     def _register(self, topic: str, message_class: Any, metadata: dict[str, str]) -> int:

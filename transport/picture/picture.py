@@ -21,7 +21,7 @@ from transport.picture.shapes import (
     state_style,
     turn_about,
 )
-from transport.topics import instant
+from transport.topics import valid_at
 from vehicles.geometry.trajectory_points import points_along
 from vehicles.messages import (
     Command,
@@ -119,7 +119,7 @@ class Picture:
         """Keep what comes before the start is known: it is drawn relative to that instant."""
         self._waiting.append((now, message))
         if isinstance(message, RunStart | TruePose):
-            self._start = instant(message)
+            self._start = valid_at(message)
             for then, early in self._waiting:
                 self.draw(then, early)
             self._waiting.clear()

@@ -1,1 +1,6 @@
-"""The car: its parameters and load, how it moves, and what its GNSS receiver measures."""
+"""The car: what it is made of, how it moves, and how it measures itself.
+
+parameters   masses, tyres, axles, steering; load; feedback gains
+dynamics     the single-track model with steering actuation, integrated
+gnss         the GNSS receiver, and its fixes as messages and back
+"""

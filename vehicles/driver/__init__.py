@@ -1,1 +1,10 @@
-"""What decides: pose estimate, tracking errors, steering and speed laws, lead and follower."""
+"""What decides: the lead along its path, followers along what they received.
+
+decision         what a driver is and what it decides at a control instant
+pose_estimator   where the car is now, from its fixes
+tracking         errors against the trajectory
+steering         from errors to a steering command: the paper's law and others
+speed            from gaps and profiles to an acceleration
+leader           the lead
+follower         a follower: what it knows of lead and predecessor, and what it makes of it
+"""

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from vehicles.messages import GpsPose
+from vehicles.schedule import SECOND
 
 SCENARIO_ATTACHMENT = "scenario.toml"
 """Name under which a log holds the scenario of its run."""
@@ -251,7 +252,7 @@ def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
                 place=f"message {pose.seq}",
                 position=(pose.latitude_deg, pose.longitude_deg),
                 altitude=pose.altitude_m,
-                time=(pose.measured_at_ns - poses[0].measured_at_ns) / 1e9,
+                time=(pose.measured_at_ns - poses[0].measured_at_ns) / SECOND,
                 speed=pose.speed_mps,
             )
         )

@@ -1,1 +1,8 @@
-"""One vehicle as a node: the same object on the wall clock and in virtual time."""
+"""One vehicle as a node: the same object on the wall clock and in virtual time.
+
+node       the heart: what happens at one tick
+assembly   the parts of a vehicle put together from its scenario
+outbox     the messages that it sends
+sink       where they go: to the bus, and to whoever records
+probe      memory, processor time and lateness of its process
+"""

@@ -11,7 +11,7 @@ from vehicles.car.gnss import Fix, to_message
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import Message
-from vehicles.schedule import SECOND
+from vehicles.schedule import SECOND, Timer
 
 
 class Outbox:
@@ -33,7 +33,8 @@ class Outbox:
         self._plane = plane
         self._inbox = inbox
         self._probe = probe
-        self._health_due = start_at
+        # Steady, because not every schedule has a tick at each whole second.
+        self._health = Timer(SECOND, due_at=start_at, steady=True)
         self._next: Counter[type[Message]] = Counter()
         self._ticks = 0
         self._late_ticks = 0
@@ -49,8 +50,7 @@ class Outbox:
         if decision.fresh:
             self._add_truth(now, body)
             self._add_decision(now, decision)
-        if now >= self._health_due:  # not every schedule has a tick at each whole second
-            self._health_due += SECOND
+        if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()
 

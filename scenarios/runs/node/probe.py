@@ -5,6 +5,8 @@ from typing import Protocol
 
 import psutil
 
+from vehicles.schedule import MILLISECOND
+
 
 @dataclass(frozen=True, slots=True)
 class Usage:
@@ -55,5 +57,5 @@ class ProcessProbe:
                 memory_bytes=self._process.memory_info().rss,
                 cpu_ratio=self._process.cpu_percent() / 100.0,
                 late_ticks=self._late_ticks,
-                lateness_ms_max=self._lateness_ns_max * 1e-6,
+                lateness_ms_max=self._lateness_ns_max / MILLISECOND,
             )

@@ -1,1 +1,9 @@
-"""The processes of a run on the wall clock, and what keeps them together."""
+"""The processes of a run on the wall clock.
+
+launcher     `convoy run`: starts the router, the recorder and the vehicles, in this order
+supervisor   starts processes, sees them end, leaves none behind
+router       the Zenoh router
+recording    the recorder: gathers the convoy, writes the log, ends the run
+conductor    when the run starts and when it is over
+vehicle      one vehicle
+"""

@@ -11,6 +11,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.processes.supervisor import ChildProcess, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
+from transport.clock import poll
 from transport.log.mcap_file import repair
 from transport.log.records import LogError
 
@@ -97,8 +98,11 @@ def launch(
                 name,
                 ["vehicle", *plan.scenario_arguments, "--leash", "--name", name, "-e", endpoint],
             )
-        while not _is_over(plan, supervisor, recorder, stop, outcome):
-            sleep(WATCH_PERIOD_S)
+        poll(
+            lambda: _is_over(plan, supervisor, recorder, stop, outcome),
+            every_s=WATCH_PERIOD_S,
+            sleep=sleep,
+        )
     finally:
         _stop_all(plan, supervisor, outcome)
     return outcome

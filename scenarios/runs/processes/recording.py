@@ -1,7 +1,6 @@
 """`convoy record`: gathers the convoy, starts it, writes its log and ends it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -14,7 +13,7 @@ from scenarios.runs.stop import Stop
 from transport.bus.zenoh_bus import ZenohBus
 from transport.clock import WallClock
 from transport.topics import CONDUCTOR, TOPICS, key
-from vehicles.schedule import SECOND
+from vehicles.schedule import SECOND, Timer
 
 POLL_S = 0.02
 FLUSH_NS = SECOND * 2 // 5
@@ -26,20 +25,6 @@ GATHER_S = 60.0
 FINAL_COUNTERS_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
 Arrival = tuple[int, str, bytes]
-
-
-@dataclass(slots=True)
-class PeriodicTasks:
-    """Tasks that are done periodically, each with the instant (ns) when it is due next."""
-
-    due: dict[str, int] = field(default_factory=dict)
-
-    def is_due(self, name: str, now: int, period_ns: int) -> bool:
-        """Whether the task `name` is due; if so the next is due a period later."""
-        if now < self.due.get(name, 0):
-            return False
-        self.due[name] = now + period_ns
-        return True
 
 
 class RecorderProcess:
@@ -72,7 +57,8 @@ class RecorderProcess:
             run_id=folder.name,
             listeners=(self._conductor.listen, *listeners),
         )
-        self._tasks = PeriodicTasks()
+        self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
+        self._flushing = Timer(FLUSH_NS)
         self._own: list[tuple[str, bytes]] = []
         self._arrivals: SimpleQueue[Arrival] = SimpleQueue()
         self._presences: SimpleQueue[tuple[str, bool]] = SimpleQueue()
@@ -135,9 +121,9 @@ class RecorderProcess:
         if self._conductor.phase is Phase.RUNNING:
             if not self._own:
                 self._own_message("start", self._run.start(now, self._conductor.start_at))
-            if self._tasks.is_due("announce", now, ANNOUNCE_NS):
+            if self._announcing.is_due(now):
                 self._bus.publish(*self._own[0], urgent=True)
-            if self._tasks.is_due("health", now, SECOND):
+            if self._reporting.is_due(now):
                 self._run.recorder.report_health(now)
-        if self._tasks.is_due("flush", now, FLUSH_NS):
+        if self._flushing.is_due(now):
             self._run.flush()

@@ -6,6 +6,7 @@ import click
 
 from scenarios.runs.stop import Stop
 from transport.bus.zenoh_bus import DEFAULT_ENDPOINT, ZenohOptions, open_router
+from transport.clock import poll
 
 LISTENING = "listening on "
 """Begin of the first line of output; the endpoints follow."""
@@ -25,15 +26,13 @@ def route(options: ZenohOptions, stop: Stop, *, until_empty: bool) -> int:
     listen = options.listen or (DEFAULT_ENDPOINT,)
     with open_router(listen, config=options.config, cfg=options.cfg) as router:
         click.echo(f"{LISTENING}{', '.join(router.endpoints)}")
-        came = False
-        empty_since = time.monotonic()
+        poll(lambda: stop.asked or (until_empty and router.occupied()), every_s=POLL_S)
         while not stop.asked:
-            time.sleep(POLL_S)
-            present = router.occupied()
-            came = came or present
-            if present:
-                empty_since = time.monotonic()
-            elif until_empty and came and time.monotonic() - empty_since > EMPTY_S:
+            poll(lambda: stop.asked or not router.occupied(), every_s=POLL_S)
+            someone_came_back = poll(
+                lambda: stop.asked or router.occupied(), every_s=POLL_S, at_most_s=EMPTY_S
+            )
+            if not someone_came_back:
                 return 0
         if stop.orphaned:
             time.sleep(AFTER_THE_LAUNCHER_S)

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,7 +9,9 @@ from typing import Protocol
 
 from scenarios.runs.processes.router import LISTENING
 from transport.bus.bus import BusError
+from transport.clock import poll
 
+POLL_S = 0.01
 GRACE_S = 3.0
 """Time between the request to stop and SIGKILL; with it every run ends within five seconds."""
 
@@ -112,9 +113,11 @@ class Supervisor:
         chosen = [c for c in self.children if names is None or c.name in names]
         for child in chosen:
             child.process.terminate()
-        deadline = time.monotonic() + grace_s
-        while time.monotonic() < deadline and any(c.exit_code is None for c in chosen):
-            time.sleep(0.01)
+        poll(
+            lambda: all(child.exit_code is not None for child in chosen),
+            every_s=POLL_S,
+            at_most_s=grace_s,
+        )
         remaining = [child for child in chosen if child.exit_code is None]
         for child in remaining:
             child.process.kill()

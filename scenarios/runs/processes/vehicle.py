@@ -1,6 +1,5 @@
 """`convoy vehicle`: one vehicle as a process of its own, over Zenoh, on the wall clock."""
 
-import time
 from collections.abc import Iterable, Iterator
 
 from scenarios.definition.scenario import Scenario
@@ -10,7 +9,7 @@ from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
 from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.clock import Tick, WallClock, late_after
+from transport.clock import Tick, WallClock, late_after, poll
 from transport.codec import RefusedMessageError, decode
 from transport.topics import CONDUCTOR, TOPICS, key
 from vehicles.messages import RunEnd, RunStart
@@ -65,8 +64,7 @@ def drive(builder: VehicleBuilder, bus: Bus, stop: Stop) -> bool:
     """
     announced = RunAnnouncements(bus)
     bus.announce(builder.name)
-    while announced.start is None and not stop.asked:
-        time.sleep(POLL_S)
+    poll(lambda: announced.start is not None or stop.asked, every_s=POLL_S)
     if announced.start is None:
         return False
     start_at = announced.start.start_at_ns
@@ -83,7 +81,7 @@ def drive(builder: VehicleBuilder, bus: Bus, stop: Stop) -> bool:
     clock.wait_until(0 if announced.end is not None else end_at)
     finished = not stop.asked
     node.outbox.publish_health(min(clock.now(), end_at), final=True)
-    _wait_for_end(announced, stop)
+    poll(lambda: announced.end is not None or stop.asked, every_s=POLL_S, at_most_s=END_S)
     return finished
 
 
@@ -92,9 +90,3 @@ def punctual(ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe) -> It
     for tick in ticks:
         probe.tick_began(clock.wait_until(tick.at))
         yield tick
-
-
-def _wait_for_end(announced: RunAnnouncements, stop: Stop) -> None:
-    deadline = time.monotonic() + END_S
-    while announced.end is None and not stop.asked and time.monotonic() < deadline:
-        time.sleep(POLL_S)

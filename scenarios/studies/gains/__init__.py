@@ -2,5 +2,6 @@
 
 report         works all of it out and writes gains.json
 results        the typed results and their form as JSON
-pictures       curves, and the list of all pictures; set_pictures: the stabilising sets
+pictures       curves, and the list of all pictures
+set_pictures   the stabilising sets
 """

@@ -1,21 +1,17 @@
 """`convoy reproduce`: runs the paper's experiments, judges its claims, writes one report."""
 
-import os
 import time
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
-from multiprocessing import get_context, parent_process
 from pathlib import Path
-from threading import Thread
-from typing import Any, TypeVar
+from typing import Any
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import near
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Trial
+from scenarios.runs.pool import Job, run_jobs
 from scenarios.runs.rehearsal import record, rehearse
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
@@ -31,8 +27,6 @@ from scenarios.studies.paper.frequency_response import (
 )
 from scenarios.studies.paper.keys import JobKey, Part, RunKey, SineKey
 
-Key = TypeVar("Key", bound=Hashable)
-Job = Callable[[], Any]
 REPORT = "report.md"
 WORKERS = 2
 
@@ -55,7 +49,7 @@ def reproduce(
     jobs = jobs_of(chosen, out)
     results: dict[JobKey, Any] = {}
     began = time.monotonic()
-    for key, result in carry_out(jobs, workers):
+    for key, result in run_jobs(jobs, workers):
         results[key] = result
         took = time.monotonic() - began
         progress(f"{took:5.1f} s  {len(results):3d} of {len(jobs)}  {key}")
@@ -142,39 +136,3 @@ def add(findings: Findings, key: JobKey, result: object) -> None:
             findings.gains_pictures = result
         case _:
             raise TypeError(f"{key}: not a result of this part: {type(result).__name__}")
-
-
-def carry_out(jobs: Mapping[Key, Job], workers: int) -> Iterator[tuple[Key, Any]]:
-    """Do all jobs on so many processes (0: in this one); gives each result when it is done.
-
-    When one fails, or the caller stops iterating, those that have begun are waited for and no more
-    are begun.
-    """
-    if not workers:
-        yield from ((key, job()) for key, job in jobs.items())
-        return
-    # Inherited by the workers; see the same line of the command line.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    waiting = iter(jobs.items())
-    spawn = get_context("spawn")
-    with ProcessPoolExecutor(workers, spawn, initializer=_end_with_parent) as pool:
-        under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
-        while under_way:
-            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-            for future in done:
-                key, result = under_way.pop(future), future.result()
-                for next_key, job in islice(waiting, 1):
-                    under_way[pool.submit(job)] = next_key
-                yield key, result
-
-
-def _end_with_parent() -> None:
-    """Let a worker end when its parent is gone, even if that was killed outright."""
-    parent = parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    Thread(target=watch, daemon=True).start()

@@ -12,6 +12,7 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.log_summary import LOG_NAME
+from scenarios.runs.pool import run_jobs
 from scenarios.studies.paper import reproduce as reproduction
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
@@ -22,7 +23,6 @@ from scenarios.studies.paper.report.report import CLAIMS, write_report
 from scenarios.studies.paper.reproduce import (
     Run,
     add,
-    carry_out,
     chosen_cases,
     jobs_of,
     reproduce,
@@ -150,13 +150,13 @@ def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
 
 def test_jobs_are_done_by_worker_processes() -> None:
     jobs = {"six": partial(pow, 6, 1), "eight": partial(pow, 2, 3)}
-    assert dict(carry_out(jobs, 1)) == {"six": 6, "eight": 8}
+    assert dict(run_jobs(jobs, 1)) == {"six": 6, "eight": 8}
 
 
 def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
     jobs = {"bad": partial(run_experiment, Experiment(scenario="no_such"), tmp_path)}
     with pytest.raises(ScenarioError, match="no such file"):
-        list(carry_out(jobs, 0))
+        list(run_jobs(jobs, 0))
 
 
 def test_results_are_put_where_they_belong() -> None:

@@ -12,14 +12,15 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.tables import LinkTable
 from tests.made.links import inbox as inbox_of
 from tests.made.links import link as link_of
-from transport.clock import NS_PER_S, instant, ticks
+from transport.clock import ticks
 from transport.codec import encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
 from transport.links.inbox import QUEUE, WINDOW, Inbox
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
+from vehicles.schedule import SECOND, instant
 
-START = 1_790_000_000 * NS_PER_S
+START = 1_790_000_000 * SECOND
 MS = 1_000_000
 RATE_HZ = 20.0
 GPS = TOPICS["gps"]
@@ -100,7 +101,7 @@ def test_verdicts_say_what_became_of_each_message() -> None:
     rule = LinkTable(latency_ms=20.0, loss_ratio=0.5)
     inbox = ear({"lead": rule})
     heard, verdicts = [], []
-    for tick in ticks(START, START + NS_PER_S, 50.0, RATE_HZ):
+    for tick in ticks(START, START + SECOND, 50.0, RATE_HZ):
         send(inbox, *(pose(k) for k in range(20) if pose(k).measured_at_ns == tick.at))
         heard += inbox.take(tick.at)
         verdicts += inbox.verdicts()
@@ -136,7 +137,7 @@ def run(
     pending = sorted(arrivals, key=lambda row: row[0])
     heard: list[GpsPose] = []
     verdicts: list[LinkVerdict] = []
-    for tick in ticks(START, START + 2 * NS_PER_S, 50.0, RATE_HZ):
+    for tick in ticks(START, START + 2 * SECOND, 50.0, RATE_HZ):
         while pending and pending[0][0] <= tick.at:
             send(inbox, pending.pop(0)[1])
         heard += inbox.take(tick.at)
@@ -162,7 +163,7 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(random: Random,
 def test_what_is_heard_does_not_depend_on_the_order_of_arrival(order: list[int]) -> None:
     inbox = ear({"lead": LinkTable(loss_ratio=0.3)})
     send(inbox, *(pose(k) for k in order))
-    assert [p.seq for p in inbox.take(START + NS_PER_S)] == [1, 3, 4, 6, 7, 11]
+    assert [p.seq for p in inbox.take(START + SECOND)] == [1, 3, 4, 6, 7, 11]
 
 
 def test_what_never_arrives_does_not_shift_the_others() -> None:
@@ -170,8 +171,8 @@ def test_what_never_arrives_does_not_shift_the_others() -> None:
     whole, holed = ear(rule), ear(rule)
     send(whole, *(pose(k) for k in range(200)))
     send(holed, *(pose(k) for k in range(0, 200, 3)))
-    all_heard = {p.seq for p in whole.take(START + 20 * NS_PER_S)}
-    assert {p.seq for p in holed.take(START + 20 * NS_PER_S)} == all_heard & set(range(0, 200, 3))
+    all_heard = {p.seq for p in whole.take(START + 20 * SECOND)}
+    assert {p.seq for p in holed.take(START + 20 * SECOND)} == all_heard & set(range(0, 200, 3))
 
 
 def test_a_repeated_message_is_heard_once() -> None:
@@ -287,7 +288,7 @@ def test_a_vehicle_that_was_held_up_loses_nothing() -> None:
     everything = [pose(k) for k in range(200)]
     send(inbox, *everything)
     heard = []
-    for tick in ticks(START, START + 11 * NS_PER_S, 50.0):
+    for tick in ticks(START, START + 11 * SECOND, 50.0):
         heard += inbox.take(tick.at)
     assert heard == everything
     assert inbox.late == 0
@@ -299,7 +300,7 @@ def test_too_many_at_once_push_the_oldest_out() -> None:
     for _ in range(3):
         inbox.on_bytes("convoy/lead/gps", b"flood")
     send(inbox, *(pose(k) for k in range(QUEUE)))
-    heard = inbox.take(START + 60 * NS_PER_S - 1)
+    heard = inbox.take(START + 60 * SECOND - 1)
     assert inbox.rejected["overflow"] == more - QUEUE
     assert inbox.rejected["garbage"] == 0
     assert ("overflow", 3) in inbox.rejections()
@@ -329,8 +330,8 @@ def test_messages_may_come_while_others_are_taken() -> None:
     while thread.is_alive():
         heard += inbox.take(now)
     thread.join()
-    heard += inbox.take(START + 50 * NS_PER_S)
-    heard += inbox.take(START + 100 * NS_PER_S)
+    heard += inbox.take(START + 50 * SECOND)
+    heard += inbox.take(START + 100 * SECOND)
     assert len(heard) + inbox.rejected.total() == total
 
 
@@ -341,7 +342,7 @@ def test_each_sender_has_its_own_schedule() -> None:
     for sender, rate_hz in rates.items():
         for k in range(8):
             send(inbox, replace(pose(k, sender), measured_at_ns=instant(START, k, rate_hz)))
-    heard = inbox.take(START + NS_PER_S)
+    heard = inbox.take(START + SECOND)
     assert [p.seq for p in heard if p.vehicle == "lead"] == [0, 4]
     assert [p.seq for p in heard if p.vehicle == "follower_1"] == [0, 2, 4, 6]
 

@@ -15,7 +15,7 @@ from transport.codec import encode
 from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
-from transport.topics import instant
+from transport.topics import valid_at
 
 
 def test_a_log_cut_anywhere_keeps_its_beginning(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_a_killed_recorder_loses_at_most_half_a_second(tmp_path: Path, moment_s:
     reader = LogReader(path)
     assert reader.truncated
     before = [message for _, _, message in reader.messages()]
-    assert last_written - instant(before[-1]) <= 500_000_000
+    assert last_written - valid_at(before[-1]) <= 500_000_000
     assert repair(path)
     repaired = LogReader(path)
     assert not repaired.truncated

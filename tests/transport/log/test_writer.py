@@ -12,7 +12,7 @@ from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.log.writer import LogWriter
-from transport.topics import TOPIC_OF, instant, key
+from transport.topics import TOPIC_OF, key, valid_at
 from vehicles.messages import LogText, Message
 
 
@@ -25,7 +25,7 @@ def test_own_bytes_stand_untouched_under_the_key(tmp_path: Path) -> None:
         assert record.data == encode(message)
         assert record.sequence == message.seq
         assert record.log_time == at
-        assert record.publish_time == instant(message)
+        assert record.publish_time == valid_at(message)
         assert schema.name == f"convoy.{type(message).__name__}"
         assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
         assert channel.topic == "/" + key(message.vehicle, topic)

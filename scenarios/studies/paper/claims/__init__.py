@@ -1,6 +1,10 @@
-"""Each claim of the paper above the function that answers it, a module per part of the paper.
+"""Each claim of the paper above the function that answers it.
 
-claim                      what a claim is, how it is registered and judged
-model, theory, gains       Sections II and III; III-F and IV; V-A and V-B
-base, other_cases, field   Sections V-C.1; V-C.2 and V-C.3; V-D
+claim         what a claim is, how it is registered and judged
+model         Sections II and III: the car, the trajectory, the law
+theory        Sections III-F and IV: stability and string stability
+gains         Sections V-A and V-B: gain sets, loads
+base          Section V-C.1: the base case
+other_cases   Sections V-C.2 and V-C.3: other speeds and loads, varying speed
+field         Section V-D: the field experiment
 """
