@@ -61,7 +61,7 @@ def summarise(
         "duration_s": scenario.duration_s,
         "ran_s": min(ran_ns * 1e-9, scenario.duration_s),
         "recorder_rejected_messages": dict(sorted(rejected.items())),
-        **metrics.summary(scenario.route.start_yaw),
+        **metrics.summary(),
     }
 
 
@@ -78,7 +78,7 @@ def summary_of(log: Path) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(attachments[SUMMARY_NAME])
         return found
     scenario = scenario_in(log, attachments)
-    metrics = Metrics(scenario.vehicle_names, requested_links(scenario))
+    metrics = Metrics(scenario.vehicle_names, requested_links(scenario), scenario.route.start_yaw)
     start_at = last_at = 0
     for at, _, message in reader.messages():
         metrics.add(message)

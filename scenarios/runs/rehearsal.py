@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.drives import Diary, Trial
+from scenarios.results.drives import DriveRecorder, Trial
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.replay import Replay
@@ -17,21 +17,21 @@ from vehicles.messages import GpsPose, Message
 
 
 class Notes(Outbox):
-    """Says its pose to the convoy as ever, and notes the rest in a diary instead of sending it."""
+    """Broadcasts the pose as ever, and gives the rest to a DriveRecorder instead of sending it."""
 
-    def __init__(self, diary: Diary, **parts: Any) -> None:
+    def __init__(self, drives: DriveRecorder, **parts: Any) -> None:
         """`parts` are those of an Outbox."""
         super().__init__(**parts)
-        self._diary = diary
+        self._drives = drives
 
     def _publish_decision(self, now: int, decision: Decision) -> None:  # noqa: ARG002
-        self._diary.note(self._vehicle, decision.errors.lateral, decision.errors.heading)
+        self._drives.add_errors(self._vehicle, decision.errors.lateral, decision.errors.heading)
 
     def _send(self, message: Message) -> None:
         if isinstance(message, GpsPose):
             super()._send(message)
         else:
-            self._diary.listen(message)
+            self._drives.listen(message)
 
 
 def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
@@ -40,10 +40,10 @@ def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
     Vehicles in `replays` say what was recorded, the others are live. What is heard, and so what
     the vehicles do, is the same as in a logged run.
     """
-    world, diary = World(scenario), Diary()
+    world, drives = World(scenario), DriveRecorder()
     for name, node in world.populate(replays).items():
         node.outbox = Notes(
-            diary,
+            drives,
             vehicle=name,
             bus=world.bus,
             plane=LocalPlane(scenario.origin),
@@ -53,19 +53,19 @@ def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
         )
     for replay in replays:
         for message in replay.messages:
-            diary.listen(message)
+            drives.listen(message)
     world.go(Stop())
-    return diary.trial(scenario)
+    return drives.trial(scenario)
 
 
 def record(scenario: Scenario, folder: Path, replays: Sequence[Replay] = ()) -> Trial:
     """Run `scenario` in virtual time and write its log and summary into `folder`."""
-    diary = Diary()
+    drives = DriveRecorder()
     run_virtual(
         scenario,
         folder,
         Stop(),
-        listeners=(lambda _, message: diary.listen(message),),
+        listeners=(lambda _, message: drives.listen(message),),
         replays=replays,
     )
-    return diary.trial(scenario)
+    return drives.trial(scenario)

@@ -47,7 +47,9 @@ class RunLog:
         self._writer = LogWriter(folder / LOG_NAME)
         self._writer.metadata(METADATA_NAME, self._about)
         self._writer.attach(SCENARIO_NAME, "application/toml", scenario.text.encode())
-        self.metrics = Metrics(scenario.vehicle_names, requested_links(scenario))
+        self.metrics = Metrics(
+            scenario.vehicle_names, requested_links(scenario), scenario.route.start_yaw
+        )
         self.recorder = Recorder(
             vehicles=scenario.vehicle_names,
             writer=self._writer,

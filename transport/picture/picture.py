@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from transport.picture.beside import BesideLead
 from transport.picture.blueprint import TIMELINE, Colour, Road, blueprint, colour_of, middle
 from transport.picture.curves import Curves
 from transport.picture.link_states import LinkStates, message_state
@@ -22,6 +21,7 @@ from transport.picture.shapes import (
     turn_about,
 )
 from transport.topics import instant
+from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.geometry.trajectory_points import points_along
 from vehicles.messages import (
     Command,
@@ -56,7 +56,11 @@ _LEVELS = {
 
 
 class Picture:
-    """Turns messages into entities of a recording, at the rates that a viewer needs."""
+    """Turns messages into entities of a recording, at the rates that a viewer needs.
+
+    Of the cross-track error, the tracking error and the gap every value is drawn, so that the
+    extreme ones are those of the summary.
+    """
 
     def __init__(
         self,
@@ -66,6 +70,7 @@ class Picture:
         gap_m: float,
         car_m: tuple[float, float],
         path: Road | None = None,
+        road_yaw: float | None = None,
     ) -> None:
         self._recording = recording
         self._car_m = car_m
@@ -75,7 +80,7 @@ class Picture:
         self._due: defaultdict[tuple[str, str], int] = defaultdict(int)
         self._curves = Curves(recording)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-        self._beside = BesideLead()
+        self._cross_track_error = CrossTrackError(vehicles[0], road_yaw)
         self._states: dict[str, str] = {}
         self._links = LinkStates()
         self._seen: dict[str, int] = {}
@@ -107,13 +112,13 @@ class Picture:
             draw(message)
         if now >= self._batch_due or isinstance(message, RunEnd):
             self._batch_due = now + BATCH_NS
-            self.flush(now)
+            self._curves.send(self._start)
+            for link, at, state in self._links.changes(now):
+                self._state(f"links/{link}", state, at)
 
-    def flush(self, now: int) -> None:
-        """Send the curves gathered so far, and show how the links were."""
+    def finish(self) -> None:
+        """Send what was gathered since the last batch: a log may break off anywhere."""
         self._curves.send(self._start or 0)
-        for link, at, state in self._links.changes(now):
-            self._state(f"links/{link}", state, at)
 
     def _wait_for_start(self, now: int, message: Message) -> None:
         """Keep what comes before the start is known: it is drawn relative to that instant."""
@@ -127,9 +132,9 @@ class Picture:
     def _truth(self, truth: TruePose) -> None:
         vehicle, at = truth.vehicle, truth.true_at_ns
         self._seen[vehicle] = at
-        place = self._place(vehicle)
-        if place == 0:
-            self._beside.lead_at(truth)
+        self._place(vehicle)
+        for foot in self._cross_track_error.add(truth):
+            self._curves.add("cross_track", foot.vehicle, foot.at_ns, foot.lateral)
         if not self._is_due(vehicle, "car", at, CAR_NS):
             return
         self._at(at)
@@ -144,9 +149,6 @@ class Picture:
             piece = rr.LineStrips2D.from_fields(strips=[driven])
             self._recording.log(f"world/driven/{vehicle}", piece)
             del driven[:-1]
-        offset = self._beside.offset(truth) if place else None
-        if offset is not None:
-            self._curves.add("cross_track", vehicle, at, offset)
         if self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
             self._curves.add("speed", vehicle, at, truth.speed_mps)
 
@@ -169,13 +171,13 @@ class Picture:
         vehicle, at = tracking.vehicle, tracking.decided_at_ns
         place = self._place(vehicle)
         self._state(f"mode/{vehicle}", tracking.mode, at)
-        if self._is_due(vehicle, "tracking", at, CURVE_NS):
-            self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
-        if place and self._is_due(vehicle, "gap", at, SLOW_CURVE_NS):
-            self._curves.add("gap", vehicle, at, tracking.gap_m)
-            self._curves.add(
-                "age", vehicle, at, max(tracking.lead_age_s, tracking.predecessor_age_s)
-            )
+        self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
+        if not place:
+            return
+        self._curves.add("gap", vehicle, at, tracking.gap_m)
+        if self._is_due(vehicle, "age", at, SLOW_CURVE_NS):
+            age = max(tracking.lead_age_s, tracking.predecessor_age_s)
+            self._curves.add("age", vehicle, at, age)
 
     def _command(self, command: Command) -> None:
         vehicle, at = command.vehicle, command.decided_at_ns

@@ -4,7 +4,7 @@ Rerun itself (90 MB, half a second) is loaded only when a picture is wanted.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,7 +85,8 @@ class RerunView:
     """Shows a run, live or from its log: `draw` takes every message as it was recorded.
 
     `vehicles` are in order, the lead first; `gap_m` is their usual distance; `path` is the
-    lead's, as east and north in metres. Raises ViewerError if the picture cannot be shown.
+    lead's, as east and north in metres; `road_yaw` (rad) is the direction of the road on which the
+    convoy starts. Raises ViewerError if the picture cannot be shown.
     `where` tells a person where to look.
     """
 
@@ -98,11 +99,12 @@ class RerunView:
         gap_m: float = 15.0,
         car_m: tuple[float, float] = CAR_M,
         path: tuple[Sequence[float], Sequence[float]] | None = None,
+        road_yaw: float | None = None,
     ) -> None:
         self.where = ""
         self._page: Any = None
         self._recording: Any = None
-        self._draw: Callable[[int, Message], None] = _draw_nothing
+        self._picture: Any = None
         if option.sink == "off":
             return
         import rerun as rr  # noqa: PLC0415 - see above
@@ -115,12 +117,14 @@ class RerunView:
             batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_TICK_S),
         )
         self._recording.set_sinks(self._open(rr, option))
-        picture = Picture(self._recording, vehicles, gap_m=gap_m, car_m=car_m, path=path)
-        self._draw = picture.draw
+        self._picture = Picture(
+            self._recording, vehicles, gap_m=gap_m, car_m=car_m, path=path, road_yaw=road_yaw
+        )
 
     def draw(self, now: int, message: Message) -> None:
         """Draw a message that was recorded at instant `now` (ns)."""
-        self._draw(now, message)
+        if self._picture is not None:
+            self._picture.draw(now, message)
 
     def _open(self, rr: Any, option: RerunOption) -> Any:
         match option.sink:
@@ -161,8 +165,9 @@ class RerunView:
         """Hand over everything drawn so far and end what was started for the picture."""
         if self._recording is not None:
             recording, self._recording = self._recording, None
-            self._draw = _draw_nothing
+            picture, self._picture = self._picture, None
             with suppress(RuntimeError):  # a viewer that went away is no loss to the run
+                picture.finish()
                 recording.flush(timeout_sec=FLUSH_S)
             recording.disconnect()
         if self._page is not None:
@@ -179,10 +184,6 @@ class RerunView:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _draw_nothing(now: int, message: Message) -> None:
-    """Stand in for the picture where none is wanted."""
 
 
 def _save(rr: Any, path: str) -> Any:

@@ -136,8 +136,16 @@ def test_left_turns_turn_left_in_the_view_that_rides_along(
 def test_the_cross_track_error_is_the_true_one(drawn: Table) -> None:
     assert "/plots/cross_track/v1" not in drawn
     curve = drawn["/plots/cross_track/v2"]["Scalars:scalars"]
-    late = [value[0] for value in curve if value][-10:]  # before, it is beside the lead's run-in
+    values = [value[0] for value in curve if value]
+    assert len(values) == 100  # each of them, since one left out might be the largest
+    late = values[-10:]  # before, it is beside the lead's run-in
     assert late == pytest.approx([drive.offset_of(1)] * 10, abs=1e-3)
+
+
+def test_a_picture_that_breaks_off_holds_all_that_was_drawn(tmp_path: Path) -> None:
+    *messages, _end = drive.drive(30)
+    curve = picture(tmp_path / "run.rrd", iter(messages))["/plots/tracking/v3"]
+    assert len([value for value in curve["Scalars:scalars"] if value]) == 30
 
 
 def test_curves_are_those_of_the_messages(drawn: Table) -> None:
@@ -149,9 +157,10 @@ def test_curves_are_those_of_the_messages(drawn: Table) -> None:
         for at, value in zip(seen["run_time"], seen["Scalars:scalars"], strict=True)
         if value
     }
-    assert values == {tick * drive.TICK: pytest.approx(0.01 * tick) for tick in range(0, 100, 2)}
+    assert values == {tick * drive.TICK: pytest.approx(0.01 * tick) for tick in range(100)}
     assert "/plots/gap/v1" not in drawn
-    assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.GAP] * 10
+    assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.GAP] * 100
+    assert [v[0] for v in drawn["/plots/age/v2"]["Scalars:scalars"] if v] == [0.03] * 10
 
 
 def test_samples_have_the_colour_of_their_sender(drawn: Table) -> None:
