@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.geometry.geodesy import wrap_angle
-from vehicles.preview.trajectory import ArcSpline
 
 
 class PoseLike(Protocol):

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.geometry.path_point import Foot, PathPoint
+
 FloatArray = NDArray[np.float64]
 
 SAMPLING = 0.25
@@ -22,33 +24,6 @@ WINDOW = 5.0
 
 _CORNER = 1e-3
 """Before its curvature changes at a corner between segments, a path has a sample this close (m)."""
-
-
-@dataclass(slots=True)
-class PathPoint:
-    """Station (m along the path), position (m), yaw (rad, unwrapped), curvature (1/m).
-
-    A point of the lead's target trajectory (Section V-C, Fig. 8).
-    """
-
-    station: float
-    east: float
-    north: float
-    yaw: float
-    curvature: float
-
-
-@dataclass(slots=True)
-class PathProjection:
-    """Foot of a point on the path: its station (m), yaw (rad, unwrapped) and curvature (1/m).
-
-    `lateral` (m) is the point's distance from it, positive to the left: e_lat of Section III-B.
-    """
-
-    station: float
-    lateral: float
-    yaw: float
-    curvature: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +86,7 @@ class Path:
 
     def project(
         self, east: float, north: float, near: float | None, window: float = WINDOW
-    ) -> PathProjection:
+    ) -> Foot:
         """Foot of (east, north) in metres on the path, sought within `window` (m) of `near` (m).
 
         The projection of Section III-B for any curve, by Newton's method.
@@ -131,7 +106,7 @@ class Path:
             if abs(target - station) < 1e-9:
                 break
             station, point = target, self.at(target)
-        return PathProjection(station, lateral, point.yaw, point.curvature)
+        return Foot(station, lateral, point.yaw, point.curvature)
 
     def _nearest_sample(self, east: float, north: float, low: float, high: float) -> float:
         first = max(0, bisect_left(self._stations, low) - 1)
@@ -150,7 +125,6 @@ def _straight_on(row: _Row, station: float) -> PathPoint:
     start, east, north, yaw, curvature = row
     way = station - start
     return PathPoint(
-        station,
         east + way * math.cos(yaw),
         north + way * math.sin(yaw),
         yaw,
@@ -168,7 +142,6 @@ def _between(left: _Row, right: _Row, station: float) -> PathPoint:
     weight = share * share * (3.0 - 2.0 * share)
     leaving, arriving = share * rest * rest * step, -share * share * rest * step
     return PathPoint(
-        station,
         east
         + weight * (next_east - east)
         + leaving * math.cos(yaw)

@@ -4,10 +4,6 @@ import math
 
 from vehicles.messages import CompositeTrajectory
 
-FRAME_ID = "map"
-"""Name of the world frame in logs and pictures: east, north, up at the scenario's origin."""
-
-
 LONGEST_M = 1000.0
 """No trajectory is drawn farther than this, whatever a message says."""
 

@@ -15,8 +15,8 @@ from vehicles.geometry.arc_spline import STRAIGHT, ArcSpline, Piece
 from vehicles.preview.fit_arc import (
     ONE,
     Centred,
-    Samples,
-    Shape,
+    FitData,
+    LocalCurve,
     X,
     Y,
     best_arc,
@@ -102,95 +102,97 @@ def fit_curve(
         return None
     ux, uy = ux / chord, uy / chord
     dx, dy = east - origin_east, north - origin_north
-    samples = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
-    choice = _chosen(samples, settings)
+    data = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
+    choice = _chosen(data, settings)
     if choice is None:
         return None
-    shape, rest = choice
-    rms = sqrt(shape.misfit / samples.sums.item(ONE, ONE, -1))
-    return Curve(_spline(shape, samples, (origin_east, origin_north, ux, uy)), rest, rms)
+    curve, rest = choice
+    rms = sqrt(curve.misfit / data.sums.item(ONE, ONE, -1))
+    return Curve(_spline(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
-def _chosen(samples: Samples, settings: FitSettings) -> tuple[Shape, Floats] | None:
+def _chosen(data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats] | None:
     """Choose the shape of the fewest unknowns that explains the samples; their distances (m)."""
-    through = centred(samples)
-    arc = None if through is None else best_arc(samples, through)
+    through = centred(data)
+    arc = None if through is None else best_arc(data, through)
     if through is None or arc is None:
         return None
     line, count = best_line(through), through.weight
     joined = None
-    if drift(arc, samples) > STRAYING * sqrt(_noise(arc, count, settings) * count):
-        joined = _joined(samples, through, settings)
-    best = joined.shape if joined is not None and joined.shape.misfit < arc.misfit else arc
+    if drift(arc, data) > STRAYING * sqrt(_noise(arc, count, settings) * count):
+        joined = _joined(data, through, settings)
+    best = joined.curve if joined is not None and joined.curve.misfit < arc.misfit else arc
     noise = _noise(best, count, settings)
-    shape, score = line, line.misfit
+    curve, score = line, line.misfit
     if arc.misfit + settings.evidence * noise < score:
-        shape, score = arc, arc.misfit + settings.evidence * noise
+        curve, score = arc, arc.misfit + settings.evidence * noise
     price = (settings.evidence + settings.join_evidence) * noise
-    if joined is not None and joined.shape.misfit + price < score:
-        return _improved(joined, samples, settings)
-    return shape, offsets(shape, samples)
+    if joined is not None and joined.curve.misfit + price < score:
+        return _improved(joined, data, settings)
+    return curve, offsets(curve, data)
 
 
-def _noise(shape: Shape, count: float, settings: FitSettings) -> float:
+def _noise(curve: LocalCurve, count: float, settings: FitSettings) -> float:
     """Variance of the samples' distances (m²), if the shape is right; as assumed, or less."""
-    assumed, spare = settings.position_noise**2, count - shape.freedom
+    assumed, spare = settings.position_noise**2, count - curve.freedom
     if spare < 1.0:
         return assumed
-    return min(max(shape.misfit / spare, settings.noise_floor**2), assumed)
+    return min(max(curve.misfit / spare, settings.noise_floor**2), assumed)
 
 
-def _join_range(samples: Samples, settings: FitSettings) -> tuple[float, float]:
+def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
     """Stations (m) between which a join may lie."""
-    first, last = samples.station.item(0), samples.station.item(-1)
+    first, last = data.station.item(0), data.station.item(-1)
     margin = max(settings.piece_min, settings.piece_ratio * (last - first))
     return first + margin, last - margin
 
 
-def _joined(samples: Samples, line: Centred, settings: FitSettings) -> Joined | None:
+def _joined(data: FitData, line: Centred, settings: FitSettings) -> Joined | None:
     """Try joins at samples, at least three samples away from both ends."""
-    first, last = _join_range(samples, settings)
-    low = max(int(samples.station.searchsorted(first)), 2)
-    high = min(int(samples.station.searchsorted(last, "right")), len(samples.station) - 3)
+    first, last = _join_range(data, settings)
+    low = max(int(data.station.searchsorted(first)), 2)
+    high = min(int(data.station.searchsorted(last, "right")), len(data.station) - 3)
     if high - low < 2:
         return None
     stride = -(-(high - low) // settings.joins)
-    return best_joined(samples, line, slice(low, high, stride))
+    return best_joined(data, line, slice(low, high, stride))
 
 
-def _improved(joined: Joined, samples: Samples, settings: FitSettings) -> tuple[Shape, Floats]:
+def _improved(joined: Joined, data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats]:
     """Refine a joined shape, unless that makes it worse; with the samples' distances (m)."""
-    shape = refined(joined, samples, settings.passes, _join_range(samples, settings))
-    rest = offsets(shape, samples)
-    misfit = float(np.add.reduce(samples.weight * rest * rest))
-    if misfit > joined.shape.misfit + settings.noise_floor**2:
-        return joined.shape, offsets(joined.shape, samples)
-    return Shape(*shape[:5], misfit, shape.freedom), rest
+    curve = refined(joined, data, settings.passes, _join_range(data, settings))
+    rest = offsets(curve, data)
+    misfit = float(np.add.reduce(data.weight * rest * rest))
+    if misfit > joined.curve.misfit + settings.noise_floor**2:
+        return joined.curve, offsets(joined.curve, data)
+    return LocalCurve(*curve[:5], misfit, curve.freedom), rest
 
 
-def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, float]) -> ArcSpline:
+def _spline(
+    curve: LocalCurve, data: FitData, frame: tuple[float, float, float, float]
+) -> ArcSpline:
     """Place the shape in the world, from the first sample's projection to the last one's."""
     origin_east, origin_north, ux, uy = frame
-    east = origin_east + shape.x * ux - shape.y * uy
-    north = origin_north + shape.x * uy + shape.y * ux
-    yaw = atan2(uy, ux) + shape.angle
-    start = _station(shape, shape.before, samples.rows.item(X, 0), samples.rows.item(Y, 0))
-    end = _station(shape, shape.after, samples.rows.item(X, -1), samples.rows.item(Y, -1))
-    begin = Piece(east, north, yaw, shape.before, 0.0).at(start)
-    if shape.before == shape.after:
-        return ArcSpline((Piece(begin.east, begin.north, begin.yaw, shape.after, end - start),))
+    east = origin_east + curve.x * ux - curve.y * uy
+    north = origin_north + curve.x * uy + curve.y * ux
+    yaw = atan2(uy, ux) + curve.angle
+    start = _station(curve, curve.before, data.rows.item(X, 0), data.rows.item(Y, 0))
+    end = _station(curve, curve.after, data.rows.item(X, -1), data.rows.item(Y, -1))
+    begin = Piece(east, north, yaw, curve.before, 0.0).at(start)
+    if curve.before == curve.after:
+        return ArcSpline((Piece(begin.east, begin.north, begin.yaw, curve.after, end - start),))
     return ArcSpline(
         (
-            Piece(begin.east, begin.north, begin.yaw, shape.before, -start),
-            Piece(east, north, yaw, shape.after, end),
+            Piece(begin.east, begin.north, begin.yaw, curve.before, -start),
+            Piece(east, north, yaw, curve.after, end),
         )
     )
 
 
-def _station(shape: Shape, curvature: float, x: float, y: float) -> float:
+def _station(curve: LocalCurve, curvature: float, x: float, y: float) -> float:
     """Arc length (m) from the shape's join to the projection of (x, y) on its piece."""
-    ux, uy = cos(shape.angle), sin(shape.angle)
-    dx, dy = x - shape.x, y - shape.y
+    ux, uy = cos(curve.angle), sin(curve.angle)
+    dx, dy = x - curve.x, y - curve.y
     xi = dx * ux + dy * uy
     if abs(curvature) < STRAIGHT:
         return xi

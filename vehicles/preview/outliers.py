@@ -46,7 +46,7 @@ def _worst(east: Floats, north: Floats, station: Floats) -> int | None:
 
     Leaving sample i out of a linear fit lowers the sum of squared residuals by r_i²/(1 − h_i),
     h_i being its leverage (the diagonal of the hat matrix). The arc is linear in offset, slope and
-    curvature along the line of least squares (`arc_shapes`).
+    curvature along the line of least squares (`fit_arc`).
     """
     along = station - float(_sum(station)) / len(station)
     if len(station) < 5:

@@ -2,7 +2,7 @@
 
 Paper, Section "Target Trajectory Construction". Where its recipe fails, this departs from it:
 tangent and curvature come from the fit (a lead and a predecessor sample can lie side by side, and
-the line through them points anywhere), the pieces are chosen on all samples at once (`arc_fit`),
+the line through them points anywhere), the pieces are chosen on all samples at once (`curve_fit`),
 and samples just behind the ego are kept, so that its own place is not extrapolated.
 """
 
@@ -12,22 +12,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.arc_spline import ArcSpline, Foot, PathPose, Piece
+from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
 from vehicles.preview.outliers import without_jumps
 from vehicles.preview.trace import Window
 
-__all__ = [
-    "ArcSpline",
-    "Fit",
-    "FitSettings",
-    "Foot",
-    "Fusion",
-    "PathPose",
-    "Piece",
-    "fit_composite",
-    "fuse",
-]
+__all__ = ["Fit", "FitSettings", "Fusion", "fit_composite", "fuse"]
 
 Floats = NDArray[np.float64]
 Fusion = Literal["composite", "predecessor", "blend"]
