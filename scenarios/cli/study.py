@@ -127,7 +127,7 @@ def review(log: Path, *, rerun: str) -> None:
     """Show a recorded LOG in Rerun, with the picture of a live run."""
     from scenarios.results import review as reviewing
     from scenarios.runs.stop import stop_on_signals
-    from transport.picture.view import parse_rerun_option
+    from transport.picture.option import parse_rerun_option
 
     def wait(where: str) -> None:
         click.echo(f"look here: {where}\nCtrl-C ends it")

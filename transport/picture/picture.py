@@ -14,9 +14,9 @@ from transport.picture.link_states import LinkStates, message_state
 from transport.picture.shapes import (
     car,
     line_style,
-    marks_beside,
     name_tag,
     point_style,
+    road_with_marks,
     state_style,
     turn_about,
 )
@@ -44,7 +44,7 @@ SLOW_CURVE_NS = 200 * MILLISECOND
 BATCH_NS = 500 * MILLISECOND
 """Curves are gathered and sent twice a second, which costs a tenth of sending each value."""
 AWAY_NS = 1000 * MILLISECOND
-"""The view rides along with another vehicle when this one has sent nothing for so long."""
+"""The view follows another vehicle when this one has sent nothing for so long."""
 SPACING_M = 1.0
 _LEVELS = {
     "debug": "DEBUG",
@@ -121,7 +121,7 @@ class Picture:
         self._curves.send(self._start or 0)
 
     def _wait_for_start(self, now: int, message: Message) -> None:
-        """Keep what comes before the start is known: it is drawn relative to that instant."""
+        """Keep messages until the start is known: they are drawn relative to that instant."""
         self._waiting.append((now, message))
         if isinstance(message, RunStart | TruePose):
             self._start = instant(message)
@@ -140,7 +140,7 @@ class Picture:
         self._at(at)
         here = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, flip=False)
         self._recording.log(f"world/cars/{vehicle}", here)
-        if vehicle == self._ride_along(at):
+        if vehicle == self._vehicle_to_follow(at):
             eye = turn_about(truth.east_m, truth.north_m, truth.yaw_rad)
             self._recording.log("world/convoy", eye)
         driven = self._driven[vehicle]
@@ -196,12 +196,12 @@ class Picture:
         self._recording.log(f"log/{line.vehicle}", text)
 
     def _road(self, east: Sequence[float], north: Sequence[float]) -> None:
-        path, marks = marks_beside(east, north)
+        path, marks = road_with_marks(east, north)
         self._recording.log("world/road/path", path, static=True)
         self._recording.log("world/road/marks", marks, static=True)
 
     def _place(self, vehicle: str) -> int:
-        """Place of a vehicle in the convoy; one that nobody spoke of comes last."""
+        """Place of a vehicle in the convoy; one that was not announced comes last."""
         place = self._places.get(vehicle)
         if place is None:
             place = self._places[vehicle] = len(self._places)
@@ -227,7 +227,7 @@ class Picture:
             self._recording.log(f"world/{entity}", shape, static=True)
 
     def _state(self, entity: str, state: str, at: int) -> None:
-        """Show that the state of a link or of a vehicle changed, if it did."""
+        """Show the state of a link or of a vehicle, if it changed."""
         before = self._states.get(entity)
         if before == state:
             return
@@ -237,8 +237,8 @@ class Picture:
         self._at(at)
         self._recording.log(entity, rr.StateChange(state=state))
 
-    def _ride_along(self, at: int) -> str:
-        """Name the vehicle that the view rides along with: the middle one of those there."""
+    def _vehicle_to_follow(self, at: int) -> str:
+        """Name the vehicle that the view follows: the middle one of those that send."""
         if at - self._seen.get(self._followed, self._start or 0) > AWAY_NS:
             there = [name for name, seen in self._seen.items() if at - seen <= AWAY_NS]
             there.sort(key=self._place)

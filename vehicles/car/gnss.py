@@ -1,4 +1,4 @@
-"""The receiver that measures the car, and its measurements on the wire and off it.
+"""The receiver that measures the car, and its measurements to and from messages.
 
 A receiver of the kind used for automated driving: RTK positions aided by an inertial unit, at a
 fixed rate. Inside, a fix is in the east-north plane with yaw; on the wire it is WGS84 with a
@@ -16,10 +16,10 @@ from vehicles.messages import GpsPose
 from vehicles.schedule import Cadence
 
 MAX_SPEED = 150.0
-"""Fastest vehicle (m/s) that a received pose is believed to come from."""
+"""Received poses with a higher speed (m/s) are refused."""
 
 MAX_YAW_RATE = 10.0
-"""Fastest turn (rad/s) that a received pose is believed to report."""
+"""Received poses with a higher yaw rate (rad/s) are refused."""
 
 
 @dataclass(slots=True)
@@ -63,7 +63,7 @@ class GnssNoise:
 class GnssReceiver:
     """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
 
-    GPS of Section III-A, which says 20 Hz at most.
+    GPS of Section III-A, at 20 Hz at most.
 
     `random` belongs to this receiver alone: five normal numbers are drawn per measurement, in
     the order of measurements.
@@ -79,7 +79,7 @@ class GnssReceiver:
     def measure(self, body: Body, now: int) -> Fix | None:
         """Measure `body` if `now` (ns) is an instant of measurement, else None.
 
-        Each quantity has noise of its own, independent in time; on that the paper is silent.
+        Each quantity has its own white Gaussian noise (Section III-A names that of the position).
         """
         seq = self._cadence.index(now)
         if seq is None:
@@ -98,7 +98,7 @@ class GnssReceiver:
 
 
 def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
-    """Put a fix on the wire: WGS84, compass course.
+    """Convert a fix to a message: WGS84, compass course.
 
     The course is counted from the plane's north; true north at the vehicle differs from it by
     the convergence of meridians, about 0.01 deg per km of easting at middle latitudes.
@@ -118,7 +118,7 @@ def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
 
 
 def from_message(pose: GpsPose, plane: LocalPlane) -> Fix:
-    """Take a WGS84 fix off the wire; ValueError names the field that no vehicle can send."""
+    """Convert a message to a fix; ValueError names the field whose value no vehicle can send."""
     _require("seq", pose.seq, 0, math.inf)
     _require("measured_at_ns", pose.measured_at_ns, 0, math.inf)
     _require("latitude_deg", pose.latitude_deg, -90.0, 90.0)

@@ -1,1 +1,1 @@
-"""What decides: pose estimate, tracking errors, steering and speed laws, lead and follower."""
+"""Decisions: pose estimate, tracking errors, steering and speed laws, lead and follower."""

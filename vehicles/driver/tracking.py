@@ -13,7 +13,7 @@ from vehicles.geometry.geodesy import wrap_angle
 
 
 class PoseLike(Protocol):
-    """Where a car is (m, yaw in rad) and how it moves (m/s, rad/s): what it measures in Fig. 1."""
+    """Position (m), yaw (rad) and motion (m/s, rad/s) of a car: what it measures in Fig. 1."""
 
     @property
     def east(self) -> float:

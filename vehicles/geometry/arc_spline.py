@@ -1,4 +1,4 @@
-"""A path of straight lines and circular arcs with a continuous tangent, and the way onto it."""
+"""A path of straight lines and circular arcs with a continuous tangent, and projection on it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ class ArcSpline:
     def at(self, station: float) -> PathPoint:
         """Place at `station` (m); the end pieces extend the path beyond both ends.
 
-        Along the arc spline of Section III-A; the extension is our own.
+        Along the arc spline of Section III-A, which itself ends there.
         """
         for piece in self.pieces[:-1]:
             if station <= piece.length:
@@ -104,7 +104,7 @@ class ArcSpline:
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the path, extended beyond both ends by the end pieces (Section III-B).
 
-        Between pieces the least sum of offset and way beyond the piece decides: a rule of our own.
+        Of several pieces that with the least sum of offset and distance beyond the piece counts.
         """
         candidates, start, last = [], 0.0, len(self.pieces) - 1
         for index, piece in enumerate(self.pieces):

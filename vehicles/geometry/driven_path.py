@@ -1,4 +1,4 @@
-"""True cross-track error: how far a vehicle drove beside the path that the lead drove."""
+"""True cross-track error: the distance of each vehicle from the path that the lead drove."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from vehicles.messages import TruePose
 
 MAX_STEP_BACK = 3
 """Chords the foot point may move backwards from one pose to the next; it otherwise only moves
-forwards, so a path that crosses itself or runs beside itself never attracts it."""
+forwards, so where a path crosses itself or runs beside itself the foot stays on its branch."""
 
 LEAST_STEP = 0.01
 """Poses of the lead closer together than this (m) add nothing to its path: standstills."""

@@ -8,7 +8,7 @@ class PathPoint:
     """A point of a path: position (m), yaw of the tangent (rad), signed curvature (1/m).
 
     As (X_0, Y_0), θ_R and 1/R of Section III-B, curvature being positive in left turns. The yaw is
-    wrapped or not as the path says.
+    wrapped on an arc spline and unwrapped on a sampled path.
     """
 
     east: float
@@ -22,8 +22,8 @@ class Foot:
     """Where a point projects to on a path (Section III-B, Figs. 4 and 5).
 
     Station (m) along the path, lateral offset of the point (m, left of the path positive: e_lat),
-    yaw of the tangent (rad) and signed curvature (1/m) there. The yaw is wrapped or not as the path
-    says.
+    yaw of the tangent (rad) and signed curvature (1/m) there. The yaw is wrapped on an arc spline
+    and unwrapped on a sampled path.
     """
 
     station: float

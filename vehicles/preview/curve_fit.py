@@ -1,4 +1,4 @@
-"""Which curve explains a set of samples: line, arc, line→arc or arc→line, as an arc spline.
+"""Choice of the curve that explains a set of samples: line, arc, line→arc or arc→line.
 
 The paper tells line from arc by the longest prefix within 10 cm of its chord. A 15 m chord of a
 300 m arc passes that test, so the choice is made here on all samples at once: each unknown more
@@ -37,12 +37,12 @@ that would be found one does."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
-    """Constants of the fit (s, m): those of Section III-A where named, else our own.
+    """Constants of the fit (s, m): Section III-A names the preview time and the tolerance.
 
     Samples count up to `preview_time` times the speed ahead, at least `preview_min` (the paper's
     0.8 s), and `behind_time` times the speed behind, at least `behind_min`. `tolerance` is the
     paper's 10 cm: a sample further off is a jump, or is not explained. `position_noise` is what a
-    sample is assumed to be off by (RTK, 2 cm); residuals that say less are believed, down to
+    sample is assumed to be off by (RTK, 2 cm); smaller residuals lower that, down to
     `noise_floor`. An arc instead of a line must lower the sum of squared residuals by `evidence`
     times the noise squared, a join by another `join_evidence`. Up to `joins` places are tried for
     a join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
@@ -65,7 +65,7 @@ class FitSettings:
     span_min: float = 1.0
 
     def ahead(self, speed: float) -> float:
-        """Preview distance L_preview (m) at `speed` (m/s), Section III-A; the floor is our own."""
+        """Preview distance L_preview (m) at `speed` (m/s), Section III-A, with a floor."""
         return max(self.preview_min, self.preview_time * speed)
 
     def behind(self, speed: float) -> float:
@@ -87,8 +87,8 @@ def fit_curve(
 ) -> Curve | None:
     """Fit samples in order of `station` (m), world coordinates (m), any positive weights.
 
-    The target trajectory of Section III-A, its shape chosen as the module says. None where the
-    samples do not determine a curve: fewer than three distinct ones, or travel shorter than
+    The target trajectory of Section III-A, its pieces chosen as the module describes. None where
+    the samples do not determine a curve: fewer than three distinct ones, or travel shorter than
     `span_min`.
     """
     count = len(station)
@@ -112,7 +112,7 @@ def fit_curve(
 
 
 def _chosen(data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats] | None:
-    """Choose the shape of the fewest unknowns that explains the samples; their distances (m)."""
+    """Choose the curve of the fewest unknowns that explains the samples; their distances (m)."""
     through = centred(data)
     arc = None if through is None else best_arc(data, through)
     if through is None or arc is None:
@@ -133,7 +133,7 @@ def _chosen(data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats] |
 
 
 def _noise(curve: LocalCurve, count: float, settings: FitSettings) -> float:
-    """Variance of the samples' distances (m²), if the shape is right; as assumed, or less."""
+    """Variance of the samples' distances (m²), if the curve is right; as assumed, or less."""
     assumed, spare = settings.position_noise**2, count - curve.freedom
     if spare < 1.0:
         return assumed
@@ -159,7 +159,7 @@ def _joined(data: FitData, line: Centred, settings: FitSettings) -> Joined | Non
 
 
 def _improved(joined: Joined, data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats]:
-    """Refine a joined shape, unless that makes it worse; with the samples' distances (m)."""
+    """Refine a joined curve, unless that makes it worse; with the samples' distances (m)."""
     curve = refined(joined, data, settings.passes, _join_range(data, settings))
     rest = offsets(curve, data)
     misfit = float(np.add.reduce(data.weight * rest * rest))
@@ -171,7 +171,7 @@ def _improved(joined: Joined, data: FitData, settings: FitSettings) -> tuple[Loc
 def _spline(
     curve: LocalCurve, data: FitData, frame: tuple[float, float, float, float]
 ) -> ArcSpline:
-    """Place the shape in the world, from the first sample's projection to the last one's."""
+    """Place the curve in the world, from the first sample's projection to the last one's."""
     origin_east, origin_north, ux, uy = frame
     east = origin_east + curve.x * ux - curve.y * uy
     north = origin_north + curve.x * uy + curve.y * ux
@@ -190,7 +190,7 @@ def _spline(
 
 
 def _station(curve: LocalCurve, curvature: float, x: float, y: float) -> float:
-    """Arc length (m) from the shape's join to the projection of (x, y) on its piece."""
+    """Arc length (m) from the curve's join to the projection of (x, y) on its piece."""
     ux, uy = cos(curve.angle), sin(curve.angle)
     dx, dy = x - curve.x, y - curve.y
     xi = dx * ux + dy * uy

@@ -7,7 +7,7 @@ curvature κ is the set of points q with
 
 the paper's e(x, y) divided by −2R: exact for every circle, a line for κ = 0, and linear in offset,
 slope and κ once P is given. On the curve its gradient has length one, so E is the distance to first
-order, and the fit does not prefer small circles as one with e(x, y) itself does. Coordinates are
+order, and the fit is not biased to small circles as one with e(x, y) itself is. Coordinates are
 centred at the samples and turned along them (far from the origin the paper's equations are
 ill-conditioned).
 
@@ -33,7 +33,7 @@ DETERMINED = 1e-9
 class LocalCurve(NamedTuple):
     """A curve of one or two pieces (arc spline of Section III-A) in the local frame.
 
-    It passes the join P = (x, y) (m) with tangent `angle` (rad), bends with curvature `before` and
+    It passes the join P = (x, y) (m) with tangent `angle` (rad) and has the curvatures `before` and
     `after` it (1/m). `misfit` is its weighted sum of squared residuals (m²), `freedom` its number
     of unknowns: 2 line, 3 arc, 4 line→arc or arc→line.
     """
@@ -93,14 +93,14 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
     eta -= dx * uy
     if before == after == 0.0:
         return eta
-    bend: Floats = dx * dx
-    bend += dy * dy
-    bend *= 0.5 * (before or after)
+    sag: Floats = dx * dx
+    sag += dy * dy
+    sag *= 0.5 * (before or after)
     if before != after:
         dx *= ux
         dy *= -uy
-        bend *= dx > dy if after else dx <= dy
-    eta -= bend
+        sag *= dx > dy if after else dx <= dy
+    eta -= sag
     return eta
 
 
@@ -161,7 +161,7 @@ def drift(arc: LocalCurve, data: FitData) -> float:
 
 
 def _arc(offset: float, slope: float, half: float, misfit: float) -> LocalCurve | None:
-    """Convert the circle y = offset + slope x + half (x² + y²) to a shape at the origin."""
+    """Convert the circle y = offset + slope x + half (x² + y²) to a curve at the origin."""
     square = 1.0 + slope * slope - 4.0 * half * offset
     if not square > 0.0:
         return None

@@ -46,7 +46,7 @@ def best_joined(data: FitData, line: Centred, joins: slice) -> Joined:
     """Best line→arc or arc→line with its join near one of the samples `joins`.
 
     Each join is tried with the arc after it and with the arc before it, by linear least squares.
-    A search of our own; Section III-A splits off the longest straight prefix instead.
+    Section III-A splits off the longest straight prefix instead.
     """
     rows, station = data.rows[:, joins], data.station[joins]
     count = len(station)
@@ -100,15 +100,15 @@ def _top(gain: Floats, best: int, station: Floats) -> float:
     here = station.item(k)
     back, on = here - station.item(k - 1), station.item(k + 1) - here
     fall_back, fall_on = top - low, top - high
-    bend = fall_back * on + fall_on * back
-    if not bend > 0.0:
+    curving = fall_back * on + fall_on * back
+    if not curving > 0.0:
         return 0.0
-    shift = 0.5 * (fall_back * on * on - fall_on * back * back) / bend
+    shift = 0.5 * (fall_back * on * on - fall_on * back * back) / curving
     return float(here + min(max(shift, -2.0 * back), 2.0 * on) - station.item(best))
 
 
 def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, float]) -> LocalCurve:
-    """Improve a joined shape by up to `passes` Gauss–Newton passes on all four unknowns.
+    """Improve a joined curve by up to `passes` Gauss–Newton passes on all four unknowns.
 
     The join stays between the stations `within` (m).
     """
@@ -124,15 +124,15 @@ def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, flo
         step = solved(rows, first - station, last - station)
         if step is None:
             break
-        left, turn, bend, along = step
+        left, turn, change, along = step
         station += along
         ux, uy = cos(curve.angle), sin(curve.angle)
         curve = LocalCurve(
             curve.x + along * ux - left * uy,
             curve.y + along * uy + left * ux,
             curve.angle + turn,
-            curve.before + bend if curve.before else 0.0,
-            curve.after + bend if curve.after else 0.0,
+            curve.before + change if curve.before else 0.0,
+            curve.after + change if curve.after else 0.0,
             curve.misfit,
             4,
         )

@@ -11,7 +11,7 @@ from tests.made import drive
 from tests.made.recording import Table, columns
 from transport.codec import encode
 from transport.log.mcap_log import LogError, LogWriter
-from transport.picture.view import parse_rerun_option
+from transport.picture.option import parse_rerun_option
 from transport.topics import TOPIC_OF
 from vehicles.messages import Message
 

@@ -16,7 +16,9 @@ import pytest
 
 from tests.made import drive
 from tests.made.recording import Table, columns
-from transport.picture.view import RerunOption, RerunView, ViewerError, parse_rerun_option
+from transport.picture.option import RerunOption, parse_rerun_option
+from transport.picture.view import RerunView
+from transport.picture.viewer_process import ViewerError
 from vehicles.messages import LogText, Message
 
 SECOND = 1_000_000_000
@@ -41,42 +43,11 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Table:
     return picture(tmp_path_factory.mktemp("view") / "run.rrd", drive.drive(100))
 
 
-@pytest.mark.parametrize(
-    ("text", "option"),
-    [
-        ("off", RerunOption("off")),
-        ("spawn", RerunOption("spawn")),
-        ("serve", RerunOption("serve")),
-        ("serve=9099", RerunOption("serve", page_port=9099)),
-        ("serve=9099:9877", RerunOption("serve", page_port=9099, data_port=9877)),
-        ("serve=0.0.0.0", RerunOption("serve", address="0.0.0.0")),
-        ("serve=0.0.0.0:9090:9876", RerunOption("serve", "", "0.0.0.0", 9090, 9876)),
-        (
-            "connect=rerun+http://box:9876/proxy",
-            RerunOption("connect", "rerun+http://box:9876/proxy"),
-        ),
-        ("save=a=b.rrd", RerunOption("save", "a=b.rrd")),
-    ],
-)
-def test_options_are_read(text: str, option: RerunOption) -> None:
-    assert parse_rerun_option(text) == option
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "on", "off=1", "spawn=x", "save", "save=", "connect", "connect=box:9876", "serve=",
-     "serve=a.b", "serve=99999", "serve=1:2:3", "serve=0.0.0.0:", "serve=:9090"],
-)  # fmt: skip
-def test_other_options_are_refused_in_one_line(text: str) -> None:
-    with pytest.raises(ViewerError, match=r"^--rerun ") as refused:
-        parse_rerun_option(text)
-    assert "\n" not in str(refused.value)
-
-
 def test_without_a_picture_rerun_is_not_loaded() -> None:
     program = """
 import sys
-from transport.picture.view import RerunView, parse_rerun_option
+from transport.picture.option import parse_rerun_option
+from transport.picture.view import RerunView
 with RerunView(parse_rerun_option("off"), run_id="x", vehicles=("v1",)) as view:
     view.draw(0, None)
 assert view.where == ""
@@ -267,9 +238,9 @@ def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
 
 SERVE = """
 import time
-from transport.picture.view import RerunView, parse_rerun_option
 from tests.made import drive
-from tests.made.recording import Table, columns
+from transport.picture.option import parse_rerun_option
+from transport.picture.view import RerunView
 view = RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES)
 for now, message in drive.drive(20):
     view.draw(now, message)
