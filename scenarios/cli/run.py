@@ -24,7 +24,7 @@ from scenarios.runs.stop import EXIT_FAILED, Stop, stop_on_signals
 from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.log.records import LogError
-from transport.picture.view import parse_rerun_option
+from transport.picture.option import parse_rerun_option
 
 
 def run_scenario(

@@ -1,7 +1,6 @@
 """Commands that look at scenarios, logs and the science; `scenarios.cli` joins them in."""
 
 import sys
-import time
 from pathlib import Path
 
 import click
@@ -127,13 +126,13 @@ def review(log: Path, *, rerun: str) -> None:
     """Show a recorded LOG in Rerun, with the picture of a live run."""
     from scenarios.results import review as reviewing
     from scenarios.runs.stop import stop_on_signals
-    from transport.picture.view import parse_rerun_option
+    from transport.clock import poll
+    from transport.picture.option import parse_rerun_option
 
     def wait(where: str) -> None:
         click.echo(f"look here: {where}\nCtrl-C ends it")
         stop = stop_on_signals()
-        while not stop.asked:
-            time.sleep(0.1)
+        poll(lambda: stop.asked, every_s=0.1)
 
     with clear_errors():
         count = reviewing.review(log, parse_rerun_option(rerun), wait=wait)

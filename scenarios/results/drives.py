@@ -1,22 +1,19 @@
 """What the vehicles of one run did, as arrays: the errors the paper shows, and the true ones."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
-from vehicles.geometry.driven_path import DrivenPath, cross_track
+from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 Array = NDArray[np.float64]
-
-RUN_IN = 20.0
-"""The lead's path is extended backwards this much (m) further than the last vehicle starts."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +22,7 @@ class Drive:
 
     `lateral_error` and `heading_error` are the paper's: against the trajectory it steers along.
     `station` and `cross_track` are its true place along and beside the lead's driven path, an
-    entry wherever the lead has driven.
+    entry wherever the lead has driven; for the lead itself they are empty.
     """
 
     name: str
@@ -80,8 +77,8 @@ def _largest(values: Array) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 
-class Diary:
-    """Keeps what is needed of a run, vehicle by vehicle."""
+class DriveRecorder:
+    """Records what is needed of a run to tell its drives, vehicle by vehicle."""
 
     def __init__(self) -> None:
         self._truth: defaultdict[str, list[TruePose]] = defaultdict(list)
@@ -92,24 +89,28 @@ class Diary:
         if isinstance(message, TruePose):
             self._truth[message.vehicle].append(message)
         elif isinstance(message, Tracking):
-            self.note(message.vehicle, message.lateral_error_m, message.heading_error_rad)
+            self.add_errors(message.vehicle, message.lateral_error_m, message.heading_error_rad)
 
-    def note(self, vehicle: str, lateral: float, heading: float) -> None:
+    def add_errors(self, vehicle: str, lateral: float, heading: float) -> None:
         """Take the tracking errors (m, rad) of one control instant."""
         self._errors[vehicle].append((lateral, heading))
 
     def trial(self, scenario: Scenario) -> Trial:
-        """Work out the drives of all vehicles that were on the road."""
+        """Compute the drives of all vehicles that were on the road."""
         names = [name for name in scenario.vehicle_names if name in self._truth]
-        first, last = self._truth[names[0]][0], self._truth[names[-1]][0]
-        apart = hypot(first.east_m - last.east_m, first.north_m - last.north_m)
-        path = DrivenPath.of(self._truth[names[0]], RUN_IN + apart, scenario.route.start_yaw)
-        drives = tuple(self._drive(name, path, scenario.start_at_ns) for name in names)
+        error = CrossTrackError(names[0], scenario.route.start_yaw)
+        drives = tuple(
+            self._drive(
+                name,
+                [foot for pose in self._truth[name] for foot in error.add(pose)],
+                scenario.start_at_ns,
+            )
+            for name in names  # the lead first: so no pose of a follower has to wait
+        )
         return Trial(drives)
 
-    def _drive(self, name: str, path: DrivenPath, start_at: int) -> Drive:
+    def _drive(self, name: str, feet: Sequence[CrossTrack], start_at: int) -> Drive:
         truth = self._truth[name]
-        feet = cross_track(truth, path)
         errors = np.array(self._errors.get(name) or np.zeros((0, 2)), dtype=np.float64)
         return Drive(
             name=name,

@@ -37,7 +37,7 @@ def summarise(
         duration_s=scenario.duration_s,
         ran_s=min(ran_ns / SECOND, scenario.duration_s),
         recorder_rejected_messages=dict(sorted(rejected.items())),
-        vehicles=metrics.vehicle_summaries(scenario.route.start_yaw),
+        vehicles=metrics.vehicle_summaries(),
         links=metrics.link_summaries(),
     )
 
@@ -52,7 +52,7 @@ def summary_of(log: Path) -> RunSummary:
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
     scenario = scenario_in(log, attachments)
-    metrics = Metrics(scenario.vehicle_names, scenario.links)
+    metrics = Metrics(scenario.vehicle_names, scenario.links, scenario.route.start_yaw)
     start_at = last_at = 0
     for at, _, message in reader.messages():
         metrics.add(message)

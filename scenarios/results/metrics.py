@@ -10,7 +10,7 @@ from typing import Any
 from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.summary import LinkSummary, VehicleSummary
 from transport.reasons import counts_as_loss
-from vehicles.geometry.driven_path import DrivenPath, cross_track
+from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import GpsPose, Health, LinkVerdict, Message, Tracking, TruePose
 from vehicles.schedule import MILLISECOND
 
@@ -55,9 +55,10 @@ class VehicleFigures:
 
     poses: int = 0
     last_pose_seq: int = -1
-    truth: list[TruePose] = field(default_factory=list)
+    distance: float = 0.0
     lateral_error: Extremes = field(default_factory=Extremes)
     heading_error: Extremes = field(default_factory=Extremes)
+    cross_track_error: Extremes = field(default_factory=Extremes)
     gap_min: float = inf
     modes: Counter[str] = field(default_factory=Counter)
     health: Health | None = None
@@ -69,13 +70,20 @@ class Metrics:
     """Gathers the figures of a run from its messages."""
 
     def __init__(
-        self, vehicles: Sequence[str], requested: Mapping[tuple[str, str], LinkTable]
+        self,
+        vehicles: Sequence[str],
+        requested: Mapping[tuple[str, str], LinkTable],
+        road_yaw: float | None = None,
     ) -> None:
-        """Take the vehicles' names, lead first, and what was asked of each (sender, receiver)."""
+        """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
+
+        `road_yaw` (rad) is the direction of the road on which the convoy starts.
+        """
         self._names = list(vehicles)
         self._requested = requested
         self.vehicles = {name: VehicleFigures() for name in vehicles}
         self.links: defaultdict[tuple[str, str], LinkFigures] = defaultdict(LinkFigures)
+        self._cross_track_error = CrossTrackError(self._names[0], road_yaw)
         self._take: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
             TruePose: self._add_truth,
             Tracking: self._add_tracking,
@@ -92,7 +100,9 @@ class Metrics:
             take(figures, message)
 
     def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
-        figures.truth.append(pose)
+        figures.distance = pose.distance_m
+        for foot in self._cross_track_error.add(pose):
+            self.vehicles[foot.vehicle].cross_track_error.add(foot.lateral)
 
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking) -> None:
         figures.lateral_error.add(tracking.lateral_error_m)
@@ -124,12 +134,9 @@ class Metrics:
         link.latency_ns_sum += latency
         link.latency_ns_max = max(link.latency_ns_max, latency)
 
-    def vehicle_summaries(self, road_yaw: float | None = None) -> tuple[VehicleSummary, ...]:
-        """Figures per vehicle, the lead first.
-
-        `road_yaw` (rad) is the direction of the road on which the convoy starts.
-        """
-        return tuple(self._vehicle(name, road_yaw) for name in self._names)
+    def vehicle_summaries(self) -> tuple[VehicleSummary, ...]:
+        """Figures per vehicle, the lead first."""
+        return tuple(self._vehicle(name) for name in self._names)
 
     def link_summaries(self) -> tuple[LinkSummary, ...]:
         """Figures per directed link, by receiver and then sender from the lead on."""
@@ -139,24 +146,10 @@ class Metrics:
         sender, receiver = link
         return self._names.index(receiver), self._names.index(sender)
 
-    def true_cross_track(self, name: str, road_yaw: float | None = None) -> Extremes:
-        """Distances of `name` from the lead's driven path (m), see `driven_path`."""
-        lead = self.vehicles[self._names[0]].truth
-        own = self.vehicles[name].truth
-        extremes = Extremes()
-        if lead and own:
-            run_in = 5.0 + 2.0 * sqrt(
-                (lead[0].east_m - own[0].east_m) ** 2 + (lead[0].north_m - own[0].north_m) ** 2
-            )
-            for foot in cross_track(own, DrivenPath.of(lead, run_in, road_yaw)):
-                extremes.add(foot.lateral)
-        return extremes
-
-    def _vehicle(self, name: str, road_yaw: float | None) -> VehicleSummary:
+    def _vehicle(self, name: str) -> VehicleSummary:
         figures = self.vehicles[name]
-        health = figures.health
+        health, true = figures.health, figures.cross_track_error
         is_lead = name == self._names[0]
-        true = Extremes() if is_lead else self.true_cross_track(name, road_yaw)
         return VehicleSummary(
             name=name,
             role="lead" if is_lead else "follower",
@@ -169,7 +162,7 @@ class Metrics:
             cross_track_error_m_max=true.largest if true.count else None,
             cross_track_error_m_rms=true.rms if true.count else None,
             gap_m_min=figures.gap_min if isfinite(figures.gap_min) else None,
-            distance_m=figures.truth[-1].distance_m if figures.truth else 0.0,
+            distance_m=figures.distance,
             ticks_by_mode=dict(sorted(figures.modes.items())),
             ticks=health.ticks if health else 0,
             late_ticks=health.late_ticks if health else 0,

@@ -9,7 +9,8 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from transport.log.reader import LogReader
 from transport.log.records import LogError
-from transport.picture.view import RerunOption, RerunView
+from transport.picture.option import RerunOption
+from transport.picture.view import RerunView
 from transport.topics import CONDUCTOR
 from vehicles.messages import RunStart
 
@@ -26,6 +27,7 @@ def open_view(option: RerunOption, scenario: Scenario, run_id: str) -> RerunView
         vehicles=scenario.vehicle_names,
         gap_m=widest_gap(scenario),
         path=(path.east.tolist(), path.north.tolist()),
+        road_yaw=scenario.route.start_yaw,
     )
 
 
@@ -52,9 +54,9 @@ def review(
 ) -> int:
     """Draw the run recorded in `log`; returns the number of messages drawn.
 
-    The log alone is enough; `warn` is called with a line about whatever is amiss with it. While
+    The log alone is enough; `warn` is called with a line about each fault of it. While
     the picture is served from here, `wait` is called with where to look, once all is drawn, and
-    must return when nobody looks any more. Raises LogError or ViewerError.
+    must return when the picture is no longer looked at. Raises LogError or ViewerError.
     """
     reader = LogReader(log)
     if reader.truncated:
@@ -76,13 +78,13 @@ def _open(reader: LogReader, option: RerunOption, warn: Callable[[str], None]) -
     if text is not None:
         try:
             return open_view(option, scenario_from_text(text.decode(), label="scenario"), run_id)
-        except ScenarioError as error:  # written by another version: its road cannot be drawn
+        except ScenarioError as error:  # written by another version: its road is unknown
             warn(f"{reader.path}: the road is left out: {error}")
     return RerunView(option, run_id=run_id, vehicles=_in_order(reader))
 
 
 def _in_order(reader: LogReader) -> list[str]:
-    """Names of the vehicles; first the one that listens to nobody, which leads."""
+    """Names of the vehicles; first the lead, which receives from no other."""
     vehicles = [name for name in reader.vehicles if name != CONDUCTOR]
     if not vehicles:
         raise LogError(f"{reader.path}: holds no vehicle's messages")

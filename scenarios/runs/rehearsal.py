@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.drives import Diary, Trial
+from scenarios.results.drives import DriveRecorder, Trial
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.recorder import Listener
 from scenarios.runs.replay import Replay
@@ -17,7 +17,7 @@ from vehicles.messages import GpsPose, Message
 class RehearsalSink:
     """Publishes the pose for the convoy and gives the rest to a drive recorder, not encoded."""
 
-    def __init__(self, vehicle: str, bus: Bus, drives: Diary) -> None:
+    def __init__(self, vehicle: str, bus: Bus, drives: DriveRecorder) -> None:
         self._to_convoy = BusSink(vehicle, bus)
         self._drives = drives
 
@@ -39,7 +39,7 @@ def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
     Vehicles in `replays` send what was recorded, the others are live. What is received, and so
     what the vehicles do, is the same as in a logged run.
     """
-    convoy, drives = VirtualConvoy(scenario), Diary()
+    convoy, drives = VirtualConvoy(scenario), DriveRecorder()
     convoy.build(lambda vehicle: RehearsalSink(vehicle, convoy.bus, drives), replays)
     convoy.run(Stop())
     return drives.trial(scenario)
@@ -55,7 +55,7 @@ def record(
 
     Each of `listeners` gets every recorded message.
     """
-    drives = Diary()
+    drives = DriveRecorder()
     run_virtual(
         scenario,
         folder,

@@ -40,7 +40,7 @@ class RunLog:
         self._writer = LogWriter(folder / LOG_NAME)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(SCENARIO_NAME, "application/toml", scenario.text.encode())
-        self.metrics = Metrics(scenario.vehicle_names, scenario.links)
+        self.metrics = Metrics(scenario.vehicle_names, scenario.links, scenario.route.start_yaw)
         self.recorder = Recorder(
             vehicles={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},
             plane=LocalPlane(scenario.origin),

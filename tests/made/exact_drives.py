@@ -10,7 +10,8 @@ from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision, Driver
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.geometry.path import Path, PathPoint
+from vehicles.geometry.path import Path
+from vehicles.geometry.path_point import PathPoint
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND, Cadence, instant
 

@@ -20,7 +20,7 @@ from rerun.experimental import ViewerClient
 
 from scenarios.results.review import review
 from transport.picture import viewer_process
-from transport.picture.view import parse_rerun_option
+from transport.picture.option import parse_rerun_option
 
 START_S = 20.0
 SETTLE_S = 1.5
@@ -46,7 +46,7 @@ def headless_viewer(source: str, size: str = "1600x1000") -> Iterator[ViewerClie
     )
     try:
         deadline = time.monotonic() + START_S
-        while not viewer_process.is_heard("127.0.0.1", port):
+        while not viewer_process.is_listening("127.0.0.1", port):
             assert time.monotonic() < deadline, "the viewer does not start"
             time.sleep(0.1)
         client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")

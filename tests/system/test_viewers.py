@@ -9,7 +9,8 @@ from rerun.experimental import ViewerClient
 from tests.made import drive
 from tests.system.screenshot import can_take_pictures, headless_viewer, take_picture
 from transport.picture.blueprint import colour_of
-from transport.picture.view import RerunView, parse_rerun_option
+from transport.picture.option import parse_rerun_option
+from transport.picture.view import RerunView
 
 pytestmark = pytest.mark.skipif(
     not can_take_pictures(), reason="no Vulkan driver here to draw with (mesa-vulkan-drivers)"

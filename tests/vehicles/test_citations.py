@@ -1,4 +1,8 @@
-"""Every public function, method and class of the science says in its docstring where it is from."""
+"""What computes something of the field says in its docstring where that is from.
+
+That is every public class and function of the science, but for accessors and for the few functions
+that are listed as plumbing.
+"""
 
 import ast
 import re
@@ -10,16 +14,6 @@ import pytest
 import vehicles
 
 FOLDER = Path(vehicles.__file__).parent
-SCIENCE = (
-    "car.dynamics", "car.gnss", "car.parameters", "driver.decision", "driver.follower",
-    "driver.leader", "driver.pose_estimator", "driver.speed",
-    "driver.steering", "driver.tracking", "geometry.arc_spline", "geometry.geodesy",
-    "geometry.local_regression", "geometry.path", "geometry.smoothing", "preview.curve_fit",
-    "preview.fit_arc", "preview.fit_joined", "preview.outliers", "preview.samples",
-    "preview.trace", "preview.trajectory", "theory.constant_speed", "theory.gain_margins",
-    "theory.gain_sets", "theory.linear_model", "theory.polynomials", "theory.propagation",
-    "theory.simulated_chain", "theory.string_stability", "theory.varying_speed",
-)  # fmt: skip
 PLUMBING = {
     "geometry.driven_path": "distances from a polyline of recorded poses",
     "geometry.trajectory_points": "points along a message's arcs, for pictures",
@@ -27,7 +21,24 @@ PLUMBING = {
     "preview.polyline": "lists of points with their arc length, for `trace`",
     "schedule": "which nanosecond instants belong to a periodic schedule",
 }
-"""Modules without a formula of the field, and why."""
+"""Modules without a formula of the field, and why; all others are science."""
+SCIENCE = tuple(
+    name
+    for path in sorted(FOLDER.rglob("*.py"))
+    if (name := ".".join(path.relative_to(FOLDER).with_suffix("").parts)) not in PLUMBING
+    and path.stem != "__init__"
+)
+PLUMBING_IN_SCIENCE = {
+    "car.gnss.from_message": "takes a fix out of a message",
+    "car.gnss.to_message": "puts a fix into a message",
+    "driver.decision.Decision.messages": "puts a decision into messages",
+    "driver.pose_estimator.PoseEstimator.correct": "tells usable fixes from others",
+    "driver.steering.load_controller": "imports a class by its dotted name",
+}
+"""Functions that compute nothing of the field, and why they need no source."""
+ARITHMETIC = (
+    ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod, ast.Pow, ast.MatMult,
+)  # fmt: skip
 
 HIGHEST_EQUATION = 8
 """The paper numbers so many equations; all others have a section only."""
@@ -77,22 +88,55 @@ def flat(documented: Documented) -> str:
     return " ".join((ast.get_docstring(documented) or "").split())
 
 
+def computes(node: ast.AST) -> bool:
+    """Whether there is arithmetic in it."""
+    return any(
+        isinstance(one, ast.BinOp | ast.AugAssign) and isinstance(one.op, ARITHMETIC)
+        for one in ast.walk(node)
+    )
+
+
+def is_accessor(documented: Documented) -> bool:
+    """Whether it only declares a signature, or returns a value without working it out.
+
+    Its body is `...`, or a single `return` without arithmetic and without a call.
+    """
+    if isinstance(documented, ast.ClassDef):
+        return False
+    body = documented.body[1:] if ast.get_docstring(documented) else documented.body
+    match body:
+        case [ast.Expr(ast.Constant(value=value))]:
+            return value is ...
+        case [ast.Return(value=ast.expr() as returned)]:
+            called = any(isinstance(one, ast.Call) for one in ast.walk(returned))
+            return not called and not computes(returned)
+    return False
+
+
+def needing_a_source(module: str) -> Iterator[tuple[str, Documented]]:
+    for name, one in public(source(module)):
+        if not is_accessor(one) and f"{module}.{name}" not in PLUMBING_IN_SCIENCE:
+            yield name, one
+
+
 def has_source(text: str) -> bool:
     return bool(PAPER.search(text)) or any(name.lower() in text.lower() for name in NAMED)
 
 
-def test_every_module_is_science_or_plumbing() -> None:
-    found = {
-        ".".join(path.relative_to(FOLDER).with_suffix("").parts)
-        for path in FOLDER.rglob("*.py")
-        if path.stem != "__init__"
+def test_what_is_called_plumbing_exists_and_computes_nothing() -> None:
+    assert all(path_of(module).exists() for module in PLUMBING)
+    functions = {
+        f"{module}.{name}": one for module in SCIENCE for name, one in public(source(module))
     }
-    assert found == {*SCIENCE, *PLUMBING}
+    assert PLUMBING_IN_SCIENCE.keys() <= functions.keys()
+    for name in PLUMBING_IN_SCIENCE:
+        assert isinstance(functions[name], ast.FunctionDef), name
+        assert not computes(functions[name]), name
 
 
 @pytest.mark.parametrize("module", SCIENCE)
-def test_everything_public_cites_its_source(module: str) -> None:
-    without = [name for name, one in public(source(module)) if not has_source(flat(one))]
+def test_what_is_public_and_computes_cites_its_source(module: str) -> None:
+    without = [name for name, one in needing_a_source(module) if not has_source(flat(one))]
     assert not without, f"vehicles.{module}: no source in the docstring of {', '.join(without)}"
 
 
@@ -123,3 +167,17 @@ def test_a_docstring_without_a_source_is_found_out() -> None:
         "    def at(self): ...\n"
     )
     assert [name for name, one in public(tree) if not has_source(flat(one))] == ["bare", "Shape.at"]
+
+
+def test_accessors_are_told_from_what_computes() -> None:
+    tree = ast.parse(
+        'class Car:\n    """Model of Section II."""\n'
+        "    @property\n"
+        '    def speed(self):\n        """Speed (m/s)."""\n        return self._speed\n'
+        '    def steer(self): """Steer."""; ...\n'
+        '    def twice(self):\n        """Twice."""\n        return 2 * self._speed\n'
+        '    def called(self):\n        """Called."""\n        return worked_out(self)\n'
+        '    def two(self):\n        """Two."""\n        a = 1\n        return a\n'
+    )
+    accessors = [name for name, one in public(tree) if is_accessor(one)]
+    assert accessors == ["Car.speed", "Car.steer"]

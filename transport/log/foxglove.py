@@ -25,10 +25,12 @@ from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-from vehicles.geometry.trajectory_points import FRAME_ID, points_along
+from vehicles.geometry.trajectory_points import points_along
 from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, TruePose
 from vehicles.schedule import MILLISECOND
 
+FRAME_ID = "map"
+"""Name of the world frame: east, north, up at the scenario's origin."""
 PREVIEW_SPACING_M = 2.0
 """Distance between the poses that stand for a composite trajectory."""
 PREVIEW_PERIOD_NS = 200 * MILLISECOND

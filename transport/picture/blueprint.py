@@ -1,9 +1,9 @@
-"""What the picture of a convoy looks like: where things stand in it, colours, views and layout.
+"""Layout of the picture of a convoy: entities, colours and views.
 
 Entities are named by quantity first and vehicle last, because a view takes in whole branches:
 
     world/                  east, north in metres, as in the messages
-      plan, convoy          what the two plan views look from: north up, and riding along
+      plan, convoy          frames of the two plan views: north up, and moving with the convoy
       road/…                the lead's path and its distance marks
       driven/<vehicle>      where it drove
       trajectory/<vehicle>  what it steers along
@@ -121,7 +121,7 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
 
 
 def _convoy_view(vehicles: Sequence[str], gap_m: float, *, flat: bool) -> rrb.Spatial2DView:
-    """Ride along with the middle of the convoy, the direction of travel to the right."""
+    """Follow the middle of the convoy, the direction of travel to the right."""
     ahead = middle(len(vehicles)) * gap_m
     behind = (len(vehicles) - 1) * gap_m - ahead
     aside = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
@@ -137,7 +137,7 @@ def _convoy_view(vehicles: Sequence[str], gap_m: float, *, flat: bool) -> rrb.Sp
 
 
 def _plan_view(vehicles: Sequence[str], gap_m: float, road: Road | None) -> rrb.Spatial2DView:
-    """Show where on the road the convoy is: as dots where cars would be specks, else as cars."""
+    """Show where on the road the convoy is: as dots where cars would be too small, else as cars."""
     small = road is not None and gap_m < 0.04 * _extent(road)
     hidden = (
         [f"- /world/cars/{name}/name" for name in vehicles[1:]]
@@ -170,13 +170,13 @@ def _extent(road: Road) -> float:
 
 
 def _is_flat(road: Road) -> bool:
-    """Whether a road is so much wider than high, north up, that little height will do."""
+    """Whether a road is so much wider than high, north up, that a low view is enough."""
     east, north = road
     return max(east) - min(east) >= 4.0 * (max(north) - min(north))
 
 
 def _log_view() -> rrb.TextLogView:
-    """Text with its time and level; the text itself says whose it is."""
+    """Text with its time and level; the text itself names the vehicle."""
     return rrb.TextLogView(
         name="Log",
         origin="log",
@@ -204,7 +204,7 @@ def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
 
 
 def middle(count: int) -> int:
-    """Place in the convoy of the vehicle that the view rides along with."""
+    """Place in the convoy of the vehicle that the view follows."""
     return count // 2
 
 

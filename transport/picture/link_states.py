@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 
 from transport.reasons import counts_as_loss
 from vehicles.messages import LinkVerdict
+from vehicles.schedule import SECOND
 
-WINDOW_NS = 500_000_000
-WAIT_NS = 500_000_000
+WINDOW_NS = SECOND // 2
+WAIT_NS = SECOND // 2
 """A window is judged so long after its end: verdicts on the wall clock take time to arrive."""
 MANY_LOST_RATIO = 0.5
 

@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from transport.picture.beside import BesideLead
 from transport.picture.blueprint import TIMELINE, Colour, Road, blueprint, colour_of, middle
 from transport.picture.curves import Curves
 from transport.picture.link_states import LinkStates, message_state
 from transport.picture.shapes import (
     car,
     line_style,
-    marks_beside,
     name_tag,
     point_style,
+    road_with_marks,
     state_style,
     turn_about,
 )
 from transport.topics import valid_at
+from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.geometry.trajectory_points import points_along
 from vehicles.messages import (
     Command,
@@ -34,8 +34,8 @@ from vehicles.messages import (
     Tracking,
     TruePose,
 )
+from vehicles.schedule import MILLISECOND, SECOND, Timer
 
-MILLISECOND = 1_000_000
 CAR_NS = 40 * MILLISECOND
 TRAJECTORY_NS = 100 * MILLISECOND
 DRIVEN_NS = 200 * MILLISECOND
@@ -43,8 +43,8 @@ CURVE_NS = 40 * MILLISECOND
 SLOW_CURVE_NS = 200 * MILLISECOND
 BATCH_NS = 500 * MILLISECOND
 """Curves are gathered and sent twice a second, which costs a tenth of sending each value."""
-AWAY_NS = 1000 * MILLISECOND
-"""The view rides along with another vehicle when this one has sent nothing for so long."""
+AWAY_NS = SECOND
+"""The view follows another vehicle when this one has sent nothing for so long."""
 SPACING_M = 1.0
 _LEVELS = {
     "debug": "DEBUG",
@@ -56,7 +56,11 @@ _LEVELS = {
 
 
 class Picture:
-    """Turns messages into entities of a recording, at the rates that a viewer needs."""
+    """Turns messages into entities of a recording, at the rates that a viewer needs.
+
+    Of the cross-track error, the tracking error and the gap every value is drawn, so that the
+    extreme ones are those of the summary.
+    """
 
     def __init__(
         self,
@@ -66,21 +70,22 @@ class Picture:
         gap_m: float,
         car_m: tuple[float, float],
         path: Road | None = None,
+        road_yaw: float | None = None,
     ) -> None:
         self._recording = recording
         self._car_m = car_m
         self._start: int | None = None
         self._waiting: list[tuple[int, Message]] = []
         self._places: dict[str, int] = {}
-        self._due: defaultdict[tuple[str, str], int] = defaultdict(int)
+        self._timers: dict[tuple[str, str], Timer] = {}
         self._curves = Curves(recording)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-        self._beside = BesideLead()
+        self._cross_track_error = CrossTrackError(vehicles[0], road_yaw)
         self._states: dict[str, str] = {}
         self._links = LinkStates()
         self._seen: dict[str, int] = {}
         self._followed = vehicles[middle(len(vehicles))]
-        self._batch_due = 0
+        self._batch = Timer(BATCH_NS)
         self._drawn_at: int | None = None
         self._draw: dict[type[Message], Callable[[Any], None]] = {
             TruePose: self._truth,
@@ -105,18 +110,17 @@ class Picture:
         draw = self._draw.get(type(message))
         if draw:
             draw(message)
-        if now >= self._batch_due or isinstance(message, RunEnd):
-            self._batch_due = now + BATCH_NS
-            self.flush(now)
+        if self._batch.is_due(now) or isinstance(message, RunEnd):
+            self._curves.send(self._start)
+            for link, at, state in self._links.changes(now):
+                self._state(f"links/{link}", state, at)
 
-    def flush(self, now: int) -> None:
-        """Send the curves gathered so far, and show how the links were."""
+    def finish(self) -> None:
+        """Send what was gathered since the last batch: a log may break off anywhere."""
         self._curves.send(self._start or 0)
-        for link, at, state in self._links.changes(now):
-            self._state(f"links/{link}", state, at)
 
     def _wait_for_start(self, now: int, message: Message) -> None:
-        """Keep what comes before the start is known: it is drawn relative to that instant."""
+        """Keep messages until the start is known: they are drawn relative to that instant."""
         self._waiting.append((now, message))
         if isinstance(message, RunStart | TruePose):
             self._start = valid_at(message)
@@ -127,15 +131,15 @@ class Picture:
     def _truth(self, truth: TruePose) -> None:
         vehicle, at = truth.vehicle, truth.true_at_ns
         self._seen[vehicle] = at
-        place = self._place(vehicle)
-        if place == 0:
-            self._beside.lead_at(truth)
+        self._place(vehicle)
+        for foot in self._cross_track_error.add(truth):
+            self._curves.add("cross_track", foot.vehicle, foot.at_ns, foot.lateral)
         if not self._is_due(vehicle, "car", at, CAR_NS):
             return
         self._at(at)
         here = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, flip=False)
         self._recording.log(f"world/cars/{vehicle}", here)
-        if vehicle == self._ride_along(at):
+        if vehicle == self._vehicle_to_follow(at):
             eye = turn_about(truth.east_m, truth.north_m, truth.yaw_rad)
             self._recording.log("world/convoy", eye)
         driven = self._driven[vehicle]
@@ -144,9 +148,6 @@ class Picture:
             piece = rr.LineStrips2D.from_fields(strips=[driven])
             self._recording.log(f"world/driven/{vehicle}", piece)
             del driven[:-1]
-        offset = self._beside.offset(truth) if place else None
-        if offset is not None:
-            self._curves.add("cross_track", vehicle, at, offset)
         if self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
             self._curves.add("speed", vehicle, at, truth.speed_mps)
 
@@ -169,13 +170,13 @@ class Picture:
         vehicle, at = tracking.vehicle, tracking.decided_at_ns
         place = self._place(vehicle)
         self._state(f"mode/{vehicle}", tracking.mode, at)
-        if self._is_due(vehicle, "tracking", at, CURVE_NS):
-            self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
-        if place and self._is_due(vehicle, "gap", at, SLOW_CURVE_NS):
-            self._curves.add("gap", vehicle, at, tracking.gap_m)
-            self._curves.add(
-                "age", vehicle, at, max(tracking.lead_age_s, tracking.predecessor_age_s)
-            )
+        self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
+        if not place:
+            return
+        self._curves.add("gap", vehicle, at, tracking.gap_m)
+        if self._is_due(vehicle, "age", at, SLOW_CURVE_NS):
+            age = max(tracking.lead_age_s, tracking.predecessor_age_s)
+            self._curves.add("age", vehicle, at, age)
 
     def _command(self, command: Command) -> None:
         vehicle, at = command.vehicle, command.decided_at_ns
@@ -196,12 +197,12 @@ class Picture:
         self._recording.log(f"log/{line.vehicle}", text)
 
     def _road(self, east: Sequence[float], north: Sequence[float]) -> None:
-        path, marks = marks_beside(east, north)
+        path, marks = road_with_marks(east, north)
         self._recording.log("world/road/path", path, static=True)
         self._recording.log("world/road/marks", marks, static=True)
 
     def _place(self, vehicle: str) -> int:
-        """Place of a vehicle in the convoy; one that nobody spoke of comes last."""
+        """Place of a vehicle in the convoy; one that was not announced comes last."""
         place = self._places.get(vehicle)
         if place is None:
             place = self._places[vehicle] = len(self._places)
@@ -227,7 +228,7 @@ class Picture:
             self._recording.log(f"world/{entity}", shape, static=True)
 
     def _state(self, entity: str, state: str, at: int) -> None:
-        """Show that the state of a link or of a vehicle changed, if it did."""
+        """Show the state of a link or of a vehicle, if it changed."""
         before = self._states.get(entity)
         if before == state:
             return
@@ -237,8 +238,8 @@ class Picture:
         self._at(at)
         self._recording.log(entity, rr.StateChange(state=state))
 
-    def _ride_along(self, at: int) -> str:
-        """Name the vehicle that the view rides along with: the middle one of those there."""
+    def _vehicle_to_follow(self, at: int) -> str:
+        """Name the vehicle that the view follows: the middle one of those that send."""
         if at - self._seen.get(self._followed, self._start or 0) > AWAY_NS:
             there = [name for name, seen in self._seen.items() if at - seen <= AWAY_NS]
             there.sort(key=self._place)
@@ -246,10 +247,10 @@ class Picture:
         return self._followed
 
     def _is_due(self, vehicle: str, what: str, at: int, period_ns: int) -> bool:
-        if at < self._due[vehicle, what]:
-            return False
-        self._due[vehicle, what] = at + period_ns
-        return True
+        timer = self._timers.get((vehicle, what))
+        if timer is None:
+            timer = self._timers[vehicle, what] = Timer(period_ns)
+        return timer.is_due(at)
 
     def _at(self, at: int) -> None:
         """Draw at this instant from now on; the vehicles' ticks fall on the same instants."""

@@ -1,4 +1,4 @@
-"""Shapes of the picture: cars, roads, name tags, and where they stand."""
+"""Shapes of the picture: cars, roads, name tags, and their frames."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ def turn_about(east: float, north: float, yaw: float, *, flip: bool = True) -> r
     """Put a frame at (east, north) in metres, turned by `yaw` (rad).
 
     With `flip` its second axis points to the right instead of the left: a picture's second axis
-    points down, so whoever looks from such a frame sees left turns turn left.
+    points down, so in a view from such a frame left turns turn left.
     """
     c, s = math.cos(yaw), math.sin(yaw)
     left = -1.0 if flip else 1.0
@@ -25,7 +25,7 @@ def turn_about(east: float, north: float, yaw: float, *, flip: bool = True) -> r
 
 
 def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D:
-    """Style of a line that is logged piece by piece: said once, it makes each piece cheaper."""
+    """Style of a line that is logged piece by piece: logged once, it makes each piece cheaper."""
     return rr.LineStrips2D.from_fields(
         colors=[colour], radii=rr.Radius.ui_points(width), draw_order=order
     )
@@ -62,7 +62,7 @@ def name_tag(text: str, colour: Colour) -> rr.Points2D:
     )
 
 
-def marks_beside(
+def road_with_marks(
     east: Sequence[float], north: Sequence[float]
 ) -> tuple[rr.LineStrips2D, rr.Points2D]:
     """Draw a path (m), and the distance along it to its right every 50 m."""

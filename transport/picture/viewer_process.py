@@ -1,19 +1,20 @@
-"""Rerun's own programs beside us: the web page and the native viewer, on this machine only."""
+"""Rerun's own programs as processes of this machine: the web page and the native viewer."""
 
 import importlib.util
 import os
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from transport.clock import poll
+
 START_S = 20.0
-"""A program that does not listen after this time is given up."""
+"""A program that does not listen after this time (s) has failed."""
 STOP_S = 2.0
 POLL_S = 0.05
-_DIE_WITH_US = """
+_END_WITH_PARENT = """
 import ctypes, os, sys
 libc = ctypes.CDLL(None)
 if hasattr(libc, "prctl"):
@@ -22,12 +23,12 @@ if os.getppid() == int(sys.argv[1]):
     os.execv(sys.argv[2], sys.argv[2:])
 """
 # PR_SET_PDEATHSIG (1) outlives exec: the kernel sends SIGKILL (9) when whoever started the program
-# is gone, however it ended. Set in the new process itself, because a process with threads, which
-# we are, must run no Python between fork and exec.
+# has ended, however it ended. Set in the new process itself, because a process with threads, which
+# this one is, must run no Python between fork and exec.
 
 
 class ViewerError(Exception):
-    """A viewer that cannot be shown: one line that says why and what else would do."""
+    """A viewer that cannot be shown: one line with the reason and an alternative."""
 
 
 def program() -> Path:
@@ -41,19 +42,20 @@ def program() -> Path:
 
 
 def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Popen[bytes]":
-    """Serve the page that shows `data_url` on `address`; it ends with us, even by SIGKILL.
+    """Serve the page that shows `data_url` on `address`; it ends when this process does.
 
-    Call it from a thread that lives as long as the page is wanted, as the main thread does.
+    That holds for SIGKILL as well. Call it from a thread that lives as long as the page is wanted,
+    as the main thread does.
     """
     flags = ["--serve-web", "--bind", address, "--web-viewer-port", str(port), data_url]
-    leash = [sys.executable, "-I", "-S", "-c", _DIE_WITH_US, str(os.getpid())]
-    page = _start([*leash, str(program()), *flags])
+    wrapper = [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid())]
+    page = _start([*wrapper, str(program()), *flags])
     _await(page, address, port)
     return page
 
 
 def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
-    """Open the native viewer, which takes data on `port` of 127.0.0.1 and stays when we end."""
+    """Open the native viewer, which takes data on `port` of 127.0.0.1 and outlives this process."""
     if sys.platform == "linux" and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
@@ -68,7 +70,7 @@ def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
 
 
 def stop(process: "subprocess.Popen[bytes]") -> None:
-    """End a program, and see to it that it has ended."""
+    """End a program and wait until it has ended."""
     process.terminate()
     try:
         process.wait(STOP_S)
@@ -78,7 +80,7 @@ def stop(process: "subprocess.Popen[bytes]") -> None:
 
 
 def free_port(address: str, preferred: int) -> int:
-    """Return `preferred` if nobody listens there, else some port that is free."""
+    """Return `preferred` if no program listens there, else some port that is free."""
     for port in (preferred, 0):
         try:
             return _bound(address, port)
@@ -88,7 +90,7 @@ def free_port(address: str, preferred: int) -> int:
 
 
 def take_port(address: str, port: int) -> int:
-    """Return `port`, which was asked for, or say that it cannot be had."""
+    """Return the requested `port`; raises ViewerError if it is taken."""
     try:
         return _bound(address, port)
     except OSError as error:
@@ -104,15 +106,15 @@ def _bound(address: str, port: int) -> int:
 
 
 def quiet_environment() -> dict[str, str]:
-    """Environment in which Rerun sends no usage statistics; no file of the user's changes.
+    """Environment in which Rerun sends no usage statistics; no file of the user is changed.
 
-    Rerun 0.41 takes CI in its environment for a machine that runs tests, and keeps quiet there.
+    Rerun 0.41 takes CI in its environment for a machine that runs tests, and sends nothing there.
     """
     return {**os.environ, "CI": "1"}
 
 
 def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
-    """Start a program in a session of its own, so that Ctrl-C is for us to pass on or not."""
+    """Start a program in a session of its own, so that Ctrl-C does not reach it."""
     return subprocess.Popen(  # noqa: S603 - our own command line, no shell
         command,
         env=quiet_environment(),
@@ -124,12 +126,14 @@ def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
 
 
 def _await(process: "subprocess.Popen[bytes]", address: str, port: int) -> None:
-    """Wait until a program listens, or say that it does not."""
-    deadline = time.monotonic() + START_S
-    while time.monotonic() < deadline and process.poll() is None:
-        if is_heard(address, port):
-            return
-        time.sleep(POLL_S)
+    """Wait until a program listens; raises ViewerError if it does not."""
+    poll(
+        lambda: process.poll() is not None or is_listening(address, port),
+        every_s=POLL_S,
+        at_most_s=START_S,
+    )
+    if process.poll() is None and is_listening(address, port):
+        return
     stop(process)
     raise ViewerError(
         f"Rerun's viewer did not start (exit code {process.returncode}): save=PATH writes a "
@@ -137,8 +141,8 @@ def _await(process: "subprocess.Popen[bytes]", address: str, port: int) -> None:
     )
 
 
-def is_heard(address: str, port: int) -> bool:
-    """Whether somebody listens there."""
+def is_listening(address: str, port: int) -> bool:
+    """Whether a program listens there."""
     try:
         with socket.create_connection((reachable(address), port), timeout=1.0):
             return True

@@ -1,4 +1,4 @@
-"""The car as it really moves: single-track model with steering actuation (paper, Section II).
+"""Motion of the simulated car: single-track model with steering actuation (paper, Section II).
 
 Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
 second-order actuation of eq. (4), position by integrating the body's velocity. World frame:
@@ -54,9 +54,9 @@ class Body:
 
 @dataclass(slots=True)
 class Actuation:
-    """What is asked of the car: δ_c of eq. (4) (rad at the road wheels), acceleration (m/s²).
+    """Command to the car: δ_c of eq. (4) (rad at the road wheels), acceleration (m/s²).
 
-    The acceleration is the paper's dv_x/dt (Section IV-A), which the drive gives at once.
+    The acceleration is the paper's dv_x/dt (Section IV-A), which acts without delay.
     """
 
     steering: float
@@ -72,7 +72,7 @@ def advance(
 ) -> Body:
     """Move the car on by `span` (s) with `actuation` held meanwhile.
 
-    Eqs. (1), (2) and (4) by the classical Runge–Kutta method; end stop and standstill are our own.
+    Eqs. (1), (2) and (4) by the classical Runge–Kutta method.
 
     The steering command is clamped to the steering limit and the wheels stop there. A braking car
     comes to rest within the span and stays; it never reverses. `substeps` overrides the number of

@@ -1,4 +1,4 @@
-"""The receiver that measures the car, and its measurements on the wire and off it.
+"""The receiver that measures the car, and its measurements to and from messages.
 
 A receiver of the kind used for automated driving: RTK positions aided by an inertial unit, at a
 fixed rate. Inside, a fix is in the east-north plane with yaw; on the wire it is WGS84 with a
@@ -57,7 +57,7 @@ class GnssNoise:
 class GnssReceiver:
     """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
 
-    GPS of Section III-A, which says 20 Hz at most.
+    GPS of Section III-A, at 20 Hz at most.
 
     `random` belongs to this receiver alone: five normal numbers are drawn per measurement, in
     the order of measurements.
@@ -73,7 +73,7 @@ class GnssReceiver:
     def measure(self, body: Body, now: int) -> Fix | None:
         """Measure `body` if `now` (ns) is an instant of measurement, else None.
 
-        Each quantity has noise of its own, independent in time; on that the paper is silent.
+        Each quantity has its own white Gaussian noise (Section III-A names that of the position).
         """
         seq = self._cadence.index(now)
         if seq is None:
@@ -92,7 +92,7 @@ class GnssReceiver:
 
 
 def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
-    """Put a fix on the wire: WGS84, compass course.
+    """Convert a fix to a message: WGS84, compass course.
 
     The course is counted from the plane's north; true north at the vehicle differs from it by
     the convergence of meridians, about 0.01 deg per km of easting at middle latitudes.
@@ -112,7 +112,7 @@ def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
 
 
 def from_message(pose: GpsPose, plane: LocalPlane) -> Fix:
-    """Take a WGS84 fix off the wire; it has passed the gate of its receiver.
+    """Take a WGS84 fix off the wire, which has passed the gate of its receiver.
 
     WGS84 to the plane and compass course to yaw. Raises ValueError beyond the plane's reach.
     """

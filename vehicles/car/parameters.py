@@ -1,4 +1,4 @@
-"""What a car is made of: the paper's Table of parameters, and what its load changes.
+"""Parameters of a car (the paper's Table I), and what its load changes.
 
 SI units throughout: kg, m, s, rad, N. The single-track ("bicycle") model joins the two wheels of
 an axle into one, so a cornering stiffness is that of a whole axle.
@@ -95,7 +95,7 @@ NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
-    """Who sits in the car besides the driver, each with luggage in the boot (paper, Section V-B).
+    """Passengers besides the driver, each with luggage in the boot (paper, Section V-B).
 
     Masses in kg per passenger; luggage_offset is the paper's c, from the rear axle back (m).
     """

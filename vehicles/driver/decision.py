@@ -1,4 +1,4 @@
-"""What a driver decides at a control instant, and what a driver is."""
+"""The decision at a control instant, and the interface of a driver."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from vehicles.preview.trajectory import Fit
 
 @dataclass(slots=True, kw_only=True)
 class Decision:
-    """Commands for steering and drive, and how they came about (Fig. 1, Sections III-A to III-C).
+    """Commands for steering and drive, and what they follow from (Fig. 1, Sections III-A to III-C).
 
     Units: gap m, ages s, target_speed m/s. `fresh` is False at instants between two control
     instants, where the last decision is held. `fit` is the trajectory if it was made anew.
@@ -34,10 +34,7 @@ class Decision:
     fresh: bool = True
 
     def messages(self, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
-        """The decision as messages for the log: tracking, command, and the trajectory if any.
-
-        Errors of Section III-B, parts of δ_c of Section III-C, arc spline of Section III-A.
-        """
+        """The decision as messages for the log: tracking, command, and the trajectory if any."""
         tracking = Tracking(
             vehicle=vehicle,
             seq=seq,
@@ -87,11 +84,11 @@ class Decision:
 
 
 class Driver(Protocol):
-    """Whatever drives a car: the lead along its path, a follower along what it heard.
+    """Driver of a car: of the lead along its path, of a follower along what it received.
 
-    The controller of Fig. 1, together with the drive, which the paper leaves open.
+    The controller of Fig. 1, together with the drive.
     """
 
-    def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
-        """Decide (Fig. 1) at `now` (ns) from the own fix, if there is one, and the poses heard."""
+    def step(self, now: int, fix: Fix | None, received: Sequence[GpsPose]) -> Decision:
+        """Decide (Fig. 1) at `now` (ns) from the own fix, if there is one, and received poses."""
         ...

@@ -1,4 +1,4 @@
-"""A follower fuses what it heard of lead and predecessor and steers along the result."""
+"""A follower fuses the poses received from lead and predecessor and steers along the result."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,10 +15,11 @@ from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Mode
 from vehicles.preview.trace import Trace, Window
 from vehicles.preview.trajectory import Fit, FitSettings, Fusion, fuse
-from vehicles.schedule import SECOND, Cadence
+from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
-REFIT_AFTER = SECOND // 20
-"""Without news the trajectory is made anew this often (ns), so that silence is noticed, too."""
+REFIT_AFTER = 50 * MILLISECOND
+"""Without new poses the trajectory is fitted again this often (ns), so that a source that stopped
+sending is noticed."""
 LEAST_SAMPLES = 3
 """Fewer samples of a source than these determine no trajectory."""
 
@@ -26,8 +27,8 @@ LEAST_SAMPLES = 3
 class Follower:
     """Steers along the composite trajectory of its sources (paper, Section III).
 
-    When a source falls silent, the samples left of it come to lie behind the ego, and the other
-    source alone is followed; when both are silent, the last trajectory is extrapolated.
+    When a source stops sending, its last samples come to lie behind the ego, and the other source
+    alone is followed; when both have stopped, the last trajectory is extrapolated.
     """
 
     def __init__(
@@ -61,37 +62,36 @@ class Follower:
         self._along: tuple[tuple[float, Fit], ...] = ()
         self._mode: Mode = "straight"
         self._reason = ""
-        self._refit_due = 0
+        self._refit = Timer(REFIT_AFTER)
         self._gap, self._gap_at = nan, 0
         self._decision: Decision | None = None
 
-    def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
+    def step(self, now: int, fix: Fix | None, received: Sequence[GpsPose]) -> Decision:
         """Decide at `now` (ns); between control instants the last decision is held.
 
         Sections III-A to III-E in a row, as in Fig. 1.
         """
         if fix is not None:
             self._estimator.correct(fix)
-        for message in heard:
-            self._hear(now, message)
+        for message in received:
+            self._receive(now, message)
         if self._decision is not None and not self._control.due(now):
             return replace(self._decision, fresh=False)
         self._decision = self._decide(now, self._estimator.at(now))
         return self._decision
 
-    def _hear(self, now: int, message: GpsPose) -> None:
-        heard = from_message(message, self._plane)
+    def _receive(self, now: int, message: GpsPose) -> None:
+        fix = from_message(message, self._plane)
         trace = self._traces[message.vehicle]
-        trace.add(heard.measured_at, heard.east, heard.north, heard.yaw, heard.speed)
+        trace.add(fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed)
         if not trace.joined:
             pose = self._estimator.at(now)
             trace.bridge(pose.east, pose.north)
-        self._refit_due = now
+        self._refit.due_at = now
 
     def _decide(self, now: int, pose: Pose) -> Decision:
-        refit = now >= self._refit_due
+        refit = self._refit.is_due(now)
         if refit:
-            self._refit_due = now + REFIT_AFTER
             self._mode, self._reason = self._choose_trajectory(now, pose)
             self._gap, self._gap_at = self._measured_gap(now, pose), now
         errors, steering = self._steer(pose)
@@ -111,9 +111,9 @@ class Follower:
         )
 
     def _choose_trajectory(self, now: int, pose: Pose) -> tuple[Mode, str]:
-        """Fit what was heard; without enough of it, keep to the last trajectory."""
+        """Fit the received samples; without enough of them keep the last trajectory."""
         windows = {name: self._window(name, pose) for name in self._sources}
-        heard = [name for name, window in windows.items() if window is not None]
+        usable = [name for name, window in windows.items() if window is not None]
         along = fuse(
             self._fusion,
             windows.get(self._lead),
@@ -122,14 +122,14 @@ class Follower:
             settings=self._settings,
         )
         self._along = along or self._along
-        reason = self._silence(now, [name for name in windows if name not in heard])
+        reason = self._silence(now, [name for name in windows if name not in usable])
         if not self._along:
             return "straight", "nothing heard yet"
         if not along:
             return "coast", reason
-        if len(heard) > 1:
+        if len(usable) > 1:
             return "composite", reason
-        return ("lead" if heard == [self._lead] else "predecessor"), reason
+        return ("lead" if usable == [self._lead] else "predecessor"), reason
 
     def _window(self, name: str, pose: Pose) -> Window | None:
         """Samples of a source around the ego, None if they do not reach ahead of it."""
@@ -141,7 +141,7 @@ class Follower:
         return window if enough else None
 
     def _silence(self, now: int, missing: Sequence[str]) -> str:
-        """Who is missing from the trajectory, in words."""
+        """The sources missing from the trajectory, in words."""
         ages = [(name, self._age(now, name)) for name in missing]
         return ", ".join(
             f"{name} never heard" if isnan(age) else f"{name} unheard for {age:.1f} s"
@@ -173,7 +173,7 @@ class Follower:
         )
 
     def _measured_gap(self, now: int, pose: Pose) -> float:
-        """Gap (m) from where the predecessor was last heard to be, and how fast it was; or NaN."""
+        """Gap (m) from the predecessor's last received place and speed; or NaN."""
         predecessor = self._traces[self._predecessor]
         gap = predecessor.gap(pose.east, pose.north)
         if gap is None or predecessor.newest is None:
@@ -181,7 +181,7 @@ class Follower:
         return gap + predecessor.newest.speed * self._age(now, self._predecessor)
 
     def _vehicles_ahead(self, now: int, pose: Pose) -> VehiclesAhead:
-        """What is known of the vehicles ahead, carried on to now."""
+        """State of the vehicles ahead, extrapolated to now."""
         lead, predecessor = self._traces[self._lead].newest, self._traces[self._predecessor].newest
         if predecessor is None:
             return VehiclesAhead()

@@ -1,4 +1,4 @@
-"""The lead drives its own path with the same steering law as everyone behind it."""
+"""The lead drives its own path with the steering law of the followers."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ from vehicles.schedule import Cadence
 
 
 class Leader:
-    """Tracks a path from a given station (m) on (Section V-C, Fig. 8); hears nobody."""
+    """Tracks a path from a given station (m) on (Section V-C, Fig. 8); receives nothing."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class Leader:
         self._near = station
         self._decision: Decision | None = None
 
-    def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:  # noqa: ARG002
+    def step(self, now: int, fix: Fix | None, received: Sequence[GpsPose]) -> Decision:  # noqa: ARG002
         """Decide at `now` (ns); between control instants the last decision is held.
 
         Errors of Section III-B against the path itself, steering of Section III-C.

@@ -1,9 +1,9 @@
-"""Where the car thinks it is: dead reckoning, corrected by its own fixes.
+"""Pose estimate of the own car: dead reckoning, corrected by its own fixes.
 
 A complementary filter with constant gains. Between fixes the pose moves on an arc with the measured
 speed and yaw rate and, sideways, with the lateral speed that steady cornering has at that speed
-(lateral speed itself is not measured; paper, Section III-E). Each fix pulls the pose towards
-itself by a constant share of the difference.
+(lateral speed itself is not measured; paper, Section III-E). Each fix corrects the pose by
+a constant share of the difference.
 """
 
 import math
@@ -14,7 +14,7 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.geometry.geodesy import wrap_angle
 
 POSITION_GAIN = 0.25
-"""Share of the position's innovation that is believed.
+"""Share of the position's innovation that is taken over.
 
 White noise of a fix is passed on times sqrt(K / (2 - K)) = 0.38: 2 cm become 8 mm. An unmodelled
 drift of d per fix lags by about d / K: while the slip builds up in an emergency lane change at
@@ -23,7 +23,7 @@ together are least, 11 mm rms, for gains from 0.15 to 0.25; the larger one is qu
 """
 
 HEADING_GAIN = 0.1
-"""Share of the heading's innovation that is believed.
+"""Share of the heading's innovation that is taken over.
 
 Noise is passed on times 0.23: 0.1 deg become 0.4 mrad. It may be low because the yaw rate, which
 carries the heading between fixes, is measured: its noise moves the heading by 0.06 mrad per fix.
@@ -33,13 +33,13 @@ JUMP_DISTANCE = 3.0
 """A fix further (m) than this from dead reckoning is an outlier, at an age of 0."""
 
 JUMP_GROWTH = 3.0
-"""By how much (m/s) that distance grows with the time since the last fix that was believed."""
+"""By how much (m/s) that distance grows with the time since the last fix that was used."""
 
 JUMP_HEADING = 0.5
 """A fix whose heading differs by more than this (rad) is an outlier too."""
 
 JUMPS_BELIEVED = 3
-"""So many outliers in a row that agree with one another are the truth, and the filter restarts."""
+"""After so many outliers in a row that agree with one another the filter restarts there."""
 
 _SECOND = 1e-9
 
@@ -70,7 +70,7 @@ class _Track:
 class PoseEstimator:
     """Estimates the pose of the vehicle that has `parameters` from its own fixes.
 
-    A complementary filter of our own; the paper's car has an integrated GPS and IMU (Section V-D).
+    A complementary filter, in place of the integrated GPS and IMU of Section V-D.
     """
 
     def __init__(self, parameters: VehicleParameters) -> None:
@@ -81,7 +81,6 @@ class PoseEstimator:
     def correct(self, fix: Fix) -> None:
         """Take in a fix of the vehicle itself; they come in the order of measurement.
 
-        A complementary filter (see the module), on which the paper is silent.
         The first one is taken as it is, and the gains start from 1/n for the n-th, which is the
         mean of the first few. Fixes that are not finite or not newer than the last are ignored. An
         outlier (see JUMP_DISTANCE) is ignored too, unless it is the third in a row of outliers

@@ -22,7 +22,7 @@ class SteeringCommand:
 
 
 class LateralController(Protocol):
-    """What steers a vehicle, as in Fig. 1. A user's own class needs this one method.
+    """Interface of a lateral controller (Fig. 1). A user's own class needs this one method.
 
     `load_controller` builds it as `Class(parameters, gains)`. The controller may keep a state; it
     is called at every control instant, and has no clock of its own.
@@ -34,7 +34,7 @@ class LateralController(Protocol):
 
 
 def limited(feedforward: float, feedback: float, limit: float) -> SteeringCommand:
-    """Sum δ_ff + δ_fb (Section III-C) in rad, held within ±`limit` (rad), which is our own."""
+    """Sum δ_ff + δ_fb (Section III-C) in rad, held within ±`limit` (rad)."""
     return SteeringCommand(min(max(feedforward + feedback, -limit), limit), feedforward, feedback)
 
 
@@ -42,7 +42,7 @@ class FeedforwardFeedback:
     """The paper's law: δ = δ_ff + δ_fb (Sections III-C to III-E)."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
-        """`parameters` are what the controller believes of its car."""
+        """`parameters` are those that the controller assumes of its car."""
         self._parameters = parameters
         self._gains = gains
 
@@ -59,7 +59,7 @@ class FeedforwardFeedback:
 
 
 class SlipCompensated:
-    """The paper's law, eqs. (6) and (7), with feedforward and heading that suit bends, too.
+    """The paper's law, eqs. (6) and (7), with feedforward and heading that suit curves, too.
 
     A car that corners steadily does not point along its path: its body stands at the slip angle
     β = κ l, l = b − m a v²/((a+b) C_r), to it (eqs. (1), (2) at rest). On a curve the paper's
@@ -68,7 +68,7 @@ class SlipCompensated:
     removes that offset.
 
     Where the path's curvature changes, the turn of the wheels shifts β as well, by l times the
-    change: to first order in the way driven, the wheels must follow the curvature l behind the
+    change: to first order in the distance driven, the wheels must follow the curvature l behind the
     car. The actuator in turn answers late, by 2ζ/ω_n. So β is taken for the curvature l behind,
     the feedforward for that point v times the delay further on. On straights and on arcs, steady,
     nothing of this matters; the closed loop's poles are the paper's.
@@ -78,7 +78,7 @@ class SlipCompensated:
     """Mean age of a command (s): half a control period at 50 Hz."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
-        """`parameters` are what the controller believes of its car."""
+        """`parameters` are those that the controller assumes of its car."""
         self._parameters = parameters
         self._gains = gains
         self._delay = self.HOLD + 2.0 * parameters.steering_damping / parameters.steering_frequency
@@ -87,8 +87,8 @@ class SlipCompensated:
         """Steer by eqs. (6) and (7) with θ̃ + β for θ̃, and curvatures from where they count."""
         car, gains = self._parameters, self._gains
         lag = car.steady_slip_per_curvature(speed)
-        bend = errors.curvature_ahead(speed * self._delay - lag)
-        feedforward = (car.wheelbase + car.steer_gradient * speed * speed) * bend
+        curvature = errors.curvature_ahead(speed * self._delay - lag)
+        feedforward = (car.wheelbase + car.steer_gradient * speed * speed) * curvature
         feedback = (
             -gains.lateral * errors.lateral
             - gains.heading * (errors.heading + lag * errors.curvature_ahead(-lag))
@@ -116,7 +116,7 @@ class Stanley:
     """Share of the yaw-rate error taken back (s)."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
-        """`parameters` are what the controller believes of its car."""
+        """`parameters` are those that the controller assumes of its car."""
         self._parameters = parameters
         car = parameters
         self._slip = (
@@ -143,8 +143,7 @@ class Stanley:
 def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> LateralController:
     """Build the controller class of a dotted name such as `vehicles.driver.steering.Stanley`.
 
-    An interface of our own: the paper has one law, Section III-C. Raises ValueError if there is no
-    such class, or if it cannot steer.
+    Raises ValueError if there is no such class, or if it cannot steer.
     """
     module_name, _, class_name = name.rpartition(".")
     if not module_name or not class_name:

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.geometry.geodesy import wrap_angle
-from vehicles.preview.trajectory import ArcSpline
 
 
 class PoseLike(Protocol):
-    """Where a car is (m, yaw in rad) and how it moves (m/s, rad/s): what it measures in Fig. 1."""
+    """Position (m), yaw (rad) and motion (m/s, rad/s) of a car: what it measures in Fig. 1."""
 
     @property
     def east(self) -> float:

@@ -1,1 +1,1 @@
-"""The earth and the plane, arc splines, paths, and how far beside a path something is."""
+"""The earth and the plane, arc splines, paths, and the cross-track error."""

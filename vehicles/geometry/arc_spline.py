@@ -1,40 +1,14 @@
-"""A path of straight lines and circular arcs with a continuous tangent, and the way onto it."""
+"""A path of straight lines and circular arcs with a continuous tangent, and projection on it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, inf, sin, sqrt
 
 from vehicles.geometry.geodesy import wrap_angle
+from vehicles.geometry.path_point import Foot, PathPoint
 
 STRAIGHT = 1e-12
 """Curvature (1/m) below which a piece is as long as a line: no rounding of turn over curvature."""
-
-
-@dataclass(slots=True)
-class PathPose:
-    """A place on a path: world position (m), yaw of the tangent (rad), signed curvature (1/m).
-
-    As (X_0, Y_0), θ_R and 1/R of Section III-B, curvature being positive in left turns.
-    """
-
-    east: float
-    north: float
-    yaw: float
-    curvature: float
-
-
-@dataclass(slots=True)
-class Foot:
-    """Where a point projects to on a path (Section III-B, Figs. 4 and 5).
-
-    Station (m) from the path's start, lateral offset of the point (m, left of the path positive),
-    yaw of the tangent (rad) and signed curvature (1/m) there.
-    """
-
-    station: float
-    lateral: float
-    yaw: float
-    curvature: float
 
 
 @dataclass(slots=True)
@@ -50,7 +24,7 @@ class Piece:
     curvature: float
     length: float
 
-    def at(self, station: float) -> PathPose:
+    def at(self, station: float) -> PathPoint:
         """Place `station` (m) after the start; the piece extends beyond both of its ends.
 
         By the chord of the arc in between (Section III-A has the shape, not the formula).
@@ -60,7 +34,7 @@ class Piece:
         if abs(self.curvature) > STRAIGHT:
             chord = 2.0 * sin(turn / 2.0) / self.curvature
         direction = self.yaw + turn / 2.0
-        return PathPose(
+        return PathPoint(
             self.east + chord * cos(direction),
             self.north + chord * sin(direction),
             wrap_angle(self.yaw + turn),
@@ -105,10 +79,10 @@ class ArcSpline:
         """Arc length of the spline of Section III-A (m): the sum of its pieces'."""
         return sum(piece.length for piece in self.pieces)
 
-    def at(self, station: float) -> PathPose:
+    def at(self, station: float) -> PathPoint:
         """Place at `station` (m); the end pieces extend the path beyond both ends.
 
-        Along the arc spline of Section III-A; the extension is our own.
+        Along the arc spline of Section III-A, which itself ends there.
         """
         for piece in self.pieces[:-1]:
             if station <= piece.length:
@@ -130,7 +104,7 @@ class ArcSpline:
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the path, extended beyond both ends by the end pieces (Section III-B).
 
-        Between pieces the least sum of offset and way beyond the piece decides: a rule of our own.
+        Of several pieces that with the least sum of offset and distance beyond the piece counts.
         """
         candidates, start, last = [], 0.0, len(self.pieces) - 1
         for index, piece in enumerate(self.pieces):

@@ -1,111 +1,146 @@
-"""True cross-track error: how far a vehicle drove beside the path that the lead drove."""
+"""True cross-track error: the distance of each vehicle from the path that the lead drove."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections import deque
+from dataclasses import dataclass, field
 from math import cos, hypot, sin
 from typing import NamedTuple
 
 from vehicles.messages import TruePose
 
 MAX_STEP_BACK = 3
-"""Segments the foot point may move backwards in one step; it otherwise only moves forwards, so a
-path that crosses itself or runs beside itself never attracts it."""
+"""Chords the foot point may move backwards from one pose to the next; it otherwise only moves
+forwards, so where a path crosses itself or runs beside itself the foot stays on its branch."""
 
-Piece = tuple[float, float, float, float, float]
-"""A segment of a path: where it starts, its way east and north, its length (m)."""
+LEAST_STEP = 0.01
+"""Poses of the lead closer together than this (m) add nothing to its path: standstills."""
 
-
-@dataclass(frozen=True, slots=True)
-class DrivenPath:
-    """A driven path as a polyline in the world frame, in order of travel.
-
-    Standstills are left out, and a straight `run_in` (m) is put before the first pose, because
-    followers start behind the lead, on the straight that leads to it.
-    """
-
-    east: list[float]
-    north: list[float]
-    station: list[float]
-
-    @classmethod
-    def of(
-        cls, poses: Sequence[TruePose], run_in: float, road_yaw: float | None = None
-    ) -> "DrivenPath":
-        """Path through `poses`; at least one is needed.
-
-        The convoy starts on a road in direction `road_yaw` (rad), which is not where a lead faces
-        that starts askew. Without it, or with a lead that was on its way when it was first seen,
-        the run-in goes in the direction that the first pose faced.
-        """
-        first = poses[0]
-        at_start = first.distance_m == 0.0
-        yaw = road_yaw if road_yaw is not None and at_start else first.yaw_rad
-        east = [first.east_m - run_in * cos(yaw), first.east_m]
-        north = [first.north_m - run_in * sin(yaw), first.north_m]
-        station = [-run_in, 0.0]
-        for pose in poses[1:]:
-            step = hypot(pose.east_m - east[-1], pose.north_m - north[-1])
-            if step > 0.01:
-                east.append(pose.east_m)
-                north.append(pose.north_m)
-                station.append(station[-1] + step)
-        return cls(east, north, station)
-
-    def pieces(self) -> list[Piece]:
-        """The segments in order of travel."""
-        corners = pairwise(zip(self.east, self.north, self.station, strict=True))
-        return [
-            (east, north, next_east - east, next_north - north, next_station - station)
-            for (east, north, station), (next_east, next_north, next_station) in corners
-        ]
+MOST_WAITING = 3000
+"""Poses of one follower that wait for the lead to get there, 60 s at 50 Hz; then the oldest go."""
 
 
 class CrossTrack(NamedTuple):
-    """One foot point: its arc length on the lead's path and the distance, left positive (m)."""
+    """One foot point: its arc length on the lead's path and the distance, left positive (m).
 
+    The station is 0 at the lead's first pose and negative on the straight that leads there.
+    """
+
+    vehicle: str
     at_ns: int
     station: float
     lateral: float
 
 
-def cross_track(poses: Sequence[TruePose], path: DrivenPath) -> list[CrossTrack]:
-    """Project `poses` one after the other onto `path`, following the order of travel.
+class _Chord(NamedTuple):
+    """Straight line between two poses of the lead: start, components, length, station (m)."""
 
-    Poses before the path's first point or past its last one are left out: nothing was driven
-    there to compare with.
+    east: float
+    north: float
+    along_east: float
+    along_north: float
+    length: float
+    station: float
+
+
+@dataclass(slots=True)
+class _Follower:
+    """The poses of a follower whose foot points are not known yet.
+
+    The next foot point is searched forwards from chord `index`, and backwards as far as `floor`.
     """
-    pieces, stations = path.pieces(), path.station
-    start, end = stations[0], stations[-1]
-    index = 0
-    found: list[CrossTrack] = []
-    for pose in poses:
-        index, along, lateral = _follow(pieces, index, pose.east_m, pose.north_m)
-        station = stations[index] + along
-        if start <= station <= end:
-            found.append(CrossTrack(pose.true_at_ns, station, lateral))
-    return found
+
+    index: int = 0
+    floor: int = 0
+    waiting: deque[TruePose] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
 
 
-def _follow(
-    pieces: Sequence[Piece], index: int, east: float, north: float
-) -> tuple[int, float, float]:
-    """Segment that holds the foot point, and the foot's distance along it and to its left (m).
+class CrossTrackError:
+    """Distances of all followers from the path of `lead`, computed as the true poses come in.
 
-    It is searched from segment `index` in the order of travel, then back. This runs for every
-    pose of a run, so a segment is looked at once only.
+    The path is the polyline through the lead's poses, without standstills. Followers start behind
+    the lead, so a straight without end leads to its first pose. Its direction is `road_yaw` (rad),
+    from which the yaw of a lead that starts askew differs; without it, or if the lead was not at
+    its start when it was first seen, it is the yaw of the first pose.
+
+    The poses of each vehicle come in order of time. How those of different vehicles are mixed does
+    not matter: a pose that lies beyond what the lead has driven so far waits, and those behind it.
     """
-    last = len(pieces) - 1
-    floor = max(index - MAX_STEP_BACK, 0)
-    forwards = True
-    while True:
-        from_east, from_north, along_east, along_north, length = pieces[index]
-        to_east, to_north = east - from_east, north - from_north
-        along = (to_east * along_east + to_north * along_north) / length
-        if forwards and along > length and index < last:
-            index += 1
-        elif along < 0.0 and index > floor:
-            index -= 1
-            forwards = False
+
+    def __init__(self, lead: str, road_yaw: float | None = None) -> None:
+        self._lead = lead
+        self._road_yaw = road_yaw
+        self._chords: list[_Chord] = []
+        self._end = (0.0, 0.0)
+        self._followers: dict[str, _Follower] = {}
+
+    def add(self, pose: TruePose) -> list[CrossTrack]:
+        """Take a pose; returns the foot points that are known now and were not before.
+
+        Poses that the lead's path never reaches are left out: there is nothing to compare with.
+        """
+        if pose.vehicle != self._lead:
+            follower = self._followers.get(pose.vehicle)
+            if follower is None:
+                follower = self._followers[pose.vehicle] = _Follower()
+            follower.waiting.append(pose)
+            return self._feet(follower) if self._chords else []
+        if self._extend(pose):
+            return [foot for other in self._followers.values() for foot in self._feet(other)]
+        return []
+
+    def _extend(self, pose: TruePose) -> bool:
+        """Lengthen the lead's path to `pose`, unless the lead stood still."""
+        if not self._chords:
+            at_start = pose.distance_m == 0.0
+            yaw = self._road_yaw if self._road_yaw is not None and at_start else pose.yaw_rad
+            # The first chord extends backwards without end, so its length does not matter.
+            along_east, along_north = cos(yaw), sin(yaw)
+            east, north = pose.east_m - along_east, pose.north_m - along_north
+            self._chords.append(_Chord(east, north, along_east, along_north, 1.0, -1.0))
         else:
-            return index, along, (along_east * to_north - along_north * to_east) / length
+            east, north = self._end
+            along_east, along_north = pose.east_m - east, pose.north_m - north
+            step = hypot(along_east, along_north)
+            if not step > LEAST_STEP:
+                return False
+            last = self._chords[-1]
+            station = last.station + last.length
+            self._chords.append(_Chord(east, north, along_east, along_north, step, station))
+        self._end = (pose.east_m, pose.north_m)
+        return True
+
+    def _feet(self, follower: _Follower) -> list[CrossTrack]:
+        """Foot points of the waiting poses, up to the first one beyond the end of the path."""
+        found: list[CrossTrack] = []
+        while follower.waiting:
+            foot = self._foot(follower, follower.waiting[0])
+            if foot is None:
+                break
+            follower.waiting.popleft()
+            found.append(foot)
+        return found
+
+    def _foot(self, follower: _Follower, pose: TruePose) -> CrossTrack | None:
+        """Foot point of `pose`; None if it lies beyond the end of the path.
+
+        It is searched in the order of travel, then back. This runs for every pose of a run, so a
+        chord is looked at once only.
+        """
+        chords, index, floor = self._chords, follower.index, follower.floor
+        forwards = True
+        while True:
+            east, north, along_east, along_north, length, station = chords[index]
+            to_east, to_north = pose.east_m - east, pose.north_m - north
+            along = (to_east * along_east + to_north * along_north) / length
+            if forwards and along > length:
+                index += 1
+                if index == len(chords):
+                    follower.index = index - 1  # the search goes on from here
+                    return None
+            elif along < 0.0 and index > floor:
+                index -= 1
+                forwards = False
+            else:
+                break
+        follower.index, follower.floor = index, max(index - MAX_STEP_BACK, 0)
+        lateral = (along_east * to_north - along_north * to_east) / length
+        return CrossTrack(pose.vehicle, pose.true_at_ns, station + along, lateral)

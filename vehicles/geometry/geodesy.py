@@ -12,7 +12,7 @@ from pymap3d.ellipsoid import Ellipsoid
 from pymap3d.rcurve import meridian, transverse
 
 REACH = 100_000.0
-"""Points further from the origin than this (m) are refused: a flat plane says little there."""
+"""Points further from the origin than this (m) are refused: a flat plane is a poor map there."""
 
 EXACT = 1e-8
 """Geodetic coordinates are corrected until less than this (m) is left..."""
@@ -105,7 +105,9 @@ class LocalPlane:
         """
         latitude, longitude, altitude = 0.0, 0.0, self.origin.altitude_m
         east_left, north_left = east, north
-        up_left = (east * east + north * north) / (2.0 * self._north_radius)  # the earth's bend
+        up_left = (east * east + north * north) / (
+            2.0 * self._north_radius
+        )  # the earth's curvature
         left = abs(east_left) + abs(north_left) + abs(up_left)
         shrinking = 1.0
         slowest = min((abs(east) + abs(north)) / self._east_radius, 1.0)

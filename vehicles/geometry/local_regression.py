@@ -2,10 +2,10 @@
 
 At every place a cubic is fitted to the points within reach, each weighted by (1 - u²)³ of its
 distance u from there (in units of the reach), and its value there is the smoothed one. Cubics keep
-curves of slowly changing bend where they are: a circle of radius R moves by 0.0009 reach⁴ / R³
-towards its centre. This kernel rather than another, since the bend of the smoothed curve is wanted:
-at equal bias it passes on 12 % less noise to the second derivative than the usual (1 - |u|³)³, and
-44 % less to the third.
+curves of slowly changing curvature where they are: a circle of radius R moves by 0.0009 reach⁴ / R³
+towards its centre. This kernel rather than another, since the curvature of the smoothed curve is
+wanted: at equal bias it passes on 12 % less noise to the second derivative than the usual
+(1 - |u|³)³, and 44 % less to the third.
 """
 
 import math

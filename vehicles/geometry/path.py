@@ -1,4 +1,4 @@
-"""A path that a vehicle can drive: place, direction and bend as functions of the way along it.
+"""A path that a vehicle can drive: position, direction and curvature by distance along it.
 
 World frame: east-north, yaw counter-clockwise from east; lateral offset and curvature are positive
 to the left. SI units.
@@ -12,43 +12,18 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.geometry.path_point import Foot, PathPoint
+
 FloatArray = NDArray[np.float64]
 
 SAMPLING = 0.25
-"""Longest way (m) between two samples of a path."""
+"""Longest distance (m) between two samples of a path."""
 
 WINDOW = 5.0
 """Projection looks this far (m) along the path to either side of where the vehicle was."""
 
 _CORNER = 1e-3
 """Before its curvature changes at a corner between segments, a path has a sample this close (m)."""
-
-
-@dataclass(slots=True)
-class PathPoint:
-    """Station (m along the path), position (m), yaw (rad, unwrapped), curvature (1/m).
-
-    A point of the lead's target trajectory (Section V-C, Fig. 8).
-    """
-
-    station: float
-    east: float
-    north: float
-    yaw: float
-    curvature: float
-
-
-@dataclass(slots=True)
-class PathProjection:
-    """Foot of a point on the path: its station (m), yaw (rad, unwrapped) and curvature (1/m).
-
-    `lateral` (m) is the point's distance from it, positive to the left: e_lat of Section III-B.
-    """
-
-    station: float
-    lateral: float
-    yaw: float
-    curvature: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +43,7 @@ class Path:
 
     station (m, strictly increasing), east and north (m), yaw (rad, unwrapped) and curvature (1/m).
     Between samples position is a cubic through both ends and their directions (Hermite), yaw and
-    curvature are linear. Before its first and after its last sample a path goes on straight. The
+    curvature are linear. Before its first and after its last sample a path continues straight. The
     arrays become read-only.
     """
 
@@ -111,7 +86,7 @@ class Path:
 
     def project(
         self, east: float, north: float, near: float | None, window: float = WINDOW
-    ) -> PathProjection:
+    ) -> Foot:
         """Foot of (east, north) in metres on the path, sought within `window` (m) of `near` (m).
 
         The projection of Section III-B for any curve, by Newton's method.
@@ -131,7 +106,7 @@ class Path:
             if abs(target - station) < 1e-9:
                 break
             station, point = target, self.at(target)
-        return PathProjection(station, lateral, point.yaw, point.curvature)
+        return Foot(station, lateral, point.yaw, point.curvature)
 
     def _nearest_sample(self, east: float, north: float, low: float, high: float) -> float:
         first = max(0, bisect_left(self._stations, low) - 1)
@@ -148,13 +123,12 @@ _Row = tuple[float, float, float, float, float]
 def _straight_on(row: _Row, station: float) -> PathPoint:
     """Point on the straight that leaves an end of the path."""
     start, east, north, yaw, curvature = row
-    way = station - start
+    distance = station - start
     return PathPoint(
-        station,
-        east + way * math.cos(yaw),
-        north + way * math.sin(yaw),
+        east + distance * math.cos(yaw),
+        north + distance * math.sin(yaw),
         yaw,
-        curvature if way == 0.0 else 0.0,
+        curvature if distance == 0.0 else 0.0,
     )
 
 
@@ -168,7 +142,6 @@ def _between(left: _Row, right: _Row, station: float) -> PathPoint:
     weight = share * share * (3.0 - 2.0 * share)
     leaving, arriving = share * rest * rest * step, -share * share * rest * step
     return PathPoint(
-        station,
         east
         + weight * (next_east - east)
         + leaving * math.cos(yaw)
@@ -199,26 +172,28 @@ def path_from_segments(
     for segment in segments:
         if not (math.isfinite(segment.curvature) and 2 * _CORNER < segment.length < math.inf):
             raise ValueError(f"not a segment of a path: {segment}")
-        rows += (_along(start, segment.curvature, way) for way in _ways(segment.length))
+        rows += (
+            _along(start, segment.curvature, distance) for distance in _distances(segment.length)
+        )
         start = _along(start, segment.curvature, segment.length)
     rows.append(start)
     return Path(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _ways(length: float) -> Iterator[float]:
-    """Ways from a segment's start at which it is sampled; its end belongs to the next one."""
+def _distances(length: float) -> Iterator[float]:
+    """Distances from a segment's start at which it is sampled; its end belongs to the next one."""
     count = math.ceil(length / SAMPLING)
     yield from (length * index / count for index in range(count))
     yield length - _CORNER
 
 
-def _along(start: _Row, curvature: float, way: float) -> _Row:
-    """Sample `way` (m) along the arc that leaves `start` with `curvature` (1/m)."""
+def _along(start: _Row, curvature: float, distance: float) -> _Row:
+    """Sample `distance` (m) along the arc that leaves `start` with `curvature` (1/m)."""
     station, east, north, yaw, _ = start
-    half = 0.5 * curvature * way
-    chord = way * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    half = 0.5 * curvature * distance
+    chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
     return (
-        station + way,
+        station + distance,
         east + chord * math.cos(yaw + half),
         north + chord * math.sin(yaw + half),
         yaw + 2.0 * half,

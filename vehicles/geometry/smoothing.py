@@ -27,7 +27,7 @@ CLOSING_DISTANCE = 10.0
 """A closed drive comes back to within this distance (m) of its first point."""
 
 SEAM_BLEND = 20.0
-"""Over this way (m) to either side of the seam a closed drive is bent together."""
+"""Over this distance (m) to either side of the seam the ends of a closed drive are joined."""
 
 SLOWEST_PROGRESS = 0.5
 """Where the smoothed curve advances by less than this per metre of points, they double back."""
@@ -56,7 +56,7 @@ class SmoothedPath:
 class _Record:
     """Distinct points at chord lengths t (m): `points` is x and y (m), shape (2, n).
 
-    The way they describe ends at t = `end` (m).
+    Their course ends at t = `end` (m).
     """
 
     t: FloatArray
@@ -78,8 +78,8 @@ def smooth_path(
     `half_width` (m) is the reach of the regression. As wide as the tightest radius it moves the
     path inwards by 0.1 % of that; wider removes more noise: of white noise of s (m) in points d (m)
     apart, s * 20 d^0.5 / half_width^2.5 is left in the curvature (1/m). A `closed` drive is driven
-    `laps` times, its ends bent together evenly
-    over SEAM_BLEND. `lead_in` (m) is a straight before the first point, along the path's direction
+    `laps` times, its ends joined evenly over
+    SEAM_BLEND. `lead_in` (m) is a straight before the first point, along the path's direction
     there, and smoothed with it so that the curvature has no step; only lap one has it. Raises
     ValueError with one line if the points make no path.
     """
@@ -233,12 +233,12 @@ def _path(points: FloatArray, t: FloatArray) -> Path:
     course = [math.atan2(steps[1, 0], steps[0, 0])]
     for dx, dy in zip(steps[0, 1:].tolist(), steps[1, 1:].tolist(), strict=True):
         course.append(course[-1] + wrap_angle(math.atan2(dy, dx) - course[-1]))
-    # A chord's course is the yaw halfway along it: bends are differences, yaws are means of them.
+    # A chord's course is the yaw halfway along it: turns are differences of courses, yaws means.
     turns = np.diff(course)
     turns = np.concatenate((turns[:1], turns, turns[-1:]))
     halves = 0.5 * (turns[1:] + turns[:-1])
-    ways = chords * (1.0 + halves * halves / 24.0)
-    station = np.concatenate((np.zeros(1), np.cumsum(ways)))
-    around = np.concatenate((ways[:1], 0.5 * (ways[1:] + ways[:-1]), ways[-1:]))
+    arcs = chords * (1.0 + halves * halves / 24.0)
+    station = np.concatenate((np.zeros(1), np.cumsum(arcs)))
+    around = np.concatenate((arcs[:1], 0.5 * (arcs[1:] + arcs[:-1]), arcs[-1:]))
     yaw = np.concatenate(([course[0] - 0.5 * turns[0]], course + 0.5 * turns[1:]))
     return Path(station, x, y, yaw, turns / around)

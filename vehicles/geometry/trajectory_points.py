@@ -4,12 +4,8 @@ import math
 
 from vehicles.messages import CompositeTrajectory
 
-FRAME_ID = "map"
-"""Name of the world frame in logs and pictures: east, north, up at the scenario's origin."""
-
-
 LONGEST_M = 1000.0
-"""No trajectory is drawn farther than this, whatever a message says."""
+"""No trajectory is drawn farther than this, whatever a message contains."""
 
 
 def points_along(
@@ -19,8 +15,8 @@ def points_along(
 
     Neighbours are at most `spacing_m` apart and pieces share the point where they meet. Exact on
     each arc: the chord to length s along a piece of curvature κ has the direction yaw + κs/2 and
-    the length s·sin(κs/2)/(κs/2). Pieces that are no numbers are left out: the message may be a
-    stranger's.
+    the length s·sin(κs/2)/(κs/2). Pieces with values that are not finite are left out: the message
+    may come from any sender.
     """
     points: list[tuple[float, float, float]] = []
     left = LONGEST_M

@@ -1,4 +1,4 @@
-"""Which curve explains a set of samples: line, arc, line→arc or arc→line, as an arc spline.
+"""Choice of the curve that explains a set of samples: line, arc, line→arc or arc→line.
 
 The paper tells line from arc by the longest prefix within 10 cm of its chord. A 15 m chord of a
 300 m arc passes that test, so the choice is made here on all samples at once: each unknown more
@@ -15,8 +15,8 @@ from vehicles.geometry.arc_spline import STRAIGHT, ArcSpline, Piece
 from vehicles.preview.fit_arc import (
     ONE,
     Centred,
-    Samples,
-    Shape,
+    FitData,
+    LocalCurve,
     X,
     Y,
     best_arc,
@@ -37,12 +37,12 @@ that would be found one does."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
-    """Constants of the fit (s, m): those of Section III-A where named, else our own.
+    """Constants of the fit (s, m): Section III-A names the preview time and the tolerance.
 
     Samples count up to `preview_time` times the speed ahead, at least `preview_min` (the paper's
     0.8 s), and `behind_time` times the speed behind, at least `behind_min`. `tolerance` is the
     paper's 10 cm: a sample further off is a jump, or is not explained. `position_noise` is what a
-    sample is assumed to be off by (RTK, 2 cm); residuals that say less are believed, down to
+    sample is assumed to be off by (RTK, 2 cm); smaller residuals lower that, down to
     `noise_floor`. An arc instead of a line must lower the sum of squared residuals by `evidence`
     times the noise squared, a join by another `join_evidence`. Up to `joins` places are tried for
     a join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
@@ -65,7 +65,7 @@ class FitSettings:
     span_min: float = 1.0
 
     def ahead(self, speed: float) -> float:
-        """Preview distance L_preview (m) at `speed` (m/s), Section III-A; the floor is our own."""
+        """Preview distance L_preview (m) at `speed` (m/s), Section III-A, with a floor."""
         return max(self.preview_min, self.preview_time * speed)
 
     def behind(self, speed: float) -> float:
@@ -87,8 +87,8 @@ def fit_curve(
 ) -> Curve | None:
     """Fit samples in order of `station` (m), world coordinates (m), any positive weights.
 
-    The target trajectory of Section III-A, its shape chosen as the module says. None where the
-    samples do not determine a curve: fewer than three distinct ones, or travel shorter than
+    The target trajectory of Section III-A, its pieces chosen as the module describes. None where
+    the samples do not determine a curve: fewer than three distinct ones, or travel shorter than
     `span_min`.
     """
     count = len(station)
@@ -102,95 +102,97 @@ def fit_curve(
         return None
     ux, uy = ux / chord, uy / chord
     dx, dy = east - origin_east, north - origin_north
-    samples = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
-    choice = _chosen(samples, settings)
+    data = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
+    choice = _chosen(data, settings)
     if choice is None:
         return None
-    shape, rest = choice
-    rms = sqrt(shape.misfit / samples.sums.item(ONE, ONE, -1))
-    return Curve(_spline(shape, samples, (origin_east, origin_north, ux, uy)), rest, rms)
+    curve, rest = choice
+    rms = sqrt(curve.misfit / data.sums.item(ONE, ONE, -1))
+    return Curve(_spline(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
-def _chosen(samples: Samples, settings: FitSettings) -> tuple[Shape, Floats] | None:
-    """Choose the shape of the fewest unknowns that explains the samples; their distances (m)."""
-    through = centred(samples)
-    arc = None if through is None else best_arc(samples, through)
+def _chosen(data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats] | None:
+    """Choose the curve of the fewest unknowns that explains the samples; their distances (m)."""
+    through = centred(data)
+    arc = None if through is None else best_arc(data, through)
     if through is None or arc is None:
         return None
     line, count = best_line(through), through.weight
     joined = None
-    if drift(arc, samples) > STRAYING * sqrt(_noise(arc, count, settings) * count):
-        joined = _joined(samples, through, settings)
-    best = joined.shape if joined is not None and joined.shape.misfit < arc.misfit else arc
+    if drift(arc, data) > STRAYING * sqrt(_noise(arc, count, settings) * count):
+        joined = _joined(data, through, settings)
+    best = joined.curve if joined is not None and joined.curve.misfit < arc.misfit else arc
     noise = _noise(best, count, settings)
-    shape, score = line, line.misfit
+    curve, score = line, line.misfit
     if arc.misfit + settings.evidence * noise < score:
-        shape, score = arc, arc.misfit + settings.evidence * noise
+        curve, score = arc, arc.misfit + settings.evidence * noise
     price = (settings.evidence + settings.join_evidence) * noise
-    if joined is not None and joined.shape.misfit + price < score:
-        return _improved(joined, samples, settings)
-    return shape, offsets(shape, samples)
+    if joined is not None and joined.curve.misfit + price < score:
+        return _improved(joined, data, settings)
+    return curve, offsets(curve, data)
 
 
-def _noise(shape: Shape, count: float, settings: FitSettings) -> float:
-    """Variance of the samples' distances (m²), if the shape is right; as assumed, or less."""
-    assumed, spare = settings.position_noise**2, count - shape.freedom
+def _noise(curve: LocalCurve, count: float, settings: FitSettings) -> float:
+    """Variance of the samples' distances (m²), if the curve is right; as assumed, or less."""
+    assumed, spare = settings.position_noise**2, count - curve.freedom
     if spare < 1.0:
         return assumed
-    return min(max(shape.misfit / spare, settings.noise_floor**2), assumed)
+    return min(max(curve.misfit / spare, settings.noise_floor**2), assumed)
 
 
-def _join_range(samples: Samples, settings: FitSettings) -> tuple[float, float]:
+def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
     """Stations (m) between which a join may lie."""
-    first, last = samples.station.item(0), samples.station.item(-1)
+    first, last = data.station.item(0), data.station.item(-1)
     margin = max(settings.piece_min, settings.piece_ratio * (last - first))
     return first + margin, last - margin
 
 
-def _joined(samples: Samples, line: Centred, settings: FitSettings) -> Joined | None:
+def _joined(data: FitData, line: Centred, settings: FitSettings) -> Joined | None:
     """Try joins at samples, at least three samples away from both ends."""
-    first, last = _join_range(samples, settings)
-    low = max(int(samples.station.searchsorted(first)), 2)
-    high = min(int(samples.station.searchsorted(last, "right")), len(samples.station) - 3)
+    first, last = _join_range(data, settings)
+    low = max(int(data.station.searchsorted(first)), 2)
+    high = min(int(data.station.searchsorted(last, "right")), len(data.station) - 3)
     if high - low < 2:
         return None
     stride = -(-(high - low) // settings.joins)
-    return best_joined(samples, line, slice(low, high, stride))
+    return best_joined(data, line, slice(low, high, stride))
 
 
-def _improved(joined: Joined, samples: Samples, settings: FitSettings) -> tuple[Shape, Floats]:
-    """Refine a joined shape, unless that makes it worse; with the samples' distances (m)."""
-    shape = refined(joined, samples, settings.passes, _join_range(samples, settings))
-    rest = offsets(shape, samples)
-    misfit = float(np.add.reduce(samples.weight * rest * rest))
-    if misfit > joined.shape.misfit + settings.noise_floor**2:
-        return joined.shape, offsets(joined.shape, samples)
-    return Shape(*shape[:5], misfit, shape.freedom), rest
+def _improved(joined: Joined, data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats]:
+    """Refine a joined curve, unless that makes it worse; with the samples' distances (m)."""
+    curve = refined(joined, data, settings.passes, _join_range(data, settings))
+    rest = offsets(curve, data)
+    misfit = float(np.add.reduce(data.weight * rest * rest))
+    if misfit > joined.curve.misfit + settings.noise_floor**2:
+        return joined.curve, offsets(joined.curve, data)
+    return LocalCurve(*curve[:5], misfit, curve.freedom), rest
 
 
-def _spline(shape: Shape, samples: Samples, frame: tuple[float, float, float, float]) -> ArcSpline:
-    """Place the shape in the world, from the first sample's projection to the last one's."""
+def _spline(
+    curve: LocalCurve, data: FitData, frame: tuple[float, float, float, float]
+) -> ArcSpline:
+    """Place the curve in the world, from the first sample's projection to the last one's."""
     origin_east, origin_north, ux, uy = frame
-    east = origin_east + shape.x * ux - shape.y * uy
-    north = origin_north + shape.x * uy + shape.y * ux
-    yaw = atan2(uy, ux) + shape.angle
-    start = _station(shape, shape.before, samples.rows.item(X, 0), samples.rows.item(Y, 0))
-    end = _station(shape, shape.after, samples.rows.item(X, -1), samples.rows.item(Y, -1))
-    begin = Piece(east, north, yaw, shape.before, 0.0).at(start)
-    if shape.before == shape.after:
-        return ArcSpline((Piece(begin.east, begin.north, begin.yaw, shape.after, end - start),))
+    east = origin_east + curve.x * ux - curve.y * uy
+    north = origin_north + curve.x * uy + curve.y * ux
+    yaw = atan2(uy, ux) + curve.angle
+    start = _station(curve, curve.before, data.rows.item(X, 0), data.rows.item(Y, 0))
+    end = _station(curve, curve.after, data.rows.item(X, -1), data.rows.item(Y, -1))
+    begin = Piece(east, north, yaw, curve.before, 0.0).at(start)
+    if curve.before == curve.after:
+        return ArcSpline((Piece(begin.east, begin.north, begin.yaw, curve.after, end - start),))
     return ArcSpline(
         (
-            Piece(begin.east, begin.north, begin.yaw, shape.before, -start),
-            Piece(east, north, yaw, shape.after, end),
+            Piece(begin.east, begin.north, begin.yaw, curve.before, -start),
+            Piece(east, north, yaw, curve.after, end),
         )
     )
 
 
-def _station(shape: Shape, curvature: float, x: float, y: float) -> float:
-    """Arc length (m) from the shape's join to the projection of (x, y) on its piece."""
-    ux, uy = cos(shape.angle), sin(shape.angle)
-    dx, dy = x - shape.x, y - shape.y
+def _station(curve: LocalCurve, curvature: float, x: float, y: float) -> float:
+    """Arc length (m) from the curve's join to the projection of (x, y) on its piece."""
+    ux, uy = cos(curve.angle), sin(curve.angle)
+    dx, dy = x - curve.x, y - curve.y
     xi = dx * ux + dy * uy
     if abs(curvature) < STRAIGHT:
         return xi

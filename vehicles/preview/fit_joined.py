@@ -1,4 +1,4 @@
-"""Least squares for a line and an arc with one tangent at the join (see `arc_shapes`).
+"""Least squares for a line and an arc with one tangent at the join (see `fit_arc`).
 
 Given the join P on the curve, line→arc and arc→line are linear in offset, slope and curvature: the
 equation of the arc with κ = 0 on one side. So joins are tried at some of the samples, and the best
@@ -10,7 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicles.preview.fit_arc import DETERMINED, ONE, SQUARE, Centred, Floats, Samples, Shape, X, Y
+from vehicles.preview.fit_arc import (
+    DETERMINED,
+    ONE,
+    SQUARE,
+    Centred,
+    FitData,
+    Floats,
+    LocalCurve,
+    X,
+    Y,
+)
 
 SINGULAR = 1e-12
 """Least share of a diagonal that elimination may leave."""
@@ -28,21 +38,21 @@ SIGNED = np.array([[1.0], [-2.0], [-2.0], [1.0]])
 class Joined(NamedTuple):
     """A line→arc or arc→line (Section III-A: one change of curvature), station of its join (m)."""
 
-    shape: Shape
+    curve: LocalCurve
     station: float
 
 
-def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
+def best_joined(data: FitData, line: Centred, joins: slice) -> Joined:
     """Best line→arc or arc→line with its join near one of the samples `joins`.
 
     Each join is tried with the arc after it and with the arc before it, by linear least squares.
-    A search of our own; Section III-A splits off the longest straight prefix instead.
+    Section III-A splits off the longest straight prefix instead.
     """
-    rows, station = samples.rows[:, joins], samples.station[joins]
+    rows, station = data.rows[:, joins], data.station[joins]
     count = len(station)
     bent = np.empty((2, 4, 4, count))  # sums over the arc's samples: after, before the join
-    bent[1] = samples.sums[:, :, joins]
-    np.subtract(samples.sums[:, :, -1:], bent[1], out=bent[0])
+    bent[1] = data.sums[:, :, joins]
+    np.subtract(data.sums[:, :, -1:], bent[1], out=bent[0])
     # |q − P|² is a combination of the four rows, and so are the sums of its products with them;
     # with 1 and x these are normed, with x and y they are about the line through all samples.
     circle = rows.take(FLIPPED, 0) * SIGNED
@@ -62,8 +72,8 @@ def best_joined(samples: Samples, line: Centred, joins: slice) -> Joined:
     kappa = 2.0 * h / hypot(1.0, slope)
     before, after = (kappa, 0.0) if side else (0.0, kappa)
     misfit = max(line.misfit - top, 0.0) / (1.0 + slope * slope)
-    shape = Shape(px, offset + slope * px, atan(slope), before, after, misfit, 4)
-    return Joined(shape, station.item(k) + shift)
+    curve = LocalCurve(px, offset + slope * px, atan(slope), before, after, misfit, 4)
+    return Joined(curve, station.item(k) + shift)
 
 
 def _about(line: Centred) -> Floats:
@@ -90,49 +100,49 @@ def _top(gain: Floats, best: int, station: Floats) -> float:
     here = station.item(k)
     back, on = here - station.item(k - 1), station.item(k + 1) - here
     fall_back, fall_on = top - low, top - high
-    bend = fall_back * on + fall_on * back
-    if not bend > 0.0:
+    curving = fall_back * on + fall_on * back
+    if not curving > 0.0:
         return 0.0
-    shift = 0.5 * (fall_back * on * on - fall_on * back * back) / bend
+    shift = 0.5 * (fall_back * on * on - fall_on * back * back) / curving
     return float(here + min(max(shift, -2.0 * back), 2.0 * on) - station.item(best))
 
 
-def refined(joined: Joined, samples: Samples, passes: int, within: tuple[float, float]) -> Shape:
-    """Improve a joined shape by up to `passes` Gauss–Newton passes on all four unknowns.
+def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, float]) -> LocalCurve:
+    """Improve a joined curve by up to `passes` Gauss–Newton passes on all four unknowns.
 
     The join stays between the stations `within` (m).
     """
-    shape, station = joined
+    curve, station = joined
     first, last = within
-    whole = samples.sums[:, :, -1]
+    whole = data.sums[:, :, -1]
     total = whole.tolist()
     for done in range(passes):
-        split = int(samples.station.searchsorted(station, "right"))
-        sums = samples.sums[:, :, split - 1]
-        bent = (sums if shape.before else whole - sums).tolist()
-        rows = _normal_equations(shape, bent, total)
+        split = int(data.station.searchsorted(station, "right"))
+        sums = data.sums[:, :, split - 1]
+        bent = (sums if curve.before else whole - sums).tolist()
+        rows = _normal_equations(curve, bent, total)
         step = solved(rows, first - station, last - station)
         if step is None:
             break
-        left, turn, bend, along = step
+        left, turn, change, along = step
         station += along
-        ux, uy = cos(shape.angle), sin(shape.angle)
-        shape = Shape(
-            shape.x + along * ux - left * uy,
-            shape.y + along * uy + left * ux,
-            shape.angle + turn,
-            shape.before + bend if shape.before else 0.0,
-            shape.after + bend if shape.after else 0.0,
-            shape.misfit,
+        ux, uy = cos(curve.angle), sin(curve.angle)
+        curve = LocalCurve(
+            curve.x + along * ux - left * uy,
+            curve.y + along * uy + left * ux,
+            curve.angle + turn,
+            curve.before + change if curve.before else 0.0,
+            curve.after + change if curve.after else 0.0,
+            curve.misfit,
             4,
         )
         if done and abs(along) < SETTLED:
             break
-    return shape
+    return curve
 
 
 def _normal_equations(
-    shape: Shape, bent: list[list[float]], total: list[list[float]]
+    curve: LocalCurve, bent: list[list[float]], total: list[list[float]]
 ) -> list[list[float]]:
     """Equations of the Gauss–Newton step, each with its right-hand side.
 
@@ -140,10 +150,10 @@ def _normal_equations(
     per turn of u, by ρ/2 per curvature and by −κξ per shift of P along u; on the line by 1, ξ, 0
     and 0. `bent` are the sums over the arc's samples, `total` over all.
     """
-    ux, uy = cos(shape.angle), sin(shape.angle)
-    px, py = shape.x, shape.y
+    ux, uy = cos(curve.angle), sin(curve.angle)
+    px, py = curve.x, curve.y
     p, q = ux * px + uy * py, ux * py - uy * px  # ξ = ux x + uy y − p, η = ux y − uy x − q
-    k = shape.before + shape.after
+    k = curve.before + curve.after
     half = 0.5 * k
     # Of all samples: Σξ, Ση, Σξ², Σξη.
     _, (_, xx, xy, x1), (_, _, yy, y1), (_, _, _, all_1) = total

@@ -1,4 +1,4 @@
-"""Which of a fit's samples have jumped, and had better be left out."""
+"""Outliers among the samples of a fit: those that have jumped."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,11 @@ def without_jumps(
 ) -> NDArray[np.bool_] | None:
     """Choose the samples to keep (True) when some `offsets` from a fit exceed `tolerance` (m).
 
-    None if no sample stands out. The paper is silent. A single jump drags the curve with it, most
-    of all at the end, so it need not be the sample that is furthest off: samples go one by one,
-    each the one without which an arc through the rest fits best (deletion by leverage, Cook and
-    Weisberg, 1982). If that finds none, a whole stretch may have jumped: then all go that are far
-    off compared with the median.
+    None if no sample stands out. A single jump displaces the curve, most of all at the end, so it
+    need not be the sample that is furthest off: samples are left out one by one, each the one
+    without which an arc through the rest fits best (deletion by leverage, Cook and Weisberg, 1982).
+    If that finds none, a whole stretch may have jumped: then all are left out that are far off
+    compared with the median.
     """
     keep = np.ones(len(east), dtype=np.bool_)
     for _ in range(JUMPS_MOST):
@@ -46,7 +46,7 @@ def _worst(east: Floats, north: Floats, station: Floats) -> int | None:
 
     Leaving sample i out of a linear fit lowers the sum of squared residuals by r_i²/(1 − h_i),
     h_i being its leverage (the diagonal of the hat matrix). The arc is linear in offset, slope and
-    curvature along the line of least squares (`arc_shapes`).
+    curvature along the line of least squares (`fit_arc`).
     """
     along = station - float(_sum(station)) / len(station)
     if len(station) < 5:
@@ -59,13 +59,15 @@ def _worst(east: Floats, north: Floats, station: Floats) -> int | None:
     x, y = (dx * ux + dy * uy) / norm, (dy * ux - dx * uy) / norm
     x, y = x - float(_sum(x)) / len(x), y - float(_sum(y)) / len(y)
     square = x * x
-    bend = square - float(_sum(square)) / len(x) - float(_sum(square * x)) / float(_sum(square)) * x
-    spread = float(_sum(bend * bend))
+    curved = (
+        square - float(_sum(square)) / len(x) - float(_sum(square * x)) / float(_sum(square)) * x
+    )
+    spread = float(_sum(curved * curved))
     if not spread > 0.0:
         return None
     rest = y - float(_sum(x * y)) / float(_sum(square)) * x
-    rest = rest - float(_sum(bend * rest)) / spread * bend
-    leverage = 1.0 / len(x) + square / float(_sum(square)) + bend * bend / spread
+    rest = rest - float(_sum(curved * rest)) / spread * curved
+    leverage = 1.0 / len(x) + square / float(_sum(square)) + curved * curved / spread
     gain = rest * rest / np.maximum(1.0 - leverage, 1e-9)
     worst = int(gain.argmax())
     return worst if float(gain[worst]) > TELLING_SHARE * float(_sum(rest * rest)) else None

@@ -4,9 +4,11 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from math import cos, hypot, inf, remainder, sin, tau
 
+from vehicles.schedule import SECOND
+
 LONG_STEP = 6.0
-"""From this length (m) on a step is measured straight: between them, the car may have turned."""
-LONG_WHILE = 1_000_000_000
+"""From this length (m) on a step is measured straight: meanwhile the car may have turned."""
+LONG_WHILE = SECOND
 """From this time (ns) on, too."""
 
 Point = tuple[int, float, float, float]
@@ -16,8 +18,8 @@ Point = tuple[int, float, float, float]
 class Polyline:
     """Points with an instant each (ns, ascending), position (m), yaw (rad) and station (m).
 
-    A step counts as far as it leads along the mean of the yaws at its ends, so that a point that
-    lies aside or behind does not make the way longer. Stations are never renumbered when points
+    A step counts by its component along the mean of the yaws at its ends, so that a point that
+    lies aside or behind does not make the line longer. Stations are never renumbered when points
     are dropped: a place keeps its station.
     """
 
@@ -77,7 +79,7 @@ class Polyline:
             self.append(point, step(self.point(-1), point) if self.at else 0.0)
 
     def drop(self, count: int) -> None:
-        """Forget the first `count` points."""
+        """Drop the first `count` points."""
         self.dropped += count
         del self.at[:count], self.east[:count], self.north[:count]
         del self.yaw[:count], self.station[:count]
@@ -96,25 +98,25 @@ class Polyline:
         for k in range(first, final + 1):
             this_east, this_north, station = next_east, next_north, next_station
             next_east, next_north, next_station = easts[k + 1], norths[k + 1], stations[k + 1]
-            way = next_station - station
+            length = next_station - station
             span_east, span_north = next_east - this_east, next_north - this_north
             off_east, off_north = east - this_east, north - this_north
             share = (off_east * span_east + off_north * span_north) / (
                 span_east * span_east + span_north * span_north
             )
-            start = 0.0 if k and low <= station else (low - station) / way
-            end = 1.0 if k < last and high >= next_station else (high - station) / way
+            start = 0.0 if k and low <= station else (low - station) / length
+            end = 1.0 if k < last and high >= next_station else (high - station) / length
             share = min(max(share, start), end)
             off_east -= share * span_east
             off_north -= share * span_north
             away = off_east * off_east + off_north * off_north
             if away < best:
-                best, found = away, station + share * way
+                best, found = away, station + share * length
         return found
 
 
 def step(one: Point, other: Point) -> float:
-    """How far (m) the way from one point to a later one leads on; negative if it leads back."""
+    """Distance (m) from one point to a later one along the travel; negative if that lies behind."""
     east, north = other[1] - one[1], other[2] - one[2]
     distance = hypot(east, north)
     if distance > LONG_STEP or other[0] - one[0] > LONG_WHILE:

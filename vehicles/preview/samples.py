@@ -1,4 +1,4 @@
-"""What a trace is made of: the samples of a source, their window around the ego, its constants."""
+"""Samples of a source, their window around the ego, and the constants of a trace."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -12,15 +12,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceSettings:
-    """Constants of a trace (m unless said otherwise): our own, the paper is silent.
+    """Constants of a trace (m unless said otherwise), none of them in Section III-A.
 
-    A sample is kept if it leads on by `spacing` from the one before: a stopped source repeats
-    itself, and a fix may lie behind another.
+    A sample is kept if it is at least `spacing` further along than the one before: a stopped source
+    repeats a place, and a fix may lie behind another.
     A fix is a jump if it lies further from the newest one than `jump_ratio` (1) times what its
     speed allows plus `jump_margin`; `restart_after` consistent ones in a row are a new place.
     The ego's station moves per call at most `back` backwards, and forwards at most `margin` plus
     `reach_ratio` (1) times the distance the ego moved, never more than `reach`. Samples further
-    behind than `memory` are forgotten, and never more than `capacity` are held. A window holds at
+    behind than `memory` are dropped, and never more than `capacity` are held. A window holds at
     most `window_samples`. A bridge has a point every `bridge_spacing` and at most `bridge_length`.
     """
 
@@ -42,7 +42,7 @@ class TraceSettings:
 class Sample(NamedTuple):
     """One received fix: instant (ns), world position (m), yaw (rad), speed (m/s).
 
-    (x_i, y_i) of Section III-A, with more than the position, as Section I says is communicated.
+    (x_i, y_i) of Section III-A, with heading and speed, which are communicated as well (Section I).
     """
 
     measured_at: int
@@ -64,7 +64,7 @@ class Window(NamedTuple):
 
 
 def plausible(one: Sample, other: Sample, settings: TraceSettings) -> bool:
-    """Whether a car could have been at both places at their instants; the paper is silent."""
+    """Whether a car could have been at both places at their instants (not in the paper)."""
     span = abs(other.measured_at - one.measured_at) * 1e-9
     reach = settings.jump_ratio * max(abs(one.speed), abs(other.speed)) * span
     distance = hypot(other.east - one.east, other.north - one.north)

@@ -1,8 +1,8 @@
-"""What was heard of one source: its samples in their order of travel, and how far the ego is.
+"""Received samples of one source in their order of travel, and the ego's station among them.
 
 The ego's place on the trace is a station (arc length) that moves only locally from one call to the
 next. Whatever lies close by in the plane but far along the trace (the other leg of a hairpin, the
-crossing of a figure of eight, an earlier or later lap) is therefore never looked at.
+crossing of a figure of eight, an earlier or later lap) is therefore never considered.
 """
 
 from bisect import bisect_left, bisect_right
@@ -18,15 +18,15 @@ __all__ = ["Sample", "Trace", "TraceSettings", "Window"]
 BRIDGE_AT = -1
 """Instant of bridge points: before any sample."""
 FORGET_CHUNK = 64
-"""Samples behind the ego are forgotten so many at a time."""
+"""Samples behind the ego are dropped so many at a time."""
 
 
 class Trace:
     """The samples of one source, received and stored as in Section III-A.
 
-    `newest` is the newest sample taken as true. Counted are `repeated` samples (that do not lead
-    on: a stopped source, a message that came twice), `rejected` ones (jumps, not finite), `late`
-    ones (out of order, kept or not) and `restarts` at a new place.
+    `newest` is the newest sample taken as true. Counted are `repeated` samples (no further along: a
+    stopped source, a message that came twice), `rejected` ones (jumps, not finite), `late` ones
+    (out of order, kept or not) and `restarts` at a new place.
     """
 
     def __init__(self, settings: TraceSettings | None = None) -> None:
@@ -58,7 +58,7 @@ class Trace:
     def add(self, measured_at: int, east: float, north: float, yaw: float, speed: float) -> None:
         """Take one fix of the source (ns, m, m, rad, m/s) to its place in the order of travel.
 
-        Section III-A stores what is received; what is refused here is our own rule.
+        What is received is stored, as in Section III-A; what no car can have driven is refused.
         """
         sample = Sample(measured_at, east, north, yaw, speed)
         if not isfinite(east + north + yaw + speed):
@@ -84,7 +84,7 @@ class Trace:
                     self._forget()
 
     def _start(self, sample: Sample) -> None:
-        """Begin at `sample`; what was held before goes."""
+        """Start anew at `sample`; what was held before is dropped."""
         self.newest = sample
         self._line = Polyline()
         self._line.append(sample[:4], 0.0)
@@ -94,7 +94,7 @@ class Trace:
         self._here = None
 
     def _suspect(self, sample: Sample) -> None:
-        """Set a jump aside; several that agree with one another are where the source now is."""
+        """Keep a jump apart; several consistent ones are the new place of the source."""
         if self._suspects and not plausible(self._suspects[-1], sample, self.settings):
             self._suspects.clear()
         self._suspects.append(sample)
@@ -136,7 +136,7 @@ class Trace:
             self._here += shift
 
     def _begin_earlier(self, sample: Sample, place: int) -> None:
-        """Let the trace begin with a late sample older than the first received one."""
+        """Start the trace with a late sample older than the first received one."""
         start, self._bridged_from = self._bridged_from, None
         self._line.drop(place)
         self._line.prepend([sample[:4]])
@@ -147,17 +147,14 @@ class Trace:
 
     @property
     def joined(self) -> bool:
-        """Whether there is nothing more to bridge: it was done, or the ego is long on the trace.
-
-        As with `bridge`, the paper is silent.
-        """
+        """Whether no bridge is wanted any more: it is laid, or the ego is on the trace already."""
         return self._bridged_from is not None or self._forgotten_at != BRIDGE_AT
 
     def bridge(self, east: float, north: float) -> None:
         """Join the ego's place to the first sample by a straight line, if that lies ahead of it.
 
-        A convoy forms up on a straight lead-in, and what a source drove before it was first heard
-        is unknown (the paper is silent): points on the straight line let the fit interpolate, where
+        A convoy forms up on a straight lead-in, and what a source drove before its first message
+        is unknown (not in the paper): points on the straight line let the fit interpolate, where
         a few noisy samples 15 to 60 m ahead would be extrapolated backwards. Does nothing once a
         bridge is laid, once samples behind the ego were forgotten, or before a sample is held.
         """
@@ -205,9 +202,8 @@ class Trace:
     def gap(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego at (east, north) to the source's newest place.
 
-        For keeping gaps, on which the paper is silent.
-
-        None before anything was heard. How far the source went since is for the caller to add.
+        For keeping gaps (not in the paper). None before the first sample. How far the source went
+        since then is for the caller to add.
         """
         if self.newest is None:
             return None
@@ -240,6 +236,6 @@ class Trace:
         return self._here
 
     def _forget(self) -> None:
-        """Let the oldest points go."""
+        """Drop the oldest points."""
         self._forgotten_at = max(self._forgotten_at, self._line.at[FORGET_CHUNK - 1])
         self._line.drop(FORGET_CHUNK)

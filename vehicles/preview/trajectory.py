@@ -1,8 +1,8 @@
-"""The composite trajectory: one arc spline through what was heard of lead and predecessor.
+"""The composite trajectory: one arc spline through the samples of lead and predecessor.
 
 Paper, Section "Target Trajectory Construction". Where its recipe fails, this departs from it:
 tangent and curvature come from the fit (a lead and a predecessor sample can lie side by side, and
-the line through them points anywhere), the pieces are chosen on all samples at once (`arc_fit`),
+the line through them points anywhere), the pieces are chosen on all samples at once (`curve_fit`),
 and samples just behind the ego are kept, so that its own place is not extrapolated.
 """
 
@@ -12,22 +12,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.arc_spline import ArcSpline, Foot, PathPose, Piece
+from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
 from vehicles.preview.outliers import without_jumps
 from vehicles.preview.trace import Window
 
-__all__ = [
-    "ArcSpline",
-    "Fit",
-    "FitSettings",
-    "Foot",
-    "Fusion",
-    "PathPose",
-    "Piece",
-    "fit_composite",
-    "fuse",
-]
+__all__ = ["Fit", "FitSettings", "Fusion", "fit_composite", "fuse"]
 
 Floats = NDArray[np.float64]
 Fusion = Literal["composite", "predecessor", "blend"]
@@ -127,8 +117,8 @@ def fuse(
     gets all of it.
     """
     if fusion != "blend":
-        heard = lead if fusion == "composite" else None
-        fit = fit_composite(heard, predecessor, alpha=alpha, settings=settings)
+        used = lead if fusion == "composite" else None
+        fit = fit_composite(used, predecessor, alpha=alpha, settings=settings)
         return () if fit is None else ((1.0, fit),)
     of_lead = fit_composite(lead, None, alpha=alpha, settings=settings)
     of_predecessor = fit_composite(None, predecessor, alpha=alpha, settings=settings)
@@ -141,7 +131,7 @@ def fuse(
 def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Merged | None:
     """Put the samples of both sources in order of station, with weights; None without any.
 
-    Weights are scaled to add up to the number of equally weighted samples that say as much.
+    Weights are scaled to add up to the number of equally weighted samples of the same information.
     """
     leads = 0 if lead is None else len(lead.station)
     predecessors = 0 if predecessor is None else len(predecessor.station)

@@ -5,12 +5,14 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.review import open_view, review, widest_gap
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
 from tests.made import drive
 from tests.made.recording import Table, columns
 from transport.codec import encode
 from transport.log.records import LogError
 from transport.log.writer import LogWriter
-from transport.picture.view import parse_rerun_option
+from transport.picture.option import parse_rerun_option
 from transport.topics import TOPIC_OF
 from vehicles.messages import Message
 
@@ -24,6 +26,7 @@ gap_m = 12.0
 set_mps = 10.0
 [path]
 kind = "segments"
+heading_deg = 0.0
 segments = [{ length_m = 60.0 }, { length_m = 60.0, radius_m = 50.0, turn = "left" }]
 """
 
@@ -82,6 +85,34 @@ def test_without_a_scenario_only_the_road_is_missing(
     assert {entity: rows for entity, rows in whole.items() if entity not in road} == rest
     assert len(warnings) == (attached is not None)
     assert all("the road is left out" in line for line in warnings)
+
+
+def largest(table: Table, quantity: str, vehicle: str) -> float | None:
+    """Largest magnitude of a vehicle's curve, None if it has none."""
+    rows = table.get(f"/plots/{quantity}/{vehicle}", {}).get("Scalars:scalars", [])
+    return max((abs(value[0]) for value in rows if value), default=None)
+
+
+ASKEW = "[vehicle.v1]\nheading_offset_deg = 3.0\n"
+
+
+@pytest.mark.parametrize("extra", ["", ASKEW, "[links]\nloss_ratio = 0.5\n" + ASKEW])
+def test_the_largest_value_drawn_is_the_table_s(extra: str, tmp_path: Path) -> None:
+    """Live and reviewed: whoever reads the curve finds the number of the table there."""
+    driven = scenario(extra)
+    live = tmp_path / "live.rrd"
+    with open_view(parse_rerun_option(f"save={live}"), driven, "run") as view:
+        summary = run_virtual(driven, tmp_path, Stop(), listeners=[view.draw])
+    for table in (columns(live), reviewed(tmp_path / "run.mcap")):
+        for row in summary.vehicles:
+            name, error = row.name, row.cross_track_error_m_max
+            assert largest(table, "cross_track", name) == error
+            assert largest(table, "tracking", name) == row.lateral_error_m_max
+            assert (error is None) == (name == "v1")
+            assert error is None or 0.0 < error < 1.0
+            if name != "v1":
+                gaps = table[f"/plots/gap/{name}"]["Scalars:scalars"]
+                assert min(value[0] for value in gaps if value) == row.gap_m_min
 
 
 def test_a_log_that_breaks_off_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Where messages go: onto a bus when a tick is complete, or to the drives of a rehearsal."""
 
-from scenarios.results.drives import Diary
+from scenarios.results.drives import DriveRecorder
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.rehearsal import RehearsalSink
 from tests.made import drive
@@ -12,7 +12,7 @@ from transport.topics import Topic
 from vehicles.messages import Message
 
 
-class TakenDown(Diary):
+class TakenDown(DriveRecorder):
     """A drive recorder that keeps what it is given."""
 
     def __init__(self) -> None:

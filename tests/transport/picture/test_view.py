@@ -16,7 +16,9 @@ import pytest
 
 from tests.made import drive
 from tests.made.recording import Table, columns
-from transport.picture.view import RerunOption, RerunView, ViewerError, parse_rerun_option
+from transport.picture.option import RerunOption, parse_rerun_option
+from transport.picture.view import RerunView
+from transport.picture.viewer_process import ViewerError
 from vehicles.messages import LogText, Message
 
 SECOND = 1_000_000_000
@@ -41,42 +43,11 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Table:
     return picture(tmp_path_factory.mktemp("view") / "run.rrd", drive.drive(100))
 
 
-@pytest.mark.parametrize(
-    ("text", "option"),
-    [
-        ("off", RerunOption("off")),
-        ("spawn", RerunOption("spawn")),
-        ("serve", RerunOption("serve")),
-        ("serve=9099", RerunOption("serve", page_port=9099)),
-        ("serve=9099:9877", RerunOption("serve", page_port=9099, data_port=9877)),
-        ("serve=0.0.0.0", RerunOption("serve", address="0.0.0.0")),
-        ("serve=0.0.0.0:9090:9876", RerunOption("serve", "", "0.0.0.0", 9090, 9876)),
-        (
-            "connect=rerun+http://box:9876/proxy",
-            RerunOption("connect", "rerun+http://box:9876/proxy"),
-        ),
-        ("save=a=b.rrd", RerunOption("save", "a=b.rrd")),
-    ],
-)
-def test_options_are_read(text: str, option: RerunOption) -> None:
-    assert parse_rerun_option(text) == option
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "on", "off=1", "spawn=x", "save", "save=", "connect", "connect=box:9876", "serve=",
-     "serve=a.b", "serve=99999", "serve=1:2:3", "serve=0.0.0.0:", "serve=:9090"],
-)  # fmt: skip
-def test_other_options_are_refused_in_one_line(text: str) -> None:
-    with pytest.raises(ViewerError, match=r"^--rerun ") as refused:
-        parse_rerun_option(text)
-    assert "\n" not in str(refused.value)
-
-
 def test_without_a_picture_rerun_is_not_loaded() -> None:
     program = """
 import sys
-from transport.picture.view import RerunView, parse_rerun_option
+from transport.picture.option import parse_rerun_option
+from transport.picture.view import RerunView
 with RerunView(parse_rerun_option("off"), run_id="x", vehicles=("v1",)) as view:
     view.draw(0, None)
 assert view.where == ""
@@ -136,8 +107,16 @@ def test_left_turns_turn_left_in_the_view_that_rides_along(
 def test_the_cross_track_error_is_the_true_one(drawn: Table) -> None:
     assert "/plots/cross_track/v1" not in drawn
     curve = drawn["/plots/cross_track/v2"]["Scalars:scalars"]
-    late = [value[0] for value in curve if value][-10:]  # before, it is beside the lead's run-in
+    values = [value[0] for value in curve if value]
+    assert len(values) == 100  # each of them, since one left out might be the largest
+    late = values[-10:]  # before, it is beside the lead's run-in
     assert late == pytest.approx([drive.offset_of(1)] * 10, abs=1e-3)
+
+
+def test_a_picture_that_breaks_off_holds_all_that_was_drawn(tmp_path: Path) -> None:
+    *messages, _end = drive.drive(30)
+    curve = picture(tmp_path / "run.rrd", iter(messages))["/plots/tracking/v3"]
+    assert len([value for value in curve["Scalars:scalars"] if value]) == 30
 
 
 def test_curves_are_those_of_the_messages(drawn: Table) -> None:
@@ -149,9 +128,10 @@ def test_curves_are_those_of_the_messages(drawn: Table) -> None:
         for at, value in zip(seen["run_time"], seen["Scalars:scalars"], strict=True)
         if value
     }
-    assert values == {tick * drive.TICK: pytest.approx(0.01 * tick) for tick in range(0, 100, 2)}
+    assert values == {tick * drive.TICK: pytest.approx(0.01 * tick) for tick in range(100)}
     assert "/plots/gap/v1" not in drawn
-    assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.GAP] * 10
+    assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.GAP] * 100
+    assert [v[0] for v in drawn["/plots/age/v2"]["Scalars:scalars"] if v] == [0.03] * 10
 
 
 def test_samples_have_the_colour_of_their_sender(drawn: Table) -> None:
@@ -258,9 +238,9 @@ def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
 
 SERVE = """
 import time
-from transport.picture.view import RerunView, parse_rerun_option
 from tests.made import drive
-from tests.made.recording import Table, columns
+from transport.picture.option import parse_rerun_option
+from transport.picture.view import RerunView
 view = RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES)
 for now, message in drive.drive(20):
     view.draw(now, message)

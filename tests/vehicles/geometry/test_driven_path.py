@@ -2,18 +2,19 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from random import Random
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.made import drive
 from tests.made.messages import at, truth
-from vehicles.geometry.driven_path import CrossTrack, DrivenPath, cross_track
+from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.messages import TruePose
 
 HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
-RUN_IN = 50.0
 STEP = 0.6  # between two poses at 30 m/s
 RADIUS, AWAY = 12.0, math.acos(0.5 + 3.5 / (4 * 12.0))
 SELF_MEETING = {
@@ -35,7 +36,10 @@ SELF_MEETING = {
 
 
 def driven(
-    path: Path, stations: Iterable[float], aside: Callable[[float], float] = lambda _: 0.0
+    path: Path,
+    stations: Iterable[float],
+    aside: Callable[[float], float] = lambda _: 0.0,
+    vehicle: str = "v1",
 ) -> list[TruePose]:
     """Poses at `stations` of `path`, moved to its left by `aside` of the station (m)."""
     poses = []
@@ -44,7 +48,7 @@ def driven(
         left = aside(station)
         east = point.east - left * math.sin(point.yaw)
         north = point.north + left * math.cos(point.yaw)
-        poses.append(truth("v1", seq, east, north, yaw=point.yaw))
+        poses.append(truth(vehicle, seq, east, north, yaw=point.yaw))
     return poses
 
 
@@ -52,8 +56,21 @@ def every(step: float, start: float, end: float) -> list[float]:
     return [start + step * k for k in range(round((end - start) / step))]
 
 
+def added(error: CrossTrackError, poses: Iterable[TruePose]) -> list[CrossTrack]:
+    return [foot for pose in poses for foot in error.add(pose)]
+
+
+def cross_track(
+    own: Iterable[TruePose], lead: Iterable[TruePose], road_yaw: float | None = None
+) -> list[CrossTrack]:
+    """Foot points of a follower whose poses come when the lead has driven all of its path."""
+    error = CrossTrackError("v1", road_yaw)
+    assert added(error, lead) == []
+    return added(error, (replace(pose, vehicle="v2") for pose in own))
+
+
 def feet(path: Path, stations: Sequence[float], aside: float) -> list[CrossTrack]:
-    lead = DrivenPath.of(driven(path, every(STEP, 0.0, path.length)), RUN_IN)
+    lead = driven(path, every(STEP, 0.0, path.length))
     return cross_track(driven(path, stations, lambda _: aside), lead)
 
 
@@ -101,9 +118,9 @@ def test_standing_still_changes_nothing() -> None:
     stop = [60.0] * 500
     lead = driven(path, [*every(STEP, 0.0, 60.0), *stop, *every(STEP, 60.0, 140.0)])
     moving = driven(path, [*every(STEP, 0.0, 60.0), *every(STEP, 60.0, 140.0)])
-    assert DrivenPath.of(lead, RUN_IN) == DrivenPath.of(moving, RUN_IN)
     own = driven(path, [*every(0.5, 0.0, 45.0), *[45.0] * 300, *every(0.5, 45.0, 130.0)])
-    found = cross_track(own, DrivenPath.of(lead, RUN_IN))
+    found = cross_track(own, lead)
+    assert found == cross_track(own, moving)
     assert len(found) == len(own)
     assert max(abs(foot.lateral) for foot in found) < 0.002
     standing = {foot.station for foot in found[90:390]}
@@ -112,14 +129,23 @@ def test_standing_still_changes_nothing() -> None:
 
 def test_a_lead_that_creeps_still_drives_a_path() -> None:
     path = path_from_segments([Segment(20.0, 1 / 30)])
-    lead = DrivenPath.of(driven(path, every(0.004, 0.0, 20.0)), RUN_IN)
-    assert lead.station[-1] == pytest.approx(20.0, abs=0.02)
-    assert min(after - before for before, after in pairwise(lead.station)) > 0.01
+    stations = every(0.3, 0.0, 19.9)
+    found = cross_track(driven(path, stations), driven(path, every(0.004, 0.0, 20.0)))
+    assert [foot.station for foot in found] == pytest.approx(stations, abs=0.02)
+    assert [foot.lateral for foot in found] == pytest.approx([0.0] * len(stations), abs=1e-4)
+
+
+def test_a_lead_that_shivers_at_rest_drives_no_further() -> None:
+    path = path_from_segments([Segment(100.0, 0.0)])
+    at_rest = [50.0 + 0.004 * (-1) ** k for k in range(500)]
+    lead = driven(path, [*every(STEP, 0.0, 50.0), *at_rest, *every(STEP, 50.0, 99.0)])
+    (foot,) = cross_track(driven(path, [80.0]), lead)
+    assert foot.station == pytest.approx(80.0, abs=0.03)
 
 
 def test_noise_of_a_standing_vehicle_moves_its_foot_back_and_forth() -> None:
     path = path_from_segments([Segment(100.0, 1 / 20)])
-    lead = DrivenPath.of(driven(path, every(STEP, 0.0, 99.0)), RUN_IN)
+    lead = driven(path, every(STEP, 0.0, 99.0))
     stations = [40.0 + 0.8 * math.sin(k) for k in range(200)]
     found = cross_track(driven(path, [*every(1.0, 0.0, 40.0), *stations]), lead)
     for foot, station in zip(found[40:], stations, strict=True):
@@ -127,12 +153,13 @@ def test_noise_of_a_standing_vehicle_moves_its_foot_back_and_forth() -> None:
         assert foot.lateral == pytest.approx(0.0, abs=0.003)
 
 
-def test_behind_the_lead_s_first_pose_its_line_counts() -> None:
+def test_behind_the_lead_s_first_pose_its_line_counts_however_far_behind() -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=0.3)
-    lead = DrivenPath.of(driven(path, every(STEP, 0.0, 99.0)), 20.0)
-    found = cross_track(driven(path, [-30.0, -20.5, -19.5, -10.0, -0.1, 0.1], lambda _: 0.5), lead)
-    assert [foot.station for foot in found] == pytest.approx([-19.5, -10.0, -0.1, 0.1])
-    assert [foot.lateral for foot in found] == pytest.approx([0.5] * 4)
+    lead = driven(path, every(STEP, 0.0, 99.0))
+    stations = [-5000.0, -20.5, -19.5, -10.0, -0.1, 0.1]
+    found = cross_track(driven(path, stations, lambda _: 0.5), lead)
+    assert [foot.station for foot in found] == pytest.approx(stations)
+    assert [foot.lateral for foot in found] == pytest.approx([0.5] * 6)
 
 
 @pytest.mark.parametrize("yaw", HEADINGS)
@@ -143,25 +170,204 @@ def test_where_the_road_behind_the_lead_is_known_it_does_not_matter_where_the_le
     lead = driven(path, every(STEP, 0.0, 99.0))
     lead[0] = replace(lead[0], yaw_rad=yaw + 0.6)
     own = driven(path, [-19.5, -10.0, -0.1, 0.1], lambda _: 0.5)
-    found = cross_track(own, DrivenPath.of(lead, 20.0, road_yaw=yaw))
+    found = cross_track(own, lead, road_yaw=yaw)
     assert [foot.station for foot in found] == pytest.approx([-19.5, -10.0, -0.1, 0.1])
     assert [foot.lateral for foot in found] == pytest.approx([0.5] * 4)
+    assert max(foot.lateral for foot in cross_track(own, lead)) > 5.0
+
+
+def test_where_a_lead_was_first_seen_on_its_way_the_road_at_the_start_does_not_count() -> None:
+    path = path_from_segments([Segment(100.0, 0.0)])
+    lead = driven(path, every(STEP, 0.0, 99.0))
+    lead[0] = replace(lead[0], distance_m=80.0)
+    found = cross_track(driven(path, [-19.5, 0.1], lambda _: 0.5), lead, road_yaw=1.5)
+    assert [foot.lateral for foot in found] == pytest.approx([0.5] * 2)
 
 
 def test_past_the_lead_s_last_pose_there_is_nothing_to_compare_with() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
-    lead = DrivenPath.of(driven(path, every(1.0, 0.0, 51.0)), RUN_IN)
+    lead = driven(path, every(1.0, 0.0, 51.0))
     found = cross_track(driven(path, every(1.0, 0.0, 80.0), lambda _: 3.0), lead)
     assert len(found) == 51
     assert max(foot.station for foot in found) == pytest.approx(50.0)
 
 
+def test_who_drives_on_in_circles_past_the_lead_s_last_pose_is_never_beside_it_again() -> None:
+    path = path_from_segments([Segment(200.0, 1 / 20)])
+    lead = driven(path, every(1.0, 0.0, 51.0))
+    found = cross_track(driven(path, every(1.0, 0.0, 190.0), lambda _: 0.5), lead)
+    assert len(found) == 51
+    assert {round(foot.lateral, 1) for foot in found} == {0.5}
+
+
 def test_a_lead_that_never_moved_has_but_its_run_in() -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=1.0)
-    lead = DrivenPath.of(driven(path, [0.0] * 10), 30.0)
-    found = cross_track(driven(path, [-15.0, -8.0, 8.0], lambda _: -0.2), lead)
+    found = cross_track(driven(path, [-15.0, -8.0, 8.0], lambda _: -0.2), driven(path, [0.0] * 10))
     assert [foot.station for foot in found] == pytest.approx([-15.0, -8.0])
     assert [foot.lateral for foot in found] == pytest.approx([-0.2, -0.2])
+
+
+# ---- Pose by pose
+
+
+LAPS = 2
+TICKS = math.ceil(LAPS * 2 * math.pi * drive.RADIUS / drive.SPEED / (drive.TICK * 1e-9))
+
+
+def test_a_car_further_in_on_a_left_circle_is_left_of_the_path() -> None:
+    """Two laps: the first lap of the path lies under the second one and must not attract it."""
+    error = CrossTrackError("v1")
+    both = (drive.truth(name, tick) for tick in range(TICKS) for name in drive.VEHICLES)
+    found = added(error, both)
+    for place, vehicle in enumerate(drive.VEHICLES[1:], start=1):
+        offsets = [foot.lateral for foot in found if foot.vehicle == vehicle]
+        assert len(offsets) == TICKS
+        chord = drive.SPEED * drive.TICK * 1e-9  # the path is a polygon: its sagitta is c²/8R
+        assert offsets[150:] == pytest.approx(
+            [drive.offset_of(place)] * (TICKS - 150), abs=chord**2 / (8 * drive.RADIUS)
+        )
+
+
+@pytest.mark.parametrize("heading", range(0, 360, 45))
+def test_left_of_a_straight_is_positive_in_all_headings(heading: int) -> None:
+    path = path_from_segments([Segment(60.0, 0.0)], yaw=math.radians(heading))
+    error = CrossTrackError("v1")
+    added(error, driven(path, every(1.0, 0.0, 30.0)))
+    for vehicle, station, left in (("v2", -12.0, 0.3), ("v2", 7.5, 0.3), ("v3", 7.5, -0.2)):
+        (foot,) = error.add(driven(path, [station], lambda _, left=left: left, vehicle)[0])  # type: ignore[misc]
+        assert foot.vehicle == vehicle
+        assert foot.station == pytest.approx(station)
+        assert foot.lateral == pytest.approx(left)
+    assert error.add(driven(path, [40.0], lambda _: -0.2, "v3")[0]) == []
+
+
+def test_without_a_lead_nothing_is_known_and_a_standing_one_does_for_those_behind() -> None:
+    error = CrossTrackError("v1")
+    assert error.add(drive.truth("v2", 0)) == []
+    (foot,) = error.add(drive.truth("v1", 0))
+    assert (foot.vehicle, foot.at_ns) == ("v2", drive.START)
+    assert added(error, [drive.truth("v1", 0)] * 5) == []
+    assert len(error.add(drive.truth("v2", 1))) == 1
+
+
+def test_a_pose_beyond_the_end_of_the_path_waits_until_the_lead_gets_there() -> None:
+    path = path_from_segments([Segment(60.0, 0.0)])
+    error = CrossTrackError("v1")
+    first, second, third = driven(path, [4.5, 5.5, 5.0], lambda _: 0.3, "v2")
+    assert added(error, driven(path, every(1.0, 0.0, 5.0))) == []
+    assert [error.add(pose) for pose in (first, second, third)] == [[], [], []]
+    found = [error.add(pose) for pose in driven(path, [5.0, 6.0, 7.0])]
+    assert [[foot.station for foot in step] for step in found] == [[4.5], [5.5, 5.0], []]
+
+
+def test_no_more_poses_wait_than_a_minute_s() -> None:
+    path = path_from_segments([Segment(60.0, 0.0)])
+    error = CrossTrackError("v1")
+    added(error, driven(path, every(0.01, 0.0, 40.0), vehicle="v2"))
+    found = added(error, driven(path, every(1.0, 0.0, 60.0)))
+    assert len(found) == MOST_WAITING
+    assert found[0].station == pytest.approx(40.0 - 0.01 * MOST_WAITING)
+    assert found[-1].station == pytest.approx(39.99)
+
+
+COURSES = {
+    **SELF_MEETING,
+    "hairpin of 4 m radius": [
+        Segment(50.0, 0.0), Segment(math.pi * 4.0, 1 / 4), Segment(50.0, 0.0),
+    ],
+    "left, right, straight": [
+        Segment(30.0, 1 / 30), Segment(30.0, -1 / 30), Segment(30.0, 0.0),
+    ],
+}  # fmt: skip
+
+
+def with_stop(stations: list[float], place: int, ticks: int) -> list[float]:
+    return stations[:place] + [stations[place]] * ticks + stations[place:]
+
+
+def interleaved(one: Sequence[TruePose], *others: Sequence[TruePose], seed: int) -> list[TruePose]:
+    """Mix the poses of vehicles, each one's in their order."""
+    left = [list(poses) for poses in (one, *others)]
+    random, mixed = Random(seed), []
+    while any(left):
+        # Not one pose at a time: a vehicle may be far ahead of another one.
+        poses = random.choice([poses for poses in left if poses])
+        count = random.choice((1, 1, 5, 200))
+        mixed += poses[:count]
+        del poses[:count]
+    return mixed
+
+
+def projected(own: Sequence[TruePose], lead: Sequence[TruePose], yaw: float) -> list[float]:
+    """Distances of `own` from the path, each the least on the metres around the place before.
+
+    At the corners of a polyline, half a metre apart on a radius of 4 m, 1 cm depends on the rule.
+    """
+    back = replace(
+        lead[0],
+        east_m=lead[0].east_m - 100.0 * math.cos(yaw),
+        north_m=lead[0].north_m - 100.0 * math.sin(yaw),
+    )
+    corners, stations = [back], [-100.0]
+    for pose in lead:
+        step = math.hypot(pose.east_m - corners[-1].east_m, pose.north_m - corners[-1].north_m)
+        if step > 0.01:
+            corners.append(pose)
+            stations.append(stations[-1] + step)
+    found, here = [], -math.inf
+    for pose in own:
+        candidates = []
+        for station, one, other in zip(stations, corners, corners[1:], strict=False):
+            near = here - 3.0 < station < max(here, 0.0) + 3.0
+            if not near and not (station == -100.0 and here < 3.0):
+                continue
+            east, north = other.east_m - one.east_m, other.north_m - one.north_m
+            to_east, to_north = pose.east_m - one.east_m, pose.north_m - one.north_m
+            square = east * east + north * north
+            share = min(max((to_east * east + to_north * north) / square, 0.0), 1.0)
+            away = math.hypot(to_east - share * east, to_north - share * north)
+            side = math.copysign(1.0, east * to_north - north * to_east)
+            candidates.append((away, side * away, station + share * math.sqrt(square)))
+        _, lateral, here = min(candidates)
+        found.append(lateral)
+    return found
+
+
+@given(
+    course=st.sampled_from(sorted(COURSES)),
+    aside=st.sampled_from([1.2, 0.4, 0.0, -0.7]),
+    askew=st.sampled_from([None, 0.0, 0.5, -2.0]),
+    stops=st.tuples(st.integers(5, 100), st.integers(5, 100), st.integers(0, 60)),
+    seed=st.integers(0, 2**32),
+)
+@settings(max_examples=40, deadline=None)
+def test_in_whatever_order_vehicles_are_heard_the_values_are_those_of_a_plain_projection(
+    course: str, aside: float, askew: float | None, stops: tuple[int, int, int], seed: int
+) -> None:
+    path = path_from_segments(COURSES[course], 40.0, -7.0, 0.4)
+    lead_stop, own_stop, ticks = stops
+    lead = driven(path, with_stop(every(STEP, 0.0, path.length), lead_stop, ticks))
+    if askew is not None:
+        lead[0] = replace(lead[0], yaw_rad=0.4 + askew)
+    road_yaw = None if askew is None else 0.4
+    own = {
+        "v2": driven(
+            path, with_stop(every(0.55, -15.0, path.length - 2.0), own_stop, ticks),
+            lambda _: aside, "v2",
+        ),
+        "v3": driven(path, every(0.6, -30.0, path.length - 17.0), swerving, "v3"),
+    }  # fmt: skip
+    mixed = added(CrossTrackError("v1", road_yaw), interleaved(lead, *own.values(), seed=seed))
+    for vehicle, poses in own.items():
+        batch = [foot._replace(vehicle=vehicle) for foot in cross_track(poses, lead, road_yaw)]
+        assert [foot for foot in mixed if foot.vehicle == vehicle] == batch
+        assert [foot.at_ns for foot in batch] == [pose.true_at_ns for pose in poses]
+        assert [foot.lateral for foot in batch] == pytest.approx(
+            projected(poses, lead, 0.4), abs=0.02
+        )
+
+
+# ---- Against geometry
 
 
 def swerving(station: float) -> float:
@@ -187,7 +393,7 @@ def test_turning_or_moving_the_world_changes_nothing(
     there = path_from_segments(segments, east, north, turn)
     both = []
     for path in (here, there):
-        lead = DrivenPath.of(driven(path, every(STEP, 0.0, path.length)), RUN_IN)
+        lead = driven(path, every(STEP, 0.0, path.length))
         both.append(cross_track(driven(path, every(1.1, -20.0, path.length), swerving), lead))
     ones, others = ({foot.at_ns: foot for foot in feet} for feet in both)
     assert len(ones.keys() ^ others.keys()) <= 2  # those on the very ends of the path
@@ -206,7 +412,7 @@ def test_it_is_the_distance_to_the_nearest_place_where_the_path_does_not_meet_it
     path = path_from_segments([Segment(30.0, 0.0), *segments])
     lead_poses = driven(path, every(STEP, 0.0, path.length))
     own = driven(path, every(2.3, 5.0, path.length - 5.0), swerving)
-    for foot, pose in zip(cross_track(own, DrivenPath.of(lead_poses, RUN_IN)), own, strict=True):
+    for foot, pose in zip(cross_track(own, lead_poses), own, strict=True):
         assert abs(foot.lateral) == pytest.approx(nearest(pose, lead_poses), abs=0.01)
 
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vehicles.geometry.path import SAMPLING, Path, PathPoint, Segment, path_from_segments
+from vehicles.geometry.path import SAMPLING, Path, Segment, path_from_segments
+from vehicles.geometry.path_point import PathPoint
 
 FIGURE_OF_EIGHT = [Segment(2 * math.pi * 15, 1 / 15), Segment(2 * math.pi * 15, -1 / 15)]
 
@@ -123,9 +124,8 @@ def test_figure_of_eight_is_followed_in_order_through_its_crossing() -> None:
     path = path_from_segments(FIGURE_OF_EIGHT * 2)
     near, last = 0.0, -1.0
     for k in range(1, round(path.length / 0.4)):
-        point = path.at(0.4 * k)
-        foot = path.project(*beside(point, 0.3 * math.sin(k)), near)
-        assert foot.station == pytest.approx(point.station, abs=1e-3)
+        foot = path.project(*beside(path.at(0.4 * k), 0.3 * math.sin(k)), near)
+        assert foot.station == pytest.approx(0.4 * k, abs=1e-3)
         assert foot.station > last
         near = last = foot.station
 

@@ -1,0 +1,63 @@
+"""The value of `--rerun`: where the picture goes."""
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+from urllib.parse import urlsplit
+
+from transport.picture.viewer_process import ViewerError
+
+Sink = Literal["off", "spawn", "serve", "connect", "save"]
+LOOPBACK = "127.0.0.1"
+PAGE_PORT = 9090
+DATA_PORT = 9876
+"""Rerun's usual ports; if they are taken and none were given, any free one is used."""
+
+
+@dataclass(frozen=True, slots=True)
+class RerunOption:
+    """Where the picture goes.
+
+    `target` is the URL of `connect` or the path of `save`. `address` and the two ports (0: the
+    usual one) are those of `serve`: the web page, and the data it shows.
+    """
+
+    sink: Sink
+    target: str = ""
+    address: str = LOOPBACK
+    page_port: int = 0
+    data_port: int = 0
+
+
+_ADDRESS = r"(?P<address>\d+\.\d+\.\d+\.\d+|localhost)"
+_PORTS = r"(?P<page>\d{1,5})(?::(?P<data>\d{1,5}))?"
+_SERVE = re.compile(rf"(?:{_ADDRESS}(?:$|:(?=\d)))?(?:{_PORTS})?")
+_FORMS = "off, spawn, serve, serve=[ADDRESS:]PORT[:DATA_PORT], connect=URL or save=PATH"
+
+
+def parse_rerun_option(text: str) -> RerunOption:
+    """Read the value of `--rerun`; raises ViewerError with one clear line.
+
+    `serve=0.0.0.0:9090:9876` serves the web page on port 9090 and its data on port 9876 of all
+    interfaces, as a container needs it; without an address both stay on 127.0.0.1.
+    """
+    sink, given, value = text.partition("=")
+    match sink, bool(value):
+        case (("off" | "spawn" | "serve"), False) if not given:
+            return RerunOption(sink)
+        case "save", True:
+            return RerunOption("save", target=value)
+        case "connect", True:
+            url = urlsplit(value)
+            if url.scheme in {"rerun", "rerun+http", "rerun+https"} and url.hostname:
+                return RerunOption("connect", target=value)
+            raise ViewerError(
+                f"--rerun {text}: {value} is no Rerun URL like "
+                f"rerun+http://127.0.0.1:{DATA_PORT}/proxy"
+            )
+        case "serve", True:
+            found = _SERVE.fullmatch(value)
+            ports = [int(found[name] or 0) for name in ("page", "data")] if found else [65536]
+            if found and max(ports) < 65536:
+                return RerunOption("serve", "", found["address"] or LOOPBACK, *ports)
+    raise ViewerError(f"--rerun {text}: give {_FORMS}")
