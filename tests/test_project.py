@@ -141,7 +141,7 @@ def test_a_folder_s_map_names_what_is_in_it(folder: Path) -> None:
     assert text
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "__main__", "convoy_pb2"}
     rooms = {path.parent.name for path in folder.glob("*/__init__.py")}
-    named = set(re.findall(r"^(\w+)/? {3,}\S", text, flags=re.MULTILINE))
+    named = set(re.findall(r"^(\w+)/? {2,}\S", text, flags=re.MULTILINE))
     assert named - {"library"} == modules | rooms
 
 

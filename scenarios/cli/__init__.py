@@ -1,1 +1,13 @@
-"""The command line: `convoy COMMAND …`."""
+"""The command line: `convoy COMMAND …`.
+
+main       all commands, and `convoy` itself
+run        run, router, vehicle, record: drive a convoy, or its parts by hand
+running    what run and record do: folder, listeners, summary
+scenario   list, check, new: look at scenarios
+logs       review, report: look at logs
+study      gains, reproduce: look at the science
+options    options that several commands share
+progress   the live table of a run
+tables     the tables printed at the end
+failure    errors as clear lines and exit codes
+"""

@@ -1,129 +1,156 @@
-"""What the commands `run` and `record` do: prepare the folder, run, show, sum up."""
+"""Commands that drive a convoy: all of it, or its parts by hand."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from datetime import UTC, datetime
+import sys
 from pathlib import Path
+from typing import Any
 
 import click
-from rich.console import Console
 
-from scenarios.cli.progress import Progress
-from scenarios.cli.tables import print_summary
-from scenarios.definition.check.report import warnings
-from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of
-from scenarios.results.review import open_view
-from scenarios.results.summary import RunSummary, to_json
-from scenarios.runs.processes.launcher import LaunchPlan, launch
-from scenarios.runs.processes.recording import RecorderProcess
-from scenarios.runs.processes.supervisor import Supervisor
-from scenarios.runs.recorder import Listener
-from scenarios.runs.stop import EXIT_FAILED, Stop, stop_on_signals
-from scenarios.runs.virtual import run_virtual
-from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.log.records import LogError
-from transport.picture.option import parse_rerun_option
+from scenarios.cli.failure import clear_errors
+from scenarios.cli.options import (
+    leash_option,
+    log_options,
+    scenario_options,
+    zenoh_from,
+    zenoh_options,
+)
+from scenarios.runs.stop import stop_on_request
 
 
-def run_scenario(
-    name: str,
-    overrides: Sequence[str],
-    seed: int | None,
+@click.command(
+    epilog="""\b
+Examples:
+  convoy run
+  convoy run highway --seed 3 --out /tmp/highway
+  convoy run lane_change --clock virtual --set links.latency_ms=100
+"""
+)
+@scenario_options
+@click.option(
+    "--clock",
+    type=click.Choice(["wall", "virtual"]),
+    default="wall",
+    show_default=True,
+    help="Real processes in real time, or one process as fast as it goes.",
+)
+@log_options
+def run(
     *,
+    scenario: str,
+    overrides: tuple[str, ...],
+    seed: int | None,
     clock: str,
     out: Path | None,
     rerun: str,
     quiet: bool,
-) -> int:
-    """`convoy run`: returns the exit code."""
-    scenario = load_scenario(name, overrides, seed)
-    for line in warnings(scenario):
-        click.echo(f"warning: {line}", err=True)
-    parse_rerun_option(rerun)  # refused here, in one line, rather than by the recorder
-    folder = run_folder(scenario, out)
-    stop = stop_on_signals()
-    if clock == "virtual":
-        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
-            summary = run_virtual(scenario, folder, stop, listeners=watchers)
-        show(summary, folder, quiet=quiet)
-        return stop.exit_code if summary.reason else 0
-    again = [name, *(f"--set={text}" for text in overrides)]
-    if seed is not None:
-        again.append(f"--seed={seed}")
-    recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
-    outcome = launch(LaunchPlan(scenario, again, folder, recorder_flags), stop, Supervisor())
-    if outcome.reason:
-        console = Console(stderr=True)
-        console.print(f"[bold red]{outcome.reason}[/]", highlight=False)
-    if outcome.repaired:
-        with suppress(LogError):  # killed before the first message
-            sum_up(folder, quiet=quiet)
-    return outcome.exit_code
+) -> None:
+    """Run SCENARIO (a shipped name or a TOML file) and write its log and summary.
+
+    Writes run.mcap and summary.json into runs/<start>-<scenario>/ or the folder given by --out.
+    """
+    from scenarios.cli.running import run_scenario
+
+    with clear_errors():
+        sys.exit(
+            run_scenario(scenario, overrides, seed, clock=clock, out=out, rerun=rerun, quiet=quiet)
+        )
 
 
-def record_run(
-    scenario: Scenario,
-    options: ZenohOptions,
-    stop: Stop,
+@click.command(
+    epilog="""\b
+Examples:
+  convoy router                                  on tcp/127.0.0.1:7447
+  convoy router -l tcp/0.0.0.0:7447              for other machines too
+"""
+)
+@zenoh_options
+@click.option("--until-empty", is_flag=True, help="End once all who came have left.")
+@leash_option
+def router(*, until_empty: bool, leash: bool, **flags: Any) -> None:
+    """Start the Zenoh router that the vehicles and the recorder meet at."""
+    stop = stop_on_request(with_launcher=leash)
+    from scenarios.runs.processes.router import route
+
+    with clear_errors():
+        sys.exit(route(zenoh_from(flags), stop, until_empty=until_empty))
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy vehicle lane_change --name v1 -e tcp/192.0.2.1:7447
+  convoy vehicle my.toml --name v3
+"""
+)
+@scenario_options
+@click.option("--name", required=True, help="Which vehicle of the scenario to be.")
+@zenoh_options
+@leash_option
+def vehicle(
     *,
+    scenario: str,
+    overrides: tuple[str, ...],
+    seed: int | None,
+    name: str,
+    leash: bool,
+    **flags: Any,
+) -> None:
+    """Be one vehicle of SCENARIO; starts when the recorder says so."""
+    stop = stop_on_request(with_launcher=leash)
+    from scenarios.definition.scenario import load_scenario
+    from scenarios.runs.processes.vehicle import run_vehicle
+
+    with clear_errors():
+        convoy = load_scenario(scenario, overrides, seed)
+        sys.exit(run_vehicle(convoy, name, zenoh_from(flags), stop))
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy record lane_change -e tcp/192.0.2.1:7447
+  convoy record lane_change --out runs/today --rerun serve
+"""
+)
+@scenario_options
+@zenoh_options
+@log_options
+@click.option(
+    "--wait",
+    "gather_s",
+    type=click.FloatRange(min=0.0),
+    default=60.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long to wait until all vehicles are present.",
+)
+@leash_option
+def record(
+    *,
+    scenario: str,
+    overrides: tuple[str, ...],
+    seed: int | None,
     out: Path | None,
     rerun: str,
     quiet: bool,
     gather_s: float,
-) -> int:
-    """`convoy record`: returns the exit code."""
-    stop.begun = True
-    folder = run_folder(scenario, out)
-    with open_bus(options) as bus:
-        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
-            recorder = RecorderProcess(
-                scenario, bus, folder, stop, gather_s=gather_s, listeners=watchers
+    leash: bool,
+    **flags: Any,
+) -> None:
+    """Gather the vehicles of SCENARIO, start them together, and write the log of their run."""
+    stop = stop_on_request(with_launcher=leash)
+    from scenarios.cli.running import record_run
+    from scenarios.definition.scenario import load_scenario
+
+    with clear_errors():
+        sys.exit(
+            record_run(
+                load_scenario(scenario, overrides, seed),
+                zenoh_from(flags),
+                stop,
+                out=out,
+                rerun=rerun,
+                quiet=quiet,
+                gather_s=gather_s,
             )
-            summary = recorder.record_until_over()
-        show(summary, folder, quiet=quiet)
-        # Last of all: on this the vehicles end, and the end of one container may stop all others.
-        recorder.announce_completion()
-    if quiet and summary.reason and not stop.asked:
-        click.echo(summary.reason, err=True)
-    # A signal that comes when all is done changes nothing any more.
-    return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
-
-
-def run_folder(scenario: Scenario, out: Path | None) -> Path:
-    """Folder of a new run; a log that is there already is never overwritten."""
-    started = datetime.now(tz=UTC).astimezone().strftime("%Y%m%d-%H%M%S")
-    folder = out or Path("runs") / f"{started}-{scenario.name}"
-    if (folder / LOG_NAME).exists():
-        raise ScenarioError([f"{folder / LOG_NAME}: exists; give another folder by --out"])
-    return folder
-
-
-@contextmanager
-def listeners(
-    scenario: Scenario, rerun: str, *, run_id: str, quiet: bool
-) -> Iterator[list[Listener]]:
-    """Open the viewer and the progress line, which are given each message as it is recorded."""
-    with ExitStack() as stack:
-        view = stack.enter_context(open_view(parse_rerun_option(rerun), scenario, run_id))
-        found: list[Listener] = [view.draw]
-        if view.where and not quiet:
-            Console(stderr=True).print(f"watch it: {view.where}", soft_wrap=True, highlight=False)
-        if not quiet:
-            progress = Progress(scenario.vehicle_names, scenario.duration_s)
-            found.append(stack.enter_context(progress).listen)
-        yield found
-
-
-def sum_up(folder: Path, *, quiet: bool) -> None:
-    """Write and show the summary of a run whose recorder could not; raises LogError."""
-    summary = summary_of(folder / LOG_NAME)
-    (folder / SUMMARY_NAME).write_text(to_json(summary), encoding="utf-8")
-    show(summary, folder, quiet=quiet)
-
-
-def show(summary: RunSummary, folder: Path, *, quiet: bool) -> None:
-    """Print the tables of a run."""
-    if not quiet:
-        print_summary(summary, folder / LOG_NAME, Console())
+        )

@@ -13,7 +13,7 @@ from time import process_time
 
 import numpy as np
 
-from tests.made.arc_courses import course, shaken, window
+from tests.made.vehicles.arc_courses import course, shaken, window
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
 from vehicles.preview.trajectory import FitSettings, fit_composite

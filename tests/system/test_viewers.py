@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from rerun.experimental import ViewerClient
 
-from tests.made import drive
+from tests.made.transport import drive
 from tests.system.screenshot import can_take_pictures, headless_viewer, take_picture
 from transport.picture.blueprint import colour_of
 from transport.picture.option import parse_rerun_option

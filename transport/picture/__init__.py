@@ -1,1 +1,11 @@
-"""The picture of a run in Rerun, live or from its log."""
+"""The picture of a run in Rerun, live or from its log.
+
+option           the value of `--rerun`: where the picture goes
+view             opens and closes it there
+picture          draws messages, each kind its way
+shapes           cars, road, name tags
+curves           curves over time, sent in batches
+link_states      how each link was over each half second
+blueprint        layout and colours
+viewer_process   Rerun's own programs beside us
+"""

@@ -1,1 +1,11 @@
-"""The earth and the plane, arc splines, paths, and the cross-track error."""
+"""The earth and the plane, and paths on it.
+
+geodesy             WGS84 against the local east-north plane, compass course against yaw
+path_point          a point of a path, and the foot of a point beside it
+arc_spline          straight lines and circular arcs with a continuous tangent
+path                a path that a lead can drive: place, direction and curvature by arc length
+local_regression    local polynomials through noisy points
+smoothing           a path from recorded points
+driven_path         the path the lead drove, and the cross-track error from it
+trajectory_points   points along a composite trajectory, for pictures
+"""

@@ -5,7 +5,7 @@ import pytest
 
 from scenarios.cli import progress
 from scenarios.cli.progress import PLAIN_EVERY_S, REDRAW_S, Progress
-from tests.made.messages import START, gps, health, start, text, tracking, truth, verdict
+from tests.made.scenarios.messages import START, gps, health, start, text, tracking, truth, verdict
 
 CONVOY = ("v1", "v2")
 

@@ -10,7 +10,7 @@ from scenarios.cli.tables import print_summary
 from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary
-from tests.made.messages import gps, health, tracking, truth, verdict
+from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 
 NO_ERROR = ("0.0", "/", "0.0")
 NO_FAULTS = ("0", "0", "0")

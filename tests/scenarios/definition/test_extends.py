@@ -13,7 +13,7 @@ from scenarios.definition.scenario import (
     scenario_from_text,
     template,
 )
-from tests.made.messages import STRAIGHT
+from tests.made.scenarios.messages import STRAIGHT
 
 CURVED = """
 name = "curved"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.overrides import override, parse_override
 from scenarios.definition.scenario import scenario_from_text
-from tests.made.messages import STRAIGHT
+from tests.made.scenarios.messages import STRAIGHT
 
 
 @settings(max_examples=50)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.check.report import warnings
 from scenarios.definition.scenario import scenario_from_text
-from tests.made.messages import STRAIGHT
+from tests.made.scenarios.messages import STRAIGHT
 from vehicles.car.parameters import LINCOLN_MKZ, Gains
 
 COORDINATES = "t_s,x_m,y_m\n" + "".join(f"{k},{10 * k},0\n" for k in range(20))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from tests.made.messages import STRAIGHT
+from tests.made.scenarios.messages import STRAIGHT
 
 
 def refused(text: str, *overrides: str, folder: Path | None = None) -> list[str]:

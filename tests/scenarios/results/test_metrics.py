@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.metrics import Extremes, Metrics
 from scenarios.results.summary import LinkSummary, VehicleSummary
-from tests.made.messages import gps, health, start, text, tracking, truth, verdict
+from tests.made.scenarios.messages import gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Message, TruePose
 
 CONVOY = ("v1", "v2", "v3")

@@ -7,8 +7,8 @@ from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.review import open_view, review, widest_gap
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
-from tests.made import drive
-from tests.made.recording import Table, columns
+from tests.made.transport import drive
+from tests.made.transport.recording import Table, columns
 from transport.codec import encode
 from transport.log.records import LogError
 from transport.log.writer import LogWriter

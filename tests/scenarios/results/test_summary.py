@@ -21,7 +21,7 @@ from scenarios.results.summary import (
     to_json,
 )
 from scenarios.runs.run_log import RunLog
-from tests.made.messages import START, at, gps, health, text, tracking, truth, verdict
+from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict
 from transport.codec import encode
 from transport.log.mcap_file import repair
 from transport.log.reader import LogReader

@@ -10,8 +10,18 @@ from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary
 from scenarios.runs.recorder import Recorder
-from tests.made.links import inbox as inbox_of
-from tests.made.messages import START, at, command, gps, health, start, text, tracking, truth
+from tests.made.scenarios.messages import (
+    START,
+    at,
+    command,
+    gps,
+    health,
+    start,
+    text,
+    tracking,
+    truth,
+)
+from tests.made.transport.links import inbox as inbox_of
 from transport.codec import MAX_BYTES, encode
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter

@@ -14,7 +14,7 @@ from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.rehearsal import record, rehearse
 from scenarios.runs.replay import RecordedVehicle, head_start, read_recorded_vehicle
-from tests.made.links import inbox as inbox_of
+from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode
 from transport.log.reader import LogReader

@@ -6,7 +6,7 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SCENARIO_NAME, SUMMARY_NAME
 from scenarios.results.summary import to_json
 from scenarios.runs.run_log import RunLog
-from tests.made.messages import START, at, gps, health, tracking, truth
+from tests.made.scenarios.messages import START, at, gps, health, tracking, truth
 from transport.codec import decode, encode
 from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, TOPICS, key

@@ -17,7 +17,7 @@ from scenarios.results.summary import LinkSummary, RunSummary
 from scenarios.runs.run_log import SLOW_WRITER
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
-from tests.made.mcap_package import RenamedWriter
+from tests.made.transport.mcap_package import RenamedWriter
 from transport.codec import encode
 from transport.log import fast_mcap
 from transport.log.reader import LogReader

@@ -13,7 +13,7 @@ from scenarios.studies.paper.claims.field import settled_errors
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings, Tally, in_cm, non_increasing
 from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, VARIABLE_SPEED, A, B, C, D, RunKey
-from tests.made.findings import a_paper_come_true, a_trial
+from tests.made.scenarios.findings import a_paper_come_true, a_trial
 
 SIMULATED = (*base.CLAIMS, *other_cases.CLAIMS, *field.CLAIMS)
 DRIVEN = (*model.CLAIMS, *SIMULATED)

@@ -26,7 +26,7 @@ from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, sine
 from scenarios.studies.paper.keys import BASE, RunKey
 from scenarios.studies.paper.linear_prediction import predicted
 from scenarios.studies.paper.reproduce import run_experiment
-from tests.made.messages import truth
+from tests.made.scenarios.messages import truth
 from transport.log.reader import LogReader
 from vehicles.car.parameters import NOMINAL_GAINS
 from vehicles.messages import CompositeTrajectory, RunStart

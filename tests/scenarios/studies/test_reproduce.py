@@ -28,7 +28,7 @@ from scenarios.studies.paper.reproduce import (
     reproduce,
     run_experiment,
 )
-from tests.made.findings import a_paper_come_true
+from tests.made.scenarios.findings import a_paper_come_true
 
 PNG = b"\x89PNG"
 
@@ -146,11 +146,6 @@ def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
     assert runs <= set(jobs)
     assert jobs[:2] == [Part.FIELD, Part.GAINS]
     assert jobs.index(VARIABLE_SPEED) < jobs.index(BASE.noisy(1))
-
-
-def test_jobs_are_done_by_worker_processes() -> None:
-    jobs = {"six": partial(pow, 6, 1), "eight": partial(pow, 2, 3)}
-    assert dict(run_jobs(jobs, 1)) == {"six": 6, "eight": 8}
 
 
 def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from tests.made.bus import Heard, connect, until
+from tests.made.transport.bus import Heard, connect, until
 from transport.bus.bus import Bus
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.bus.zenoh_bus import ZenohOptions, open_bus, open_router

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from tests.made.bus import Heard, connect, until
+from tests.made.transport.bus import Heard, connect, until
 from transport.bus.bus import BusError
 from transport.bus.zenoh_bus import Router, ZenohBus, configuration, open_bus, open_router
 from transport.bus.zenoh_options import DEFAULTS, MEMBER_DEFAULTS, ZenohOptions

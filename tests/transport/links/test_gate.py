@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.made.messages import START, at, gps
+from tests.made.scenarios.messages import START, at, gps
 from transport.codec import RefusedMessageError, encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES, PoseGate
 from transport.reasons import REASONS

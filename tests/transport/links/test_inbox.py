@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.tables import LinkTable
-from tests.made.links import inbox as inbox_of
-from tests.made.links import link as link_of
+from tests.made.transport.links import inbox as inbox_of
+from tests.made.transport.links import link as link_of
 from transport.clock import ticks
 from transport.codec import encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES

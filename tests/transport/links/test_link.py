@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.tables import LinkTable
-from tests.made.links import link
+from tests.made.transport.links import link
 from transport.links.effects import Decimation, Effect, Uniform
 from transport.links.link import Verdict, combine, keyed_uniform
 from transport.reasons import DropReason

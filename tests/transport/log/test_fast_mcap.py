@@ -7,9 +7,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from tests.made import drive
-from tests.made.logs import put, rows, write
-from tests.made.mcap_package import RenamedWriter
+from tests.made.transport import drive
+from tests.made.transport.logs import put, rows, write
+from tests.made.transport.mcap_package import RenamedWriter
 from transport.log import fast_mcap
 from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.reader import LogReader

@@ -9,8 +9,8 @@ from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
-from tests.made import drive
-from tests.made.logs import rows, write
+from tests.made.transport import drive
+from tests.made.transport.logs import rows, write
 
 
 def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None:

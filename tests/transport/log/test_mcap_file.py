@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.made import drive
-from tests.made.logs import TICKS, put, rerun_accepts, rows
+from tests.made.transport import drive
+from tests.made.transport.logs import TICKS, put, rerun_accepts, rows
 from transport.codec import encode
 from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
@@ -45,7 +45,7 @@ def test_a_log_cut_anywhere_keeps_its_beginning(tmp_path: Path) -> None:
 WRITER = """
 import os, sys, time
 from pathlib import Path
-from tests.made import drive
+from tests.made.transport import drive
 from transport.codec import encode
 from transport.log.writer import LogWriter
 from transport.topics import TOPICS

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from tests.made.logs import TICKS, rows, write
+from tests.made.transport.logs import TICKS, rows, write
 from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
 from transport.log.records import LogError

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from tests.made import drive
-from tests.made.logs import TICKS, put, rerun_accepts, rows, write
+from tests.made.transport import drive
+from tests.made.transport.logs import TICKS, put, rerun_accepts, rows, write
 from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.log.records import LogError

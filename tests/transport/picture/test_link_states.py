@@ -1,6 +1,6 @@
 import pytest
 
-from tests.made import drive
+from tests.made.transport import drive
 from transport.picture.link_states import WAIT_NS, WINDOW_NS, LinkStates
 
 MILLISECOND = 1_000_000

@@ -14,8 +14,8 @@ import numpy as np
 import psutil
 import pytest
 
-from tests.made import drive
-from tests.made.recording import Table, columns
+from tests.made.transport import drive
+from tests.made.transport.recording import Table, columns
 from transport.picture.option import RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
@@ -238,7 +238,7 @@ def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
 
 SERVE = """
 import time
-from tests.made import drive
+from tests.made.transport import drive
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 view = RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES)

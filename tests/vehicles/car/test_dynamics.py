@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.made.driving import TICK, apart, drive, steer
+from tests.made.vehicles.driving import TICK, apart, drive, steer
 from vehicles.car.dynamics import WALKING_PACE, Actuation, Body, advance
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.made.exact_drives import (
+from tests.made.vehicles.exact_drives import (
     CONTROL_HZ,
     GNSS_HZ,
     LATENCY_NS,
@@ -17,7 +17,7 @@ from tests.made.exact_drives import (
     hearing,
     on,
 )
-from tests.made.followers import (
+from tests.made.vehicles.followers import (
     BEND,
     FUSIONS,
     GAP,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.made.exact_drives import (
+from tests.made.vehicles.exact_drives import (
     CONTROL_HZ,
     PLANE,
     START,
@@ -19,7 +19,7 @@ from tests.made.exact_drives import (
     measured,
     on,
 )
-from tests.made.followers import (
+from tests.made.vehicles.followers import (
     BEND,
     FUSIONS,
     STRAIGHT,

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from tests.made.arc_courses import course
-from tests.made.laps import TICK, Place, bulb, eight, lap
+from tests.made.vehicles.arc_courses import course
+from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.steering import SlipCompensated

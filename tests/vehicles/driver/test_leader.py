@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.made.exact_drives import CONTROL_HZ, START, Source, Step, drive, hearing, on
+from tests.made.vehicles.exact_drives import CONTROL_HZ, START, Source, Step, drive, hearing, on
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.leader import Leader
 from vehicles.driver.pose_estimator import PoseEstimator

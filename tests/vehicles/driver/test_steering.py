@@ -3,7 +3,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.made.arc_courses import course
+from tests.made.vehicles.arc_courses import course
 from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Gains

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made.arc_courses import beside, course
+from tests.made.vehicles.arc_courses import beside, course
 from vehicles.driver.tracking import TrackingErrors, track
 
 HEADINGS = {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}

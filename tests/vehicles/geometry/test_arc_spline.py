@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made.arc_courses import beside, course
+from tests.made.vehicles.arc_courses import beside, course
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 
 YAWS = st.floats(-math.pi, math.pi)

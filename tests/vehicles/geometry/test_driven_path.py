@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.made import drive
-from tests.made.messages import at, truth
+from tests.made.scenarios.messages import at, truth
+from tests.made.transport import drive
 from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.messages import TruePose

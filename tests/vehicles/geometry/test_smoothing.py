@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.made.recorded_points import Points, circle, noisy, smooth
+from tests.made.vehicles.recorded_points import Points, circle, noisy, smooth
 from vehicles.geometry.path import SAMPLING, Path
 from vehicles.geometry.smoothing import SmoothedPath, smooth_path
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.made.recorded_points import oval, smooth
+from tests.made.vehicles.recorded_points import oval, smooth
 from vehicles.geometry.smoothing import smooth_path
 
 

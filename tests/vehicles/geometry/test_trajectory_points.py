@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made import drive
+from tests.made.transport import drive
 from vehicles.geometry.trajectory_points import LONGEST_M, points_along
 from vehicles.messages import CompositeTrajectory
 

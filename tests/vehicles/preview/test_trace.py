@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made.arc_courses import beside, course
-from tests.made.laps import TICK, Place, bulb, eight, lap
+from tests.made.vehicles.arc_courses import beside, course
+from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.preview.trace import Trace, TraceSettings
 
 

@@ -7,7 +7,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from tests.made.arc_courses import beside, course, misses, shaken, window
+from tests.made.vehicles.arc_courses import beside, course, misses, shaken, window
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit, FitSettings, fit_composite, fuse

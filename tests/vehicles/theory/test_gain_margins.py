@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 
-from tests.made.random_cars import CAR, CARS, GAINS, SPEEDS
+from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
 from vehicles.theory.gain_margins import common_ball, gain_interval, stability_ball
 from vehicles.theory.gain_sets import PAPER_SPEEDS, abscissa, boundary_curve, is_stabilising

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from tests.made.error_model import curvature_input, curvature_rate_input
-from tests.made.random_cars import CAR, CARS, GAINS, SPEEDS
+from tests.made.vehicles.error_model import curvature_input, curvature_rate_input
+from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import (
     NOMINAL_GAINS,
     Gains,

@@ -1,1 +1,6 @@
-"""The report of a reproduction: report writes it, with tables and pictures."""
+"""The report of a reproduction.
+
+report     report.md and report.json
+tables     its tables
+pictures   its pictures
+"""

@@ -2,7 +2,7 @@
 
 from scenarios.definition.check.report import check, report_of
 from scenarios.definition.scenario import scenario_from_text
-from tests.made.messages import STRAIGHT
+from tests.made.scenarios.messages import STRAIGHT
 
 
 def test_check_warns_of_what_may_surprise() -> None:

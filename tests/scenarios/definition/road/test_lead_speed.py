@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.check.report import report_of
 from scenarios.definition.scenario import scenario_from_text
-from tests.made.messages import STRAIGHT
+from tests.made.scenarios.messages import STRAIGHT
 
 
 def test_a_set_speed_is_lowered_for_a_curve_and_taken_up_again() -> None:

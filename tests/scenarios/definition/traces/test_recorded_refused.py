@@ -11,7 +11,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.traces.formats import TraceError
 from scenarios.definition.traces.recorded import read_trace
-from tests.made.recorded_drives import (
+from tests.made.scenarios.recorded_drives import (
     CSV,
     WRITERS,
     as_nmea,

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from tests.made.exact_drives import CONTROL_HZ, PLANE, START, Source, Step
+from tests.made.vehicles.exact_drives import CONTROL_HZ, PLANE, START, Source, Step
 from transport.codec import RefusedMessageError
 from transport.links.gate import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR

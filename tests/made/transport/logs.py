@@ -7,7 +7,7 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from tests.made import drive
+from tests.made.transport import drive
 from transport.codec import encode
 from transport.log.writer import LogWriter
 from transport.picture import viewer_process

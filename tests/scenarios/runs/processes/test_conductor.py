@@ -14,7 +14,7 @@ from scenarios.runs.processes.conductor import (
     Conductor,
     Phase,
 )
-from tests.made.messages import START, at, health, tracking
+from tests.made.scenarios.messages import START, at, health, tracking
 from vehicles.schedule import SECOND
 
 PERIOD_NS = SECOND // 20

@@ -12,7 +12,7 @@ from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.processes.launcher import WATCH_PERIOD_S, LaunchPlan, RunOutcome, launch
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
-from tests.made.messages import START
+from tests.made.scenarios.messages import START
 from transport.bus.bus import BusError
 from transport.log.reader import LogReader
 

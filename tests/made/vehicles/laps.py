@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from tests.made.arc_courses import course
+from tests.made.vehicles.arc_courses import course
 from vehicles.geometry.arc_spline import ArcSpline
 
 TICK = 50_000_000

@@ -6,8 +6,8 @@ from scenarios.definition.schema.tables import LinkTable
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe, Probe, Usage
 from scenarios.runs.node.sink import BusSink
-from tests.made.links import inbox as inbox_of
-from tests.made.messages import START, at, gps
+from tests.made.scenarios.messages import START, at, gps
+from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import ticks
 from transport.codec import decode, encode

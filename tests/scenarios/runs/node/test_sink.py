@@ -3,9 +3,9 @@
 from scenarios.results.drives import DriveRecorder
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.rehearsal import RehearsalSink
-from tests.made import drive
-from tests.made.bus import Heard
-from tests.made.messages import gps, health, tracking, truth
+from tests.made.scenarios.messages import gps, health, tracking, truth
+from tests.made.transport import drive
+from tests.made.transport.bus import Heard
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import encode
 from transport.topics import Topic

@@ -1,0 +1,59 @@
+"""Commands that look at the logs of runs."""
+
+from pathlib import Path
+
+import click
+
+from scenarios.cli.failure import clear_errors
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy review runs/20260101-120000-lane_change/run.mcap
+  convoy review run.mcap --rerun serve           in the browser
+  convoy review run.mcap --rerun save=run.rrd    for later
+"""
+)
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option(
+    "--rerun",
+    default="spawn",
+    show_default=True,
+    metavar="spawn|serve|connect=URL|save=PATH",
+    help="Where to show it.",
+)
+def review(log: Path, *, rerun: str) -> None:
+    """Show a recorded LOG in Rerun, with the picture of a live run."""
+    from scenarios.results import review as reviewing
+    from scenarios.runs.stop import stop_on_signals
+    from transport.clock import poll
+    from transport.picture.option import parse_rerun_option
+
+    def wait(where: str) -> None:
+        click.echo(f"look here: {where}\nCtrl-C ends it")
+        stop = stop_on_signals()
+        poll(lambda: stop.asked, every_s=0.1)
+
+    with clear_errors():
+        count = reviewing.review(log, parse_rerun_option(rerun), wait=wait)
+        click.echo(f"{count} messages drawn")
+
+
+@click.command(epilog="Example: convoy report runs/20260101-120000-lane_change/run.mcap")
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="The summary as JSON.")
+def report(log: Path, *, as_json: bool) -> None:
+    """Print the tables of a recorded LOG again, also of one that breaks off."""
+    from rich.console import Console
+
+    from scenarios.cli.tables import print_summary
+    from scenarios.results.log_summary import summary_of
+    from scenarios.results.summary import to_json
+
+    with clear_errors():
+        summary = summary_of(log)
+        if as_json:
+            click.echo(to_json(summary), nl=False)
+        else:
+            print_summary(summary, log, Console())

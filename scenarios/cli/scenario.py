@@ -1,0 +1,65 @@
+"""Commands that look at scenarios and write new ones; nothing is run."""
+
+from pathlib import Path
+
+import click
+
+from scenarios.cli.failure import clear_errors
+from scenarios.cli.options import scenario_options
+
+
+@click.command(name="list", epilog="Example: convoy list")
+def list_scenarios() -> None:
+    """List the scenarios that ship."""
+    from scenarios.definition.scenario import library, load_scenario
+
+    for name in library():
+        click.echo(f"{name:20} {load_scenario(name).tables.description}")
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy check church_lot
+  convoy check my.toml --set speed.set_mps=25 --json
+"""
+)
+@scenario_options
+@click.option("--json", "as_json", is_flag=True, help="The figures as JSON.")
+def check(*, scenario: str, overrides: tuple[str, ...], seed: int | None, as_json: bool) -> None:
+    """Say what SCENARIO asks for, and warn of what may surprise; run nothing."""
+    import json
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from scenarios.cli.tables import check_table
+    from scenarios.definition.check.certificate import certificate_warnings
+    from scenarios.definition.check.report import report_of
+    from scenarios.definition.scenario import load_scenario
+
+    with clear_errors():
+        loaded = load_scenario(scenario, overrides, seed)
+        report = report_of(loaded)
+        warnings = (*report.warnings, *certificate_warnings(loaded))
+        if as_json:
+            click.echo(json.dumps(asdict(report) | {"warnings": warnings}, indent=2))
+            return
+        Console().print(check_table(report))
+        for line in warnings:
+            click.echo(f"warning: {line}")
+
+
+@click.command(epilog="Example: convoy new > my.toml")
+@click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path))
+def new(file: Path | None) -> None:
+    """Write a commented scenario with every option to FILE, or to standard output."""
+    from scenarios.definition.scenario import template
+
+    with clear_errors():
+        if file is None:
+            click.echo(template(), nl=False)
+        else:
+            with file.open("x", encoding="utf-8") as target:
+                target.write(template())
+            click.echo(f"wrote {file}; try it: convoy run {file}")
