@@ -62,8 +62,13 @@ def test_a_rehearsal_publishes_the_pose_alone_and_keeps_the_rest() -> None:
     drives = TakenDown()
     sink = RehearsalSink("v2", bus, drives)
     pose = gps("v2", 0)
-    others: list[Message] = [truth("v2", 0, 1.0, 0.0), tracking("v2", 0), health("v2")]
-    for message in (pose, *others, drive.trajectory("v2", 0)):
+    others: list[Message] = [
+        truth("v2", 0, 1.0, 0.0),
+        tracking("v2", 0),
+        health("v2"),
+        drive.trajectory("v2", 0),
+    ]
+    for message in (pose, *others):
         sink.send(message)
     sink.flush()
     assert heard == [("convoy/v2/gps", encode(pose))]
