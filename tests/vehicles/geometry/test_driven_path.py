@@ -397,9 +397,15 @@ def test_turning_or_moving_the_world_changes_nothing(
         both.append(cross_track(driven(path, every(1.1, -20.0, path.length), swerving), lead))
     ones, others = ({foot.at_ns: foot for foot in feet} for feet in both)
     assert len(ones.keys() ^ others.keys()) <= 2  # those on the very ends of the path
-    for when in ones.keys() & others.keys():
-        assert ones[when].lateral == pytest.approx(others[when].lateral, abs=1e-8)
-        assert ones[when].station == pytest.approx(others[when].station, abs=1e-8)
+    together = [(ones[when], others[when]) for when in ones.keys() & others.keys()]
+    # Outside a corner of the driven polyline a foot lies on neither of two pieces: rounding decides
+    # which of them counts, and they differ by the lateral distance times half the turn squared.
+    tolerance = 0.8 * 0.5 * (0.04 * 2.0 * STEP) ** 2
+    for one, other in together:
+        assert one.lateral == pytest.approx(other.lateral, abs=tolerance)
+        assert one.station == pytest.approx(other.station, abs=0.8 * 0.04 * 2.0 * STEP)
+    exact = sum(abs(one.lateral - other.lateral) < 1e-8 for one, other in together)
+    assert exact >= 0.9 * len(together)
 
 
 @given(segments=curves)
