@@ -51,7 +51,7 @@ _ROWS = (
     Reason("loss",      True,  False, "lost on the link"),
     Reason("garbage",   False, False, "the bytes are no whole message of the topic"),
     Reason("oversized", False, False, "larger than any message of the topic"),
-    Reason("unknown",   False, False, "under a key that nobody listens to"),
+    Reason("unknown",   False, False, "under a key without a subscriber"),
     Reason("foreign",   False, False, "names another vehicle than its key"),
     Reason("reserved",  False, False, "in the recorder's own name"),
     Reason("absurd",    False, False, "a number that no vehicle measures"),

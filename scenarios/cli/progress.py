@@ -1,4 +1,4 @@
-"""The line that tells, while a run goes on, how it goes."""
+"""The live table of a run; without a terminal, a line every few seconds."""
 
 import time
 from collections.abc import Sequence

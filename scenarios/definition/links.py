@@ -1,4 +1,4 @@
-"""Who listens to whom, and what the scenario asks of each directed link."""
+"""Which vehicles each vehicle receives from, and what the scenario asks of each directed link."""
 
 from collections.abc import Sequence
 from fractions import Fraction
@@ -15,7 +15,7 @@ ANY = "*"
 def senders_to(names: Sequence[str], receiver: str) -> tuple[str, ...]:
     """Vehicles whose poses `receiver` uses, of a convoy of `names`: the lead and its predecessor.
 
-    The lead itself listens to nobody, the first follower to the lead alone.
+    The lead has no senders, the first follower the lead alone.
     """
     place = names.index(receiver)
     return tuple(dict.fromkeys((names[0], names[place - 1]))) if place else ()

@@ -69,7 +69,7 @@ class Scenario:
 
     @property
     def goes_on_without_the_dead(self) -> bool:
-        """Whether a vehicle that dies unasked leaves the others driving."""
+        """Whether the others drive on when the process of a vehicle ends unexpectedly."""
         return self.tables.convoy.when_a_vehicle_dies == "go_on"
 
     @property

@@ -22,7 +22,7 @@ class VehicleSetup:
     """One vehicle; `place` counts from the lead, which is 0.
 
     `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
-    estimator, without the load unless the scenario says that they know it. `hears` are the
+    estimator, without the load unless the scenario says that they know it. `senders` are the
     vehicles whose poses it uses: lead and predecessor, none for the lead itself. `controller` is
     the dotted name of the class that steers.
     """
@@ -31,7 +31,7 @@ class VehicleSetup:
     place: int
     lead: str
     predecessor: str | None
-    hears: tuple[str, ...]
+    senders: tuple[str, ...]
     lateral_offset_m: float
     heading_offset_rad: float
     parameters: VehicleParameters
@@ -60,7 +60,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         place=place,
         lead=names[0],
         predecessor=predecessor,
-        hears=senders_to(names, name),
+        senders=senders_to(names, name),
         lateral_offset_m=own.lateral_offset_m if own else 0.0,
         heading_offset_rad=math.radians(own.heading_offset_deg) if own else 0.0,
         parameters=full,

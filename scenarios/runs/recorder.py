@@ -14,7 +14,7 @@ from vehicles.messages import GpsPose, Health, LogText, Message, RunEnd, RunStar
 from vehicles.schedule import SECOND
 
 EARLY_NS = SECOND
-"""A vehicle that is told before the start that the run is over says its last words then."""
+"""A vehicle sends its final counters so early when the run is cancelled before its start."""
 ANY_AGE_NS = 2**62
 """A pose is recorded however long it took to come."""
 
@@ -25,7 +25,8 @@ Listener = Callable[[int, Message], None]
 class Recorder:
     """Writes the messages of known vehicles; anything else on their keys is only counted.
 
-    `rejected` counts by a word of the table of reasons. Nobody has anything to say before `begin`.
+    `rejected` counts what was refused, by a word of the table of reasons; before `begin` that is
+    everything.
     """
 
     def __init__(

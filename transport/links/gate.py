@@ -19,7 +19,7 @@ LONGEST_POSE_BYTES = 512
 """A pose with a name of 400 letters still fits."""
 HORIZON_NS = 60 * SECOND
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
-a vehicle that was held up hears, when it goes on, what the others sent meanwhile."""
+a vehicle whose process was suspended receives, when it resumes, what was sent meanwhile."""
 
 _ROUNDING = 0.001
 """Periods; instants are rounded to nanoseconds."""
@@ -41,7 +41,7 @@ class PoseGate:
 
     `start_at` (ns) is the run's first instant, `rate_hz` the sender's GNSS rate, `plane` the
     scenario's, within reach of which the convoy drives. `oldest_ns` is how long ago a pose may
-    have been measured: a vehicle has no use for what is a minute old, a recorder has.
+    have been measured: a vehicle cannot use what is a minute old, a recorder can.
     """
 
     sender: str

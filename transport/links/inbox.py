@@ -147,18 +147,18 @@ class Inbox:
         heappush(self._waiting, (judged.visible_at, sender, pose.seq, judged, pose, late))
 
     def _hand_over(self, now: int) -> list[GpsPose]:
-        heard: list[GpsPose] = []
+        delivered: list[GpsPose] = []
         while self._waiting and self._waiting[0][0] <= now:
             _, sender, _, judged, pose, late = heappop(self._waiting)
             link = self.links[sender]
             link.late += late
             if judged.outcome == "delivered":
                 link.delivered += 1
-                heard.append(pose)
+                delivered.append(pose)
             else:
                 link.dropped[judged.reason] += 1
             self._verdicts.append(self._message(judged, pose, now, late=late))
-        return heard
+        return delivered
 
     def _message(self, judged: Verdict, pose: GpsPose, now: int, *, late: bool) -> LinkVerdict:
         seq, self._verdict_seq = self._verdict_seq, self._verdict_seq + 1

@@ -2,7 +2,7 @@
 
 option           the value of `--rerun`: where the picture goes
 view             opens and closes it there
-picture          draws messages, each kind its way
+picture          turns messages into entities of the recording
 shapes           cars, road, name tags
 curves           curves over time, sent in batches
 link_states      how each link was over each half second

@@ -69,7 +69,7 @@ def _alike(found: dict[str, _Sight]) -> Iterator[tuple[str, _Sight]]:
 
 def _seen(scenario: Scenario, setup: VehicleSetup, speed: float) -> _Sight:
     """The source known furthest ahead, where they make one trajectory; else the predecessor."""
-    names = setup.hears if setup.steering.fusion == "composite" else setup.hears[-1:]
+    names = setup.senders if setup.steering.fusion == "composite" else setup.senders[-1:]
     sights = [
         _sight(scenario, setup, name, scenario.links[name, setup.name], speed) for name in names
     ]

@@ -88,7 +88,7 @@ class ProfilePoint(Table):
 class GapTable(Table):
     """Gap keeping: `standstill_m + headway_s * speed` to the vehicle ahead, and its limits.
 
-    Followers brake harder than their lead, to make good what they hear late.
+    Followers may brake harder than their lead, to compensate for the delay of what they receive.
     """
 
     standstill_m: float = Field(default=8.0, gt=0, le=1000)

@@ -50,7 +50,7 @@ class VehicleBuilder:
     def node(self, start_at: int, sink: Sink, probe: Probe) -> Node:
         """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
         setup = self._setup
-        links = [self._incoming(sender, start_at) for sender in setup.hears]
+        links = [self._incoming(sender, start_at) for sender in setup.senders]
         inbox = Inbox(self.name, links, start_at=start_at)
         return Node(
             body=self._body(),
@@ -136,8 +136,8 @@ class VehicleBuilder:
         10 cm are five times the 2 cm of RTK).
         """
         steering = self._setup.steering
-        heard = (self._scenario.vehicle(name).gnss for name in self._setup.hears)
-        noise = max(FitSettings().position_noise, *(gnss.position_noise_m for gnss in heard))
+        receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
+        noise = max(FitSettings().position_noise, *(gnss.position_noise_m for gnss in receivers))
         return FitSettings(
             preview_time=steering.preview_s,
             tolerance=max(steering.tolerance_m, 5.0 * noise),

@@ -35,7 +35,7 @@ def test_defaults_are_the_paper_s() -> None:
 
 def test_followers_hear_the_lead_and_the_vehicle_ahead() -> None:
     scenario = scenario_from_text(STRAIGHT)
-    hears = {name: scenario.vehicle(name).hears for name in scenario.vehicle_names}
+    hears = {name: scenario.vehicle(name).senders for name in scenario.vehicle_names}
     assert hears == {"v1": (), "v2": ("v1",), "v3": ("v1", "v2"), "v4": ("v1", "v3")}
     assert scenario.vehicle("v3").predecessor == "v2"
     assert set(scenario.links) == {
