@@ -26,7 +26,7 @@ SEQUENCE_MASK = 0xFFFF_FFFF
 
 def library_name() -> str:
     """Name the writing software, with the versions on which the bytes of a log depend."""
-    parts = ("convoy-emulator", "mcap", "protobuf", "zstandard")
+    parts = ("convoy-emulator", "mcap", "protobuf", "tomli-w", "zstandard")
     return " ".join(f"{part} {version(part)}" for part in parts)
 
 

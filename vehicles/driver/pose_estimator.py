@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import VehicleParameters
 from vehicles.geometry.geodesy import wrap_angle
+from vehicles.schedule import SECOND
 
 POSITION_GAIN = 0.25
 """Share of the position's innovation that is taken over.
@@ -40,8 +41,6 @@ JUMP_HEADING = 0.5
 
 JUMPS_BELIEVED = 3
 """After so many outliers in a row that agree with one another the filter restarts there."""
-
-_SECOND = 1e-9
 
 
 @dataclass(slots=True)
@@ -111,11 +110,11 @@ class PoseEstimator:
         if self._track is None:
             raise ValueError("no pose before the first fix")
         pose = self._track.pose
-        return self._moved(pose, pose.speed, pose.yaw_rate, (now - self._track.at) * _SECOND)
+        return self._moved(pose, pose.speed, pose.yaw_rate, (now - self._track.at) / SECOND)
 
     def _corrected(self, track: _Track, fix: Fix) -> _Track | None:
         """Take `fix` into a track; None if the fix is an outlier to it."""
-        span = (fix.measured_at - track.at) * _SECOND
+        span = (fix.measured_at - track.at) / SECOND
         if span <= 0.0:
             return None
         # Over a span whose both ends were measured the means are exact to second order.

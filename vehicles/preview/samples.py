@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.schedule import SECOND
+
 Floats = NDArray[np.float64]
 
 
@@ -65,7 +67,7 @@ class Window(NamedTuple):
 
 def plausible(one: Sample, other: Sample, settings: TraceSettings) -> bool:
     """Whether a car could have been at both places at their instants (not in the paper)."""
-    span = abs(other.measured_at - one.measured_at) * 1e-9
+    span = abs(other.measured_at - one.measured_at) / SECOND
     reach = settings.jump_ratio * max(abs(one.speed), abs(other.speed)) * span
     distance = hypot(other.east - one.east, other.north - one.north)
     return distance <= reach + settings.jump_margin

@@ -46,27 +46,14 @@ def slowed(
         return wanted
     cap = _Cap(path, limits)
     station, at = start, 0.0
-    speeds = [min(_speed_of(wanted, 0.0), cap.at(start))]
+    speeds = [min(wanted.at(0.0)[0], cap.at(start))]
     while station < cap.end and at < until and not _standing(wanted, at, speeds[-1]):
         speed, at = speeds[-1], len(speeds) * STEP
-        now, before = _speed_of(wanted, at), _speed_of(wanted, at - STEP)
+        now, before = wanted.at(at)[0], wanted.at(at - STEP)[0]
         climb = max(limits.acceleration * STEP, now - before)
         speeds.append(min(now, speed + climb, cap.at(station + speed * STEP)))
         station += 0.5 * (speed + speeds[-1]) * STEP
     return SpeedProfile(tuple(k * STEP for k in range(len(speeds))), tuple(speeds))
-
-
-def _speed_of(profile: SpeedProfile, seconds: float) -> float:
-    """Speed (m/s) at `seconds` as in `SpeedProfile.at`, but divided last.
-
-    The two differ in the last bit, and the bytes of a run depend on it.
-    """
-    index = bisect_right(profile.times, seconds)
-    if index in {0, len(profile.times)}:
-        return profile.speeds[max(index - 1, 0)]
-    t0, t1 = profile.times[index - 1 : index + 1]
-    v0, v1 = profile.speeds[index - 1 : index + 1]
-    return v0 + (v1 - v0) * (seconds - t0) / (t1 - t0)
 
 
 class _Cap:
