@@ -11,6 +11,9 @@ LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"
 """Folder of the shipped recorded drives."""
 
+ATTACHED_AS = "scenario.toml"
+"""Name of the scenario of a run among the attachments of its log."""
+
 TEMPLATE = "_template"
 """The file in the library that `convoy new` writes; it is not listed."""
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
@@ -14,8 +15,6 @@ from vehicles.schedule import SECOND
 LOG_NAME = "run.mcap"
 SUMMARY_NAME = "summary.json"
 """The two files of a run's folder; the summary is also attached to the log."""
-SCENARIO_NAME = "scenario.toml"
-"""The scenario as it is attached to the log."""
 METADATA_NAME = "convoy"
 """The log's record of metadata that says which run it is."""
 
@@ -71,6 +70,6 @@ def summary_of(log: Path) -> RunSummary:
 
 def scenario_in(log: Path, attachments: Mapping[str, bytes]) -> Scenario:
     """The scenario inside a log, with the lead's path or trace, so that it can be run again."""
-    if SCENARIO_NAME not in attachments:
+    if ATTACHED_AS not in attachments:
         raise LogError(f"{log}: holds no scenario; was it written by `convoy`?")
-    return scenario_from_text(attachments[SCENARIO_NAME].decode(), label=f"{log} ({SCENARIO_NAME})")
+    return scenario_from_text(attachments[ATTACHED_AS].decode(), label=f"{log} ({ATTACHED_AS})")

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -14,7 +15,6 @@ from transport.picture.view import RerunView
 from transport.topics import CONDUCTOR
 from vehicles.messages import RunStart
 
-SCENARIO_FILE = "scenario.toml"
 USUAL_GAP_M = 15.0
 
 
@@ -74,7 +74,7 @@ def review(
 def _open(reader: LogReader, option: RerunOption, warn: Callable[[str], None]) -> RerunView:
     starts = (message for _, _, message in reader.messages(topics=("start",)))
     run_id = next((m.run_id for m in starts if isinstance(m, RunStart)), reader.path.stem)
-    text = reader.attachments().get(SCENARIO_FILE)
+    text = reader.attachments().get(ATTACHED_AS)
     if text is not None:
         try:
             return open_view(option, scenario_from_text(text.decode(), label="scenario"), run_id)

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.log_summary import (
     LOG_NAME,
     METADATA_NAME,
-    SCENARIO_NAME,
     SUMMARY_NAME,
     summarise,
 )
@@ -39,7 +39,7 @@ class RunLog:
         folder.mkdir(parents=True, exist_ok=True)
         self._writer = LogWriter(folder / LOG_NAME)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
-        self._writer.attach(SCENARIO_NAME, "application/toml", scenario.text.encode())
+        self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
         self.metrics = Metrics(scenario.vehicle_names, scenario.links, scenario.route.start_yaw)
         self.recorder = Recorder(
             vehicles={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},

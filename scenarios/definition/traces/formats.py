@@ -16,10 +16,10 @@ from datetime import time
 from pathlib import Path
 from typing import Any
 
+from scenarios.definition.library import ATTACHED_AS
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
-SCENARIO_ATTACHMENT = "scenario.toml"
 """Name under which a log holds the scenario of its run."""
 
 PLANE_COLUMNS = ("x_m", "y_m")
@@ -264,7 +264,7 @@ def _poses(path: Path, vehicle: str | None) -> list[GpsPose]:
 
     log = LogReader(path)
     senders = [name for name in log.vehicles if log.counts.get((name, "gps"))]
-    name = vehicle or _lead(log.attachments().get(SCENARIO_ATTACHMENT, b""), senders)
+    name = vehicle or _lead(log.attachments().get(ATTACHED_AS, b""), senders)
     if name not in senders:
         raise TraceError(f"given vehicle {name}, allowed {', '.join(senders) or 'none'}")
     return [m for _, _, m in log.messages(("gps",), (name,)) if isinstance(m, GpsPose)]

@@ -2,8 +2,9 @@ from pathlib import Path
 
 import pytest
 
+from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SCENARIO_NAME, SUMMARY_NAME
+from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SUMMARY_NAME
 from scenarios.results.summary import to_json
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, tracking, truth
@@ -46,7 +47,7 @@ def test_a_run_is_a_log_and_a_summary_that_say_the_same(scenario: Scenario, tmp_
     assert not reader.truncated
     attached = reader.attachments()
     assert attached[SUMMARY_NAME] == (folder / SUMMARY_NAME).read_bytes()
-    assert scenario_from_text(attached[SCENARIO_NAME].decode()).tables == scenario.tables
+    assert scenario_from_text(attached[ATTACHED_AS].decode()).tables == scenario.tables
     about = reader.metadata()[METADATA_NAME]
     assert about["run_id"] == "today"
     assert (about["scenario"], about["seed"], about["clock"]) == ("lane_change", "7", "wall")
@@ -118,7 +119,7 @@ def test_a_log_that_is_being_written_can_be_read_up_to_its_last_flush(
     reader = LogReader(tmp_path / LOG_NAME)
     assert reader.truncated
     assert len(list(reader.messages())) == 1 + 60
-    assert SCENARIO_NAME in reader.attachments()
+    assert ATTACHED_AS in reader.attachments()
     run.end(at(5.0), "")
     run.close(at(5.0))
 

@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
+from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.log_summary import SCENARIO_NAME, summary_of
+from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import LinkSummary, RunSummary
 from scenarios.runs.run_log import SLOW_WRITER
 from scenarios.runs.stop import Stop
@@ -319,7 +320,7 @@ def test_a_lead_that_starts_askew_does_not_put_its_followers_off_the_path(tmp_pa
     # A log without a summary has its messages and its scenario to tell the same.
     log = tmp_path / "run.mcap"
     with LogWriter(log) as writer:
-        writer.attach(SCENARIO_NAME, "application/toml", askew.attached[SCENARIO_NAME])
+        writer.attach(ATTACHED_AS, "application/toml", askew.attached[ATTACHED_AS])
         for at, message in askew.recorded:
             writer.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at)
     assert summary_of(log).vehicles == askew.summary.vehicles
