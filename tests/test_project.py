@@ -145,6 +145,22 @@ def test_a_folder_s_map_names_what_is_in_it(folder: Path) -> None:
     assert named == modules | rooms
 
 
+def test_a_class_s_name_stands_for_one_thing() -> None:
+    found: dict[str, list[str]] = {}
+    for name in MODULES:
+        for node in ast.parse((ROOT / name).read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef):
+                found.setdefault(node.name, []).append(name)
+    assert {name: where for name, where in found.items() if len(where) > 1} == {}
+
+
+def test_no_test_imports_another_one() -> None:
+    """What several tests use is in tests/made."""
+    for path in (ROOT / "tests").rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"^\s*(from|import) tests\.(\w+\.)*test_", text, re.MULTILINE), path
+
+
 def test_everything_that_ships_is_in_the_distribution() -> None:
     project = load_project()
     wanted = project["tool"]["setuptools"]["packages"]["find"]["include"]

@@ -31,7 +31,7 @@ def is_about(entry: LinkEntry, sender: str, receiver: str) -> bool:
     return entry.sender in {sender, ANY} and entry.receiver in {receiver, ANY}
 
 
-def link_table(tables: ScenarioTables, sender: str, receiver: str) -> LinkTable:
+def requested_link(tables: ScenarioTables, sender: str, receiver: str) -> LinkTable:
     """What is asked of one link: the convoy's values and those of its entries; later ones win."""
     link = tables.links
     for entry in tables.link:

@@ -12,7 +12,7 @@ from scenarios.definition import contradictions
 from scenarios.definition.errors import Refused, ScenarioError
 from scenarios.definition.extends import merged
 from scenarios.definition.library import ScenarioFile, library, read_file, template
-from scenarios.definition.links import directed_links, link_table
+from scenarios.definition.links import directed_links, requested_link
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.route import (
     Route,
@@ -114,7 +114,9 @@ class Scenario:
     @cached_property
     def links(self) -> Mapping[tuple[str, str], LinkTable]:
         """What is asked of each directed link, by sender and receiver."""
-        return {pair: link_table(self.tables, *pair) for pair in directed_links(self.vehicle_names)}
+        return {
+            pair: requested_link(self.tables, *pair) for pair in directed_links(self.vehicle_names)
+        }
 
     @property
     def text(self) -> str:

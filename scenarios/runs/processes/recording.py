@@ -22,7 +22,7 @@ ANNOUNCE_NS = SECOND // 4
 """Between two announcements of the start, for vehicles whose subscription came late."""
 EVERYTHING = "convoy/**"
 GATHER_S = 60.0
-FINAL_COUNTERS_NS = SECOND
+CANCELLED_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
 Arrival = tuple[int, str, bytes]
 
@@ -82,7 +82,7 @@ class RecorderProcess:
         self._bus.publish(*self._own[-1], urgent=True)
 
     def _await_final_counters(self) -> None:
-        until = self._clock.now() + FINAL_COUNTERS_NS
+        until = self._clock.now() + CANCELLED_NS
         while self._clock.now() < until and self._conductor.awaits_final_counters():
             self._record_arrivals()
 
