@@ -22,6 +22,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
+from transport.picture.link_states import LATE, LOSSES, OK, SILENT
+
 Colour = tuple[int, int, int]
 Road = tuple[Sequence[float], Sequence[float]]
 """East and north of the lead's path, m."""
@@ -44,35 +46,49 @@ LEGEND_HOLDS = 6
 """A legend of more vehicles would hide the curves; the name tags have the same colours."""
 ROAD = (0x6A, 0x6A, 0x6A)
 
-OK, LATE = (0x2F, 0x7D, 0x5B), (0x7D, 0x8C, 0xFF)
-SOME_LOST, MANY_LOST, SILENT = (0xE6, 0xB8, 0x4D), (0xD5, 0x4E, 0x00), (0x9A, 0x4D, 0xC4)
+EDGE = (0x45, 0x45, 0x45)
+MARK = (0xFF, 0xFF, 0xFF, 0x60)
+
+CALM, WAITING, HALTED = (0x2E, 0x4A, 0x44), (0x3F, 0x44, 0x7E), (0x4F, 0x25, 0x66)
+LEAST_LOSS, ALL_LOST = (0x5C, 0x4A, 0x36), (0xB0, 0x10, 0x3C)
+
+
+def _shade(share: float) -> Colour:
+    """Colour of a share lost, from brown to crimson."""
+    red, green, blue = (
+        round(least + share * (most - least))
+        for least, most in zip(LEAST_LOSS, ALL_LOST, strict=True)
+    )
+    return red, green, blue
+
+
 STATES = {
     "links": {
-        "ok": OK,
-        "late": LATE,
-        "some lost": SOME_LOST,
-        "many lost": MANY_LOST,
-        "silent": SILENT,
+        OK: CALM,
+        LATE: WAITING,
+        **{state: _shade(k / 9.0) for k, state in enumerate(LOSSES)},
+        SILENT: HALTED,
     },
-    "messages": {"ok": OK, "late": LATE, "lost": MANY_LOST},
+    "messages": {OK: CALM, LATE: WAITING, "lost": ALL_LOST},
     "mode": {
-        "path": (0x7A, 0x7A, 0x7A),
-        "composite": OK,
-        "lead": (0x56, 0xB4, 0xE9),
-        "predecessor": SOME_LOST,
-        "coast": MANY_LOST,
-        "straight": SILENT,
+        "path": (0x4A, 0x4A, 0x4A),
+        "composite": CALM,
+        "lead": (0x2A, 0x4C, 0x66),
+        "predecessor": LEAST_LOSS,
+        "coast": ALL_LOST,
+        "straight": HALTED,
     },
 }
 """Colours of states: of a link over half a second, of its single messages, and of what a vehicle
-steers along."""
+steers along. They are dark, and so apart from the colours of the cars."""
 PLOTS = {
     "cross_track": "Cross-track error to the lead's path (m, left positive)",
-    "tracking": "Error as the vehicle sees it (m)",
+    "tracking": "Error as the vehicle believes (m)",
     "steering": "Steering (deg, left positive)",
     "speed": "Speed (m/s)",
-    "gap": "Gap to the vehicle ahead (m)",
-    "age": "Age of the older source (s)",
+    "gap": "Gap to the vehicle ahead, as it believes (m)",
+    "age": "Age of lead's and predecessor's newest pose (s)",
+    "loss": "Lost of the messages in each half second (%)",
 }
 
 
@@ -101,14 +117,15 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
                 rrb.Tabs(
                     _plot("cross_track", legend=len(vehicles) <= LEGEND_HOLDS), _plot("tracking")
                 ),
-                _plot("steering"),
-                rrb.Tabs(_plot("gap"), _plot("speed"), _plot("age")),
+                rrb.Tabs(_plot("gap"), _plot("speed"), _plot("steering")),
+                _states("mode", "Steers along"),
+                _plot("age"),
                 rrb.Tabs(
-                    _states("links", "Links"),
+                    _states("links", "Links, each half second"),
+                    _plot("loss"),
                     _states("messages", "Messages (zoom in)"),
-                    _states("mode", "Steers along"),
                 ),
-                row_shares=[7, 5, 5, 7],
+                row_shares=[6, 4, 7, 4, 8],
             ),
             column_shares=[5, 4],
         ),

@@ -9,9 +9,10 @@ from transport.picture.blueprint import TIMELINE, Colour
 
 
 class Curves:
-    """The values of all quantities of all vehicles that were not sent yet.
+    """The values of all quantities that were not sent yet.
 
-    `colours` has the colour of each vehicle before its first value comes.
+    A curve's name is its vehicle, or begins with it and a slash; `colours` has the colour of each
+    vehicle before its first value comes.
     """
 
     def __init__(self, recording: rr.RecordingStream) -> None:
@@ -19,15 +20,16 @@ class Curves:
         self._curves: dict[str, tuple[list[int], list[float]]] = {}
         self.colours: dict[str, Colour] = {}
 
-    def add(self, quantity: str, vehicle: str, at: int, value: float) -> None:
+    def add(self, quantity: str, name: str, at: int, value: float) -> None:
         """Gather a value at instant `at` (ns); infinity, as an age unknown, is left out."""
         if not math.isfinite(value):
             return
-        entity = f"plots/{quantity}/{vehicle}"
+        entity = f"plots/{quantity}/{name}"
         curve = self._curves.get(entity)
         if curve is None:
             curve = self._curves[entity] = ([], [])
-            style = rr.SeriesLines(colors=[self.colours[vehicle]], names=[vehicle], widths=[1.5])
+            colour = self.colours[name.partition("/")[0]]
+            style = rr.SeriesLines(colors=[colour], names=[name.replace("/", " ")], widths=[1.5])
             self._recording.log(entity, style, static=True)
         curve[0].append(at)
         curve[1].append(value)

@@ -1,70 +1,94 @@
-"""How a directed link was over each half second, from the verdicts on its messages."""
+"""How a directed link was over each half second, from the verdicts' own instants.
+
+A window is over when the receiver itself has passed its end, as its messages tell. So neither the
+recorder's clock nor a slow reader of the log can make a link look silent that lost nothing.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from transport.reasons import counts_as_loss
 from vehicles.messages import LinkVerdict
-from vehicles.schedule import SECOND
+from vehicles.schedule import MILLISECOND, SECOND
 
 WINDOW_NS = SECOND // 2
-WAIT_NS = SECOND // 2
-"""A window is judged so long after its end: verdicts on the wall clock take time to arrive."""
-MANY_LOST_RATIO = 0.5
+MARGIN_NS = 100 * MILLISECOND
+"""A window is judged when its receiver is so far past its end: verdicts and poses of one vehicle
+come under different topics."""
+OK, LATE, SILENT = "ok", "late", "silent"
+LOSSES = tuple(f"{tenth}0 % lost" for tenth in range(1, 11))
+"""States of a window by the share lost: to the nearest tenth, and all of it only if all was."""
 
 
 def message_state(verdict: LinkVerdict) -> str:
     """Name what happened to one message: "ok", "lost", "late", or "" if it was not carried."""
     if verdict.outcome == "dropped":
         return "lost" if counts_as_loss(verdict.reason) else ""
-    return "late" if verdict.late else "ok"
+    return LATE if verdict.late else OK
+
+
+class LinkWindow(NamedTuple):
+    """A link over the half second that begins at `at` (ns): its state, and the share lost.
+
+    The share is None where no message was carried.
+    """
+
+    link: str
+    at: int
+    state: str
+    loss_ratio: float | None
 
 
 @dataclass(slots=True)
-class _Window:
-    """The half second of a link that verdicts are counted in, and the state shown last."""
+class _Counts:
+    """Messages of one window."""
+
+    ok: int = 0
+    lost: int = 0
+    late: int = 0
+
+
+@dataclass(slots=True)
+class _Link:
+    """The window of a link that is judged next, and what was counted so far."""
 
     start: int
-    shown: str = ""
-    counts: dict[int, list[int]] = field(default_factory=dict)  # of a window: heard, lost, late
+    counts: dict[int, _Counts] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
 class LinkStates:
-    """State of every link, window by window.
+    """All links, by receiver."""
 
-    "silent": not one message; "many lost": half of them or more; "some lost"; "late": all heard,
-    but some physically too late; "ok".
-    """
-
-    links: dict[str, _Window] = field(default_factory=dict)
+    receivers: dict[str, dict[str, _Link]] = field(default_factory=dict)
 
     def count(self, link: str, verdict: LinkVerdict) -> None:
-        """Count a verdict on a message of `link` in the window in which it was due."""
+        """Count a verdict on a message of `link` in the window of the tick that judged it."""
         state = message_state(verdict)
         if not state:
             return
         start = verdict.heard_at_ns // WINDOW_NS * WINDOW_NS
-        window = self.links.setdefault(link, _Window(start))
-        counts = window.counts.setdefault(max(start, window.start), [0, 0, 0])
-        counts[("ok", "lost", "late").index(state)] += 1
+        links = self.receivers.setdefault(verdict.vehicle, {})
+        one = links.setdefault(link, _Link(start))
+        counts = one.counts.setdefault(max(start, one.start), _Counts())
+        setattr(counts, state, getattr(counts, state) + 1)
 
-    def changes(self, now: int) -> Iterator[tuple[str, int, str]]:
-        """Give (link, start of the window, state) of the windows over by `now` that changed it."""
-        for link, window in self.links.items():
-            while window.start + WINDOW_NS + WAIT_NS <= now:
-                state = _state(window.counts.pop(window.start, [0, 0, 0]))
-                if state != window.shown:
-                    window.shown = state
-                    yield link, window.start, state
-                window.start += WINDOW_NS
+    def passed(self, receiver: str, now: int) -> Iterator[LinkWindow]:
+        """Give the windows that are over now that `receiver` is at its instant `now` (ns)."""
+        for link, one in self.receivers.get(receiver, {}).items():
+            while one.start + WINDOW_NS + MARGIN_NS <= now:
+                counts = one.counts.pop(one.start, _Counts())
+                yield _judged(link, one.start, counts)
+                one.start += WINDOW_NS
 
 
-def _state(counts: list[int]) -> str:
-    heard, lost, late = counts
-    if not heard + lost + late:
-        return "silent"
-    if lost:
-        many = lost >= MANY_LOST_RATIO * (heard + lost + late)
-        return "many lost" if many else "some lost"
-    return "late" if late else "ok"
+def _judged(link: str, at: int, counts: _Counts) -> LinkWindow:
+    carried = counts.ok + counts.lost + counts.late
+    if not carried:
+        return LinkWindow(link, at, SILENT, None)
+    share = counts.lost / carried
+    if counts.lost:
+        tenths = 10 if share == 1.0 else min(max(round(10.0 * share), 1), 9)
+        return LinkWindow(link, at, LOSSES[tenths - 1], share)
+    return LinkWindow(link, at, LATE if counts.late else OK, 0.0)

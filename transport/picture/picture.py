@@ -13,7 +13,9 @@ from transport.picture.curves import Curves
 from transport.picture.link_states import LinkStates, message_state
 from transport.picture.shapes import (
     car,
+    lane_edges,
     line_style,
+    mark,
     name_tag,
     point_style,
     road_with_marks,
@@ -46,6 +48,8 @@ BATCH_NS = 500 * MILLISECOND
 AWAY_NS = SECOND
 """The view follows another vehicle when this one has sent nothing for so long."""
 SPACING_M = 1.0
+FAR_OFF_M = 0.2
+"""The vehicle furthest off the lead's path is marked when it is further off than this."""
 _LEVELS = {
     "debug": "DEBUG",
     "info": "INFO",
@@ -71,6 +75,7 @@ class Picture:
         car_m: tuple[float, float],
         path: Road | None = None,
         road_yaw: float | None = None,
+        lane_m: float | None = None,
     ) -> None:
         self._recording = recording
         self._car_m = car_m
@@ -83,10 +88,13 @@ class Picture:
         self._cross_track_error = CrossTrackError(vehicles[0], road_yaw)
         self._states: dict[str, str] = {}
         self._links = LinkStates()
+        self._errors: dict[str, float] = {}
+        self._where: dict[str, tuple[float, float]] = {}
         self._seen: dict[str, int] = {}
         self._followed = vehicles[middle(len(vehicles))]
         self._batch = Timer(BATCH_NS)
         self._drawn_at: int | None = None
+        self._marked = False
         self._draw: dict[type[Message], Callable[[Any], None]] = {
             TruePose: self._truth,
             CompositeTrajectory: self._trajectory,
@@ -101,6 +109,8 @@ class Picture:
             self._place(name)
         if path:
             self._road(*path)
+            if lane_m is not None:
+                recording.log("world/road/lane", lane_edges(*path, lane_m), static=True)
 
     def draw(self, now: int, message: Message) -> None:
         """Draw a message that came at instant `now` (ns), at the instant when it was valid."""
@@ -112,8 +122,7 @@ class Picture:
             draw(message)
         if self._batch.is_due(now) or isinstance(message, RunEnd):
             self._curves.send(self._start)
-            for link, at, state in self._links.changes(now):
-                self._state(f"links/{link}", state, at)
+            self._show_worst(now)
 
     def finish(self) -> None:
         """Send what was gathered since the last batch: a log may break off anywhere."""
@@ -134,9 +143,11 @@ class Picture:
         self._place(vehicle)
         for foot in self._cross_track_error.add(truth):
             self._curves.add("cross_track", foot.vehicle, foot.at_ns, foot.lateral)
+            self._errors[foot.vehicle] = foot.lateral
         if not self._is_due(vehicle, "car", at, CAR_NS):
             return
         self._at(at)
+        self._where[vehicle] = (truth.east_m, truth.north_m)
         here = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, flip=False)
         self._recording.log(f"world/cars/{vehicle}", here)
         if vehicle == self._vehicle_to_follow(at):
@@ -150,6 +161,7 @@ class Picture:
             del driven[:-1]
         if self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
             self._curves.add("speed", vehicle, at, truth.speed_mps)
+            self._show_links(vehicle, at)
 
     def _trajectory(self, trajectory: CompositeTrajectory) -> None:
         vehicle, at = trajectory.vehicle, trajectory.decided_at_ns
@@ -175,8 +187,8 @@ class Picture:
             return
         self._curves.add("gap", vehicle, at, tracking.gap_m)
         if self._is_due(vehicle, "age", at, SLOW_CURVE_NS):
-            age = max(tracking.lead_age_s, tracking.predecessor_age_s)
-            self._curves.add("age", vehicle, at, age)
+            self._curves.add("age", f"{vehicle}/lead", at, tracking.lead_age_s)
+            self._curves.add("age", f"{vehicle}/predecessor", at, tracking.predecessor_age_s)
 
     def _command(self, command: Command) -> None:
         vehicle, at = command.vehicle, command.decided_at_ns
@@ -190,6 +202,23 @@ class Picture:
         state = message_state(verdict)
         if state:
             self._state(f"messages/{link}", state, verdict.heard_at_ns)
+
+    def _show_links(self, receiver: str, at: int) -> None:
+        """Show how the links into a vehicle were, up to its own instant `at` (ns)."""
+        for window in self._links.passed(receiver, at):
+            self._state(f"links/{window.link}", window.state, window.at)
+            if window.loss_ratio is not None:
+                self._curves.add("loss", window.link, window.at, 100.0 * window.loss_ratio)
+
+    def _show_worst(self, now: int) -> None:
+        """Mark the vehicle that is furthest off the lead's path, if it is far off."""
+        name = max(self._errors, key=lambda one: abs(self._errors[one]), default="")
+        far = bool(name) and abs(self._errors[name]) > FAR_OFF_M and name in self._where
+        if far or self._marked:
+            self._at(max(self._seen.values(), default=now))
+            label = f"{name} {self._errors[name]:+.2f} m" if far else ""
+            self._recording.log("world/worst", mark([self._where[name]] if far else [], label))
+        self._marked = far
 
     def _text(self, line: LogText) -> None:
         self._at(line.logged_at_ns)

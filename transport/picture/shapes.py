@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from transport.picture.blueprint import ROAD, STATES, Colour
+from transport.picture.blueprint import EDGE, MARK, ROAD, STATES, Colour
 
 MARK_SPACING_M = 50.0
 MARK_OFFSET_M = 4.0
@@ -59,6 +59,29 @@ def name_tag(text: str, colour: Colour) -> rr.Points2D:
     """Write a name to the left of a car."""
     return rr.Points2D(
         [[0.0, MARK_OFFSET_M]], colors=[colour], radii=0.0, labels=[text], draw_order=30
+    )
+
+
+def mark(places: Sequence[tuple[float, float]], label: str) -> rr.Points2D:
+    """Ring the places (m) that need a look, with one label."""
+    return rr.Points2D(
+        places,
+        colors=[MARK],
+        radii=rr.Radius.ui_points(9.0),
+        labels=[label] * len(places),
+        show_labels=True,
+        draw_order=15,
+    )
+
+
+def lane_edges(east: Sequence[float], north: Sequence[float], width: float) -> rr.LineStrips2D:
+    """Draw both edges of a lane of `width` (m) along a path (m)."""
+    points = np.column_stack([east, north])
+    along = np.gradient(points, axis=0)
+    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+    left = 0.5 * width * np.column_stack([-along[:, 1], along[:, 0]])
+    return rr.LineStrips2D(
+        [points + left, points - left], colors=[EDGE], radii=rr.Radius.ui_points(0.7), draw_order=0
     )
 
 

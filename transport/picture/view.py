@@ -29,7 +29,8 @@ class RerunView:
 
     `vehicles` are in order, the lead first; `gap_m` is their usual distance; `path` is the
     lead's, as east and north in metres; `road_yaw` (rad) is the direction of the road on which the
-    convoy starts. Raises ViewerError if the picture cannot be shown.
+    convoy starts; `lane_m` is the width of its lane. Raises ViewerError if the picture cannot be
+    shown.
     `where` tells the user where it is shown.
     """
 
@@ -43,6 +44,7 @@ class RerunView:
         car_m: tuple[float, float] = CAR_M,
         path: tuple[Sequence[float], Sequence[float]] | None = None,
         road_yaw: float | None = None,
+        lane_m: float | None = None,
     ) -> None:
         self.where = ""
         self._page: Any = None
@@ -61,7 +63,13 @@ class RerunView:
         )
         self._recording.set_sinks(self._open(rr, option))
         self._picture = Picture(
-            self._recording, vehicles, gap_m=gap_m, car_m=car_m, path=path, road_yaw=road_yaw
+            self._recording,
+            vehicles,
+            gap_m=gap_m,
+            car_m=car_m,
+            path=path,
+            road_yaw=road_yaw,
+            lane_m=lane_m,
         )
 
     def draw(self, now: int, message: Message) -> None:

@@ -1,60 +1,97 @@
+"""The state of a link follows from the verdicts' own instants, whenever anybody looks."""
+
+from random import Random
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.made.transport import drive
-from transport.picture.link_states import WAIT_NS, WINDOW_NS, LinkStates
+from transport.picture.blueprint import COLOURS, STATES
+from transport.picture.link_states import (
+    LOSSES,
+    MARGIN_NS,
+    WINDOW_NS,
+    LinkStates,
+    LinkWindow,
+)
+from vehicles.schedule import MILLISECOND, SECOND
 
-MILLISECOND = 1_000_000
-START = 1_700_000_000_000_000_000 // WINDOW_NS * WINDOW_NS
+START = 1_700_000_000 * SECOND
 LINK = "v2/from_v1"
+DISTINCT = 40.0
 
 
-def shown(outcomes: list[tuple[int, str]], until_ms: int) -> list[tuple[int, str]]:
-    """State changes in ms since the start, for verdicts (ms, outcome) heard in this order."""
+def windows(outcomes: list[tuple[int, str]], until_ms: int) -> list[LinkWindow]:
+    """Windows of a link, for verdicts (ms, outcome), with their ms since the start."""
     states = LinkStates()
-    found: list[tuple[int, str]] = []
+    found: list[LinkWindow] = []
     for seq, (at_ms, outcome) in enumerate(outcomes):
-        now = START + at_ms * MILLISECOND
-        states.count(LINK, drive.verdict("v2", "v1", seq, now, outcome))
-        found += [((at - START) // MILLISECOND, state) for _, at, state in states.changes(now)]
-    end = START + until_ms * MILLISECOND
-    found += [((at - START) // MILLISECOND, state) for _, at, state in states.changes(end)]
-    return found
+        at = START + at_ms * MILLISECOND
+        found += states.passed("v2", at)
+        states.count(LINK, drive.verdict("v2", "v1", seq, at, outcome))
+    found += states.passed("v2", START + until_ms * MILLISECOND)
+    return [one._replace(at=(one.at - START) // MILLISECOND) for one in found]
 
 
 @pytest.mark.parametrize(
-    ("outcomes", "state"),
+    ("outcomes", "state", "share"),
     [
-        (["ok"] * 10, "ok"),
-        (["ok"] * 9 + ["late"], "late"),
-        (["ok"] * 8 + ["late", "loss"], "some lost"),
-        (["ok"] * 6 + ["loss"] * 4, "some lost"),
-        (["ok"] * 5 + ["loss"] * 5, "many lost"),
-        (["loss"], "many lost"),
-        (["ok", "rate"] * 5, "ok"),
-        (["ok", "rate", "rate", "loss", "rate", "ok"], "some lost"),
+        (["ok"] * 10, "ok", 0.0),
+        (["ok"] * 9 + ["late"], "late", 0.0),
+        (["ok"] * 8 + ["late", "loss"], "10 % lost", 0.1),
+        (["ok"] * 99 + ["loss"], "10 % lost", 0.01),  # some were lost, so not "ok"
+        (["ok"] * 6 + ["loss"] * 4, "40 % lost", 0.4),
+        (["loss"] * 99 + ["ok"], "90 % lost", 0.99),  # not all were lost
+        (["loss"], "100 % lost", 1.0),
+        (["ok", "rate"] * 5, "ok", 0.0),
+        (["ok", "rate", "rate", "loss", "rate", "ok"], "30 % lost", 1 / 3),
     ],
 )
-def test_state_of_one_window(outcomes: list[str], state: str) -> None:
-    assert shown([(50 * k, outcome) for k, outcome in enumerate(outcomes)], 1000) == [(0, state)]
+def test_state_of_one_window(outcomes: list[str], state: str, share: float) -> None:
+    found = windows([(4 * k, outcome) for k, outcome in enumerate(outcomes)], 700)
+    assert [(one.at, one.state) for one in found] == [(0, state)]
+    assert found[0].loss_ratio == pytest.approx(share)
 
 
-def test_only_changes_are_told_and_silence_is_one() -> None:
-    heard = [(50 * k, "ok") for k in range(20)] + [(50 * k, "ok") for k in range(60, 80)]
-    assert shown(heard, 6000) == [(0, "ok"), (1000, "silent"), (3000, "ok"), (4000, "silent")]
+def test_a_window_without_a_message_is_silent() -> None:
+    heard = [(50 * k, "ok") for k in range(10)] + [(50 * k, "ok") for k in range(20, 30)]
+    states = [(one.at, one.state, one.loss_ratio) for one in windows(heard, 1600)]
+    assert states == [(0, "ok", 0.0), (500, "silent", None), (1000, "ok", 0.0)]
 
 
-def test_a_window_waits_for_verdicts_on_their_way() -> None:
+def test_a_window_is_over_when_its_receiver_says_so() -> None:
+    """Not by anybody's clock: a recorder that is seconds behind sees no silence."""
     states = LinkStates()
     states.count(LINK, drive.verdict("v2", "v1", 0, START, "ok"))
-    assert not list(states.changes(START + WINDOW_NS + WAIT_NS - 1))
+    end = START + WINDOW_NS + MARGIN_NS
+    assert list(states.passed("v2", end - 1)) == []
+    assert list(states.passed("v3", end + 100 * SECOND)) == []
     states.count(LINK, drive.verdict("v2", "v1", 1, START + 100 * MILLISECOND, "loss"))
-    assert [state for _, _, state in states.changes(START + WINDOW_NS + WAIT_NS)] == ["many lost"]
+    assert list(states.passed("v2", end)) == [LinkWindow(LINK, START, "50 % lost", 0.5)]
 
 
-def test_a_verdict_that_comes_too_late_for_its_window_counts_in_the_next() -> None:
-    states = LinkStates()
-    states.count(LINK, drive.verdict("v2", "v1", 0, START, "ok"))
-    assert list(states.changes(START + WINDOW_NS + WAIT_NS)) == [(LINK, START, "ok")]
-    states.count(LINK, drive.verdict("v2", "v1", 1, START + MILLISECOND, "loss"))
-    later = list(states.changes(START + 2 * WINDOW_NS + WAIT_NS))
-    assert later == [(LINK, START + WINDOW_NS, "many lost")]
+@given(
+    outcomes=st.lists(st.sampled_from(["ok", "late", "loss", "rate"]), max_size=60),
+    random=st.randoms(use_true_random=False),
+)
+def test_how_often_anybody_looks_changes_nothing(outcomes: list[str], random: Random) -> None:
+    verdicts = [(50 * k, outcome) for k, outcome in enumerate(outcomes)]
+    seldom = windows(verdicts, 4000)
+    states, found = LinkStates(), list[LinkWindow]()
+    for seq, (at_ms, outcome) in enumerate(verdicts):
+        at = START + at_ms * MILLISECOND
+        for _ in range(random.randrange(3)):
+            found += states.passed("v2", at - random.randrange(MARGIN_NS))
+        states.count(LINK, drive.verdict("v2", "v1", seq, at, outcome))
+    found += states.passed("v2", START + 4 * SECOND)
+    assert [one._replace(at=(one.at - START) // MILLISECOND) for one in found] == seldom
+
+
+def test_every_state_has_its_colour_apart_from_the_cars() -> None:
+    assert set(LOSSES) <= set(STATES["links"])
+    for states in STATES.values():
+        for state in states.values():
+            for car in COLOURS:
+                apart = sum((a - b) ** 2 for a, b in zip(state, car, strict=True)) ** 0.5
+                assert apart > DISTINCT, (state, car)

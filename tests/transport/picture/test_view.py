@@ -14,6 +14,7 @@ import numpy as np
 import psutil
 import pytest
 
+from tests.made.scenarios import messages as made
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.picture.option import RerunOption, parse_rerun_option
@@ -131,7 +132,9 @@ def test_curves_are_those_of_the_messages(drawn: Table) -> None:
     assert values == {tick * drive.TICK: pytest.approx(0.01 * tick) for tick in range(100)}
     assert "/plots/gap/v1" not in drawn
     assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.GAP] * 100
-    assert [v[0] for v in drawn["/plots/age/v2"]["Scalars:scalars"] if v] == [0.03] * 10
+    for source, age in (("lead", 0.03), ("predecessor", 0.02)):
+        ages = drawn[f"/plots/age/v2/{source}"]["Scalars:scalars"]
+        assert [v[0] for v in ages if v] == [age] * 10
 
 
 def test_samples_have_the_colour_of_their_sender(drawn: Table) -> None:
@@ -176,17 +179,62 @@ def test_links_and_messages_show_what_was_heard(tmp_path: Path) -> None:
         outcomes = {30: "loss", 31: "loss", 34: "late"}
         for tick in range(200):
             now = drive.START + tick * drive.TICK
-            yield now, drive.truth("v1", tick)
+            yield now, drive.truth("v2", tick)
             if tick < 50 or tick >= 100:
                 yield now, drive.verdict("v2", "v1", tick, now, outcomes.get(tick, "ok"))
 
     table = picture(tmp_path / "run.rrd", messages())
     assert states(table, "/links/v2/from_v1") == [
-        (0, "ok"), (500, "some lost"), (1000, "silent"), (2000, "ok"),
+        (0, "ok"), (500, "10 % lost"), (1000, "silent"), (2000, "ok"),
     ]  # fmt: skip
+    loss = table["/plots/loss/v2/from_v1"]
+    shares = [
+        (at // 1_000_000, value[0])
+        for at, value in zip(loss["run_time"], loss["Scalars:scalars"], strict=True)
+        if value
+    ]
+    assert shares == [(0, 0.0), (500, 8.0), (2000, 0.0), (2500, 0.0), (3000, 0.0)]
     assert states(table, "/messages/v2/from_v1") == [
         (0, "ok"), (600, "lost"), (640, "ok"), (680, "late"), (700, "ok"),
     ]  # fmt: skip
+
+
+def test_a_recorder_that_is_seconds_behind_shows_the_same(tmp_path: Path) -> None:
+    """Windows close by the receiver's time: 95 % of a run came at once, and nothing is silent."""
+
+    def messages(delay: int) -> Iterator[tuple[int, Message]]:
+        for tick in range(200):
+            at = drive.START + tick * drive.TICK
+            now = at if tick < 10 else drive.START + delay
+            yield max(now, at), drive.truth("v2", tick)
+            yield max(now, at), drive.verdict("v2", "v1", tick, at, "ok")
+
+    for delay in (0, 30 * SECOND):
+        table = picture(tmp_path / f"{delay}.rrd", messages(delay))
+        assert states(table, "/links/v2/from_v1") == [(0, "ok")]
+
+
+def test_the_vehicle_furthest_off_is_marked(tmp_path: Path) -> None:
+    def messages() -> Iterator[tuple[int, Message]]:
+        for seq in range(150):
+            aside = 0.5 if 50 <= seq < 100 else 0.05
+            for name, behind, left in (("v1", 0.0, 0.0), ("v2", 15.0, 0.0), ("v3", 30.0, aside)):
+                pose = made.truth(name, seq, 0.6 * seq - behind, left)
+                yield pose.true_at_ns, pose
+
+    labels = picture(tmp_path / "run.rrd", messages())["/world/worst"]["Points2D:labels"]
+    assert labels[0] == ["v3 +0.50 m"]
+    assert not labels[-1]
+
+
+def test_lane_edges_lie_half_a_lane_beside_the_path(tmp_path: Path) -> None:
+    option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
+    straight = ([0.0, 50.0, 100.0], [0.0, 0.0, 0.0])
+    with RerunView(option, run_id="x", vehicles=drive.VEHICLES, path=straight, lane_m=3.5):
+        pass
+    left, right = columns(tmp_path / "run.rrd")["/world/road/lane"]["LineStrips2D:strips"][0]
+    assert left == [[0.0, 1.75], [50.0, 1.75], [100.0, 1.75]]
+    assert right == [[0.0, -1.75], [50.0, -1.75], [100.0, -1.75]]
 
 
 def test_what_came_before_the_start_is_drawn_before_zero(tmp_path: Path) -> None:
@@ -238,6 +286,7 @@ def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
 
 SERVE = """
 import time
+from tests.made.scenarios import messages as made
 from tests.made.transport import drive
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
