@@ -137,7 +137,8 @@ def _mark_of(process: psutil.Process) -> str | None:
 
 
 def _name(command: list[str]) -> str:
-    part = command[command.index("scenarios.cli") + 1] if "scenarios.cli" in command else command[0]
-    if part == "vehicle":
+    after = command.index("scenarios.cli") + 1 if "scenarios.cli" in command else 0
+    part = command[after] if after < len(command) else ""  # seen while it was being made
+    if part == "vehicle" and "--name" in command:
         return command[command.index("--name") + 1]
     return {"run": "launcher", "record": "recorder"}.get(part, part)

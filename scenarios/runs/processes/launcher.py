@@ -11,6 +11,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.processes.supervisor import ChildProcess, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
+from transport.bus.bus import BusError
 from transport.clock import poll
 from transport.log.mcap_file import repair
 from transport.log.records import LogError
@@ -103,6 +104,8 @@ def launch(
             every_s=WATCH_PERIOD_S,
             sleep=sleep,
         )
+    except BusError as error:  # our own router, on a port of its own choice: no fault of the input
+        outcome.fail(f"{error}; the run ends")
     finally:
         _stop_all(plan, supervisor, outcome)
     return outcome
