@@ -20,7 +20,7 @@ from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.recording import RecorderProcess
 from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.recorder import Listener
-from scenarios.runs.stop import EXIT_FAILED, Stop, stop_on_signals
+from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals, stop_on_signals
 from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.log.records import LogError
@@ -84,10 +84,11 @@ def record_run(
             summary = recorder.record_until_over()
         show(summary, folder, quiet=quiet)
         # Last of all: on this the vehicles end, and the end of one container may stop all others.
+        # A signal that comes when all is done changes nothing any more, to the very end.
+        ignore_signals()
         recorder.announce_completion()
     if quiet and summary.reason and not stop.asked:
         click.echo(summary.reason, err=True)
-    # A signal that comes when all is done changes nothing any more.
     return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
 
 

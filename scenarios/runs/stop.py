@@ -50,6 +50,16 @@ def stop_on_signals() -> Stop:
     return stop
 
 
+def ignore_signals() -> None:
+    """Ignore SIGINT and SIGTERM from now on, for the moment between the last deed and the end.
+
+    A handler of ours would be taken away when the interpreter begins to end, and a signal then
+    kill a process whose work is done.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+
+
 def stop_with_launcher(stop: Stop) -> None:
     """Ask to stop when standard input, a pipe from the launcher, gives a reason or closes.
 

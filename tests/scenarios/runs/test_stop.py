@@ -131,3 +131,24 @@ def wait_for(file: Path, words: str) -> None:
     while words not in file.read_text():
         assert time.monotonic() < deadline, file.read_text()
         time.sleep(0.01)
+
+
+def test_a_process_that_ignores_signals_ends_as_planned_even_while_it_ends() -> None:
+    """Also where the interpreter is already taking itself apart."""
+    program = """
+import atexit, os, signal
+from scenarios.runs.stop import ignore_signals, stop_on_signals
+
+stop_on_signals()
+ignore_signals()
+
+class Late:
+    def __del__(self):
+        for number in (signal.SIGTERM, signal.SIGINT):
+            os.kill(os.getpid(), number)
+
+import sys
+sys.late = Late()
+atexit.register(os.kill, os.getpid(), signal.SIGTERM)
+"""
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
