@@ -157,6 +157,7 @@ def test_six_containers_drive_the_default_scenario(project: Path, tmp_path: Path
         assert containers(name) == ["recorder", "router", "v1", "v2", "v3", "v4"]
         assert sorted(published(name)) == sorted(f"127.0.0.1:{port}" for port in ports.values())
         assert up.wait(DRIVE_S) == 0, said.read_text()
+        assert f"http://127.0.0.1:{page}/?url=" in said.read_text()
         assert not containers(name)
     assert not call("docker", "ps", "-a", "-q", "--filter", f"name={name}").stdout
     (folder,) = (project / "runs").iterdir()
@@ -186,7 +187,7 @@ def assert_drives_as_virtual_time_does(run: Run, folder: Path) -> None:
 
 def test_unless_told_otherwise_the_picture_is_at_rerun_s_usual_ports(project: Path) -> None:
     shown = call("docker-compose", "config", cwd=project).stdout
-    assert re.findall(r"\S*:\d+:\d+\S*", shown) == [
+    assert re.findall(r"(?:\d+\.){3}\d+:\d+:\d+/\S+", shown) == [
         "127.0.0.1:9090:9090/tcp",
         "127.0.0.1:9876:9876/tcp",
     ]
