@@ -228,9 +228,11 @@ class EventDetector:
         )
 
 
+def sizes_of(scenario: Scenario) -> dict[str, BodySize]:
+    """Bodies of the vehicles of `scenario`, the lead first."""
+    return {name: BodySize.of(scenario.vehicle(name).parameters) for name in scenario.vehicle_names}
+
+
 def detector_of(scenario: Scenario) -> EventDetector:
     """Make the detector for the vehicles of `scenario`, with its own thresholds."""
-    sizes = {
-        name: BodySize.of(scenario.vehicle(name).parameters) for name in scenario.vehicle_names
-    }
-    return EventDetector(sizes, scenario.tables.events, scenario.route.start_yaw)
+    return EventDetector(sizes_of(scenario), scenario.tables.events, scenario.route.start_yaw)
