@@ -112,7 +112,7 @@ def listeners(
         if view.where and not quiet:
             Console(stderr=True).print(f"watch it: {view.where}", soft_wrap=True, highlight=False)
         if not quiet:
-            progress = Progress(scenario.vehicle_names, scenario.duration_s)
+            progress = Progress.of(scenario)
             found.append(stack.enter_context(progress).listen)
         yield found
 

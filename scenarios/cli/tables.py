@@ -1,5 +1,7 @@
 """The figures of a run as tables for a person; `summary.json` holds the same for machines."""
 
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -7,50 +9,104 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from scenarios.definition.check.report import CheckReport
+from scenarios.results.encounters import EventKind
 from scenarios.results.summary import RunSummary
 
 if TYPE_CHECKING:  # brings scipy, which a run does without
     from scenarios.studies.gains.results import GainsReport
 
 
+MOST_EVENTS = 40
+MOST_HOLES = 10
+"""So many are printed; the summary has them all."""
+
+NAMES: dict[EventKind, tuple[str, str]] = {
+    "collision": ("collision", "collisions"),
+    "near_miss": ("near miss", "near misses"),
+    "lane_departure": ("lane departure", "lane departures"),
+    "path_lost": ("path lost", "paths lost"),
+}
+"""Kinds of events, one and several."""
+FIGURES = {
+    "closing_speed_mps": "closing at {:.1f} m/s",
+    "gap_m_min": "gap {:.2f} m",
+    "time_to_collision_s_min": "{:.1f} s from a collision",
+    "excess_m_max": "at most {:.2f} m beyond the edge",
+    "duration_s": "for {:.1f} s",
+}
+"""Figures of events in words."""
+
+
 def print_summary(summary: RunSummary, log: Path | None, console: Console) -> None:
-    """Print a table per vehicle, a table per link and where the log is."""
+    """Print what the vehicles did, the links, the events and holes, and where the log is."""
+    console.print(Text(title_of(summary), style="bold"), highlight=False, soft_wrap=True)
     console.print(vehicle_table(summary))
+    console.print(process_table(summary))
     if summary.links:
         console.print(link_table(summary))
+    if summary.events:
+        console.print(event_table(summary))
+    for line in _unrecorded(summary):
+        console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
     if summary.reason:
-        console.print(f"[bold red]ended early:[/] {escape(summary.reason)}", highlight=False)
+        word = "ended early" if summary.ran_s < summary.duration_s else "failed"
+        console.print(
+            f"[bold red]{word}:[/] {escape(summary.reason)}", highlight=False, soft_wrap=True
+        )
     if log is not None:
         console.print(f"log: {log}", highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
+def title_of(summary: RunSummary) -> str:
+    """Name the run with all that was asked of it."""
+    about = summary.identity
+    name = about.title or f"{about.scenario}, seed {about.seed}"
+    return f"{name}, {about.clock} clock, {summary.ran_s:.1f} s"
+
+
 def vehicle_table(summary: RunSummary) -> Table:
-    """One row per vehicle: errors against its trajectory and off the lead's path, and counts."""
-    title = (
-        f"{summary.identity.scenario}, {summary.identity.clock} clock, seed {summary.identity.seed}"
-    )
-    table = Table(title=f"{title}, {summary.ran_s:.1f} s", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    """One row per vehicle: what is true, then what the vehicle believed of itself."""
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("vehicle", no_wrap=True)
     for heading in (
-        "error cm\nmax / rms",
-        "off path cm\nmax / rms",
-        "gap m\nmin",
-        "poses\nlogged",
-        "lost",
-        "late\nticks",
-        "re-\nfused",
-        "MB",
-        "CPU\n%",
+        "true\nerror cm\nmax / rms",
+        "true\ngap m\nmin",
+        "believed\nerror cm\nmax / rms",
+        "difference\nof errors\ncm, max",
+        "believed\ngap m\nmin",
     ):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in summary.vehicles:
         table.add_row(
             row.name,
-            _pair_cm(row.lateral_error_m_max, row.lateral_error_m_rms),
             _pair_cm(row.cross_track_error_m_max, row.cross_track_error_m_rms),
-            "-" if row.gap_m_min is None else f"{row.gap_m_min:.1f}",
+            _figure(row.true_gap_m_min),
+            _pair_cm(row.lateral_error_m_max, row.lateral_error_m_rms),
+            _figure(row.believed_minus_true_error_m_max, 100.0),
+            _figure(row.gap_m_min),
+        )
+    return table
+
+
+def process_table(summary: RunSummary) -> Table:
+    """One row per vehicle: its poses in the log, and how its process did."""
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("vehicle", no_wrap=True)
+    for heading in (
+        "poses\nrecorded",
+        "poses not\nrecorded",
+        "late\nticks",
+        "messages\nrefused",
+        "memory\nMB",
+        "processor\n%",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in summary.vehicles:
+        table.add_row(
+            row.name,
             str(row.poses),
             str(row.missing_poses),
             str(row.late_ticks),
@@ -59,6 +115,53 @@ def vehicle_table(summary: RunSummary) -> Table:
             f"{row.cpu_ratio * 100:.1f}" if row.memory_bytes_max else "",
         )
     return table
+
+
+def event_table(summary: RunSummary) -> Table:
+    """One row per event, in order of time."""
+    kinds = Counter(event.kind for event in summary.events)
+    title = "events: " + ", ".join(
+        f"{count} {NAMES[kind][count > 1]}" for kind, count in kinds.items()
+    )
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("at, s", justify="right", no_wrap=True)
+    table.add_column("event", no_wrap=True)
+    table.add_column("vehicles")
+    table.add_column("figures")
+    for event in summary.events[:MOST_EVENTS]:
+        table.add_row(
+            f"{event.at_s:.2f}",
+            NAMES[event.kind][0],
+            ", ".join(event.vehicles),
+            ", ".join(
+                FIGURES[name].format(value)
+                for name, value in event.figures.items()
+                if name in FIGURES
+            ),
+        )
+    if len(summary.events) > MOST_EVENTS:
+        table.add_row("", f"{len(summary.events) - MOST_EVENTS} more", "", "see summary.json")
+    return table
+
+
+def _unrecorded(summary: RunSummary) -> Iterator[str]:
+    """Say what is not in the log, and so not in the figures."""
+    for hole in summary.holes[:MOST_HOLES]:
+        yield hole.line
+    if len(summary.holes) > MOST_HOLES:
+        yield f"not recorded: {len(summary.holes) - MOST_HOLES} more holes, see summary.json"
+    silent = [row for row in summary.vehicles if row.silent_from_s is not None]
+    for row in silent:
+        yield (
+            f"silent: {row.name} from {row.silent_from_s:.2f} s after the start on; it left, died "
+            "or was not heard"
+        )
+    if summary.holes or silent:
+        yield "the figures are of what was recorded"
+
+
+def _figure(value: float | None, scale: float = 1.0) -> str:
+    return "-" if value is None else f"{value * scale:.1f}"
 
 
 def link_table(summary: RunSummary) -> Table:

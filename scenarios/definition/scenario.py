@@ -1,5 +1,7 @@
 """A scenario: read from a file, refused in clear lines, or resolved to all that a run needs."""
 
+import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,6 +33,15 @@ from vehicles.schedule import SECOND
 __all__ = ["Scenario", "library", "load_scenario", "scenario_from_text", "template"]
 
 
+LONGEST_SLUG = 80
+"""Letters of a folder's name: file systems allow 255 bytes, a line of a terminal fewer."""
+
+
+def _range(values: Sequence[float]) -> str:
+    least, most = min(values), max(values)
+    return f"{least:g}" if least == most else f"{least:g} to {most:g}"
+
+
 @dataclass(frozen=True)
 class Scenario:
     """A valid scenario with its trace read and its duration known.
@@ -44,6 +55,38 @@ class Scenario:
     def name(self) -> str:
         """Name of the scenario, for folders and titles."""
         return self.tables.name
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """What was laid over the file, as `key.path=value`, in the order given."""
+        return self.tables.overrides or ()
+
+    @cached_property
+    def title(self) -> str:
+        """The run in one line: name, seed, weight of the predecessor, loss, and overrides."""
+        weights = [self.vehicle(name).steering.alpha_ratio for name in self.vehicle_names[1:]]
+        losses = [100.0 * link.loss_ratio for link in self.links.values()]
+        parts = [
+            self.name,
+            f"seed {self.seed}",
+            *([f"α {_range(weights)}"] if weights else []),
+            *([f"loss {_range(losses)} %"] if losses else []),
+            *(text for text in self.overrides if not text.startswith("seed=")),
+        ]
+        return ", ".join(parts)
+
+    @property
+    def slug(self) -> str:
+        """The name with the overrides and their seed, for a folder: letters, digits and `-_.=`.
+
+        Without overrides it is the name alone; long ones are cut, and told apart by a checksum.
+        """
+        text = "-".join((self.name, *self.overrides))
+        slug = re.sub(r"[^A-Za-z0-9_.=-]+", "_", text)
+        if slug == text and len(slug) <= LONGEST_SLUG:
+            return slug
+        digest = hashlib.sha256(text.encode()).hexdigest()[:8]
+        return f"{slug[: LONGEST_SLUG - 9]}-{digest}"
 
     @property
     def seed(self) -> int:
@@ -157,6 +200,10 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
     given = merged(file, overrides)
     if seed is not None:
         given.raw["seed"] = seed
+        overrides = [*overrides, f"seed={seed}"]
+    before = given.raw.get("overrides")
+    if overrides and isinstance(before, list | None):  # anything else is refused below
+        given.raw["overrides"] = [*(before or []), *overrides]
 
     def refuse(problems: Sequence[tuple[str, str]]) -> ScenarioError:
         return ScenarioError(f"{given.source(key)}: {key}: {why}" for key, why in problems)

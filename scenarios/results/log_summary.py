@@ -5,12 +5,13 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.limits import broken_limits, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from vehicles.messages import RunStart
-from vehicles.schedule import SECOND
+from vehicles.schedule import SECOND, nanoseconds
 
 LOG_NAME = "run.mcap"
 SUMMARY_NAME = "summary.json"
@@ -28,16 +29,25 @@ def summarise(
     reason: str,
     rejected: Mapping[str, int],
 ) -> RunSummary:
-    """Put the figures of a run together; `ran_ns` is how long it ran, `rejected` by reason."""
+    """Put the figures of a run together; `ran_ns` is how long it ran, `rejected` by reason.
+
+    A `reason` to end early stays the first; the limits that were broken follow it.
+    """
+    metrics.events.finish()
+    ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))
+    vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
+    reason = why_failed(reason, broken_limits(scenario.tables.limits, events, vehicles))
     return RunSummary(
         identity=identity,
         outcome="failed" if reason else "completed",
         reason=reason,
         duration_s=scenario.duration_s,
-        ran_s=min(ran_ns / SECOND, scenario.duration_s),
+        ran_s=ran_ns / SECOND,
         recorder_rejected_messages=dict(sorted(rejected.items())),
-        vehicles=metrics.vehicle_summaries(),
+        vehicles=vehicles,
         links=metrics.link_summaries(),
+        events=events,
+        holes=metrics.holes(ran_ns),
     )
 
 
@@ -51,7 +61,7 @@ def summary_of(log: Path) -> RunSummary:
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
     scenario = scenario_in(log, attachments)
-    metrics = Metrics(scenario.vehicle_names, scenario.links, scenario.route.start_yaw)
+    metrics = Metrics.of(scenario)
     start_at = last_at = 0
     for at, _, message in reader.messages():
         metrics.add(message)

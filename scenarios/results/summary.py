@@ -13,7 +13,10 @@ from typing import Any, Literal
 
 from pydantic import TypeAdapter, ValidationError
 
+from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import LinkTable
+from scenarios.results.events import RunEvent
+from scenarios.results.holes import RecordHole
 
 SCHEMA = "convoy.summary/1"
 PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "pymap3d")
@@ -24,39 +27,58 @@ ClockName = Literal["wall", "virtual"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunIdentity:
-    """Which run it is: scenario, seed, clock, folder, and the versions that drove."""
+    """Which run it is: scenario, overrides, seed, clock, folder, and the versions that drove.
+
+    `title` names the scenario with what was asked of it.
+    """
 
     schema: str = SCHEMA
     scenario: str
+    title: str = ""
+    overrides: tuple[str, ...] = ()
     seed: int
     clock: ClockName
     run_id: str
     versions: Mapping[str, str]
 
     @classmethod
-    def here(cls, scenario: str, seed: int, clock: ClockName, run_id: str) -> "RunIdentity":
-        """Identity of a run by the programs installed here."""
+    def here(cls, scenario: Scenario, clock: ClockName, run_id: str) -> "RunIdentity":
+        """Identity of a run of `scenario` by the programs installed here."""
         versions = {"python": platform.python_version()}
         versions |= {package: version(package) for package in PACKAGES}
-        return cls(scenario=scenario, seed=seed, clock=clock, run_id=run_id, versions=versions)
+        return cls(
+            scenario=scenario.name,
+            title=scenario.title,
+            overrides=scenario.overrides,
+            seed=scenario.seed,
+            clock=clock,
+            run_id=run_id,
+            versions=versions,
+        )
 
     def values(self) -> dict[str, Any]:
         """All of it in one table, the versions by their packages' names."""
         own = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "versions"}
-        return own | dict(self.versions)
+        return own | {"overrides": list(self.overrides)} | dict(self.versions)
 
     def metadata(self) -> dict[str, str]:
-        """Texts for the metadata of a log."""
-        return {name: str(value) for name, value in self.values().items()}
+        """Texts for the metadata of a log; a list is JSON."""
+        return {
+            name: json.dumps(value) if isinstance(value, list) else str(value)
+            for name, value in self.values().items()
+        }
 
     @classmethod
     def of_values(cls, values: Mapping[str, Any]) -> "RunIdentity":
         """Read what `values` or `metadata` gave; what is not there stays empty."""
         clock: ClockName = "virtual" if values.get("clock") == "virtual" else "wall"
         known = {one.name for one in fields(cls)}
+        overrides = values.get("overrides", [])
         return cls(
             schema=str(values.get("schema", SCHEMA)),
             scenario=str(values.get("scenario", "")),
+            title=str(values.get("title", "")),
+            overrides=tuple(json.loads(overrides) if isinstance(overrides, str) else overrides),
             seed=int(values.get("seed", 0)),
             clock=clock,
             run_id=str(values.get("run_id", "")),
@@ -72,11 +94,16 @@ class VehicleSummary:
     role: Literal["lead", "follower"]
     poses: int
     missing_poses: int
+    silent_from_s: float | None = None
     lateral_error_m_max: float
     lateral_error_m_rms: float
     heading_error_rad_max: float
     cross_track_error_m_max: float | None
     cross_track_error_m_rms: float | None
+    cross_track_error_max_at_s: float | None = None
+    believed_minus_true_error_m_max: float | None = None
+    true_gap_m_min: float | None = None
+    true_gap_min_at_s: float | None = None
     gap_m_min: float | None
     distance_m: float
     ticks_by_mode: Mapping[str, int]
@@ -118,6 +145,8 @@ class RunSummary:
     recorder_rejected_messages: Mapping[str, int]
     vehicles: tuple[VehicleSummary, ...] = field(default=())
     links: tuple[LinkSummary, ...] = field(default=())
+    events: tuple[RunEvent, ...] = field(default=())
+    holes: tuple[RecordHole, ...] = field(default=())
 
 
 _FIGURES = TypeAdapter(RunSummary)

@@ -159,3 +159,9 @@ class Recorder:
         self._metrics.add(message)
         for listener in self._listeners:
             listener(at, message)
+        self.say_news(at)
+
+    def say_news(self, at: int) -> None:
+        """Write a line for each event on the road that has been found since."""
+        for event in self._metrics.events.news():
+            self.say(at, event.line, event.level)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
+from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
 from scenarios.results.log_summary import (
     LOG_NAME,
     METADATA_NAME,
@@ -16,7 +17,10 @@ from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_jso
 from scenarios.runs.recorder import Listener, Recorder
 from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
+from vehicles.schedule import nanoseconds
 
+MOST_HOLE_LINES = 20
+"""Holes with a line of their own in the log; the summary has them all."""
 SLOW_WRITER = "this version of the mcap package writes the log in its own, slower way"
 
 
@@ -34,13 +38,14 @@ class RunLog:
     ) -> None:
         """Open the log in `folder`, which is made, and write what the run is into it."""
         self._scenario = scenario
+        self._limits = scenario.tables.limits
         self._folder = folder
-        self._identity = RunIdentity.here(scenario.name, scenario.seed, clock, run_id)
+        self._identity = RunIdentity.here(scenario, clock, run_id)
         folder.mkdir(parents=True, exist_ok=True)
         self._writer = LogWriter(folder / LOG_NAME)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
-        self.metrics = Metrics(scenario.vehicle_names, scenario.links, scenario.route.start_yaw)
+        self.metrics = Metrics.of(scenario)
         self.recorder = Recorder(
             vehicles={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},
             plane=LocalPlane(scenario.origin),
@@ -69,8 +74,35 @@ class RunLog:
 
         Returns the announcement for the bus. What still comes can be recorded until `close`.
         """
-        self._end_at, self._reason = at, reason
-        return self.recorder.end(at, reason)
+        self._end_at = at
+        self.metrics.events.finish()
+        self.recorder.say_news(at)
+        holes = self.metrics.holes(self._ran_ns)
+        for hole in holes[:MOST_HOLE_LINES]:
+            self.recorder.say(at, hole.line, "warning")
+        if len(holes) > MOST_HOLE_LINES:
+            left = len(holes) - MOST_HOLE_LINES
+            self.recorder.say(at, f"not recorded: {left} more holes, see {SUMMARY_NAME}", "warning")
+        self._reason = why_failed(reason, self._broken())
+        return self.recorder.end(at, self._reason)
+
+    @property
+    def must_end(self) -> str:
+        """Why the run has to end now, by its limits; empty while it need not."""
+        if not collision_ends_run(self._limits, self.metrics.events.collisions):
+            return ""
+        return why_failed("", self._broken())
+
+    def _broken(self) -> list[str]:
+        vehicles = self.metrics.vehicle_summaries(self._ran_ns)
+        return broken_limits(self._limits, self.metrics.events.events(), vehicles)
+
+    @property
+    def _ran_ns(self) -> int:
+        if self._start_at is None:
+            return 0
+        planned = nanoseconds(self._scenario.duration_s)
+        return min(max(self._end_at - self._start_at, 0), planned)
 
     def close(self, at: int) -> RunSummary:
         """Complete the log at instant `at` (ns) and write the summary, which is returned."""
@@ -79,7 +111,7 @@ class RunLog:
             self._identity,
             self._scenario,
             self.metrics,
-            ran_ns=0 if self._start_at is None else max(self._end_at - self._start_at, 0),
+            ran_ns=self._ran_ns,
             reason=self._reason,
             rejected=self.recorder.rejected,
         )

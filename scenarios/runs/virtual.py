@@ -14,7 +14,7 @@ from scenarios.runs.recorder import Listener
 from scenarios.runs.replay import Replay
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.step_order import Stepper, steps_in_order
-from scenarios.runs.stop import Stop
+from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import VirtualClock
 from transport.topics import Topic
@@ -47,6 +47,8 @@ def run_virtual(
 
     def record(topic: Topic, data: bytes, message: Message) -> None:
         run.recorder.on_sent(topic, data, message, clock.now())
+        if (reason := run.must_end) and not stop.asked:
+            stop.ask(reason, EXIT_FAILED)
 
     run.start(clock.now(), clock.now())
     nodes = convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record), replays)
@@ -54,7 +56,10 @@ def run_virtual(
     for node in nodes.values():
         node.outbox.publish_health(clock.now(), final=True)
     run.end(clock.now(), stop.reason)
-    return run.close(clock.now())
+    summary = run.close(clock.now())
+    if summary.reason:  # a limit can also be broken by a run that went on to its end
+        stop.ask(summary.reason, EXIT_FAILED)
+    return summary
 
 
 class VirtualConvoy:

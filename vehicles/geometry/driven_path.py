@@ -6,6 +6,7 @@ from math import cos, hypot, sin
 from typing import NamedTuple
 
 from vehicles.messages import TruePose
+from vehicles.schedule import SECOND
 
 MAX_STEP_BACK = 3
 """Chords the foot point may move backwards from one pose to the next; it otherwise only moves
@@ -13,6 +14,10 @@ forwards, so where a path crosses itself or runs beside itself the foot stays on
 
 LEAST_STEP = 0.01
 """Poses of the lead closer together than this (m) add nothing to its path: standstills."""
+
+HOLE_NS = SECOND // 10
+"""Poses of the lead further apart in time than this, and not one after the other by their numbers,
+are a hole in the record: nobody knows where the lead drove in between."""
 
 MOST_WAITING = 3000
 """Poses of one follower that wait for the lead to get there, 60 s at 50 Hz; then the oldest go."""
@@ -31,7 +36,10 @@ class CrossTrack(NamedTuple):
 
 
 class _Chord(NamedTuple):
-    """Straight line between two poses of the lead: start, components, length, station (m)."""
+    """Straight line between two poses of the lead: start, components, length, station (m).
+
+    `guessed` says that poses in between were not recorded.
+    """
 
     east: float
     north: float
@@ -39,18 +47,28 @@ class _Chord(NamedTuple):
     along_north: float
     length: float
     station: float
+    guessed: bool
+
+
+class _Place(NamedTuple):
+    """A point (m) whose foot point is sought, and when a vehicle was there."""
+
+    vehicle: str
+    at_ns: int
+    east: float
+    north: float
 
 
 @dataclass(slots=True)
 class _Follower:
-    """The poses of a follower whose foot points are not known yet.
+    """The places of a follower whose foot points are not known yet.
 
     The next foot point is searched forwards from chord `index`, and backwards as far as `floor`.
     """
 
     index: int = 0
     floor: int = 0
-    waiting: deque[TruePose] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
+    waiting: deque[_Place] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
 
 
 class CrossTrackError:
@@ -70,32 +88,39 @@ class CrossTrackError:
         self._road_yaw = road_yaw
         self._chords: list[_Chord] = []
         self._end = (0.0, 0.0)
+        self._newest: TruePose | None = None
         self._followers: dict[str, _Follower] = {}
 
     def add(self, pose: TruePose) -> list[CrossTrack]:
         """Take a pose; returns the foot points that are known now and were not before.
 
-        Poses that the lead's path never reaches are left out: there is nothing to compare with.
+        Poses that the lead's path never reaches are left out, and those beside a hole in its
+        record: there is nothing to compare with.
         """
         if pose.vehicle != self._lead:
-            follower = self._followers.get(pose.vehicle)
-            if follower is None:
-                follower = self._followers[pose.vehicle] = _Follower()
-            follower.waiting.append(pose)
-            return self._feet(follower) if self._chords else []
+            return self.add_point(pose.vehicle, pose.true_at_ns, pose.east_m, pose.north_m)
         if self._extend(pose):
             return [foot for other in self._followers.values() for foot in self._feet(other)]
         return []
 
+    def add_point(self, vehicle: str, at: int, east: float, north: float) -> list[CrossTrack]:
+        """Take a place (m) of a follower, or of a part of it that has a name of its own."""
+        follower = self._followers.get(vehicle)
+        if follower is None:
+            follower = self._followers[vehicle] = _Follower()
+        follower.waiting.append(_Place(vehicle, at, east, north))
+        return self._feet(follower) if self._chords else []
+
     def _extend(self, pose: TruePose) -> bool:
         """Lengthen the lead's path to `pose`, unless the lead stood still."""
+        before, self._newest = self._newest, pose
         if not self._chords:
             at_start = pose.distance_m == 0.0
             yaw = self._road_yaw if self._road_yaw is not None and at_start else pose.yaw_rad
             # The first chord extends backwards without end, so its length does not matter.
             along_east, along_north = cos(yaw), sin(yaw)
             east, north = pose.east_m - along_east, pose.north_m - along_north
-            self._chords.append(_Chord(east, north, along_east, along_north, 1.0, -1.0))
+            self._chords.append(_Chord(east, north, along_east, along_north, 1.0, -1.0, False))
         else:
             east, north = self._end
             along_east, along_north = pose.east_m - east, pose.north_m - north
@@ -104,23 +129,29 @@ class CrossTrackError:
                 return False
             last = self._chords[-1]
             station = last.station + last.length
-            self._chords.append(_Chord(east, north, along_east, along_north, step, station))
+            hole = (
+                before is not None
+                and pose.seq - before.seq > 1
+                and pose.true_at_ns - before.true_at_ns > HOLE_NS
+            )
+            self._chords.append(_Chord(east, north, along_east, along_north, step, station, hole))
         self._end = (pose.east_m, pose.north_m)
         return True
 
     def _feet(self, follower: _Follower) -> list[CrossTrack]:
-        """Foot points of the waiting poses, up to the first one beyond the end of the path."""
+        """Foot points of the waiting places, up to the first one beyond the end of the path."""
         found: list[CrossTrack] = []
         while follower.waiting:
             foot = self._foot(follower, follower.waiting[0])
             if foot is None:
                 break
             follower.waiting.popleft()
-            found.append(foot)
+            if not self._chords[follower.index].guessed:
+                found.append(foot)
         return found
 
-    def _foot(self, follower: _Follower, pose: TruePose) -> CrossTrack | None:
-        """Foot point of `pose`; None if it lies beyond the end of the path.
+    def _foot(self, follower: _Follower, place: _Place) -> CrossTrack | None:
+        """Foot point of `place`; None if it lies beyond the end of the path.
 
         It is searched in the order of travel, then back. This runs for every pose of a run, so a
         chord is looked at once only.
@@ -128,8 +159,8 @@ class CrossTrackError:
         chords, index, floor = self._chords, follower.index, follower.floor
         forwards = True
         while True:
-            east, north, along_east, along_north, length, station = chords[index]
-            to_east, to_north = pose.east_m - east, pose.north_m - north
+            east, north, along_east, along_north, length, station, _ = chords[index]
+            to_east, to_north = place.east - east, place.north - north
             along = (to_east * along_east + to_north * along_north) / length
             if forwards and along > length:
                 index += 1
@@ -143,4 +174,4 @@ class CrossTrackError:
                 break
         follower.index, follower.floor = index, max(index - MAX_STEP_BACK, 0)
         lateral = (along_east * to_north - along_north * to_east) / length
-        return CrossTrack(pose.vehicle, pose.true_at_ns, station + along, lateral)
+        return CrossTrack(place.vehicle, place.at_ns, station + along, lateral)

@@ -163,6 +163,44 @@ class LoadingTable(Table):
     luggage_offset_m: float = Field(default=0.5, ge=0, le=10)
 
 
+class EventsTable(Table):
+    """From when on something that happens on the road is an event.
+
+    lane_width_m       a corner of a body further than half of it from the lead's driven path has
+                       left the lane; lanes of motorways are 3.5 to 3.75 m wide
+    near_miss_gap_m    distance between the bodies of neighbours; convoys that ship keep 3 m
+    near_miss_time_s   that distance over the speed at which it shrinks; conflicts below 1.5 s count
+                       as severe in traffic research
+    path_lost_s        time without a path from what was received: 1 s is more than the preview,
+                       so nothing is left of what was known of the road
+    """
+
+    lane_width_m: float = Field(default=3.5, gt=0, le=100)
+    near_miss_gap_m: NotNegative = 1.0
+    near_miss_time_s: NotNegative = 1.5
+    path_lost_s: NotNegative = 1.0
+
+
+Count = Annotated[int, Field(ge=0)]
+
+
+class LimitsTable(Table):
+    """Limits whose breach makes a run fail; one that is left out is none.
+
+    The first four are counts of events. `after_collision` says whether the run ends when a
+    collision breaks the limit, or with "end" and without that limit, at the first one. Left out,
+    it ends if there is a limit.
+    """
+
+    collisions_max: Count | None = None
+    lane_departures_max: Count | None = None
+    near_misses_max: Count | None = None
+    paths_lost_max: Count | None = None
+    cross_track_error_m_max: NotNegative | None = None
+    true_gap_m_min: NotNegative | None = None
+    after_collision: Literal["end", "go_on"] | None = None
+
+
 class VehicleTable(Table):
     """What is different about one vehicle; keys that are left out keep the convoy's values."""
 
@@ -179,11 +217,13 @@ class ScenarioTables(Table):
     """A scenario file as a whole.
 
     `extends` names the file that another one is laid over; it is resolved before the tables are
-    validated, and None here.
+    validated, and None here. `overrides` are the `key.path=value` that were laid over the file, for
+    its title; in it they change nothing any more.
     """
 
     extends: str | None = None
     name: Name
+    overrides: Annotated[tuple[str, ...] | None, Field(strict=False)] = None
     description: str = ""
     duration_s: float | None = Field(default=None, gt=0, le=86_400)
     seed: int = Field(default=1, ge=0, le=2**63 - 1)
@@ -195,6 +235,8 @@ class ScenarioTables(Table):
     speed: SpeedTable = SpeedTable()
     path: PathTable
     links: LinkTable = LinkTable()
+    events: EventsTable = EventsTable()
+    limits: LimitsTable = LimitsTable()
     link: Annotated[tuple[LinkEntry, ...], Field(strict=False)] = ()
     parameters: ParametersTable = ParametersTable()
     loading: LoadingTable = LoadingTable()

@@ -116,6 +116,8 @@ class RecorderProcess:
             self._conductor.presence(vehicle, alive=alive, at=now)
         if self._stop.asked:
             self._conductor.stop(self._stop.reason)
+        elif reason := self._run.must_end:
+            self._conductor.stop(reason)
         for line in self._conductor.advance(now, connected=self._bus.connected()):
             self._run.recorder.say(now, line)
         if self._conductor.phase is Phase.RUNNING:

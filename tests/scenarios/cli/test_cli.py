@@ -260,7 +260,8 @@ def test_run_writes_a_log_and_a_summary(tmp_path: Path) -> None:
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert (summary["outcome"], summary["seed"], summary["ran_s"]) == ("completed", 5, 2.0)
     assert not LogReader(out / "run.mcap").truncated
-    assert "lane_change, virtual clock, seed 5, 2.0 s" in result.stdout
+    title = "lane_change, seed 5, α 0.5, loss 0 %, duration_s=2, virtual clock, 2.0 s\n"
+    assert result.stdout.startswith(title)
     assert "v1 → v4" in result.stdout
     assert result.stdout.endswith(f"log: {out / 'run.mcap'}\n")
 
@@ -327,7 +328,9 @@ def test_report_prints_the_tables_of_the_run(finished: Path) -> None:
     log = finished / "run.mcap"
     result = convoy("report", log)
     assert result.exit_code == 0
-    assert "lane_change, virtual clock, seed 1, 2.0 s" in result.stdout
+    assert (
+        "lane_change, seed 1, α 0.5, loss 0 %, duration_s=2, virtual clock, 2.0 s" in result.stdout
+    )
     rows = [line.split()[0] for line in result.stdout.splitlines() if line.strip()]
     assert [name for name in rows if re.fullmatch(r"v\d", name)][:4] == ["v1", "v2", "v3", "v4"]
     assert result.stdout.endswith(f"log: {log}\n")

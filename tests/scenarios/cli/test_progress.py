@@ -5,9 +5,10 @@ import pytest
 
 from scenarios.cli import progress
 from scenarios.cli.progress import PLAIN_EVERY_S, REDRAW_S, Progress
+from scenarios.results.bodies import BodySize
 from tests.made.scenarios.messages import START, gps, health, start, text, tracking, truth, verdict
 
-CONVOY = ("v1", "v2")
+CONVOY = dict.fromkeys(("v1", "v2"), BodySize(5.0, 2.0, 0.0))
 
 
 class FakeTime:
@@ -42,7 +43,7 @@ def plain(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Progress
 def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Progress]:
     """Progress on a terminal."""
     monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("COLUMNS", "80")
     del clock
     with Progress(CONVOY, 35.0) as shown:
         yield shown
@@ -51,8 +52,10 @@ def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Progress]
 def drive(shown: Progress, seconds: float = 12.0) -> None:
     """What two vehicles tell until `seconds` after the start."""
     seq = round(seconds * 50)
-    for name, error in (("v1", 0.02), ("v2", -0.345)):
-        shown.listen(START, truth(name, seq, 0.0, 0.0))
+    for name, error, east in (("v1", 0.02, 0.0), ("v2", -0.2, -15.0)):
+        # At first v2 is 34.5 cm beside the path, then 10 cm, and believes in 20 cm.
+        shown.listen(START, truth(name, seq - 1, east - 0.4, -0.345 if name == "v2" else 0.0))
+        shown.listen(START, truth(name, seq, east, -0.1 if name == "v2" else 0.0))
         shown.listen(START, tracking(name, seq, lateral_error_m=error, mode="lead"))
     for number in range(5):
         shown.listen(START, verdict("v1", "v2", number))
@@ -75,23 +78,9 @@ def test_without_a_terminal_a_plain_line_now_and_then(
     plain: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plain.listen(START, start())
-    assert capsys.readouterr().err.split() == (
-        [
-            "0.0",
-            "of",
-            "35.0",
-            "s",
-            "lateral",
-            "error",
-            "0.0",
-            "cm",
-            "heard",
-            "0",
-            "lost",
-            "0",
-            "late",
-            "0",
-        ]
+    assert capsys.readouterr().err == (
+        "   0.0 of 35.0 s  true lateral error 0.0 cm, largest 0.0 cm  true gap - m"
+        "  heard 0  lost 0  late 0\n"
     )
     drive(plain)
     clock.now += PLAIN_EVERY_S - 0.1
@@ -102,24 +91,10 @@ def test_without_a_terminal_a_plain_line_now_and_then(
     plain.listen(START, gps("v1", 2))
     out, err = capsys.readouterr()
     assert out == ""  # standard output is for what the command is asked for
-    assert err.split() == (
-        # lost is what was lost, not what the link's rate held back; late are messages and ticks
-        [
-            "12.0",
-            "of",
-            "35.0",
-            "s",
-            "lateral",
-            "error",
-            "34.5",
-            "cm",
-            "heard",
-            "6",
-            "lost",
-            "1",
-            "late",
-            "4",
-        ]
+    # lost is what was lost, not what the link's rate held back; late are messages and ticks
+    assert err == (
+        "  12.0 of 35.0 s  true lateral error 10.0 cm, largest 34.5 cm  true gap 10.0 m"
+        "  heard 6  lost 1  late 4\n"
     )
 
 
@@ -138,16 +113,32 @@ def test_a_terminal_shows_a_row_for_each_vehicle(
 ) -> None:
     live.listen(START, start())
     drive(live)
-    live.listen(START, tracking("v2", 601, lateral_error_m=0.1, mode="composite"))
+    live.listen(START, tracking("v2", 601, lateral_error_m=0.25, mode="composite"))
     capsys.readouterr()
     clock.now += REDRAW_S
     live.listen(START, gps("v1", 0))
     err = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err)
     assert "12.0 of 35.0 s" in err
-    rows = {line.split()[1]: line.split()[3::2] for line in err.splitlines() if " v" in line}
-    assert rows["v1"] == ["lead", "20.0", "2.0", "2.0", "0", "0", "0", "0"]
-    # The error now, and the largest so far.
-    assert rows["v2"] == ["composite", "20.0", "10.0", "34.5", "6", "1", "1", "3"]
+    lines = [line.strip() for line in err.splitlines()]
+    rows = {line.split()[0]: line.split()[1:] for line in lines if re.match(r"v\d ", line)}
+    # Truth first: the error now, the largest so far, the gap; then what the vehicle believes.
+    assert rows["v1"] == ["-", "-", "-", "2.0", "lead", "20.0", "0", "0", "0"]
+    assert rows["v2"] == ["-10.0", "34.5", "10.0", "25.0", "composite", "20.0", "6", "1", "4"]
+
+
+def test_the_live_table_fits_a_terminal_of_eighty_columns(
+    live: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+) -> None:
+    live.listen(START, start())
+    drive(live)
+    live.listen(START, tracking("v2", 601, lateral_error_m=-12.345, mode="predecessor"))
+    capsys.readouterr()
+    clock.now += REDRAW_S
+    live.listen(START, gps("v1", 0))
+    err = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err)
+    assert "…" not in err
+    for words in ("true", "believed", "error cm", "largest", "gap m", "predecessor", "late"):
+        assert words in err
 
 
 def test_a_terminal_is_redrawn_at_most_so_often(

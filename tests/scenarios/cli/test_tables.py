@@ -8,12 +8,25 @@ from rich.console import Console
 
 from scenarios.cli.tables import print_summary
 from scenarios.definition.schema.tables import LinkTable
+from scenarios.results.events import RunEvent
+from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 
 NO_ERROR = ("0.0", "/", "0.0")
-NO_FAULTS = ("0", "0", "0")
+
+
+EVENTS = (
+    RunEvent(kind="near_miss", at_s=1.5, vehicles=("v1", "v2"), figures={"gap_m_min": 0.25}),
+    RunEvent(
+        kind="collision", at_s=3.25, vehicles=("v2", "v3"), figures={"closing_speed_mps": 6.4}
+    ),
+    RunEvent(
+        kind="lane_departure", at_s=4.0, vehicles=("v3",),
+        figures={"excess_m_max": 0.5, "duration_s": 1.25},
+    ),
+)  # fmt: skip
 
 
 def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
@@ -51,27 +64,71 @@ def printed(figures: RunSummary, log: Path | None = None, width: int = 80) -> st
     return out.getvalue()
 
 
-def row(text: str, begin: str) -> list[str]:
-    """Words of the table's row that begins so."""
-    line = next(line for line in text.splitlines() if line.strip(" │┃").startswith(begin))
-    return re.sub("[│┃]", " ", line).split()
+def row(text: str, begin: str, table: int = 0) -> list[str]:
+    """Words of the row that begins so, of the first or a later table that has one."""
+    lines = [line for line in text.splitlines() if line.strip(" │┃").startswith(begin)]
+    return re.sub("[│┃]", " ", lines[table]).split()
 
 
-def test_a_vehicle_s_row_tells_errors_gap_and_counts() -> None:
+def test_a_vehicle_s_row_tells_what_is_true_then_what_it_believed() -> None:
     text = printed(summary())
-    assert "trial, wall clock, seed 11, 1.0 s" in text
-    v2 = row(text, "v2 ")
-    assert v2[1:4] == ["9.0", "/", "9.0"]
-    assert v2[4:7] == ["12.5", "/", "12.5"]
-    assert v2[7:] == ["14.0", "1", "2", "12", "7", "64", "4.3"]
+    assert "trial, seed 11, wall clock, 1.0 s" in text
+    assert row(text, "v2 ") == [
+        *("v2", "12.5", "/", "12.5", "10.1"),
+        *("9.0", "/", "9.0", "21.5", "14.0"),
+    ]
+    headings = [re.split(r"  +", line.strip()) for line in text.splitlines()[2:5]]
+    assert headings == [
+        ["true", "true", "believed", "difference", "believed"],
+        ["error cm", "gap m", "error cm", "of errors", "gap m"],
+        ["vehicle", "max / rms", "min", "max / rms", "cm, max", "min"],
+    ]
+
+
+def test_a_second_row_tells_poses_and_how_the_process_did() -> None:
+    assert row(printed(summary()), "v2 ", 1) == ["v2", "1", "2", "12", "7", "64", "4.3"]
 
 
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
-    assert row(printed(summary()), "v1 ") == ["v1", *NO_ERROR, "-", "-", "21", *NO_FAULTS]
+    text = printed(summary())
+    assert row(text, "v1 ") == ["v1", "-", "-", *NO_ERROR, "-", "-"]
+    assert row(text, "v1 ", 1) == ["v1", "21", "0", "0", "0"]
 
 
 def test_nor_has_a_follower_that_was_never_on_the_road() -> None:
-    assert row(printed(summary()), "v3 ") == ["v3", *NO_ERROR, "-", "-", "0", *NO_FAULTS]
+    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", *NO_ERROR, "-", "-"]
+
+
+def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:
+    title = 'trial, seed 11, α 0.5, loss 40 %, link=[{sender="v1"}]'
+    figures = summary()
+    named = replace(figures, identity=replace(figures.identity, title=title))
+    assert f"{title}, wall clock, 1.0 s" in printed(named, width=120)
+
+
+def test_events_are_rows_with_their_figures() -> None:
+    text = printed(replace(summary(), events=EVENTS))
+    assert "events: 1 near miss, 1 collision, 1 lane departure" in text
+    rows = [" ".join(line.split()) for line in text.splitlines()]
+    assert "1.50 near miss v1, v2 gap 0.25 m" in rows
+    assert "3.25 collision v2, v3 closing at 6.4 m/s" in rows
+    assert "4.00 lane departure v3 at most 0.50 m beyond the edge, for 1.2 s" in rows
+    assert "…" not in text
+    many = printed(replace(summary(), events=EVENTS[:1] * 50))
+    assert "10 more" in many
+    assert "events: 50 near misses" in many
+    assert "events" not in printed(summary())
+
+
+def test_what_was_not_recorded_is_said_below() -> None:
+    hole = RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)
+    figures = summary()
+    silent = replace(figures.vehicles[2], silent_from_s=0.5)
+    text = printed(replace(figures, holes=(hole,), vehicles=(*figures.vehicles[:2], silent)))
+    assert "not recorded: 95 poses of v1, 2.00 to 6.70 s after the start\n" in text
+    assert "silent: v3 from 0.50 s after the start on; it left, died or was not heard\n" in text
+    assert "the figures are of what was recorded\n" in text
+    assert "recorded\n" not in printed(figures).split("links")[1]
 
 
 def test_a_link_s_row_puts_achieved_beside_requested() -> None:
@@ -102,7 +159,7 @@ def test_in_virtual_time_no_process_is_measured() -> None:
     figures = summary(clock="virtual")
     vehicles = tuple(replace(vehicle, memory_bytes_max=0) for vehicle in figures.vehicles)
     figures = replace(figures, vehicles=vehicles)
-    assert row(printed(figures), "v2 ")[7:] == ["14.0", "1", "2", "12", "7"]
+    assert row(printed(figures), "v2 ", 1) == ["v2", "1", "2", "12", "7"]
 
 
 def test_one_vehicle_alone_has_no_table_of_links() -> None:
@@ -114,6 +171,8 @@ def test_why_it_ended_and_where_the_log_is() -> None:
     assert "ended early: v2 died 3.0 s after the start" in text
     assert text.endswith("log: runs/today/run.mcap\n")
     assert "ended early" not in printed(summary())
+    whole = replace(summary("limits.collisions_max = 0: v2"), ran_s=5.0)
+    assert "failed: limits.collisions_max = 0: v2" in printed(whole)
 
 
 @pytest.mark.parametrize("folder", ["runs[old]", "a[/b]", ":smile:", "x" * 120])

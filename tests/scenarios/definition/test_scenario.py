@@ -1,5 +1,6 @@
 """Scenario files: what they resolve to."""
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.check.report import warnings
-from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.scenario import load_scenario, scenario_from_text
 from tests.made.scenarios.messages import STRAIGHT
 from vehicles.car.parameters import LINCOLN_MKZ, Gains
 
@@ -198,3 +199,32 @@ def test_every_kind_of_value_survives_the_text(
     # What a file may say of a link or a vehicle is as it was given, without defaults.
     written = tomllib.loads(scenario.text)
     assert (written["link"], written["vehicle"]) == (tables["link"], tables["vehicle"])
+
+
+def test_a_scenario_names_itself_by_what_was_asked_of_it() -> None:
+    plain = load_scenario("lane_change")
+    assert plain.title == "lane_change, seed 1, α 0.5, loss 0 %"
+    assert (plain.overrides, plain.slug) == ((), "lane_change")
+    settings = ["convoy.gap_m=8", "links.loss_ratio=0.4"]
+    asked = load_scenario("lane_change", settings, seed=7)
+    assert asked.overrides == (*settings, "seed=7")
+    assert asked.title == (
+        "lane_change, seed 7, α 0.5, loss 40 %, convoy.gap_m=8, links.loss_ratio=0.4"
+    )
+    assert asked.slug == "lane_change-convoy.gap_m=8-links.loss_ratio=0.4-seed=7"
+    some = ["vehicle.v3.control.alpha_ratio=0.8", 'link=[{sender="v1",receiver="v2",loss_ratio=1}]']
+    mixed = load_scenario("lane_change", some)
+    assert mixed.title.startswith("lane_change, seed 1, α 0.5 to 0.8, loss 0 to 100 %, vehicle.v3")
+    assert re.fullmatch(r"[A-Za-z0-9_.=-]{1,80}", mixed.slug)
+    long = load_scenario("lane_change", [*settings, *some, "gnss.rate_hz=10"])
+    longer = load_scenario("lane_change", [*settings, *some, "gnss.rate_hz=11"])
+    assert len(long.slug) == len(longer.slug) == 80
+    assert long.slug != longer.slug
+
+
+def test_a_scenario_knows_its_overrides_from_its_own_text_and_adds_more() -> None:
+    asked = load_scenario("lane_change", ["convoy.gap_m=8"], seed=7)
+    again = scenario_from_text(asked.text)
+    assert (again.title, again.slug, again.text) == (asked.title, asked.slug, asked.text)
+    more = scenario_from_text(asked.text, overrides=["convoy.gap_m=9"])
+    assert more.overrides == ("convoy.gap_m=8", "seed=7", "convoy.gap_m=9")

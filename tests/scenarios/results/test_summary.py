@@ -9,6 +9,8 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.tables import LinkTable
+from scenarios.results.events import RunEvent
+from scenarios.results.holes import RecordHole
 from scenarios.results.log_summary import LOG_NAME, scenario_in, summary_of
 from scenarios.results.summary import (
     PACKAGES,
@@ -61,7 +63,7 @@ def written(scenario: Scenario, folder: Path) -> RunLog:
 
 
 def test_a_run_is_known_by_scenario_seed_clock_and_versions(scenario: Scenario) -> None:
-    identity = RunIdentity.here(scenario.name, scenario.seed, "wall", "today")
+    identity = RunIdentity.here(scenario, "wall", "today")
     what = identity.metadata()
     assert what["schema"] == SCHEMA
     assert (what["scenario"], what["seed"], what["run_id"]) == ("lane_change", "3", "today")
@@ -172,12 +174,16 @@ def documented() -> dict[str, str]:
 
 
 def test_the_readme_says_what_each_field_means() -> None:
-    identity = RunIdentity.here("x", 1, "wall", "today").values()
-    names = {one.name for one in fields(RunSummary)} - {"identity", "vehicles", "links"}
+    identity = RunIdentity.here(load_scenario("lane_change"), "wall", "today").values()
+    names = {one.name for one in fields(RunSummary)} - {
+        *("identity", "vehicles", "links", "events", "holes")
+    }
     vehicle = {f"vehicles[].{one.name}" for one in fields(VehicleSummary)}
     link = {f"links[].{one.name}" for one in fields(LinkSummary)}
+    event = {f"events[].{one.name}" for one in fields(RunEvent)}
+    hole = {f"holes[].{one.name}" for one in fields(RecordHole)}
     meaning = documented()
-    assert set(meaning) == {*identity, *names, *vehicle, *link}
+    assert set(meaning) == {*identity, *names, *vehicle, *link, *event, *hole}
     assert meaning["schema"] == f"`{SCHEMA}`"
     for asked in LinkTable.model_fields:
         assert f"`{asked}`" in meaning["links[].requested"]

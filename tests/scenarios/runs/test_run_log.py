@@ -25,7 +25,7 @@ def begun(scenario: Scenario, folder: Path) -> RunLog:
     for seq in range(10):
         for name in ("v1", "v2"):
             take(run, gps(name, seq), seq)
-            take(run, truth(name, seq, 0.6 * seq, 0.1 if name == "v2" else 0.0), seq)
+            take(run, truth(name, seq, 0.6 * seq - (15.0 if name == "v2" else 0.0), 0.0), seq)
             take(run, tracking(name, seq, lateral_error_m=0.01 * seq), seq)
     return run
 

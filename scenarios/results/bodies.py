@@ -1,0 +1,136 @@
+"""Bodies of cars as oriented rectangles: where they lie, whether they overlap, how far apart."""
+
+from math import cos, hypot, inf, sin
+from typing import NamedTuple
+
+from vehicles.car.parameters import VehicleParameters
+from vehicles.messages import TruePose
+
+
+class BodySize(NamedTuple):
+    """Length and width (m) of a body, and how far its centre lies ahead of the centre of mass."""
+
+    length: float
+    width: float
+    forward: float
+
+    @classmethod
+    def of(cls, car: VehicleParameters) -> "BodySize":
+        """Size of the body of `car`.
+
+        A true pose is that of the centre of mass. Nothing says where the body lies about it, so it
+        is assumed to reach as far beyond the front axle as beyond the rear one.
+        """
+        forward = 0.5 * (car.front_axle_distance - car.rear_axle_distance)
+        return cls(car.length, car.width, forward)
+
+
+class CarBody(NamedTuple):
+    """A body in the world: its centre (m), unit vector forwards, half sizes, velocity (m/s)."""
+
+    east: float
+    north: float
+    along_east: float
+    along_north: float
+    half_length: float
+    half_width: float
+    speed_east: float
+    speed_north: float
+
+    @property
+    def reach(self) -> float:
+        """Distance (m) from the centre to a corner."""
+        return hypot(self.half_length, self.half_width)
+
+
+class Separation(NamedTuple):
+    """Distance (m) between two bodies, 0 where they overlap, and how fast it shrinks (m/s)."""
+
+    distance: float
+    closing: float
+
+
+def body_of(pose: TruePose, size: BodySize) -> CarBody:
+    """Place a body of `size` at `pose`."""
+    ux, uy = cos(pose.yaw_rad), sin(pose.yaw_rad)
+    sideways = pose.lateral_speed_mps + pose.yaw_rate_radps * size.forward
+    return CarBody(
+        pose.east_m + size.forward * ux,
+        pose.north_m + size.forward * uy,
+        ux,
+        uy,
+        0.5 * size.length,
+        0.5 * size.width,
+        pose.speed_mps * ux - sideways * uy,
+        pose.speed_mps * uy + sideways * ux,
+    )
+
+
+def corners(body: CarBody) -> tuple[tuple[float, float], ...]:
+    """Corners (east, north) of a body, counter-clockwise from front left."""
+    forward_east = body.half_length * body.along_east
+    forward_north = body.half_length * body.along_north
+    left_east, left_north = -body.half_width * body.along_north, body.half_width * body.along_east
+    return tuple(
+        (
+            body.east + ahead * forward_east + aside * left_east,
+            body.north + ahead * forward_north + aside * left_north,
+        )
+        for ahead, aside in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    )
+
+
+def overlap(one: CarBody, other: CarBody) -> bool:
+    """Tell whether two bodies share more than their edges (theorem of the separating axis).
+
+    Two convex shapes are apart if and only if they are along the normal of one of their sides.
+    """
+    to_east, to_north = other.east - one.east, other.north - one.north
+    # Of the angle between the two: a rectangle's shadow is the sum of the shadows of its sides.
+    cosine = abs(one.along_east * other.along_east + one.along_north * other.along_north)
+    sine = abs(one.along_east * other.along_north - one.along_north * other.along_east)
+    for here, there in ((one, other), (other, one)):
+        along = abs(to_east * here.along_east + to_north * here.along_north)
+        aside = abs(to_north * here.along_east - to_east * here.along_north)
+        if along >= here.half_length + there.half_length * cosine + there.half_width * sine:
+            return False
+        if aside >= here.half_width + there.half_length * sine + there.half_width * cosine:
+            return False
+    return True
+
+
+def separation(one: CarBody, other: CarBody) -> Separation:
+    """Distance between two bodies and its rate, from their velocities; yaw rates are left out.
+
+    The nearest points of two convex polygons apart include a corner. Where the bodies overlap the
+    rate is that along the line of their centres.
+    """
+    if overlap(one, other):
+        to_east, to_north = other.east - one.east, other.north - one.north
+        return Separation(0.0, _closing(one, other, to_east, to_north))
+    nearest = inf
+    east = north = 0.0
+    for here, there, sign in ((one, other, 1.0), (other, one, -1.0)):
+        for corner_east, corner_north in corners(here):
+            to_east, to_north = there.east - corner_east, there.north - corner_north
+            along = to_east * there.along_east + to_north * there.along_north
+            aside = to_north * there.along_east - to_east * there.along_north
+            # What is left of the way once the half sizes of the other body are covered.
+            along -= min(max(along, -there.half_length), there.half_length)
+            aside -= min(max(aside, -there.half_width), there.half_width)
+            distance = hypot(along, aside)
+            if distance < nearest:
+                nearest = distance
+                east = sign * (along * there.along_east - aside * there.along_north)
+                north = sign * (along * there.along_north + aside * there.along_east)
+    return Separation(nearest, _closing(one, other, east, north))
+
+
+def _closing(one: CarBody, other: CarBody, east: float, north: float) -> float:
+    """Speed (m/s) at which `one` nears `other` along (east, north), the way to the other."""
+    length = hypot(east, north)
+    if length == 0.0:
+        return 0.0
+    faster_east = one.speed_east - other.speed_east
+    faster_north = one.speed_north - other.speed_north
+    return (faster_east * east + faster_north * north) / length

@@ -1,0 +1,172 @@
+"""What vehicles do to one another, by their true poses: gaps, near misses, collisions.
+
+The poses of each vehicle come in order of time; how those of different vehicles are mixed does not
+matter, since bodies are compared at equal instants only.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise, product
+from math import inf
+from typing import Literal
+
+from scenarios.results.bodies import BodySize, CarBody, body_of, separation
+from vehicles.messages import TruePose
+from vehicles.schedule import SECOND
+
+EventKind = Literal["collision", "lane_departure", "near_miss", "path_lost"]
+
+MOST_FRAMES = 3000
+"""Instants that wait for the poses of vehicles, 60 s at 50 Hz; then the oldest go."""
+PARTED_M = 0.2
+"""Two bodies that collided have parted when they are so far apart: what only grazes on is one
+collision, not many."""
+QUIET_NS = SECOND
+"""An episode is over when its condition has not held for so long, so one that flickers is one."""
+
+
+@dataclass(slots=True)
+class Episode:
+    """Something that happened, from `at_ns` until `until_ns`; figures have unit suffixes.
+
+    The figures of one that goes on still grow.
+    """
+
+    kind: EventKind
+    vehicles: tuple[str, ...]
+    at_ns: int
+    until_ns: int
+    figures: dict[str, float] = field(default_factory=dict)
+    hit: bool = False
+
+    def least(self, figure: str, value: float) -> None:
+        """Keep the smallest value of a figure."""
+        self.figures[figure] = min(value, self.figures.get(figure, inf))
+
+    def most(self, figure: str, value: float) -> None:
+        """Keep the largest value of a figure."""
+        self.figures[figure] = max(value, self.figures.get(figure, -inf))
+
+    def is_over(self, at: int) -> bool:
+        """Whether the condition has not held for long at instant `at` (ns)."""
+        return at - self.until_ns > QUIET_NS
+
+
+@dataclass(slots=True)
+class SmallestGap:
+    """Distance (m) to the body of the vehicle ahead: the last one, the smallest and its instant."""
+
+    now_m: float = inf
+    min_m: float = inf
+    min_at_ns: int = 0
+
+    def add(self, gap: float, at: int) -> None:
+        """Take the gap at an instant (ns)."""
+        self.now_m = gap
+        if gap < self.min_m:
+            self.min_m, self.min_at_ns = gap, at
+
+
+@dataclass(slots=True)
+class _Frame:
+    """The bodies known at one instant, and which of them are in each cell of a grid."""
+
+    bodies: dict[str, CarBody] = field(default_factory=dict)
+    cells: dict[tuple[int, int], list[str]] = field(default_factory=dict)
+
+
+class Encounters:
+    """Gaps and near misses of neighbours in the convoy, collisions of any two vehicles."""
+
+    def __init__(
+        self, sizes: Mapping[str, BodySize], *, near_gap: float = 0.0, near_time: float = 0.0
+    ) -> None:
+        """Take the bodies, lead first; a near miss is below `near_gap` (m) or `near_time` (s)."""
+        self._sizes = sizes
+        self._place = {name: place for place, name in enumerate(sizes)}
+        self._near_gap, self._near_time = near_gap, near_time
+        self._cell = max((size.length**2 + size.width**2) ** 0.5 for size in sizes.values())
+        self._neighbours: dict[str, list[str]] = {name: [] for name in sizes}
+        for ahead, behind in pairwise(sizes):
+            self._neighbours[ahead].append(behind)
+            self._neighbours[behind].append(ahead)
+        self._frames: dict[int, _Frame] = {}
+        self._touching: dict[str, set[str]] = {name: set() for name in sizes}
+        self._near: dict[tuple[str, str], Episode] = {}
+        self.gaps = {name: SmallestGap() for name in list(sizes)[1:]}
+
+    def add(self, pose: TruePose) -> list[Episode]:
+        """Take a pose; returns the collisions and near misses that are certain by now."""
+        name, at = pose.vehicle, pose.true_at_ns
+        frame = self._frames.get(at)
+        if frame is None:
+            if len(self._frames) >= MOST_FRAMES:
+                del self._frames[next(iter(self._frames))]
+            frame = self._frames[at] = _Frame()
+        body = body_of(pose, self._sizes[name])
+        cell = (int(body.east // self._cell), int(body.north // self._cell))
+        found = [
+            episode
+            for other in sorted(self._to_compare(name, cell, frame), key=self._place.__getitem__)
+            for episode in self._meet(at, name, body, other, frame.bodies[other])
+        ]
+        frame.bodies[name] = body
+        frame.cells.setdefault(cell, []).append(name)
+        if len(frame.bodies) == len(self._sizes):
+            del self._frames[at]
+        return found
+
+    def finish(self) -> list[Episode]:
+        """Return the near misses that had not ended when the run did."""
+        left = [episode for episode in self._near.values() if not episode.hit]
+        self._near.clear()
+        return left
+
+    def _to_compare(self, name: str, cell: tuple[int, int], frame: _Frame) -> set[str]:
+        """Vehicles of the frame to compare with: neighbours, those close by, and those touched."""
+        around = {
+            other
+            for east, north in product((-1, 0, 1), repeat=2)
+            for other in frame.cells.get((cell[0] + east, cell[1] + north), ())
+        }
+        known = (*self._neighbours[name], *self._touching[name])
+        return (around | {other for other in known if other in frame.bodies}) - {name}
+
+    def _meet(
+        self, at: int, name: str, body: CarBody, other: str, there: CarBody
+    ) -> Iterator[Episode]:
+        if self._place[name] > self._place[other]:
+            name, body, other, there = other, there, name, body
+        apart = separation(body, there)
+        touched = other in self._touching[name]
+        if apart.distance == 0.0 and not touched:
+            self._touching[name].add(other)
+            self._touching[other].add(name)
+            # Of two that overlap in passing it is the speed along the line between their centres.
+            figures = {"closing_speed_mps": apart.closing}
+            yield Episode("collision", (name, other), at, at, figures)
+        elif apart.distance > PARTED_M and touched:
+            self._touching[name].discard(other)
+            self._touching[other].discard(name)
+        if self._place[other] == self._place[name] + 1:
+            self.gaps[other].add(apart.distance, at)
+            yield from self._keep_apart(at, (name, other), apart.distance, apart.closing)
+
+    def _keep_apart(
+        self, at: int, pair: tuple[str, str], distance: float, closing: float
+    ) -> Iterator[Episode]:
+        """Follow a near miss; it is certain once it is over and has not become a collision."""
+        left = distance / closing if closing > 0.0 else inf
+        episode = self._near.get(pair)
+        if distance < self._near_gap or left < self._near_time or distance == 0.0:
+            if episode is None:
+                episode = self._near[pair] = Episode("near_miss", pair, at, at)
+            episode.until_ns = at
+            episode.hit |= distance == 0.0
+            episode.least("gap_m_min", distance)
+            if left < inf:
+                episode.least("time_to_collision_s_min", left)
+        elif episode is not None and episode.is_over(at):
+            del self._near[pair]
+            if not episode.hit:
+                yield episode

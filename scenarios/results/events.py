@@ -1,0 +1,238 @@
+"""What happened on the road that must not pass unseen, from the true poses and the modes.
+
+A collision, a near miss, a departure from the lane, a path lost: found message by message, live, in
+virtual time or from a log. The messages of each vehicle come in order; how those of different
+vehicles are mixed does not matter.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from math import inf
+
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.tables import EventsTable
+from scenarios.results.bodies import BodySize, body_of, corners
+from scenarios.results.encounters import Encounters, Episode, EventKind
+from vehicles.geometry.driven_path import CrossTrackError
+from vehicles.messages import Level, Tracking, TruePose
+from vehicles.schedule import SECOND, nanoseconds
+
+LOST_MODES = frozenset({"coast", "straight"})
+"""Modes of a follower that has no trajectory from what it received."""
+UNRECORDED_NS = SECOND // 2
+"""Between two tracking messages so far apart nobody knows what a vehicle steered along; the
+slowest control runs at 5 Hz."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEvent:
+    """An event as it stands in the summary; instants in seconds from the start of the run."""
+
+    kind: EventKind
+    at_s: float
+    vehicles: tuple[str, ...]
+    figures: Mapping[str, float]
+
+    @property
+    def line(self) -> str:
+        """What happened, in one line."""
+        return f"{WHAT[self.kind](self)}, {self.at_s:.2f} s after the start"
+
+    @property
+    def level(self) -> Level:
+        """How bad it is, for the log."""
+        return "error" if self.kind == "collision" else "warning"
+
+
+def _collision(event: RunEvent) -> str:
+    ahead, behind = event.vehicles
+    closing = event.figures["closing_speed_mps"]
+    return f"collision: {behind} and {ahead}, closing at {closing:.1f} m/s"
+
+
+def _near_miss(event: RunEvent) -> str:
+    ahead, behind = event.vehicles
+    left = event.figures.get("time_to_collision_s_min")
+    also = "" if left is None else f", {left:.1f} s from a collision"
+    return f"near miss: {behind} within {event.figures['gap_m_min']:.2f} m of {ahead}{also}"
+
+
+def _lane_departure(event: RunEvent) -> str:
+    return f"lane departure: {event.vehicles[0]} across the edge of the lane"
+
+
+def _path_lost(event: RunEvent) -> str:
+    return f"path lost: {event.vehicles[0]} receives too little to steer along"
+
+
+WHAT: Mapping[EventKind, Callable[[RunEvent], str]] = {
+    "collision": _collision,
+    "near_miss": _near_miss,
+    "lane_departure": _lane_departure,
+    "path_lost": _path_lost,
+}
+
+
+class LaneWatch:
+    """Departures of followers from the lane: a corner too far from the lead's driven path."""
+
+    def __init__(
+        self, sizes: Mapping[str, BodySize], lane_width: float, road_yaw: float | None
+    ) -> None:
+        self._sizes = sizes
+        self._half_width = 0.5 * lane_width
+        self._lead = next(iter(sizes))
+        self._paths = CrossTrackError(self._lead, road_yaw)
+        self._corners: defaultdict[str, dict[int, list[float]]] = defaultdict(dict)
+        self._open: dict[str, Episode] = {}
+
+    def add(self, pose: TruePose) -> Iterator[Episode]:
+        """Take a pose; gives each departure as it begins."""
+        if pose.vehicle == self._lead:
+            feet = self._paths.add(pose)
+        else:
+            places = corners(body_of(pose, self._sizes[pose.vehicle]))
+            feet = [
+                foot
+                for number, (east, north) in enumerate(places)
+                for foot in self._paths.add_point(
+                    f"{pose.vehicle}/{number}", pose.true_at_ns, east, north
+                )
+            ]
+        for foot in feet:
+            vehicle = foot.vehicle.rpartition("/")[0]
+            # The lead reaches the front corners' places later than those of the rear ones.
+            waiting = self._corners[vehicle]
+            known = waiting.setdefault(foot.at_ns, [])
+            known.append(abs(foot.lateral))
+            if len(known) == 4:
+                for at in [at for at in waiting if at <= foot.at_ns]:
+                    del waiting[at]
+                yield from self._follow(vehicle, foot.at_ns, max(known) - self._half_width)
+
+    def _follow(self, vehicle: str, at: int, excess: float) -> Iterator[Episode]:
+        episode = self._open.get(vehicle)
+        if excess > 0.0:
+            begins = episode is None
+            if episode is None:
+                episode = self._open[vehicle] = Episode("lane_departure", (vehicle,), at, at)
+            episode.until_ns = at
+            episode.most("excess_m_max", excess)
+            episode.most("duration_s", (at - episode.at_ns) / SECOND)
+            if begins:
+                yield episode
+        elif episode is not None and episode.is_over(at):
+            del self._open[vehicle]
+
+
+class PathWatch:
+    """Followers that had a trajectory and steer without one for longer than `after` (s)."""
+
+    def __init__(self, after: float) -> None:
+        self._after = nanoseconds(after)
+        self._lost: dict[str, Episode | None] = {}
+        self._last: dict[str, int] = {}
+        self._told: set[str] = set()
+
+    def add(self, tracking: Tracking) -> Iterator[Episode]:
+        """Take the tracking of one instant; gives a loss as soon as it has lasted long enough."""
+        name, at = tracking.vehicle, tracking.decided_at_ns
+        unseen = at - self._last.get(name, at) > UNRECORDED_NS
+        self._last[name] = at
+        if tracking.mode not in LOST_MODES:
+            self._lost[name] = None
+            self._told.discard(name)
+            return
+        if name not in self._lost:
+            return  # it has had none yet
+        episode = self._lost[name]
+        if episode is None or unseen:
+            episode = self._lost[name] = Episode("path_lost", (name,), at, at)
+            self._told.discard(name)
+        episode.until_ns = at
+        episode.most("duration_s", (at - episode.at_ns) / SECOND)
+        if name not in self._told and at - episode.at_ns > self._after:
+            self._told.add(name)
+            yield episode
+
+
+class EventDetector:
+    """Finds the events of a run; `encounters` holds the true gaps beside."""
+
+    def __init__(
+        self,
+        sizes: Mapping[str, BodySize],
+        table: EventsTable | None = None,
+        road_yaw: float | None = None,
+    ) -> None:
+        """Take the bodies, lead first, and the direction of the road at the start (rad)."""
+        rules = table or EventsTable()
+        self.encounters = Encounters(
+            sizes, near_gap=rules.near_miss_gap_m, near_time=rules.near_miss_time_s
+        )
+        self._lane = LaneWatch(sizes, rules.lane_width_m, road_yaw)
+        self._path = PathWatch(rules.path_lost_s)
+        self._found: list[Episode] = []
+        self._told = 0
+        self._start_at: int | None = None
+        self._first_at = inf
+
+    def begin(self, start_at: int) -> None:
+        """Take the start of the run (ns), from which instants are counted."""
+        self._start_at = start_at
+
+    def add_truth(self, pose: TruePose) -> None:
+        """Take a true pose of one of the vehicles."""
+        self._first_at = min(self._first_at, pose.true_at_ns)
+        self._found += self.encounters.add(pose)
+        self._found += self._lane.add(pose)
+
+    def add_tracking(self, tracking: Tracking) -> None:
+        """Take what one of the vehicles steers along."""
+        self._found += self._path.add(tracking)
+
+    def finish(self) -> None:
+        """Count what had not ended when the run did."""
+        self._found += self.encounters.finish()
+
+    def news(self) -> list[RunEvent]:
+        """Events found since the last call."""
+        if self._told == len(self._found):
+            return []
+        new = self._found[self._told :]
+        self._told = len(self._found)
+        return [self._event(episode) for episode in new]
+
+    @property
+    def collisions(self) -> int:
+        """Collisions so far."""
+        return sum(episode.kind == "collision" for episode in self._found)
+
+    def events(self) -> tuple[RunEvent, ...]:
+        """All events so far, in order of time, whatever the order in which they were found."""
+        found = [self._event(episode) for episode in self._found]
+        return tuple(sorted(found, key=lambda one: (one.at_s, one.kind, one.vehicles)))
+
+    def seconds(self, at: int) -> float:
+        """Seconds from the start of the run, or, if that was not recorded, the first pose."""
+        start = self._first_at if self._start_at is None else self._start_at
+        return (at - start) / SECOND
+
+    def _event(self, episode: Episode) -> RunEvent:
+        return RunEvent(
+            kind=episode.kind,
+            at_s=self.seconds(episode.at_ns),
+            vehicles=episode.vehicles,
+            figures=dict(episode.figures),
+        )
+
+
+def sizes_of(scenario: Scenario) -> dict[str, BodySize]:
+    """Bodies of the vehicles of `scenario`, the lead first."""
+    return {name: BodySize.of(scenario.vehicle(name).parameters) for name in scenario.vehicle_names}
+
+
+def detector_of(scenario: Scenario) -> EventDetector:
+    """Make the detector for the vehicles of `scenario`, with its own thresholds."""
+    return EventDetector(sizes_of(scenario), scenario.tables.events, scenario.route.start_yaw)

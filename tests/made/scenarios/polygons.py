@@ -1,0 +1,35 @@
+"""The area that two bodies share, by a method of its own."""
+
+from itertools import pairwise
+
+from scenarios.results.bodies import CarBody, corners
+
+Point = tuple[float, float]
+
+
+def common_area(one: CarBody, other: CarBody) -> float:
+    """Cut one body along each side of the other (Sutherland-Hodgman), and take the area (m²)."""
+    shape = list(corners(one))
+    for start, end in pairwise([*corners(other), corners(other)[0]]):
+        shape = _left_of(shape, start, end)
+    return 0.5 * sum(
+        shape[k - 1][0] * shape[k][1] - shape[k][0] * shape[k - 1][1] for k in range(len(shape))
+    )
+
+
+def _left_of(shape: list[Point], start: Point, end: Point) -> list[Point]:
+    (e0, n0), (e1, n1) = start, end
+    sides = [(e1 - e0) * (n - n0) - (n1 - n0) * (e - e0) for e, n in shape]
+    kept: list[Point] = []
+    for k, ((east, north), side) in enumerate(zip(shape, sides, strict=True)):
+        (east_before, north_before), side_before = shape[k - 1], sides[k - 1]
+        if (side >= 0.0) != (side_before >= 0.0):
+            share = side_before / (side_before - side)
+            crossing = (
+                east_before + share * (east - east_before),
+                north_before + share * (north - north_before),
+            )
+            kept.append(crossing)
+        if side >= 0.0:
+            kept.append((east, north))
+    return kept

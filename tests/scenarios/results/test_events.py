@@ -1,0 +1,221 @@
+"""Collisions, near misses, lane departures and lost paths, from messages in any order."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.definition.schema.tables import EventsTable
+from scenarios.results.bodies import BodySize, body_of, separation
+from scenarios.results.encounters import PARTED_M, QUIET_NS
+from scenarios.results.events import EventDetector, RunEvent
+from tests.made.scenarios.messages import START, tracking, truth
+from vehicles.messages import Message, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+SIZE = BodySize(5.0, 2.0, 0.0)
+CONVOY = ("v1", "v2", "v3")
+
+
+def detected(
+    *messages: Message, names: tuple[str, ...] = CONVOY, **table: float
+) -> tuple[RunEvent, ...]:
+    detector = EventDetector(dict.fromkeys(names, SIZE), EventsTable(**table), 0.0)
+    detector.begin(START)
+    for message in messages:
+        if isinstance(message, TruePose):
+            detector.add_truth(message)
+        elif isinstance(message, Tracking):
+            detector.add_tracking(message)
+    detector.finish()
+    told = detector.news()
+    assert sorted(one.line for one in told) == sorted(one.line for one in detector.events())
+    return detector.events()
+
+
+def pose(vehicle: str, seq: int, east: float, north: float = 0.0, speed: float = 0.0) -> TruePose:
+    return replace(truth(vehicle, seq, east, north), speed_mps=speed)
+
+
+def approach(gaps: list[float], speed: float = 0.0) -> list[TruePose]:
+    """v1 stands; the body of v2 is so far behind it at one instant after the other."""
+    return [
+        one
+        for seq, gap in enumerate(gaps)
+        for one in (pose("v1", seq, 0.0), pose("v2", seq, -5.0 - gap, speed=speed))
+    ]
+
+
+QUIET = [5.0] * (QUIET_NS // (SECOND // 50) + 2)
+
+
+def test_a_collision_is_who_when_and_how_fast() -> None:
+    (event,) = detected(*approach([3.0, 2.0, -0.5, -1.0], speed=7.0), near_miss_time_s=0.0)
+    assert (event.kind, event.vehicles) == ("collision", ("v1", "v2"))
+    assert event.at_s == pytest.approx(0.04)
+    assert event.figures == {"closing_speed_mps": pytest.approx(7.0)}
+    assert event.line == "collision: v2 and v1, closing at 7.0 m/s, 0.04 s after the start"
+    assert event.level == "error"
+
+
+def test_a_pair_that_grazes_on_has_collided_once_until_it_parts() -> None:
+    grazing = [-0.1, 0.5 * PARTED_M, -0.1, 0.5 * PARTED_M, -0.1]
+    kinds = [one.kind for one in detected(*approach(grazing))]
+    assert kinds == ["collision"]
+    twice = detected(*approach([*grazing, 2.0 * PARTED_M, -0.1]))
+    assert [one.kind for one in twice] == ["collision", "collision"]
+
+
+def test_any_two_vehicles_collide_not_only_neighbours() -> None:
+    found = detected(pose("v1", 0, 0.0), pose("v2", 0, -50.0), pose("v3", 0, -3.0))
+    assert [(one.kind, one.vehicles) for one in found] == [("collision", ("v1", "v3"))]
+
+
+def test_bodies_are_compared_at_equal_instants_only() -> None:
+    assert detected(pose("v1", 0, 0.0), pose("v2", 1, -2.0)) == ()
+
+
+def test_a_near_miss_is_one_episode_with_its_smallest_figures() -> None:
+    gaps = [3.0, 0.9, 0.6, 1.2, 0.8, *QUIET]
+    (event,) = detected(*approach(gaps, speed=0.1))
+    assert (event.kind, event.vehicles) == ("near_miss", ("v1", "v2"))
+    assert event.at_s == pytest.approx(0.02)
+    assert event.figures["gap_m_min"] == pytest.approx(0.6)
+    assert event.figures["time_to_collision_s_min"] == pytest.approx(6.0)
+    two = detected(*approach([0.9, *QUIET, 0.9]))
+    assert [one.kind for one in two] == ["near_miss", "near_miss"]
+
+
+def test_a_near_miss_can_be_short_of_time_instead_of_distance() -> None:
+    (event,) = detected(*approach([12.0, 11.0, 30.0], speed=10.0))
+    assert event.figures["time_to_collision_s_min"] == pytest.approx(1.1)
+    assert detected(*approach([16.0, 15.5], speed=10.0)) == ()
+
+
+def test_what_became_a_collision_was_no_near_miss() -> None:
+    for gaps in ([0.9, -0.1], [0.9, -0.1, 0.9, *QUIET], [-0.1, 0.9, 0.5, *QUIET]):
+        assert [one.kind for one in detected(*approach(gaps))] == ["collision"]
+
+
+def test_vehicles_that_are_not_neighbours_have_no_near_miss() -> None:
+    assert detected(pose("v1", 0, 0.0), pose("v2", 0, -50.0), pose("v3", 0, -5.5)) == ()
+
+
+def aside(lateral: list[float], yaw: float = 0.0) -> list[TruePose]:
+    """v1 drives east; v2 follows so far to the left of its path."""
+    lead = [pose("v1", seq, 0.6 * seq, speed=30.0) for seq in range(len(lateral) + 40)]
+    behind = [
+        replace(pose("v2", seq, 0.6 * seq - 15.0, north, speed=30.0), yaw_rad=yaw)
+        for seq, north in enumerate(lateral)
+    ]
+    return [*lead, *behind]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_corner_across_the_edge_of_the_lane_is_a_departure_once(side: float) -> None:
+    away = [0.0, 0.7, 0.8, 1.3, 0.9, 0.7, 0.8, 0.0]
+    (event,) = detected(*aside([side * value for value in away]))
+    assert (event.kind, event.vehicles) == ("lane_departure", ("v2",))
+    assert event.at_s == pytest.approx(0.04)  # 0.8 + 1.0 m > 1.75 m
+    assert event.figures["excess_m_max"] == pytest.approx(0.55)
+    assert event.figures["duration_s"] == pytest.approx(0.08)
+    assert event.level == "warning"
+    assert len(detected(*aside([0.8, *([0.0] * 60), 0.8]))) == 2
+    assert detected(*aside(away), lane_width_m=5.0) == ()
+
+
+def test_the_heading_of_the_body_counts_too() -> None:
+    """At the centre nothing is wrong, but a corner sticks out."""
+    yaw = 0.4
+    (event,) = detected(*aside([0.0] * 20, yaw))
+    out = 2.5 * math.sin(yaw) + 1.0 * math.cos(yaw) - 1.75
+    assert event.figures["excess_m_max"] == pytest.approx(out)
+
+
+def modes(*spans: tuple[str, float]) -> list[Tracking]:
+    names = [mode for mode, seconds in spans for _ in range(round(seconds * 50))]
+    return [tracking("v2", seq, mode=mode) for seq, mode in enumerate(names)]
+
+
+@pytest.mark.parametrize("lost", ["coast", "straight"])
+def test_a_path_is_lost_after_a_while_without_one_once_there_was_one(lost: str) -> None:
+    (event,) = detected(*modes(("straight", 3), ("composite", 1), (lost, 2.5), ("lead", 1)))
+    assert (event.kind, event.vehicles) == ("path_lost", ("v2",))
+    assert event.at_s == pytest.approx(4.0)
+    assert event.figures["duration_s"] == pytest.approx(2.48)
+    assert detected(*modes(("straight", 9))) == ()
+    assert detected(*modes(("composite", 1), (lost, 0.9), ("lead", 1), (lost, 0.9))) == ()
+    assert len(detected(*modes(("lead", 1), (lost, 1.1), ("lead", 1), (lost, 1.1)))) == 2
+
+
+def test_what_was_not_recorded_is_no_lost_path() -> None:
+    found = modes(("composite", 1), ("coast", 0.5), ("coast", 4), ("coast", 0.5))
+    assert detected(*(one for one in found if not 75 <= one.seq < 275)) == ()
+
+
+@given(random=st.randoms(use_true_random=False))
+@settings(max_examples=30, deadline=None)
+def test_only_the_order_within_a_vehicle_matters(random: Any) -> None:
+    places = [
+        pose(name, seq, 0.6 * seq - 6.0 * place + way * math.sin(0.05 * seq), speed=30.0)
+        for place, (name, way) in enumerate(zip(CONVOY, (0.0, 0.8, 4.0), strict=True))
+        for seq in range(150)
+    ]
+    streams: list[list[Message]] = [
+        *(list[Message](one for one in places if one.vehicle == name) for name in CONVOY),
+        [*modes(("composite", 1), ("coast", 2))],
+    ]
+    expected = detected(*(message for stream in streams for message in stream))
+    assert {one.kind for one in expected} >= {"collision", "near_miss", "path_lost"}
+    mixed = []
+    while any(streams):
+        mixed.append(random.choice([stream for stream in streams if stream]).pop(0))
+    assert detected(*mixed) == expected
+
+
+@given(
+    ways=st.lists(
+        st.lists(
+            st.tuples(st.floats(-12, 12), st.floats(-4, 4), st.floats(-3.2, 3.2)),
+            min_size=8,
+            max_size=8,
+        ),
+        min_size=3,
+        max_size=3,
+    )
+)
+@settings(max_examples=100, deadline=None)
+def test_no_overlap_passes_unseen_and_none_is_invented(
+    ways: list[list[tuple[float, float, float]]],
+) -> None:
+    """Against every pair looked at by itself at every instant."""
+    poses = [
+        [
+            replace(pose(name, seq, east, north), yaw_rad=yaw)
+            for seq, (east, north, yaw) in enumerate(way)
+        ]
+        for name, way in zip(CONVOY, ways, strict=True)
+    ]
+    expected: list[tuple[float, tuple[str, str]]] = []
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        touching = False
+        for here, there in zip(poses[one], poses[other], strict=True):
+            distance = separation(body_of(here, SIZE), body_of(there, SIZE)).distance
+            if distance == 0.0 and not touching:
+                expected.append((here.seq / 50, (CONVOY[one], CONVOY[other])))
+            touching = distance == 0.0 or (touching and distance <= PARTED_M)
+    found = detected(*(one for stream in poses for one in stream))
+    collisions = [(one.at_s, one.vehicles) for one in found if one.kind == "collision"]
+    assert collisions == sorted(expected)
+
+
+def test_a_large_convoy_is_compared_near_by_only() -> None:
+    """Two hundred vehicles that keep their distance, and one pair that does not."""
+    names = tuple(f"v{place}" for place in range(200))
+    places = [pose(name, 0, -20.0 * place) for place, name in enumerate(names)]
+    places[150] = pose("v150", 0, -20.0 * 7 + 3.0)
+    found = detected(*places, names=names)
+    assert [(one.kind, one.vehicles) for one in found] == [("collision", ("v7", "v150"))]

@@ -1,0 +1,92 @@
+"""What was not recorded is named, and makes no figure."""
+
+from collections.abc import Sequence
+from math import cos, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.definition.schema.tables import LinkTable
+from scenarios.results.holes import RecordedNumbers, RecordHole, expected_poses
+from scenarios.results.metrics import Metrics
+from scenarios.results.summary import VehicleSummary
+from tests.made.scenarios.messages import gps, health, start, truth
+from vehicles.messages import GpsPose, Message
+from vehicles.schedule import SECOND, instants, nanoseconds
+
+
+@given(numbers=st.lists(st.integers(0, 30)), expected=st.integers(0, 40))
+def test_holes_are_the_numbers_that_are_not_there(numbers: list[int], expected: int) -> None:
+    known = RecordedNumbers()
+    for number in numbers:
+        known.add(number)
+    holes = list(known.missing(expected))
+    end = max([expected, *(number + 1 for number in numbers)])
+    missing = [number for number in range(end) if number not in numbers]
+    assert [n for first, last in holes for n in range(first, last + 1)] == missing
+    assert all(first - 1 not in missing and last + 1 not in missing for first, last in holes)
+
+
+@given(ran=st.integers(0, 3 * SECOND), rate_hz=st.sampled_from([7.0, 12.5, 20.0, 60.0]))
+def test_a_schedule_has_the_instants_before_its_end(ran: int, rate_hz: float) -> None:
+    assert expected_poses(ran, rate_hz) == len(list(instants(0, ran, rate_hz)))
+
+
+def run_of(messages: Sequence[Message], ran_s: float) -> tuple[VehicleSummary, list[RecordHole]]:
+    metrics = Metrics(("v1", "v2"), {("v1", "v2"): LinkTable()}, rates_hz={"v1": 20.0, "v2": 10.0})
+    metrics.add(start())
+    for message in messages:
+        metrics.add(message)
+    ran_ns = nanoseconds(ran_s)
+    return metrics.vehicle_summaries(ran_ns)[0], list(metrics.holes(ran_ns))
+
+
+def poses(seconds: float) -> list[GpsPose]:
+    return [gps("v1", seq) for seq in range(round(seconds * 20))]
+
+
+def test_a_hole_is_named_by_instants_number_and_vehicle() -> None:
+    kept = [one for one in poses(10.0) if not 40 <= one.seq < 135]
+    row, holes = run_of([*kept, health("v1", seconds=10.0, final=True)], 10.0)
+    assert holes == [RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)]
+    assert holes[0].line == "not recorded: 95 poses of v1, 2.00 to 6.70 s after the start"
+    assert (row.missing_poses, row.silent_from_s) == (95, None)
+
+
+def test_the_tail_is_a_hole_of_one_that_was_there_to_the_end() -> None:
+    row, holes = run_of([*poses(8.0), health("v1", seconds=10.0, final=True)], 10.0)
+    assert holes == [RecordHole(vehicle="v1", from_s=8.0, to_s=9.95, poses=40)]
+    assert row.missing_poses == 40
+
+
+def test_a_vehicle_that_left_early_is_said_to_have_and_has_no_hole() -> None:
+    row, holes = run_of([*poses(4.0), health("v1", seconds=4.0, final=True)], 10.0)
+    assert (row.missing_poses, row.silent_from_s, row.finished, holes) == (0, 4.0, True, [])
+
+
+def test_nor_has_one_that_died_without_a_word() -> None:
+    row, holes = run_of(poses(4.0), 10.0)
+    assert (row.missing_poses, row.silent_from_s, row.finished, holes) == (0, 3.95, False, [])
+
+
+def test_what_was_on_its_way_when_the_run_was_stopped_is_no_silence() -> None:
+    row, _ = run_of(poses(4.0), 4.4)
+    assert (row.missing_poses, row.silent_from_s) == (0, None)
+
+
+def bend(seq: int, behind: float, vehicle: str) -> Message:
+    """On a circle of 100 m radius at 20 m/s."""
+    turned = (0.4 * seq - behind) / 100.0
+    return truth(vehicle, seq, 100 * sin(turned), 100 * (1 - cos(turned)), yaw=turned, distance=1.0)
+
+
+def test_beside_a_hole_in_the_lead_s_path_there_is_no_error() -> None:
+    """A straight line across 5 s of a bend would lie 12 m beside the road."""
+    kept = [bend(seq, 0.0, "v1") for seq in range(1000) if not 300 <= seq < 550]
+    metrics = Metrics(("v1", "v2"), {("v1", "v2"): LinkTable()})
+    for message in (*kept, *(bend(seq, 15.0, "v2") for seq in range(40, 1000))):
+        metrics.add(message)
+    row = metrics.vehicle_summaries()[1]
+    assert row.cross_track_error_m_max == pytest.approx(0.0, abs=0.01)
+    assert metrics.events.events() == ()

@@ -1,0 +1,144 @@
+"""What communication loss does to a convoy that brakes, and that no run keeps it to itself."""
+
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.library import ATTACHED_AS
+from scenarios.definition.scenario import load_scenario, scenario_from_text
+from scenarios.results.bodies import BodySize, body_of
+from scenarios.results.log_summary import LOG_NAME, summary_of
+from scenarios.results.metrics import Metrics
+from scenarios.results.summary import RunSummary
+from scenarios.runs.stop import EXIT_FAILED, Stop
+from scenarios.runs.virtual import run_virtual
+from tests.made.scenarios.polygons import common_area
+from transport.log.reader import LogReader
+from vehicles.messages import LogText, TruePose
+
+BRAKING = """
+name = "braking"
+duration_s = 25.0
+[convoy]
+vehicles = 3
+[path]
+kind = "segments"
+segments = [{ length_m = 1000.0 }]
+[speed]
+lead = "profile"
+followers = "gap"
+profile = [
+    { at_s = 0.0, speed_mps = 25.0 }, { at_s = 8.0, speed_mps = 25.0 },
+    { at_s = 12.0, speed_mps = 5.0 },
+]
+[links]
+loss_ratio = 0.9
+"""
+
+
+def ran(folder: Path, *overrides: str, seed: int = 1) -> tuple[RunSummary, Stop]:
+    stop = Stop()
+    scenario = scenario_from_text(BRAKING, overrides=overrides, seed=seed)
+    return run_virtual(scenario, folder, stop), stop
+
+
+def overlapping(log: Path) -> set[tuple[str, str]]:
+    """Pairs that ever share an area, by cutting each body with each other one at each instant."""
+    reader = LogReader(log)
+    scenario = scenario_from_text(reader.attachments()[ATTACHED_AS].decode())
+    names = scenario.vehicle_names
+    sizes = {name: BodySize.of(scenario.vehicle(name).parameters) for name in names}
+    poses: dict[int, dict[str, TruePose]] = {}
+    for _, _, message in reader.messages(["truth"]):
+        assert isinstance(message, TruePose)
+        poses.setdefault(message.true_at_ns, {})[message.vehicle] = message
+    return {
+        (one, other)
+        for at in poses.values()
+        for one, other in combinations(names, 2)
+        if common_area(body_of(at[one], sizes[one]), body_of(at[other], sizes[other])) > 1e-6
+    }
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_cars_that_drive_through_each_other_are_said_everywhere(tmp_path: Path, seed: int) -> None:
+    summary, stop = ran(tmp_path, seed=seed)
+    collisions = [one for one in summary.events if one.kind == "collision"]
+    assert collisions
+    assert {one.vehicles for one in collisions} == overlapping(tmp_path / LOG_NAME)
+    assert (summary.outcome, stop.exit_code) == ("completed", 0)  # nobody set a limit
+    assert min(row.true_gap_m_min or 0.0 for row in summary.vehicles[1:]) == 0.0
+    said = {
+        (message.text, message.level)
+        for _, _, message in LogReader(tmp_path / LOG_NAME).messages(["log"])
+        if isinstance(message, LogText)
+    }
+    assert {(one.line, "error") for one in collisions} <= said
+
+
+def test_without_loss_nothing_happens(tmp_path: Path) -> None:
+    summary, _ = ran(tmp_path, "links.loss_ratio=0")
+    assert (summary.events, summary.holes) == ((), ())
+    assert min(row.true_gap_m_min or 99.0 for row in summary.vehicles) > 3.0
+
+
+def test_a_limit_on_collisions_ends_the_run_there_and_fails_it(tmp_path: Path) -> None:
+    free, _ = ran(tmp_path / "free")
+    first = next(one for one in free.events if one.kind == "collision")
+    summary, stop = ran(tmp_path / "limited", "limits.collisions_max=0")
+    assert (summary.outcome, stop.exit_code) == ("failed", EXIT_FAILED)
+    assert summary.reason == f"limits.collisions_max = 0: {first.line}"
+    assert summary.ran_s == pytest.approx(first.at_s, abs=0.03)
+    on, stop = ran(tmp_path / "on", "limits.collisions_max=0", 'limits.after_collision="go_on"')
+    assert (on.outcome, on.ran_s, stop.exit_code) == ("failed", 25.0, EXIT_FAILED)
+    assert on.events == free.events
+
+
+def test_a_figure_s_limit_fails_a_run_that_went_on_to_its_end(tmp_path: Path) -> None:
+    summary, stop = ran(tmp_path, "links.loss_ratio=0", "limits.true_gap_m_min=50")
+    assert (summary.outcome, summary.ran_s, stop.exit_code) == ("failed", 25.0, EXIT_FAILED)
+    assert summary.reason.startswith("limits.true_gap_m_min = 50: v2 was ")
+
+
+def test_a_log_tells_the_same_events_as_the_run_whatever_the_order(tmp_path: Path) -> None:
+    summary, _ = ran(tmp_path)
+    log = tmp_path / LOG_NAME
+    assert summary_of(log) == summary
+    reader = LogReader(log)
+    metrics = Metrics.of(scenario_from_text(reader.attachments()[ATTACHED_AS].decode()))
+    messages = [message for _, _, message in reader.messages()]
+    for vehicle in ("run", "v3", "v1", "v2"):
+        for message in messages:
+            if message.vehicle == vehicle:
+                metrics.add(message)
+    metrics.events.finish()
+    assert metrics.events.events() == summary.events
+
+
+@pytest.mark.parametrize("name", ["lane_change", "church_lot", "highway"])
+def test_shipped_scenarios_report_nothing_on_clean_links(tmp_path: Path, name: str) -> None:
+    summary = run_virtual(load_scenario(name), tmp_path, Stop())
+    assert (summary.events, summary.holes) == ((), ())
+
+
+def test_a_log_whose_messages_were_lost_names_the_hole(tmp_path: Path) -> None:
+    """Five seconds of a recorded run taken out again: the figures stay those of the rest."""
+    scenario = load_scenario("lane_change", ["duration_s=15"])
+    whole = run_virtual(scenario, tmp_path, Stop())
+    start = scenario.start_at_ns
+    metrics = Metrics.of(scenario)
+    for at, _, message in LogReader(tmp_path / LOG_NAME).messages():
+        if not 5.0 <= (at - start) / 1e9 < 10.0:
+            metrics.add(message)
+    rows = metrics.vehicle_summaries(round(15e9))
+    assert [row.missing_poses for row in rows] == [100] * 4
+    holes = metrics.holes(round(15e9))
+    assert [(one.vehicle, one.from_s, one.to_s, one.poses) for one in holes] == [
+        (name, 5.0, 9.95, 100) for name in scenario.vehicle_names
+    ]
+    for row, full in zip(rows[1:], whole.vehicles[1:], strict=True):
+        assert (row.cross_track_error_m_max or 9.0) <= (full.cross_track_error_m_max or 0.0) + 1e-3
+    assert metrics.events.events() == ()
+    assert replace(rows[0], poses=0, missing_poses=0).silent_from_s is None
