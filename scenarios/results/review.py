@@ -28,6 +28,7 @@ def open_view(option: RerunOption, scenario: Scenario, run_id: str) -> RerunView
         gap_m=widest_gap(scenario),
         path=(path.east.tolist(), path.north.tolist()),
         road_yaw=scenario.route.start_yaw,
+        title=scenario.title,
     )
 
 

@@ -30,6 +30,7 @@ class RerunView:
     `vehicles` are in order, the lead first; `gap_m` is their usual distance; `path` is the
     lead's, as east and north in metres; `road_yaw` (rad) is the direction of the road on which the
     convoy starts. Raises ViewerError if the picture cannot be shown.
+    `title` is what the viewer calls the recording.
     `where` tells the user where it is shown.
     """
 
@@ -43,6 +44,7 @@ class RerunView:
         car_m: tuple[float, float] = CAR_M,
         path: tuple[Sequence[float], Sequence[float]] | None = None,
         road_yaw: float | None = None,
+        title: str = "",
     ) -> None:
         self.where = ""
         self._page: Any = None
@@ -60,6 +62,8 @@ class RerunView:
             batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_TICK_S),
         )
         self._recording.set_sinks(self._open(rr, option))
+        if title:
+            self._recording.send_recording_name(title)
         self._picture = Picture(
             self._recording, vehicles, gap_m=gap_m, car_m=car_m, path=path, road_yaw=road_yaw
         )
