@@ -13,6 +13,7 @@ from rich.text import Text
 
 from scenarios.definition.check.report import CheckReport
 from scenarios.results.encounters import EventKind
+from scenarios.results.holes import hole_lines
 from scenarios.results.summary import RunSummary
 
 if TYPE_CHECKING:  # brings scipy, which a run does without
@@ -146,10 +147,7 @@ def event_table(summary: RunSummary) -> Table:
 
 def _unrecorded(summary: RunSummary) -> Iterator[str]:
     """Say what is not in the log, and so not in the figures."""
-    for hole in summary.holes[:MOST_HOLES]:
-        yield hole.line
-    if len(summary.holes) > MOST_HOLES:
-        yield f"not recorded: {len(summary.holes) - MOST_HOLES} more holes, see summary.json"
+    yield from hole_lines(summary.holes, MOST_HOLES)
     silent = [row for row in summary.vehicles if row.silent_from_s is not None]
     for row in silent:
         yield (

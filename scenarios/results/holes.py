@@ -1,7 +1,7 @@
 """What of a run was not recorded: holes in the numbers of the poses that a vehicle sends."""
 
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
@@ -21,14 +21,19 @@ class RecordHole:
     to_s: float
     poses: int
 
-    @property
-    def line(self) -> str:
-        """What is missing, in one line."""
-        poses = "1 pose" if self.poses == 1 else f"{self.poses} poses"
-        when = f"{self.from_s:.2f}"
-        if self.poses > 1:
-            when += f" to {self.to_s:.2f}"
-        return f"not recorded: {poses} of {self.vehicle}, {when} s after the start"
+
+def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
+    """Say what is missing, a line for equal holes of several vehicles, `most` lines of them."""
+    alike: dict[tuple[float, float, int], list[str]] = {}
+    for hole in holes:
+        alike.setdefault((hole.from_s, hole.to_s, hole.poses), []).append(hole.vehicle)
+    for (begin, end, count), vehicles in list(alike.items())[:most]:
+        poses = "1 pose" if count == 1 else f"{count} poses"
+        when = f"{begin:.2f}" if count == 1 else f"{begin:.2f} to {end:.2f}"
+        each = "each " if len(vehicles) > 1 else ""
+        yield f"not recorded: {poses} {each}of {', '.join(vehicles)}, {when} s after the start"
+    if len(alike) > most:
+        yield f"not recorded: {len(alike) - most} more holes, see the summary"
 
 
 class RecordedNumbers:

@@ -28,6 +28,8 @@ def open_view(option: RerunOption, scenario: Scenario, run_id: str) -> RerunView
         gap_m=widest_gap(scenario),
         path=(path.east.tolist(), path.north.tolist()),
         road_yaw=scenario.route.start_yaw,
+        lane_m=scenario.tables.events.lane_width_m,
+        title=scenario.title,
     )
 
 

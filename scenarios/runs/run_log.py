@@ -5,6 +5,7 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
+from scenarios.results.holes import hole_lines
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
 from scenarios.results.log_summary import (
     LOG_NAME,
@@ -77,12 +78,8 @@ class RunLog:
         self._end_at = at
         self.metrics.events.finish()
         self.recorder.say_news(at)
-        holes = self.metrics.holes(self._ran_ns)
-        for hole in holes[:MOST_HOLE_LINES]:
-            self.recorder.say(at, hole.line, "warning")
-        if len(holes) > MOST_HOLE_LINES:
-            left = len(holes) - MOST_HOLE_LINES
-            self.recorder.say(at, f"not recorded: {left} more holes, see {SUMMARY_NAME}", "warning")
+        for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
+            self.recorder.say(at, line, "warning")
         self._reason = why_failed(reason, self._broken())
         return self.recorder.end(at, self._reason)
 

@@ -29,8 +29,8 @@ class RerunView:
 
     `vehicles` are in order, the lead first; `gap_m` is their usual distance; `path` is the
     lead's, as east and north in metres; `road_yaw` (rad) is the direction of the road on which the
-    convoy starts; `lane_m` is the width of its lane. Raises ViewerError if the picture cannot be
-    shown.
+    convoy starts; `lane_m` is the width of its lane; `title` is what the viewer calls the
+    recording. Raises ViewerError if the picture cannot be shown.
     `where` tells the user where it is shown.
     """
 
@@ -45,6 +45,7 @@ class RerunView:
         path: tuple[Sequence[float], Sequence[float]] | None = None,
         road_yaw: float | None = None,
         lane_m: float | None = None,
+        title: str = "",
     ) -> None:
         self.where = ""
         self._page: Any = None
@@ -62,6 +63,8 @@ class RerunView:
             batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_TICK_S),
         )
         self._recording.set_sinks(self._open(rr, option))
+        if title:
+            self._recording.send_recording_name(title)
         self._picture = Picture(
             self._recording,
             vehicles,

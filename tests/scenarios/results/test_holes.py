@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.tables import LinkTable
-from scenarios.results.holes import RecordedNumbers, RecordHole, expected_poses
+from scenarios.results.holes import RecordedNumbers, RecordHole, expected_poses, hole_lines
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary
 from tests.made.scenarios.messages import gps, health, start, truth
@@ -50,8 +50,22 @@ def test_a_hole_is_named_by_instants_number_and_vehicle() -> None:
     kept = [one for one in poses(10.0) if not 40 <= one.seq < 135]
     row, holes = run_of([*kept, health("v1", seconds=10.0, final=True)], 10.0)
     assert holes == [RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)]
-    assert holes[0].line == "not recorded: 95 poses of v1, 2.00 to 6.70 s after the start"
+    assert list(hole_lines(holes, 1)) == [
+        "not recorded: 95 poses of v1, 2.00 to 6.70 s after the start"
+    ]
     assert (row.missing_poses, row.silent_from_s) == (95, None)
+
+
+def test_equal_holes_are_one_line() -> None:
+    def hole(vehicle: str, begin: float) -> RecordHole:
+        return RecordHole(vehicle=vehicle, from_s=begin, to_s=begin, poses=1)
+
+    holes = [hole("v1", 1.0), hole("v2", 1.0), hole("v1", 2.0), hole("v1", 3.0)]
+    assert list(hole_lines(holes, 2)) == [
+        "not recorded: 1 pose each of v1, v2, 1.00 s after the start",
+        "not recorded: 1 pose of v1, 2.00 s after the start",
+        "not recorded: 1 more holes, see the summary",
+    ]
 
 
 def test_the_tail_is_a_hole_of_one_that_was_there_to_the_end() -> None:

@@ -72,6 +72,14 @@ def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
     assert len(again["/world/cars/v3"]["run_time"]) == 50
 
 
+def test_the_picture_has_the_title_of_the_run(tmp_path: Path) -> None:
+    """So that two runs of other settings can be told apart in the viewer."""
+    asked = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=8"], seed=7)
+    write_log(tmp_path / "run.mcap", attached=asked.text.encode())
+    said = str(reviewed(tmp_path / "run.mcap")["/__properties"])
+    assert "circle, seed 7, α 0.5, loss 0 %, convoy.gap_m=8" in said
+
+
 @pytest.mark.parametrize("attached", [None, b'name = "written by a later version"\nx = 1\n'])
 def test_without_a_scenario_only_the_road_is_missing(
     tmp_path: Path, attached: bytes | None
