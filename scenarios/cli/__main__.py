@@ -1,5 +1,23 @@
-"""`python -m scenarios.cli` is `convoy`."""
+"""`convoy`, and `python -m scenarios.cli`: signals are handled before anything slow is imported."""
 
-from scenarios.cli.main import main
+import os
+import sys
 
-main()
+
+def main() -> None:
+    """Entry point of `convoy`."""
+    try:
+        from scenarios.runs.stop import end_on_signals
+
+        # A part of a run that its launcher stops says nothing of it: the launcher does.
+        end_on_signals(say="--leash" not in sys.argv)
+    except KeyboardInterrupt:  # in the few milliseconds before
+        os.write(2, b"stopped by SIGINT\n")
+        os._exit(130)
+    from scenarios.cli.main import main as run_command
+
+    run_command()
+
+
+if __name__ == "__main__":
+    main()

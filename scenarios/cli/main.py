@@ -5,6 +5,8 @@ Each command imports what it needs when it runs, so that a vehicle process stays
 """
 
 import os
+import sys
+from pathlib import Path
 
 # One thread per process is plenty for arrays of forty numbers, and the spare ones cost memory.
 # NumPy's library reads it when it is loaded, so it comes before everything else.
@@ -13,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import click
 
 from scenarios.cli import logs, run, scenario, study
+from scenarios.cli.failure import outlive_readers
 
 EXAMPLES = """\b
 Examples:
@@ -47,9 +50,8 @@ for command in (
 
 
 def main() -> None:
-    """Entry point of `convoy`."""
+    """Run the command of `sys.argv`; `scenarios.cli.__main__` has taken the signals by then."""
+    outlive_readers()
+    # A controller of the user's own is sought in the working folder too, after what is installed.
+    sys.path.append(str(Path.cwd()))
     cli()
-
-
-if __name__ == "__main__":
-    main()

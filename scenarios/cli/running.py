@@ -46,6 +46,7 @@ def run_scenario(
     stop = stop_on_signals()
     if clock == "virtual":
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
+            stop.begun = True
             summary = run_virtual(scenario, folder, stop, listeners=watchers)
         show(summary, folder, quiet=quiet)
         return stop.exit_code if summary.reason else 0
@@ -54,7 +55,7 @@ def run_scenario(
         again.append(f"--seed={seed}")
     recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
     outcome = launch(LaunchPlan(scenario, again, folder, recorder_flags), stop, Supervisor())
-    if outcome.reason:
+    if outcome.reason and outcome.reason != stop.reason:  # a signal was said when it came
         console = Console(stderr=True)
         console.print(f"[bold red]{outcome.reason}[/]", highlight=False)
     if outcome.repaired:
@@ -74,10 +75,10 @@ def record_run(
     gather_s: float,
 ) -> int:
     """`convoy record`: returns the exit code."""
-    stop.begun = True
     folder = run_folder(scenario, out)
     with open_bus(options) as bus:
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
+            stop.begun = True
             recorder = RecorderProcess(
                 scenario, bus, folder, stop, gather_s=gather_s, listeners=watchers
             )

@@ -1,8 +1,10 @@
 """Many jobs on several processes, each result as soon as it is there."""
 
 import os
+import signal
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from threading import Thread
@@ -26,7 +28,8 @@ def run_jobs(jobs: Mapping[Key, Job], workers: int) -> Iterator[tuple[Key, Any]]
     waiting = iter(jobs.items())
     spawn = get_context("spawn")
     with ProcessPoolExecutor(workers, spawn, initializer=_end_with_parent) as pool:
-        under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
+        with _deaf_to_ctrl_c():  # which the workers inherit: they end with their parent
+            under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
         while under_way:
             done, _ = wait(under_way, return_when=FIRST_COMPLETED)
             for future in done:
@@ -34,6 +37,16 @@ def run_jobs(jobs: Mapping[Key, Job], workers: int) -> Iterator[tuple[Key, Any]]
                 for next_key, job in islice(waiting, 1):
                     under_way[pool.submit(job)] = next_key
                 yield key, result
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Block SIGINT in this thread; another one still receives it for the process."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _end_with_parent() -> None:

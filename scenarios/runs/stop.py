@@ -1,7 +1,14 @@
-"""Requests to stop a process: by a signal, or because the process that started it has ended."""
+"""Requests to stop a process: by a signal, or because the process that started it has ended.
+
+A command goes through two phases. Until it has begun (`Stop.begun`), nothing is lost by its end,
+and a request ends the process at once, whatever the main thread is doing: importing, or blocked in
+a library that waits for a router. Afterwards a request only sets `Stop.event`, and the command
+completes what it writes.
+"""
 
 import os
 import signal
+from contextlib import suppress
 from threading import Event, Thread
 from types import FrameType
 
@@ -9,18 +16,21 @@ EXIT_FAILED = 1
 """The run did not end as planned."""
 EXIT_BAD_INPUT = 2
 """What was given cannot be used."""
+ASKING = (signal.SIGINT, signal.SIGTERM)
 
 
 class Stop:
     """Whether the process was asked to stop, why, and with which exit code it has to end.
 
     Loops poll it and none waits on the event, so a signal handler may set it. `begun` says that
-    the process has something to complete before it ends; `orphaned` that its launcher has ended.
+    the process has something to complete before it ends; `launched` that another process started
+    it and speaks for it; `orphaned` that this launcher has ended.
     """
 
     def __init__(self) -> None:
         self.event = Event()
         self.begun = False
+        self.launched = False
         self.orphaned = False
         self.reason = ""
         self.exit_code = 0
@@ -38,15 +48,57 @@ class Stop:
             self.event.set()
 
 
+class _Watch:
+    """A thread that is told of signals by the interpreter's wakeup pipe, not by the main thread.
+
+    A handler in Python has to wait until a library call of the main thread returns; this does not,
+    as long as that call releases the interpreter's lock.
+    """
+
+    def __init__(self, *, say: bool) -> None:
+        self.stop = Stop()
+        self._say = say
+        self._asked, writing = os.pipe()
+        os.set_blocking(writing, False)
+        signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+        Thread(target=self._wait, name="signals", daemon=True).start()
+
+    def _wait(self) -> None:
+        while True:
+            number = os.read(self._asked, 1)[0]
+            if number not in ASKING:
+                continue
+            if self._say and not self.stop.launched:
+                self._say = False
+                with suppress(OSError):  # nobody reads it any more
+                    os.write(2, f"{_reason(number)}\n".encode())
+            if not self.stop.begun:
+                os._exit(128 + number)
+
+
+_watch: _Watch | None = None
+"""That of this process, if it is a command."""
+
+
+def _reason(number: int) -> str:
+    return f"stopped by {signal.Signals(number).name}"
+
+
+def end_on_signals(*, say: bool) -> None:
+    """From now on SIGINT and SIGTERM end this process, until the command has begun.
+
+    The exit codes are the shell's, 130 and 143; with `say` a line says so. Call it once, in the
+    main thread of a command's process, before its imports.
+    """
+    global _watch  # noqa: PLW0603 - signals are the process's, not an object's
+    _watch = _Watch(say=say)
+    _ask_on_signals(_watch.stop)
+
+
 def stop_on_signals() -> Stop:
     """SIGINT and SIGTERM ask to stop, with the shell's exit codes 130 and 143."""
-    stop = Stop()
-
-    def ask(number: int, _frame: FrameType | None) -> None:
-        stop.ask(f"stopped by {signal.Signals(number).name}", 128 + number)
-
-    signal.signal(signal.SIGINT, ask)
-    signal.signal(signal.SIGTERM, ask)
+    stop = Stop() if _watch is None else _watch.stop
+    _ask_on_signals(stop)
     return stop
 
 
@@ -56,8 +108,16 @@ def ignore_signals() -> None:
     A handler of ours would be taken away when the interpreter begins to end, and a signal then
     kill a process whose work is done.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ASKING:
         signal.signal(number, signal.SIG_IGN)
+
+
+def _ask_on_signals(stop: Stop) -> None:
+    def ask(number: int, _frame: FrameType | None) -> None:
+        stop.ask(_reason(number), 128 + number)
+
+    for number in ASKING:
+        signal.signal(number, ask)
 
 
 def stop_with_launcher(stop: Stop) -> None:
@@ -81,6 +141,7 @@ def stop_with_launcher(stop: Stop) -> None:
 def stop_on_request(*, with_launcher: bool) -> Stop:
     """Stop on signals and, if asked, with the launcher; call it before a command's slow imports."""
     stop = stop_on_signals()
+    stop.launched = with_launcher
     if with_launcher:
         stop_with_launcher(stop)
     return stop

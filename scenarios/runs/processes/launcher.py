@@ -99,6 +99,7 @@ def launch(
                 name,
                 ["vehicle", *plan.scenario_arguments, "--leash", "--name", name, "-e", endpoint],
             )
+        stop.begun = True
         poll(
             lambda: _is_over(plan, supervisor, recorder, stop, outcome),
             every_s=WATCH_PERIOD_S,

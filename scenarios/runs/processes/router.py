@@ -22,9 +22,9 @@ def route(options: ZenohOptions, stop: Stop, *, until_empty: bool) -> int:
 
     Returns the exit code.
     """
-    stop.begun = True
     listen = options.listen or (DEFAULT_ENDPOINT,)
     with open_router(listen, config=options.config, cfg=options.cfg) as router:
+        stop.begun = True
         click.echo(f"{LISTENING}{', '.join(router.endpoints)}")
         poll(lambda: stop.asked or (until_empty and router.occupied()), every_s=POLL_S)
         while not stop.asked:

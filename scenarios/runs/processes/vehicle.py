@@ -22,8 +22,8 @@ END_S = 8.0
 def run_vehicle(scenario: Scenario, name: str, options: ZenohOptions, stop: Stop) -> int:
     """Drive vehicle `name` of `scenario` for one run; returns the exit code."""
     builder = VehicleBuilder(scenario, name)
-    stop.begun = True
     with open_bus(options) as bus:
+        stop.begun = True
         finished = drive(builder, bus, stop)
     return 0 if finished else stop.exit_code
 

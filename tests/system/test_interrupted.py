@@ -1,0 +1,129 @@
+"""Commands that are interrupted, or whose output nobody reads any more."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+
+from scenarios.runs.processes.router import LISTENING
+from tests.system.logs import Run, assert_sound
+from tests.system.processes import until
+
+SOON_S = 2.0
+PATIENCE_S = 60.0
+NOBODY = "tcp/127.0.0.1:1"
+COMMANDS: Sequence[Sequence[str]] = (
+    ["run", "lane_change", "--out", "run"],
+    ["run", "lane_change", "--clock", "virtual", "--set", "gnss.rate_hz=100", "--out", "run"],
+    ["router", "-l", "tcp/127.0.0.1:0"],
+    ["vehicle", "lane_change", "--name", "v1", "-e", NOBODY],
+    ["record", "lane_change", "-e", NOBODY, "--out", "run"],
+    ["check", "church_lot"],
+    ["gains", "--out", "gains"],
+    ["reproduce", "--out", "paper"],
+)
+
+
+@contextmanager
+def convoy(folder: Path, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
+    """Start `convoy ARGUMENTS` in `folder`; in the end it is gone."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "scenarios.cli", *arguments],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    with process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def has_taken_the_signals(process: "subprocess.Popen[str]") -> bool:
+    """Whether SIGTERM has a handler, which the interpreter alone does not give it."""
+    for line in Path(f"/proc/{process.pid}/status").read_text().splitlines():
+        if line.startswith("SigCgt:"):
+            return bool(int(line.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+    return False
+
+
+def assert_ends_with_one_line(process: "subprocess.Popen[str]", number: signal.Signals) -> None:
+    """Ask it to stop: it ends soon, with the shell's exit code, and says why in one line."""
+    process.send_signal(number)
+    asked_at = time.monotonic()
+    _, complaint = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 128 + number, complaint
+    assert time.monotonic() - asked_at < SOON_S
+    assert complaint.splitlines()[-1] == f"stopped by {number.name}"
+    assert complaint.count("stopped by") == 1
+    assert "Traceback" not in complaint
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.3])
+@pytest.mark.parametrize("arguments", COMMANDS, ids=lambda arguments: arguments[0])
+def test_a_command_ends_at_once_while_it_is_being_loaded(
+    arguments: Sequence[str], after_s: float, tmp_path: Path
+) -> None:
+    with convoy(tmp_path, *arguments) as process:
+        assert until(lambda: has_taken_the_signals(process))
+        time.sleep(after_s)
+        assert_ends_with_one_line(process, signal.SIGINT)
+
+
+@pytest.mark.parametrize("joined", [False, True], ids=["joining", "joined"])
+@pytest.mark.parametrize("command", ["vehicle", "record"])
+def test_a_command_ends_although_its_router_is_frozen(
+    command: str, joined: bool, tmp_path: Path
+) -> None:
+    own = {"vehicle": ["--name", "v1"], "record": ["--out", "run", "--quiet"]}[command]
+    with convoy(tmp_path, "router", "-l", "tcp/127.0.0.1:0") as router:
+        assert router.stdout is not None
+        endpoint = router.stdout.readline().removeprefix(LISTENING).strip()
+        if not joined:
+            router.send_signal(signal.SIGSTOP)
+        with convoy(tmp_path, command, "lane_change", *own, "-e", endpoint) as process:
+            assert until(lambda: linked(process, endpoint))
+            time.sleep(1.0)  # it declares what it sends and receives
+            router.send_signal(signal.SIGSTOP)
+            assert_ends_with_one_line(process, signal.SIGINT)
+
+
+def linked(process: "subprocess.Popen[str]", endpoint: str) -> bool:
+    """Whether it has a connection to the router, which the system makes for a frozen one too."""
+    port = int(endpoint.rpartition(":")[2])
+    connections = psutil.Process(process.pid).net_connections("tcp")
+    return any(one.raddr and one.raddr.port == port for one in connections)
+
+
+@pytest.mark.parametrize("clock", ["wall", "virtual"])
+def test_a_run_goes_on_when_nobody_reads_what_it_prints(clock: str, tmp_path: Path) -> None:
+    arguments = ("run", "lane_change", "--clock", clock, "--set", "duration_s=2", "--out", "run")
+    with convoy(tmp_path, *arguments) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        process.stderr.close()
+        assert process.wait(PATIENCE_S) == 0
+    run = Run(tmp_path / "run")
+    assert_sound(run.log)
+    assert run.summary["outcome"] == "completed"
+    assert run.summary["ran_s"] == 2.0
+
+
+def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
+    with convoy(tmp_path, "list") as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.wait(PATIENCE_S) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == ""
