@@ -21,6 +21,8 @@ MOST_FRAMES = 3000
 PARTED_M = 0.2
 """Two bodies that collided have parted when they are so far apart: what only grazes on is one
 collision, not many."""
+AROUND = tuple(product((-1, 0, 1), repeat=2))
+"""A cell of the grid and those beside it: two bodies that touch are no further apart."""
 QUIET_NS = SECOND
 """An episode is over when its condition has not held for so long, so one that flickers is one."""
 
@@ -124,11 +126,9 @@ class Encounters:
 
     def _to_compare(self, name: str, cell: tuple[int, int], frame: _Frame) -> set[str]:
         """Vehicles of the frame to compare with: neighbours, those close by, and those touched."""
-        around = {
-            other
-            for east, north in product((-1, 0, 1), repeat=2)
-            for other in frame.cells.get((cell[0] + east, cell[1] + north), ())
-        }
+        around: set[str] = set()
+        for east, north in AROUND:
+            around.update(frame.cells.get((cell[0] + east, cell[1] + north), ()))
         known = (*self._neighbours[name], *self._touching[name])
         return (around | {other for other in known if other in frame.bodies}) - {name}
 
