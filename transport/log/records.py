@@ -1,9 +1,11 @@
 """The records of an MCAP file, up to where its recorder was killed if it was."""
 
+import fcntl
 import mmap
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 MAGIC = b"\x89MCAP0\r\n"
 """An MCAP file begins and ends with these bytes (MCAP specification, section Magic)."""
@@ -20,6 +22,16 @@ _OPCODES = range(0x01, 0x10)
 
 class LogError(Exception):
     """A log that cannot be written or read: one line that says what, where and what is allowed."""
+
+
+def lock(file: IO[bytes], path: Path) -> None:
+    """Hold a log for writing until `file` is closed; raises LogError if another process does."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise LogError(f"{path}: is being written by another process") from error
+    except OSError:  # a file system without locks
+        return
 
 
 def map_log(path: Path) -> tuple[mmap.mmap, bool]:

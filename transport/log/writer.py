@@ -15,7 +15,7 @@ from typing import Any, Self
 from transport.codec import PROTOBUF, decode
 from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.foxglove import Twin, descriptor_set, twins
-from transport.log.records import LogError
+from transport.log.records import LogError, lock
 from transport.topics import Topic, key
 from vehicles.messages import Message
 from vehicles.schedule import Timer
@@ -50,7 +50,10 @@ class LogWriter:
 
     def __init__(self, path: Path, *, library: str | None = None) -> None:
         try:
-            self._file = path.open("wb")
+            self._file = path.open("xb")
+            lock(self._file, path)
+        except FileExistsError as error:
+            raise LogError(f"{path}: exists; a log is never overwritten") from error
         except OSError as error:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
         self._writer = new_writer(self._file)
