@@ -1,4 +1,5 @@
 import json
+import random
 import re
 import shlex
 import signal
@@ -380,3 +381,66 @@ def test_wherever_a_log_is_cut_it_is_reported_or_refused_in_one_line(
             assert found["reason"] == "the log breaks off" or found == summary
         else:
             assert str(cut) in refused(result)
+
+
+def with_a_bit_flipped(log: Path, folder: Path, chunk: int = 1) -> Path:
+    """Copy a log with one wrong bit in the packed messages of a chunk."""
+    content = bytearray(log.read_bytes())
+    at = -1
+    for _ in range(chunk):
+        at = content.index(b"\x04\0\0\0zstd", at + 1)
+    content[at + 1000] ^= 4
+    damaged = folder / "damaged.mcap"
+    damaged.write_bytes(content)
+    return damaged
+
+
+def test_of_a_damaged_log_the_rest_is_reported_with_a_warning(
+    finished: Path, tmp_path: Path
+) -> None:
+    log = with_a_bit_flipped(finished / "run.mcap", tmp_path)
+    result = convoy("report", log, "--json")
+    assert result.exit_code == 0
+    assert result.stdout == (finished / "summary.json").read_text(encoding="utf-8")
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"warning: {log}: damaged, ")
+
+
+def test_wherever_bits_are_flipped_a_log_is_reported_or_refused_in_one_line(
+    finished: Path, tmp_path: Path, campaign: int
+) -> None:
+    whole = (finished / "run.mcap").read_bytes()
+    log = tmp_path / "run.mcap"
+    chance = random.Random(11)
+    for _ in range(max(campaign // 10, 10)):
+        content = bytearray(whole)
+        for _ in range(chance.randrange(1, 4)):
+            content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        log.write_bytes(content)
+        result = convoy("report", log, "--json")
+        if result.exit_code == 0:
+            json.loads(result.stdout)
+        else:
+            assert str(log) in refused(result)
+
+
+@pytest.mark.parametrize("command", ["report", "review"])
+def test_the_folder_of_a_run_stands_for_its_log(
+    command: str, finished: Path, tmp_path: Path
+) -> None:
+    options = [] if command == "report" else ["--rerun", f"save={tmp_path / 'run.rrd'}"]
+    of_folder = convoy(command, finished, *options)
+    assert of_folder.exit_code == 0
+    assert of_folder.stdout == convoy(command, finished / "run.mcap", *options).stdout
+    line = refused(convoy(command, tmp_path, *options))
+    assert line.startswith(f"{tmp_path / 'run.mcap'}: ")
+
+
+def test_a_damaged_log_is_reviewed_and_followed_as_far_as_it_can_be_read(
+    finished: Path, tmp_path: Path
+) -> None:
+    whole = finished / "run.mcap"
+    log = with_a_bit_flipped(whole, tmp_path)
+    result = convoy("review", log, "--rerun", f"save={tmp_path / 'run.rrd'}")
+    assert (result.exit_code, result.stderr.count("\n")) == (0, 1)
+    assert result.stderr.startswith(f"{log}: damaged, ")

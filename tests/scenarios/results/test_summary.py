@@ -23,9 +23,9 @@ from scenarios.results.summary import (
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict
 from transport.codec import encode
-from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
 from transport.log.records import LogError
+from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.reasons import REASONS
 from transport.topics import TOPIC_OF, TOPICS, key
