@@ -24,7 +24,8 @@ from scenarios.runs.stop import EXIT_FAILED, Stop, stop_on_signals
 from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.log.records import LogError
-from transport.picture.option import parse_rerun_option
+from transport.picture.option import parse_rerun_option, refuse_foreign_file
+from transport.picture.viewer_process import ViewerError
 
 
 def run_scenario(
@@ -41,7 +42,7 @@ def run_scenario(
     scenario = load_scenario(name, overrides, seed)
     for line in warnings(scenario):
         click.echo(f"warning: {line}", err=True)
-    parse_rerun_option(rerun)  # refused here, in one line, rather than by the recorder
+    refuse_picture(rerun, out)  # here, in one line, rather than by the recorder
     folder = run_folder(scenario, out)
     with claimed(folder):
         return _run_in(folder, scenario, again(name, overrides, seed), clock, rerun, quiet=quiet)
@@ -95,7 +96,7 @@ def record_run(
     `launched` says that `convoy run` has started it, which holds the folder.
     """
     stop.begun = True
-    parse_rerun_option(rerun)
+    refuse_picture(rerun, out)
     folder = run_folder(scenario, out)
     with nullcontext() if launched else claimed(folder), open_bus(options) as bus:
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
@@ -115,6 +116,15 @@ def record_run(
 def run_folder(scenario: Scenario, out: Path | None) -> Path:
     """Folder of a new run, by default a new one."""
     return out or default_folder(scenario.name, datetime.now(tz=UTC).astimezone())
+
+
+def refuse_picture(rerun: str, out: Path | None) -> None:
+    """Raise ViewerError if the picture cannot go where `--rerun` says, of a run into `out`."""
+    option = parse_rerun_option(rerun)
+    refuse_foreign_file(option)
+    own = [(out / name).resolve() for name in (LOG_NAME, SUMMARY_NAME)] if out else []
+    if option.sink == "save" and Path(option.target).resolve() in own:
+        raise ViewerError(f"--rerun {rerun}: the run writes this file itself; give another one")
 
 
 @contextmanager

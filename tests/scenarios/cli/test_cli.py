@@ -444,3 +444,49 @@ def test_a_damaged_log_is_reviewed_and_followed_as_far_as_it_can_be_read(
     result = convoy("review", log, "--rerun", f"save={tmp_path / 'run.rrd'}")
     assert (result.exit_code, result.stderr.count("\n")) == (0, 1)
     assert result.stderr.startswith(f"{log}: damaged, ")
+
+
+@pytest.mark.parametrize("command", ["review", "run", "record"])
+def test_a_picture_does_not_overwrite_what_is_no_recording(
+    command: str, finished: Path, tmp_path: Path
+) -> None:
+    precious = tmp_path / "my.toml"
+    precious.write_text("precious", encoding="utf-8")
+    what = finished / "run.mcap" if command == "review" else "lane_change"
+    options: list[str | Path] = [] if command == "review" else ["--out", tmp_path / "run"]
+    line = refused(convoy(command, what, "--rerun", f"save={precious}", *options))
+    assert line.startswith(f"{precious}: exists and is no recording")
+    assert precious.read_text(encoding="utf-8") == "precious"
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_review_does_not_overwrite_its_log(finished: Path) -> None:
+    log = finished / "run.mcap"
+    before = log.read_bytes()
+    assert "no recording" in refused(convoy("review", log, "--rerun", f"save={log}"))
+    assert log.read_bytes() == before
+
+
+def test_a_picture_cannot_go_where_the_log_goes(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    line = refused(convoy("run", *SHORT, "--out", out, "--rerun", f"save={out / 'run.mcap'}"))
+    assert "the run writes this file itself" in line
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["gains.json", "propagation.png"])
+def test_gains_does_not_overwrite_what_it_did_not_write(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text('{"precious": true}', encoding="utf-8")
+    line = refused(convoy("gains", "--speed", "20", "--out", tmp_path))
+    assert line.startswith(f"{tmp_path / name}: exists")
+    assert (tmp_path / name).read_text(encoding="utf-8") == '{"precious": true}'
+
+
+@pytest.mark.parametrize("name", ["report.md", "report.json", "base/run.mcap"])
+def test_reproduce_does_not_overwrite_anything(name: str, tmp_path: Path) -> None:
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("precious", encoding="utf-8")
+    line = refused(convoy("reproduce", "--case", "base", "--out", tmp_path))
+    assert line.startswith(f"{tmp_path / name.partition('/')[0]}: exists")
+    assert file.read_text(encoding="utf-8") == "precious"
