@@ -12,9 +12,9 @@ from scenarios.cli.progress import Progress
 from scenarios.cli.tables import print_summary
 from scenarios.definition.check.report import warnings
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of
+from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of, write_summary
 from scenarios.results.review import open_view
-from scenarios.results.summary import RunSummary, to_json
+from scenarios.results.summary import RunSummary
 from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.recording import RecorderProcess
 from scenarios.runs.processes.supervisor import Supervisor
@@ -68,7 +68,9 @@ def _run_in(
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
             summary = run_virtual(scenario, folder, stop, listeners=watchers)
         show(summary, folder, quiet=quiet)
-        return stop.exit_code if summary.reason else 0
+        if quiet and summary.reason and not stop.asked:
+            click.echo(summary.reason, err=True)
+        return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
     recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
     outcome = launch(LaunchPlan(scenario, arguments, folder, recorder_flags), stop, Supervisor())
     if outcome.reason:
@@ -146,8 +148,10 @@ def listeners(
 def sum_up(folder: Path, *, quiet: bool) -> None:
     """Write and show the summary of a run whose recorder could not; raises LogError."""
     summary = summary_of(folder / LOG_NAME)
-    (folder / SUMMARY_NAME).write_text(to_json(summary), encoding="utf-8")
-    show(summary, folder, quiet=quiet)
+    try:
+        write_summary(folder, summary)
+    finally:
+        show(summary, folder, quiet=quiet)
 
 
 def show(summary: RunSummary, folder: Path, *, quiet: bool) -> None:

@@ -1,12 +1,13 @@
 """The summary and the scenario of a run, from its log alone."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.metrics import Metrics
-from scenarios.results.summary import RunIdentity, RunSummary, from_json
+from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from vehicles.messages import RunStart
@@ -17,6 +18,19 @@ SUMMARY_NAME = "summary.json"
 """The two files of a run's folder; the summary is also attached to the log."""
 METADATA_NAME = "convoy"
 """The log's record of metadata that says which run it is."""
+
+
+def write_summary(folder: Path, summary: RunSummary) -> None:
+    """Write `summary.json` whole or not at all; raises LogError."""
+    path = folder / SUMMARY_NAME
+    beside = path.with_name(path.name + ".part")
+    try:
+        beside.write_text(to_json(summary), encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            beside.unlink()
+        raise LogError(f"{path}: cannot write the summary: {error.strerror}") from error
 
 
 def summarise(

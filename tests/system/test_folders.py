@@ -1,6 +1,10 @@
-"""Two runs that are given one folder, and what becomes of the log of the first."""
+"""Folders that two runs are given, that run full, and whose log is removed."""
 
+import subprocess
+from contextlib import suppress
 from pathlib import Path
+
+import pytest
 
 from tests.system.logs import Run, assert_nothing_missing, assert_sound
 from tests.system.processes import start
@@ -28,3 +32,44 @@ def test_two_runs_of_the_same_second_have_folders_of_their_own(tmp_path: Path) -
     assert len(folders) == 2
     for folder in folders:
         assert_sound(Run(folder).log)
+
+
+LONG = ("run", "lane_change", "--set=convoy.vehicles=2", "--set=duration_s=30")
+
+
+def test_a_run_whose_log_is_removed_fails_at_once(tmp_path: Path) -> None:
+    log = tmp_path / "run" / "run.mcap"
+    with start(*LONG, "--out", log.parent, folder=tmp_path) as convoy:
+        convoy.drive(0.5)
+        log.unlink()
+        assert convoy.is_gone_in_time()
+        assert convoy.wait() == 1
+        line = f"{log}: cannot write the log: No such file or directory"
+        assert f"ended early: {line}" in convoy.out
+        assert "Traceback" not in convoy.err
+    assert Run(log.parent).summary["reason"] == line
+
+
+def test_a_run_whose_disk_runs_full_fails_with_a_sound_log(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=2m", "none", str(disk)],
+        capture_output=True,
+        check=False,
+    )
+    if mounted.returncode:
+        pytest.skip("may not mount a file system")
+    try:
+        with start(*LONG, "--out", disk / "run", folder=tmp_path) as convoy:
+            convoy.drive(1.0)
+            with suppress(OSError), (disk / "filler").open("wb", buffering=0) as filler:
+                while filler.write(bytes(4096)):
+                    pass
+            assert convoy.is_gone_in_time()
+            assert convoy.wait() == 1
+            assert f"{disk / 'run' / 'run.mcap'}: cannot write the log: No space left" in convoy.out
+            assert "Traceback" not in convoy.err
+        assert_sound(disk / "run" / "run.mcap")
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)

@@ -9,9 +9,8 @@ import struct
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from io import BytesIO
+from io import BytesIO, RawIOBase
 from pathlib import Path
-from typing import IO
 from zlib import crc32
 
 from mcap import records
@@ -67,7 +66,7 @@ def repair(path: Path) -> bool:
     Raises LogError if the file is no MCAP log, is being written, or cannot be changed.
     """
     try:
-        with path.open("r+b") as file:
+        with path.open("r+b", buffering=0) as file:
             lock(file, path)
             log = McapFile(path)
             if not log.truncated:
@@ -166,7 +165,13 @@ def _is_unbroken(kept: Sequence[_Kept]) -> bool:
     return True
 
 
-def _complete(file: IO[bytes], kept: list[_Kept]) -> None:
+def _write_all(file: RawIOBase, data: bytes) -> None:
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left) or 0 :]
+
+
+def _complete(file: RawIOBase, kept: list[_Kept]) -> None:
     """Write the end behind the last whole record, in the broken file itself."""
     while True:
         parts = [part for one in kept for part in one.parts]
@@ -174,8 +179,8 @@ def _complete(file: IO[bytes], kept: list[_Kept]) -> None:
         file.truncate(size)
         file.seek(size)
         try:
-            file.write(b"".join(part for part in parts if isinstance(part, bytes)) + _end(kept))
-            file.flush()
+            own = b"".join(part for part in parts if isinstance(part, bytes))
+            _write_all(file, own + _end(kept))
             os.fsync(file.fileno())
         except OSError:
             if len(kept) <= 2:

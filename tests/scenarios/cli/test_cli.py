@@ -490,3 +490,37 @@ def test_reproduce_does_not_overwrite_anything(name: str, tmp_path: Path) -> Non
     line = refused(convoy("reproduce", "--case", "base", "--out", tmp_path))
     assert line.startswith(f"{tmp_path / name.partition('/')[0]}: exists")
     assert file.read_text(encoding="utf-8") == "precious"
+
+
+FULL = """
+import resource, sys
+from scenarios.cli.main import cli
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (1_200_000, -1))
+cli(sys.argv[1:])
+"""
+
+
+def test_on_a_full_disk_a_run_fails_with_a_line_a_summary_and_a_log(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    ended = subprocess.run(
+        [sys.executable, "-c", FULL, "run", "lane_change", "--clock=virtual", f"--out={out}",
+         "--quiet"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )  # fmt: skip
+    line = f"{out / 'run.mcap'}: cannot write the log: File too large"
+    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", f"{line}\n")
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["outcome"], summary["reason"]) == ("failed", line)
+    log = LogReader(out / "run.mcap")
+    assert not log.truncated
+    assert not log.damage
+    assert log.counts["v1", "truth"] > 100
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "run"
+    assert refused(convoy("run", *SHORT, "--out", out)).startswith(str(tmp_path / "file"))
