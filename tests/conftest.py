@@ -1,6 +1,8 @@
 """How properties are tested: the same examples every time, however busy the machine.
 
 `pytest --hypothesis-profile=explore` looks for new ones.
+
+`pytest --campaign` damages logs in many more places.
 """
 
 import pytest
@@ -10,6 +12,9 @@ settings.register_profile("deterministic", derandomize=True, deadline=None)
 settings.register_profile("explore", derandomize=False, deadline=None, max_examples=1000)
 settings.load_profile("deterministic")
 
+SOME, MANY = 60, 5000
+"""Logs that are damaged at random places, by default and in a campaign."""
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`--campaign`: long random campaigns in full, instead of a few of each."""
@@ -17,6 +22,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.fixture
-def campaign(request: pytest.FixtureRequest) -> bool:
-    """Whether random campaigns are to run in full."""
-    return bool(request.config.getoption("--campaign"))
+def campaign(request: pytest.FixtureRequest) -> int:
+    """How many logs to damage."""
+    return MANY if request.config.getoption("--campaign") else SOME

@@ -1,9 +1,11 @@
 """Bytes from messages and back: Protobuf, with every refusal named."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
+from math import isfinite, isinf
 from operator import attrgetter
 from typing import Any, Literal, get_args, get_origin
+from unicodedata import category
 
 from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
@@ -11,10 +13,14 @@ from google.protobuf.unknown_fields import UnknownFieldSet
 from transport import convoy_pb2
 from transport.reasons import RefusalReason
 from transport.topics import TOPICS, Topic
-from vehicles.messages import Message
+from vehicles.messages import FloatOrNan, Message
 
 MAX_BYTES = 16_384
 """No message of ours is larger; larger ones are refused unread."""
+
+
+_CONTROL = {"Cc", "Cf", "Zl", "Zp"}
+"""Unicode categories of characters that are not text but change how it is shown."""
 
 
 class RefusedMessageError(ValueError):
@@ -23,6 +29,14 @@ class RefusedMessageError(ValueError):
     def __init__(self, reason: RefusalReason, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
         self.reason = reason
+
+
+def _is_finite(value: float) -> bool:
+    return isfinite(value)
+
+
+def _is_finite_or_nan(value: float) -> bool:
+    return not isinf(value)
 
 
 class _Form:
@@ -40,6 +54,14 @@ class _Form:
         }
         self.lists = [f.name for f in fields(message) if get_origin(f.type) is tuple]
         self.single = tuple(name for name in self.names if name not in self.lists)
+        self.numbers = {f.name: _is_finite for f in fields(message) if f.type is float}
+        self.numbers |= {f.name: _is_finite_or_nan for f in fields(message) if f.type == FloatOrNan}
+        self.columns_of_numbers = [
+            f.name
+            for f in fields(message)
+            if get_args(f.type)[:1] == (float,) and f.name in self.lists
+        ]
+        self.texts = [f.name for f in fields(message) if f.type is str]
         # Lists whose names begin alike (piece_…, sample_…) are columns of one table.
         self.columns = [
             (one, other)
@@ -65,7 +87,9 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
 
     Fields that are not in the schema are passed over, as Protobuf means it, so that the log of a
     later version can be read. With `exact` they are refused: for what comes off a bus, where all
-    are of one version, and where one message's bytes often hold every field of another.
+    are of one version, and where one message's bytes often hold every field of another. Then a
+    number that is not finite is refused too, unless its field may be NaN. Control characters in
+    texts are escaped either way, so that they reach no terminal.
     """
     form = _FORMS[topic.message]
     parsed = _parse(form, data, exact=exact)
@@ -77,10 +101,39 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
             raise RefusedMessageError("garbage", f"{name} is {values[name]!r}")
     for name in form.lists:
         values[name] = tuple(values[name])
+    for name in form.texts:
+        if not values[name].isprintable():
+            values[name] = _printable(values[name])
+    if exact:
+        _check_numbers(form, values)
     for one, other in form.columns:
         if len(values[one]) != len(values[other]):
             raise RefusedMessageError("garbage", f"{one} and {other} differ in length")
     return form.message(**values)
+
+
+def as_read(data: bytes, message: Message) -> bytes:
+    """Return the bytes of `message` as it was read from `data`, with what was escaped."""
+    texts = [getattr(message, name) for name in _FORMS[type(message)].texts]
+    return encode(message) if any("\\" in text for text in texts) else data
+
+
+def _printable(text: str) -> str:
+    """Escape control characters: of terminals, of the direction of writing, and line ends."""
+    return "".join(
+        char.encode("unicode_escape").decode() if category(char) in _CONTROL else char
+        for char in text
+    )
+
+
+def _check_numbers(form: _Form, values: Mapping[str, Any]) -> None:
+    """Raise RefusedMessageError for a number that no vehicle measures."""
+    for name, is_sound in form.numbers.items():
+        if not is_sound(values[name]):
+            raise RefusedMessageError("absurd", f"{name} is {values[name]}")
+    for name in form.columns_of_numbers:
+        if not all(map(isfinite, values[name])):
+            raise RefusedMessageError("absurd", f"{name} has a number that is not finite")
 
 
 def _parse(form: _Form, data: bytes, *, exact: bool) -> Any:

@@ -10,12 +10,14 @@ a second for each vehicle, and frozen ones take three times as long to make.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 Mode = Literal["path", "composite", "lead", "predecessor", "coast", "straight"]
 """What a vehicle steers along: its own path (the lead), the composite of both sources, one source
 only, the last trajectory extrapolated, or straight ahead (nothing heard yet)."""
 
+FloatOrNan = Annotated[float, "NaN where there is nothing to measure"]
+"""A number that may be missing; every other number of a message is finite."""
 Outcome = Literal["delivered", "dropped"]
 Level = Literal["debug", "info", "warning", "error", "fatal"]
 
@@ -90,9 +92,9 @@ class Tracking:
     heading_error_rad: float
     yaw_rate_error_radps: float
     curvature_per_m: float
-    gap_m: float
-    lead_age_s: float
-    predecessor_age_s: float
+    gap_m: FloatOrNan
+    lead_age_s: FloatOrNan
+    predecessor_age_s: FloatOrNan
 
 
 @dataclass(slots=True, kw_only=True)

@@ -24,8 +24,9 @@ Examples:
     help="Where to show it.",
 )
 def review(log: Path, *, rerun: str) -> None:
-    """Show a recorded LOG in Rerun, with the picture of a live run."""
+    """Show a recorded LOG, or the one in a run's folder, in Rerun: the picture of a live run."""
     from scenarios.results import review as reviewing
+    from scenarios.results.log_summary import log_in
     from scenarios.runs.stop import stop_on_signals
     from transport.clock import poll
     from transport.picture.option import parse_rerun_option
@@ -36,7 +37,7 @@ def review(log: Path, *, rerun: str) -> None:
         poll(lambda: stop.asked, every_s=0.1)
 
     with clear_errors():
-        count = reviewing.review(log, parse_rerun_option(rerun), wait=wait)
+        count = reviewing.review(log_in(log), parse_rerun_option(rerun), wait=wait)
         click.echo(f"{count} messages drawn")
 
 
@@ -44,15 +45,16 @@ def review(log: Path, *, rerun: str) -> None:
 @click.argument("log", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="The summary as JSON.")
 def report(log: Path, *, as_json: bool) -> None:
-    """Print the tables of a recorded LOG again, also of one that breaks off."""
+    """Print the tables of a recorded LOG, or the one in a run's folder, also if it breaks off."""
     from rich.console import Console
 
     from scenarios.cli.tables import print_summary
-    from scenarios.results.log_summary import summary_of
+    from scenarios.results.log_summary import log_in, summary_of
     from scenarios.results.summary import to_json
 
     with clear_errors():
-        summary = summary_of(log)
+        log = log_in(log)
+        summary = summary_of(log, warn=lambda line: click.echo(f"warning: {line}", err=True))
         if as_json:
             click.echo(to_json(summary), nl=False)
         else:

@@ -152,5 +152,6 @@ def record(
                 rerun=rerun,
                 quiet=quiet,
                 gather_s=gather_s,
+                launched=leash,
             )
         )

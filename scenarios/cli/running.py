@@ -1,7 +1,7 @@
 """What the commands `run` and `record` do: prepare the folder, run, show, sum up."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,20 +11,21 @@ from rich.console import Console
 from scenarios.cli.progress import Progress
 from scenarios.cli.tables import print_summary
 from scenarios.definition.check.report import warnings
-from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of
+from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of, write_summary
 from scenarios.results.review import open_view
-from scenarios.results.summary import RunSummary, to_json
+from scenarios.results.summary import RunSummary
 from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.recording import RecorderProcess
 from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.recorder import Listener
+from scenarios.runs.run_folder import claimed, default_folder
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals, stop_on_signals
 from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.log.records import LogError
-from transport.picture.option import parse_rerun_option
+from transport.picture.option import parse_rerun_option, refuse_foreign_file
+from transport.picture.viewer_process import ViewerError
 
 
 def run_scenario(
@@ -41,20 +42,38 @@ def run_scenario(
     scenario = load_scenario(name, overrides, seed)
     for line in warnings(scenario):
         click.echo(f"warning: {line}", err=True)
-    parse_rerun_option(rerun)  # refused here, in one line, rather than by the recorder
+    refuse_picture(rerun, out)  # here, in one line, rather than by the recorder
     folder = run_folder(scenario, out)
+    with claimed(folder):
+        return _run_in(folder, scenario, again(name, overrides, seed), clock, rerun, quiet=quiet)
+
+
+def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
+    """Arguments that name the same scenario to another process."""
+    seeds = [] if seed is None else [f"--seed={seed}"]
+    return [name, *(f"--set={text}" for text in overrides), *seeds]
+
+
+def _run_in(
+    folder: Path,
+    scenario: Scenario,
+    arguments: Sequence[str],
+    clock: str,
+    rerun: str,
+    *,
+    quiet: bool,
+) -> int:
     stop = stop_on_signals()
     if clock == "virtual":
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
             stop.begun = True
             summary = run_virtual(scenario, folder, stop, listeners=watchers)
         show(summary, folder, quiet=quiet)
+        if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came
+            click.echo(summary.reason, err=True)
         return stop.exit_code if summary.reason else 0
-    again = [name, *(f"--set={text}" for text in overrides)]
-    if seed is not None:
-        again.append(f"--seed={seed}")
     recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
-    outcome = launch(LaunchPlan(scenario, again, folder, recorder_flags), stop, Supervisor())
+    outcome = launch(LaunchPlan(scenario, arguments, folder, recorder_flags), stop, Supervisor())
     if outcome.reason and outcome.reason != stop.reason:  # a signal was said when it came
         console = Console(stderr=True)
         console.print(f"[bold red]{outcome.reason}[/]", highlight=False)
@@ -73,10 +92,15 @@ def record_run(
     rerun: str,
     quiet: bool,
     gather_s: float,
+    launched: bool,
 ) -> int:
-    """`convoy record`: returns the exit code."""
+    """`convoy record`: returns the exit code.
+
+    `launched` says that `convoy run` has started it, which holds the folder.
+    """
+    refuse_picture(rerun, out)
     folder = run_folder(scenario, out)
-    with open_bus(options) as bus:
+    with nullcontext() if launched else claimed(folder), open_bus(options) as bus:
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
             stop.begun = True
             recorder = RecorderProcess(
@@ -94,12 +118,17 @@ def record_run(
 
 
 def run_folder(scenario: Scenario, out: Path | None) -> Path:
-    """Folder of a new run; a log that is there already is never overwritten."""
-    started = datetime.now(tz=UTC).astimezone().strftime("%Y%m%d-%H%M%S")
-    folder = out or Path("runs") / f"{started}-{scenario.name}"
-    if (folder / LOG_NAME).exists():
-        raise ScenarioError([f"{folder / LOG_NAME}: exists; give another folder by --out"])
-    return folder
+    """Folder of a new run, by default a new one."""
+    return out or default_folder(scenario.name, datetime.now(tz=UTC).astimezone())
+
+
+def refuse_picture(rerun: str, out: Path | None) -> None:
+    """Raise ViewerError if the picture cannot go where `--rerun` says, of a run into `out`."""
+    option = parse_rerun_option(rerun)
+    refuse_foreign_file(option)
+    own = [(out / name).resolve() for name in (LOG_NAME, SUMMARY_NAME)] if out else []
+    if option.sink == "save" and Path(option.target).resolve() in own:
+        raise ViewerError(f"--rerun {rerun}: the run writes this file itself; give another one")
 
 
 @contextmanager
@@ -121,8 +150,10 @@ def listeners(
 def sum_up(folder: Path, *, quiet: bool) -> None:
     """Write and show the summary of a run whose recorder could not; raises LogError."""
     summary = summary_of(folder / LOG_NAME)
-    (folder / SUMMARY_NAME).write_text(to_json(summary), encoding="utf-8")
-    show(summary, folder, quiet=quiet)
+    try:
+        write_summary(folder, summary)
+    finally:
+        show(summary, folder, quiet=quiet)
 
 
 def show(summary: RunSummary, folder: Path, *, quiet: bool) -> None:

@@ -1,13 +1,14 @@
 """The summary and the scenario of a run, from its log alone."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.limits import broken_limits, why_failed
 from scenarios.results.metrics import Metrics
-from scenarios.results.summary import RunIdentity, RunSummary, from_json
+from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from vehicles.messages import RunStart
@@ -18,6 +19,19 @@ SUMMARY_NAME = "summary.json"
 """The two files of a run's folder; the summary is also attached to the log."""
 METADATA_NAME = "convoy"
 """The log's record of metadata that says which run it is."""
+
+
+def write_summary(folder: Path, summary: RunSummary) -> None:
+    """Write `summary.json` whole or not at all; raises LogError."""
+    path = folder / SUMMARY_NAME
+    beside = path.with_name(path.name + ".part")
+    try:
+        beside.write_text(to_json(summary), encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            beside.unlink()
+        raise LogError(f"{path}: cannot write the summary: {error.strerror}") from error
 
 
 def summarise(
@@ -51,9 +65,19 @@ def summarise(
     )
 
 
-def summary_of(log: Path) -> RunSummary:
-    """The summary inside `log`; for a log that breaks off, worked out from its messages."""
+def log_in(path: Path) -> Path:
+    """The log that `path` names: itself, or the one in the folder of a run."""
+    return path / LOG_NAME if path.is_dir() else path
+
+
+def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSummary:
+    """The summary inside `log`; for a log that breaks off, worked out from its messages.
+
+    `warn` is called with a line about damage.
+    """
     reader = LogReader(log)
+    if reader.damage:
+        warn(reader.damage)
     attachments = reader.attachments()
     if SUMMARY_NAME in attachments:
         try:
@@ -68,12 +92,16 @@ def summary_of(log: Path) -> RunSummary:
         last_at = at
         if isinstance(message, RunStart):
             start_at = message.start_at_ns
+    try:
+        identity = RunIdentity.of_values(reader.metadata().get(METADATA_NAME, {}))
+    except ValueError as error:
+        raise LogError(f"{log} (metadata {METADATA_NAME}): {error}") from error
     return summarise(
-        RunIdentity.of_values(reader.metadata().get(METADATA_NAME, {})),
+        identity,
         scenario,
         metrics,
         ran_ns=max(last_at - start_at, 0) if start_at else 0,
-        reason="the log breaks off",
+        reason="the log is damaged" if reader.damage else "the log breaks off",
         rejected={},
     )
 
@@ -82,4 +110,8 @@ def scenario_in(log: Path, attachments: Mapping[str, bytes]) -> Scenario:
     """The scenario inside a log, with the lead's path or trace, so that it can be run again."""
     if ATTACHED_AS not in attachments:
         raise LogError(f"{log}: holds no scenario; was it written by `convoy`?")
-    return scenario_from_text(attachments[ATTACHED_AS].decode(), label=f"{log} ({ATTACHED_AS})")
+    try:
+        text = attachments[ATTACHED_AS].decode()
+    except UnicodeDecodeError as error:
+        raise LogError(f"{log} ({ATTACHED_AS}): is no text") from error
+    return scenario_from_text(text, label=f"{log} ({ATTACHED_AS})")

@@ -63,6 +63,8 @@ def review(
     reader = LogReader(log)
     if reader.truncated:
         warn(f"{log}: breaks off; what was written before is shown")
+    if reader.damage:
+        warn(reader.damage)
     with _open(reader, option, warn) as view:
         count = 0
         for now, _, message in reader.messages():
@@ -80,7 +82,10 @@ def _open(reader: LogReader, option: RerunOption, warn: Callable[[str], None]) -
     if text is not None:
         try:
             return open_view(option, scenario_from_text(text.decode(), label="scenario"), run_id)
-        except ScenarioError as error:  # written by another version: its road is unknown
+        except (
+            ScenarioError,
+            UnicodeDecodeError,
+        ) as error:  # damaged, or written by another version: its road is unknown
             warn(f"{reader.path}: the road is left out: {error}")
     return RerunView(option, run_id=run_id, vehicles=_in_order(reader))
 

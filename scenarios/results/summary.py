@@ -9,6 +9,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from importlib.metadata import version
+from math import isfinite, nan
 from typing import Any, Literal
 
 from pydantic import TypeAdapter, ValidationError
@@ -155,7 +156,28 @@ _FIGURES = TypeAdapter(RunSummary)
 def to_json(summary: RunSummary) -> str:
     """The content of `summary.json`, beside the log and inside it."""
     figures = _FIGURES.dump_python(summary, mode="json", exclude={"identity"})
-    return json.dumps(summary.identity.values() | figures, indent=2, allow_nan=False) + "\n"
+    whole = _finite(summary.identity.values() | figures)
+    return json.dumps(whole, indent=2, allow_nan=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    """Put null for numbers that JSON does not know."""
+    match value:
+        case dict():
+            return {name: _finite(entry) for name, entry in value.items()}
+        case list() | tuple():
+            return [_finite(entry) for entry in value]
+        case float() if not isfinite(value):
+            return None
+    return value
+
+
+def _numbers(value: Any, kind: type) -> Any:
+    """Put NaN back for the null of a figure that is always a number."""
+    if not isinstance(value, dict):
+        return value
+    always = {one.name for one in fields(kind) if one.type is float}
+    return {k: nan if k in always and v is None else v for k, v in value.items()}
 
 
 def from_json(text: str) -> RunSummary:
@@ -163,6 +185,10 @@ def from_json(text: str) -> RunSummary:
     values = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("a summary is a table")  # noqa: TRY004 - wrong content of a file
+    values = _numbers(values, RunSummary)
+    for name, kind in (("vehicles", VehicleSummary), ("links", LinkSummary)):
+        if isinstance(values.get(name), list):
+            values[name] = [_numbers(row, kind) for row in values[name]]
     own = {one.name for one in fields(RunSummary)}
     try:
         return _FIGURES.validate_python(

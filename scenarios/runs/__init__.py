@@ -7,6 +7,7 @@ step_order   whose turn it is in virtual time
 rehearsal    a virtual run whose drives stay in memory
 replay       a recorded vehicle put back on the road
 recorder     every message into log, figures and picture
+run_folder   the folder of a run, taken by one at a time
 run_log      the two files of a run
 pool         many jobs on several processes
 stop         why and how a process has to stop; exit codes

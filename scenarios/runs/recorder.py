@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 from scenarios.results.metrics import Metrics
-from transport.codec import RefusedMessageError, decode, encode
+from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, PoseGate
 from transport.log.writer import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
@@ -89,7 +89,7 @@ class Recorder:
             self.rejected[refusal.reason] += 1
             return
         self._seen[key_expression].add(message.seq)
-        self._record(topic, data, at, message)
+        self._record(topic, as_read(data, message), at, message)
 
     def _admit(self, key_expression: str, data: bytes, at: int) -> tuple[Topic, Message]:
         """Read a message of this run; raises RefusedMessageError."""

@@ -11,6 +11,7 @@ from scenarios.runs.replay import Replay
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import VirtualConvoy, run_virtual
 from transport.bus.bus import Bus
+from transport.log.records import LogError
 from vehicles.messages import GpsPose, Message
 
 
@@ -53,14 +54,16 @@ def record(
 ) -> Trial:
     """Run `scenario` in virtual time and write its log and summary into `folder`.
 
-    Each of `listeners` gets every recorded message.
+    Each of `listeners` gets every recorded message. Raises LogError if they cannot be written.
     """
     drives = DriveRecorder()
-    run_virtual(
+    summary = run_virtual(
         scenario,
         folder,
         Stop(),
         listeners=(lambda _, message: drives.listen(message), *listeners),
         replays=replays,
     )
+    if summary.reason:
+        raise LogError(summary.reason)
     return drives.trial(scenario)

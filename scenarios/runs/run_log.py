@@ -1,6 +1,7 @@
 """The two files of a run: `run.mcap` with everything in it, and `summary.json`."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
@@ -12,10 +13,13 @@ from scenarios.results.log_summary import (
     METADATA_NAME,
     SUMMARY_NAME,
     summarise,
+    write_summary,
 )
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
 from scenarios.runs.recorder import Listener, Recorder
+from transport.log.records import LogError
+from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import nanoseconds
@@ -73,15 +77,20 @@ class RunLog:
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
 
-        Returns the announcement for the bus. What still comes can be recorded until `close`.
+        Returns the announcement for the bus. What still comes can be recorded until `close`. A log
+        that cannot be written any more is a reason too.
         """
         self._end_at = at
-        self.metrics.events.finish()
-        self.recorder.say_news(at)
-        for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
-            self.recorder.say(at, line, "warning")
-        self._reason = why_failed(reason, self._broken())
-        return self.recorder.end(at, self._reason)
+        try:
+            self.metrics.events.finish()
+            self.recorder.say_news(at)
+            for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
+                self.recorder.say(at, line, "warning")
+            self._reason = why_failed(reason, self._broken())
+            return self.recorder.end(at, self._reason)
+        except LogError as error:
+            self._reason = reason or str(error)
+            return self.recorder.end(at, self._reason)
 
     @property
     def must_end(self) -> str:
@@ -102,9 +111,27 @@ class RunLog:
         return min(max(self._end_at - self._start_at, 0), planned)
 
     def close(self, at: int) -> RunSummary:
-        """Complete the log at instant `at` (ns) and write the summary, which is returned."""
-        self.recorder.report_health(at, final=True)
-        summary = summarise(
+        """Complete the log at instant `at` (ns) and write the summary, which is returned.
+
+        If either cannot be written the run has failed: the summary says why, the log is completed
+        with what it holds, and the summary is written if there is room for it.
+        """
+        try:
+            self.recorder.report_health(at, final=True)
+            self._writer.attach(SUMMARY_NAME, "application/json", to_json(self._summary()).encode())
+            self._writer.close()
+            write_summary(self._folder, self._summary())
+        except LogError as error:
+            self._reason = self._reason or str(error)
+        if self._reason:
+            with suppress(LogError):
+                repair(self._folder / LOG_NAME)
+            with suppress(LogError):
+                write_summary(self._folder, self._summary())
+        return self._summary()
+
+    def _summary(self) -> RunSummary:
+        return summarise(
             self._identity,
             self._scenario,
             self.metrics,
@@ -112,8 +139,3 @@ class RunLog:
             reason=self._reason,
             rejected=self.recorder.rejected,
         )
-        text = to_json(summary)
-        self._writer.attach(SUMMARY_NAME, "application/json", text.encode())
-        self._writer.close()
-        (self._folder / SUMMARY_NAME).write_text(text, encoding="utf-8")
-        return summary

@@ -17,6 +17,7 @@ from scenarios.runs.step_order import Stepper, steps_in_order
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import VirtualClock
+from transport.log.records import LogError
 from transport.topics import Topic
 from vehicles.messages import Message
 from vehicles.schedule import SECOND
@@ -52,10 +53,14 @@ def run_virtual(
 
     run.start(clock.now(), clock.now())
     nodes = convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record), replays)
-    convoy.run(stop)
-    for node in nodes.values():
-        node.outbox.publish_health(clock.now(), final=True)
-    run.end(clock.now(), stop.reason)
+    reason = ""
+    try:
+        convoy.run(stop)
+        for node in nodes.values():
+            node.outbox.publish_health(clock.now(), final=True)
+    except LogError as error:  # the disk is full, or the log was removed
+        reason = str(error)
+    run.end(clock.now(), reason or stop.reason)
     summary = run.close(clock.now())
     if summary.reason:  # a limit can also be broken by a run that went on to its end
         stop.ask(summary.reason, EXIT_FAILED)

@@ -1,5 +1,6 @@
 """Messages survive the wire whole; whatever else comes along is refused by name."""
 
+import math
 import struct
 from contextlib import suppress
 from dataclasses import fields, replace
@@ -9,13 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from transport.codec import MAX_BYTES, PROTOBUF, RefusedMessageError, decode, encode
+from tests.made.transport import drive
+from transport.codec import MAX_BYTES, PROTOBUF, RefusedMessageError, as_read, decode, encode
 from transport.topics import TOPIC_OF, TOPICS, Topic
-from vehicles.messages import CompositeTrajectory, LogText, Message, RunEnd, RunStart
+from vehicles.messages import CompositeTrajectory, FloatOrNan, LogText, Message, RunEnd, RunStart
 
 INT64 = st.integers(-(2**63), 2**63 - 1)
 UINT64 = st.integers(0, 2**64 - 1)
-NUMBER = st.floats(allow_nan=False)
+NUMBER = st.floats(allow_nan=False, allow_infinity=False)
+TEXT = st.characters(codec="utf-8", exclude_categories=("Cc", "Cf", "Zl", "Zp"))
 
 
 def single(name: str, kind: Any) -> st.SearchStrategy[Any]:
@@ -23,9 +26,11 @@ def single(name: str, kind: Any) -> st.SearchStrategy[Any]:
     if get_origin(kind) is Literal:
         return st.sampled_from(get_args(kind))
     if kind is str:
-        return st.text(st.characters(codec="utf-8"), min_size=int(name == "vehicle"), max_size=20)
+        return st.text(TEXT, min_size=int(name == "vehicle"), max_size=20)
     if kind is int:
         return INT64 if name.endswith("_at_ns") else UINT64
+    if kind == FloatOrNan:
+        return NUMBER
     return {float: NUMBER, bool: st.booleans()}[kind]
 
 
@@ -177,3 +182,39 @@ def test_columns_of_unequal_length_are_refused(name: str) -> None:
 def test_the_longest_message_fits() -> None:
     # Four pieces and two seconds of both sources at 100 Hz are more than any fit takes.
     assert len(encode(trajectory(4, 400))) < MAX_BYTES
+
+
+NOT_FINITE = (math.nan, math.inf, -math.inf)
+MAY_BE_NAN = {"gap_m", "lead_age_s", "predecessor_age_s"}
+
+
+@pytest.mark.parametrize("value", NOT_FINITE)
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
+def test_off_a_bus_a_number_that_is_not_finite_is_refused(topic: Topic, value: float) -> None:
+    message = next(m for _, m in drive.drive(1) if type(m) is topic.message)
+    for field in fields(message):
+        if field.type not in {float, FloatOrNan, tuple[float, ...]}:
+            continue
+        number = getattr(message, field.name)
+        wrong: Any = (value, *number[1:]) if isinstance(number, tuple) else value
+        spoilt = encode(replace(message, **{field.name: wrong}))
+        decode(topic, spoilt)  # a log may hold it
+        if field.name in MAY_BE_NAN and math.isnan(value):
+            decode(topic, spoilt, exact=True)
+            continue
+        with pytest.raises(RefusedMessageError, match=field.name) as refusal:
+            decode(topic, spoilt, exact=True)
+        assert refusal.value.reason == "absurd"
+
+
+def test_control_characters_in_texts_are_escaped() -> None:
+    line = LogText(
+        vehicle="a", seq=0, logged_at_ns=0, level="info", text="\x1b[31mred\r\n\u202egpj Grüße — ψ"
+    )
+    data = encode(line)
+    read = decode(TOPICS["log"], data, exact=True)
+    assert isinstance(read, LogText)
+    assert read.text == r"\x1b[31mred\r\n\u202egpj Grüße — ψ"
+    assert decode(TOPICS["log"], as_read(data, read)) == read
+    plain = replace(line, text="plain")
+    assert as_read(encode(plain), plain) == encode(plain)

@@ -3,7 +3,8 @@
 writer      messages in, each with its standard twins
 reader      messages, metadata and attachments out
 foxglove    standard messages made of our own
-mcap_file   the file beneath, and repairing one that breaks off
-records     records of a file that may break off
+mcap_file   the file beneath, as far as it can be read
+records     records of a file that may break off or be damaged
+repair      a file that breaks off gets its end
 fast_mcap   a shorter way to write very many messages
 """

@@ -1,138 +1,160 @@
-"""The MCAP file of a log: its complete records, and the repair of one that breaks off.
+"""The MCAP file of a log, as far as it can be read.
 
 Reads with the mcap package; `transport/log/fast_mcap.py` writes with it.
 """
 
-import os
+import struct
+import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import IO, cast
 
+import zstandard
 from mcap import records
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, McapError
+from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
-from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
-from zstandard import ZstdError
+from mcap.stream_reader import get_chunk_data_stream
 
-from transport.log.fast_mcap import Writer
 from transport.log.records import (
     ATTACHMENT,
+    CHANNEL,
     CHUNK,
     METADATA,
-    LogError,
+    ChunkHead,
+    DamageError,
+    Record,
+    Span,
+    attachment,
+    chunk_head,
+    entries_in,
     map_log,
     messages_in,
-    records_in,
+    metadata,
+    scan,
 )
 
-__all__ = ["McapFile", "repair"]
+SECOND = 1_000_000_000
+LARGEST_CHUNK = 2**30
+"""Bytes of an unpacked chunk; one that says it holds more is damaged."""
+MOST_NAMED = 3
+"""Places of damage that are named one by one."""
 
 
 class McapFile:
-    """The complete records of an MCAP file, which may break off in the middle of one."""
+    """The records of an MCAP file, which may break off in the middle of one or be damaged.
+
+    `damage` says in one line what cannot be read though there is more behind it; it is empty if
+    there is no such thing.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._bytes, self.truncated = map_log(path)
+        self.bytes = map_log(path)
+        self.layout = scan(self.bytes)
+        self.truncated = self.layout.truncated
+        self.chunks: list[tuple[Record, ChunkHead]] = []
+        damaged = list(self.layout.gaps)
+        for record in self.layout.records:
+            if record.opcode == CHUNK:
+                head = chunk_head(self.bytes, record)
+                if self._is_sound(head):
+                    self.chunks.append((record, head))
+                else:
+                    damaged.append(Span(record.start, record.end))
+        self._damaged = _joined(damaged)
+        self.damage = self._name_damage() if self._damaged else ""
 
-    def __iter__(self) -> Iterator[records.McapRecord]:
-        """Give the records of the data section, those in chunks one by one."""
-        self._bytes.seek(0)
-        stream = StreamReader(cast("IO[bytes]", self._bytes), validate_crcs=True)
-        with self._name_damage(), suppress(EndOfFile):  # a broken log ends after some record
-            for record in stream.records:
-                if isinstance(record, records.DataEnd):
-                    return
-                yield record
+    def unpack(self, head: ChunkHead) -> bytes:
+        """Return the records of a chunk; raises DamageError."""
+        packed = self.bytes[head.packed.start : head.packed.end]
+        if head.size > LARGEST_CHUNK:
+            raise DamageError(f"a chunk of {head.size} bytes")
+        try:
+            if head.compression == "zstd":
+                if zstandard.frame_content_size(packed) not in {-1, head.size}:
+                    raise DamageError("the size of a chunk is wrong")
+                data: bytes = zstandard.decompress(packed, head.size)
+            else:
+                chunk = records.Chunk(head.compression, packed, 0, 0, 0, head.size)
+                stream, length = get_chunk_data_stream(chunk)
+                data = stream.read(length)
+        except (McapError, zstandard.ZstdError, RuntimeError, MemoryError) as error:
+            raise DamageError(str(error)) from error
+        if len(data) != head.size:
+            raise DamageError("the size of a chunk is wrong")
+        return data
+
+    def _is_sound(self, head: ChunkHead) -> bool:
+        try:
+            data = self.unpack(head)
+            if head.crc:
+                return zlib.crc32(data) == head.crc
+            return all(True for _ in messages_in(data))
+        except (DamageError, struct.error):
+            return False
+
+    def _name_damage(self) -> str:
+        lost = sum(span.end - span.start for span in self._damaged)
+        named = [self._place(span) for span in self._damaged[:MOST_NAMED]]
+        if len(self._damaged) > MOST_NAMED:
+            named.append(f"and {len(self._damaged) - MOST_NAMED} more")
+        return f"{self.path}: damaged, {lost} bytes cannot be read: {'; '.join(named)}"
+
+    def _place(self, span: Span) -> str:
+        """Say where a damaged span lies, in bytes and between which messages."""
+        before = [head.last_at for record, head in self.chunks if record.end <= span.start]
+        after = [head.first_at for record, head in self.chunks if record.start >= span.end]
+        text = f"{span.end - span.start} at byte {span.start}"
+        if not self.chunks:
+            return text
+        origin = self.chunks[0][1].first_at
+        begin = f"{(before[-1] - origin) / SECOND:.1f} s" if before else "the beginning"
+        end = f"{(after[0] - origin) / SECOND:.1f} s" if after else "the end"
+        return f"{text}, between {begin} and {end}"
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """Give (channel, log time, data) of all messages, several times as fast as one by one."""
-        for content in records_in(self._bytes, CHUNK):
-            chunk = records.Chunk.read(_stream(content))
-            with self._name_damage():
-                stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-            yield from messages_in(stream.read(length))
+        """Give (channel, log time, data) of all messages that can be read."""
+        for _, head in self.chunks:
+            yield from messages_in(self.unpack(head))
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Return the named text values."""
-        found = (records.Metadata.read(_stream(r)) for r in records_in(self._bytes, METADATA))
-        return {record.name: record.metadata for record in found}
+        return dict(metadata(self.bytes, record) for record in self._of_kind(METADATA))
 
     def attachments(self) -> dict[str, bytes]:
         """Return the attached files by name."""
-        found = (records.Attachment.read(_stream(r)) for r in records_in(self._bytes, ATTACHMENT))
-        return {record.name: record.data for record in found}
+        return dict(attachment(self.bytes, record) for record in self._of_kind(ATTACHMENT))
+
+    def _of_kind(self, opcode: int) -> Iterator[Record]:
+        return (record for record in self.layout.records if record.opcode == opcode)
 
     def channels(self) -> tuple[dict[int, str], Mapping[int, int]]:
         """Return the channels' topics by number, and the number of messages of each."""
-        if not self.truncated:
-            found = SeekingReader(cast("IO[bytes]", self._bytes)).get_summary()
-            if found and found.statistics:
+        topics: dict[int, str] = {}
+        if self.layout.summary.end:
+            found = SeekingReader(cast("IO[bytes]", self.bytes)).get_summary()
+            if found:
                 topics = {number: channel.topic for number, channel in found.channels.items()}
+            if found and found.statistics and not self._damaged:
                 return topics, found.statistics.channel_message_counts
-        topics = {r.id: r.topic for r in self if isinstance(r, records.Channel)}
+        for _, head in self.chunks:
+            chunk = self.unpack(head)
+            for opcode, start, end in entries_in(chunk):
+                if opcode == CHANNEL:
+                    channel = records.Channel.read(ReadDataStream(BytesIO(chunk[start:end])))
+                    topics[channel.id] = channel.topic
         return topics, Counter(channel for channel, _, _ in self.messages())
 
-    @contextmanager
-    def _name_damage(self) -> Iterator[None]:
-        try:
-            yield
-        except (CRCValidationError, McapError, ZstdError) as error:
-            raise LogError(f"{self.path}: the log is damaged: {error}") from error
 
-
-def _stream(content: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(content))
-
-
-def repair(path: Path) -> bool:
-    """Complete a log that breaks off, with every record that can be read.
-
-    Writes a new file beside it and then replaces it in one step; a complete log is not changed. The
-    metadata `repaired` say how many messages were kept. Returns whether the log was
-    repaired. Raises LogError if the file is no MCAP log.
-    """
-    broken = McapFile(path)
-    if not broken.truncated:
-        return False
-    beside = path.with_name(path.name + ".repaired")
-    try:
-        with beside.open("wb") as file:
-            _copy(broken, Writer(file))
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
-    return True
-
-
-def _copy(broken: McapFile, writer: Writer) -> None:
-    """Write all records again and complete them with an index and a summary."""
-    kept = 0
-    schemas = {0: 0}
-    channels: dict[int, int] = {}
-    for r in broken:
-        match r:
-            case records.Header():
-                writer.start(r.profile, r.library)
-            case records.Schema():
-                schemas[r.id] = writer.register_schema(r.name, r.encoding, r.data)
-            case records.Channel():
-                channels[r.id] = writer.register_channel(
-                    r.topic, r.message_encoding, schemas[r.schema_id], r.metadata
-                )
-            case records.Message():
-                kept += 1
-                channel = channels[r.channel_id]
-                writer.add_message(channel, r.log_time, r.data, r.publish_time, r.sequence)
-            case records.Attachment():
-                writer.add_attachment(r.create_time, r.log_time, r.name, r.media_type, r.data)
-            case records.Metadata():
-                writer.add_metadata(r.name, r.metadata)
-    writer.add_metadata("repaired", {"messages": str(kept)})
-    writer.finish()  # type: ignore[no-untyped-call]
+def _joined(spans: list[Span]) -> list[Span]:
+    """Put spans in order, those that touch as one."""
+    joined: list[Span] = []
+    for span in sorted(spans):
+        if joined and span.start <= joined[-1].end:
+            joined[-1] = Span(joined[-1].start, max(span.end, joined[-1].end))
+        else:
+            joined.append(span)
+    return joined

@@ -14,14 +14,19 @@ class LogReader:
     """The messages, metadata and attachments of a log.
 
     `truncated` says that the log was not completed (its recorder was killed): everything up to
-    the last `flush()` is still there, and `repair` makes it a complete log.
+    the last `flush()` is still there, and `repair` makes it a complete log. `damage` names, in one
+    line, what cannot be read within it; the rest is read. It is empty if nothing is damaged.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = McapFile(path)
         self.truncated = self._file.truncated
+        self.damage = self._file.damage
         channels, counts = self._file.channels()
+        nameless = sum(count for number, count in counts.items() if number not in channels)
+        if self.damage and nameless:
+            self.damage += f"; with it the topics of {nameless} messages"
         self._sources = {number: _source(name) for number, name in channels.items()}
         self.counts: dict[tuple[str, str], int] = {
             (source[0], source[1].name): counts.get(number, 0)
@@ -31,7 +36,8 @@ class LogReader:
         """Number of messages of each (vehicle, topic)."""
         if not self.counts:
             raise LogError(
-                f"{path}: holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
+                self.damage
+                or f"{path}: holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
                 f"with a topic of {', '.join(TOPICS)}"
             )
         self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))

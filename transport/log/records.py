@@ -1,79 +1,296 @@
-"""The records of an MCAP file, up to where its recorder was killed if it was."""
+"""The records of an MCAP file: up to where it breaks off, and around what is damaged.
 
+A record is taken for sound only if its content has the form of its kind. Where none is, the next
+sound one that is followed by another is looked for, so a damaged length costs one record.
+"""
+
+import fcntl
 import mmap
+import re
 import struct
+import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import IO, NamedTuple
 
 MAGIC = b"\x89MCAP0\r\n"
 """An MCAP file begins and ends with these bytes (MCAP specification, section Magic)."""
 _HEAD = struct.Struct("<BQ")  # what each record begins with: opcode, length of the rest
+HEAD_BYTES = _HEAD.size
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of a name
+_FOOTER_HEAD = struct.Struct("<BQQQI")  # opcode, length, summary, its offsets, CRC
+_U32 = struct.Struct("<I")
+_U64 = struct.Struct("<Q")
+HEADER = 0x01
 _FOOTER = 0x02
-_MESSAGE = 0x05
+SCHEMA = 0x03
+CHANNEL = 0x04
+MESSAGE = 0x05
 CHUNK = 0x06
+MESSAGE_INDEX = 0x07
 ATTACHMENT = 0x09
 METADATA = 0x0C
-_DATA_END = 0x0F
-_OPCODES = range(0x01, 0x10)
+DATA_END = 0x0F
+_BEGINNING = re.compile(rb"[\x06\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
+"""Opcode of a record of the data section and a length below 4 GiB."""
 
 
 class LogError(Exception):
     """A log that cannot be written or read: one line that says what, where and what is allowed."""
 
 
-def map_log(path: Path) -> tuple[mmap.mmap, bool]:
-    """Map the complete records of an MCAP file, and say whether the file breaks off after them.
+class DamageError(ValueError):
+    """A record whose content is not what it should be."""
 
-    Raises LogError if there is no such file or it is no MCAP.
+
+class Span(NamedTuple):
+    """Bytes of a file, from `start` up to and without `end`."""
+
+    start: int
+    end: int
+
+
+class Record(NamedTuple):
+    """A sound record: its opcode, where it starts and where the next one does."""
+
+    opcode: int
+    start: int
+    end: int
+
+    @property
+    def content(self) -> slice:
+        """Its bytes without opcode and length."""
+        return slice(self.start + _HEAD.size, self.end)
+
+
+class ChunkHead(NamedTuple):
+    """What a chunk says of its messages (instants in ns), and where its packed bytes start."""
+
+    first_at: int
+    last_at: int
+    size: int
+    crc: int
+    compression: str
+    packed: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The sound records of the data section, and what lies between them.
+
+    `truncated` says that the file was not completed; `summary` is the summary section, empty if
+    there is none or its checksum is wrong.
     """
+
+    records: tuple[Record, ...]
+    gaps: tuple[Span, ...]
+    truncated: bool
+    summary: Span
+
+
+def lock(file: IO[bytes], path: Path) -> None:
+    """Hold a log for writing until `file` is closed; raises LogError if another process does."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise LogError(f"{path}: is being written by another process") from error
+    except OSError:  # a file system without locks
+        return
+
+
+def map_log(path: Path) -> mmap.mmap:
+    """Map an MCAP file; raises LogError if there is no such file or it is no MCAP."""
     try:
         with path.open("rb") as file:
-            whole = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-            if whole[: len(MAGIC)] != MAGIC:
-                raise LogError(f"{path}: is not an MCAP log (run.mcap in a run's folder is one)")
-            end, truncated = _measure(whole)
-            return mmap.mmap(file.fileno(), end, access=mmap.ACCESS_READ), truncated
+            log = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except ValueError as error:  # nothing to map
         raise LogError(f"{path}: is empty, not an MCAP log") from error
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
+    if log[: len(MAGIC)] != MAGIC:
+        raise LogError(f"{path}: is not an MCAP log (run.mcap in a run's folder is one)")
+    return log
 
 
-def _measure(whole: mmap.mmap) -> tuple[int, bool]:
-    """Find where the last complete record ends, and whether the log breaks off there."""
-    at, size = len(MAGIC), len(whole)
-    while at + _HEAD.size <= size:
-        opcode, length = _HEAD.unpack_from(whole, at)
-        after = at + _HEAD.size + length
-        if opcode not in _OPCODES or after > size:
+def scan(log: mmap.mmap) -> Layout:
+    """Find the sound records of a file."""
+    records: list[Record] = []
+    gaps: list[Span] = []
+    complete, summary = _ending(log)
+    at, size = len(MAGIC), len(log)
+    while True:
+        record = _record_at(log, at)
+        if record is None:
+            found = _next_sound(log, at + 1)
+            if found is None:
+                break
+            gaps.append(Span(at, found))
+            at = found
+        elif record.opcode == DATA_END:
+            at = record.end
             break
-        at = after
-        if opcode == _FOOTER and whole[at:] == MAGIC:
-            return size, False
-    return at, True
+        else:
+            records.append(record)
+            at = record.end
+    if complete and at < summary.end and at != summary.start:
+        gaps.append(Span(at, summary.start or size))
+    if complete and summary.end and not _summary_is_sound(log, summary):
+        gaps.append(summary)
+        summary = Span(0, 0)
+    return Layout(tuple(records), tuple(gaps), not complete, summary)
 
 
-def records_in(log: mmap.mmap, opcode: int) -> Iterator[bytes]:
-    """Give the contents of the records of one kind in the data section but not in its chunks."""
-    at = len(MAGIC)
-    while at < len(log):
-        found, length = _HEAD.unpack_from(log, at)
-        at += _HEAD.size
-        if found == opcode:
-            yield log[at : at + length]
-        if found == _DATA_END:
-            return
-        at += length
+def _ending(log: mmap.mmap) -> tuple[bool, Span]:
+    """Whether the file ends as a complete one does, and its summary section, which may be empty."""
+    at = len(log) - len(MAGIC) - _FOOTER_HEAD.size
+    if at < len(MAGIC) or log[-len(MAGIC) :] != MAGIC:
+        return False, Span(0, 0)
+    opcode, length, start, _, _ = _FOOTER_HEAD.unpack_from(log, at)
+    if opcode != _FOOTER or length != _FOOTER_HEAD.size - _HEAD.size:
+        return False, Span(0, 0)
+    return True, Span(start, at) if len(MAGIC) < start < at else Span(0, 0)
+
+
+def _summary_is_sound(log: mmap.mmap, summary: Span) -> bool:
+    crc: int = _FOOTER_HEAD.unpack_from(log, summary.end)[-1]
+    covered = log[summary.start : summary.end + _FOOTER_HEAD.size - _U32.size]
+    return crc in {0, zlib.crc32(covered)}
+
+
+def _next_sound(log: mmap.mmap, at: int) -> int | None:
+    """Find the next sound record that is followed by another, or by the end of the file."""
+    for match in _BEGINNING.finditer(log, at):
+        record = _record_at(log, match.start())
+        if record and (record.end == len(log) or _record_at(log, record.end)):
+            return record.start
+        if record and record.opcode == DATA_END:
+            return record.start
+    return None
+
+
+def _record_at(log: mmap.mmap, at: int) -> Record | None:
+    """Return the record that starts there; None if it is not sound."""
+    if at + _HEAD.size > len(log):
+        return None
+    opcode, length = _HEAD.unpack_from(log, at)
+    record = Record(opcode, at, at + _HEAD.size + length)
+    if record.end > len(log):
+        return None
+    check = {
+        HEADER: _check_header,
+        CHUNK: chunk_head,
+        MESSAGE_INDEX: message_index_of,
+        ATTACHMENT: attachment,
+        METADATA: metadata,
+        DATA_END: _check_data_end,
+    }.get(opcode)
+    try:
+        if check is None:
+            return None
+        check(log, record)
+    except (DamageError, struct.error, UnicodeDecodeError):
+        return None
+    return record
+
+
+def _check_header(log: mmap.mmap, record: Record) -> None:
+    at = record.content.start
+    for _ in ("profile", "library"):
+        _, at = _text(log, at, record.end)
+    if record.start != len(MAGIC) or at != record.end:
+        raise DamageError("not a header")
+
+
+def _check_data_end(_: mmap.mmap, record: Record) -> None:
+    if record.end - record.content.start != _U32.size:
+        raise DamageError("not the end of the data")
+
+
+def chunk_head(log: mmap.mmap, record: Record) -> ChunkHead:
+    """Read what a chunk begins with."""
+    at = record.content.start
+    if at + _CHUNK_HEAD.size > record.end:
+        raise DamageError("not a chunk")
+    first_at, last_at, size, crc, _ = _CHUNK_HEAD.unpack_from(log, at)
+    compression, at = _text(log, at + _CHUNK_HEAD.size - _U32.size, record.end)
+    (length,) = _U64.unpack_from(log, at)
+    at += _U64.size
+    if at + length != record.end:
+        raise DamageError("not a chunk")
+    return ChunkHead(first_at, last_at, size, crc, compression, Span(at, record.end))
+
+
+def message_index_of(log: mmap.mmap, record: Record) -> tuple[int, int]:
+    """Channel of an index of a chunk's messages, and how many messages it has."""
+    at = record.content.start
+    if record.end - at < 6:
+        raise DamageError("not an index")
+    channel, length = struct.unpack_from("<HI", log, at)
+    if at + 6 + length != record.end or length % 16:
+        raise DamageError("not an index")
+    return channel, length // 16
+
+
+def attachment(log: mmap.mmap, record: Record) -> tuple[str, bytes]:
+    """Read the name and the content of an attached file."""
+    at = record.content.start
+    crc_at = record.end - _U32.size
+    name, start = _text(log, at + 2 * _U64.size, crc_at)
+    _, start = _text(log, start, crc_at)
+    (length,) = _U64.unpack_from(log, start)
+    start += _U64.size
+    if start + length != crc_at:
+        raise DamageError("not an attachment")
+    (crc,) = _U32.unpack_from(log, crc_at)
+    if crc not in {0, zlib.crc32(log[at:crc_at])}:
+        raise DamageError("wrong checksum")
+    return name, log[start:crc_at]
+
+
+def metadata(log: mmap.mmap, record: Record) -> tuple[str, dict[str, str]]:
+    """Read a record of named text values."""
+    name, at = _text(log, record.content.start, record.end)
+    (length,) = _U32.unpack_from(log, at)
+    at += _U32.size
+    if at + length != record.end:
+        raise DamageError("not metadata")
+    values: dict[str, str] = {}
+    while at < record.end:
+        key, at = _text(log, at, record.end)
+        values[key], at = _text(log, at, record.end)
+    return name, values
+
+
+def _text(log: mmap.mmap, at: int, end: int) -> tuple[str, int]:
+    """Read a text behind its length, which must end before `end`; returns it and where it ends."""
+    (length,) = _U32.unpack_from(log, at)
+    at += _U32.size
+    if at + length > end:
+        raise DamageError("a text goes beyond its record")
+    return log[at : at + length].decode(), at + length
+
+
+def entries_in(chunk: bytes) -> Iterator[tuple[int, int, int]]:
+    """Give (opcode, start, end) of the contents of the records in an unpacked chunk."""
+    at, size = 0, len(chunk)
+    unpack, head = _HEAD.unpack_from, _HEAD.size
+    while at < size:
+        if at + head > size:
+            raise DamageError("a record goes beyond its chunk")
+        opcode, length = unpack(chunk, at)
+        start = at + head
+        at = start + length
+        if at > size:
+            raise DamageError("a record goes beyond its chunk")
+        yield opcode, start, at
 
 
 def messages_in(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
     """Give (channel, log time, data) of the messages in an unpacked chunk."""
-    at = 0
-    while at < len(chunk):
-        opcode, length = _HEAD.unpack_from(chunk, at)
-        at += _HEAD.size
-        if opcode == _MESSAGE:
-            channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(chunk, at)
-            yield channel, log_time, chunk[at + _MESSAGE_HEAD.size : at + length]
-        at += length
+    unpack, head = _MESSAGE_HEAD.unpack_from, _MESSAGE_HEAD.size
+    for opcode, start, end in entries_in(chunk):
+        if opcode == MESSAGE:
+            channel, _, log_time, _ = unpack(chunk, start)
+            yield channel, log_time, chunk[start + head : end]

@@ -6,16 +6,18 @@ metadata and attachments. Whatever reviews or measures a run reads this file alo
 """
 
 import contextlib
-from collections.abc import Mapping
+import errno
+import os
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 from transport.codec import PROTOBUF, decode
 from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.foxglove import Twin, descriptor_set, twins
-from transport.log.records import LogError
+from transport.log.records import LogError, lock
 from transport.topics import Topic, key
 from vehicles.messages import Message
 from vehicles.schedule import Timer
@@ -46,11 +48,20 @@ class LogWriter:
     No clock is read. A kill loses what was written after the last `flush()`: on a wall
     clock call that at least twice a second; in virtual time `close()` is enough. Chunks hold one
     mebibyte, so memory stays small either way. Not for use by several threads at once.
+
+    Where the file cannot be written any more (the disk is full, the file was removed), the first
+    call that finds it out raises LogError; then the file is closed and every further call does
+    nothing, so that a run can still be brought to its end. `repair` completes what was written.
     """
 
     def __init__(self, path: Path, *, library: str | None = None) -> None:
+        self._path = path
+        self._broken = False
         try:
-            self._file = path.open("wb")
+            self._file = path.open("xb")
+            lock(self._file, path)
+        except FileExistsError as error:
+            raise LogError(f"{path}: exists; a log is never overwritten") from error
         except OSError as error:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
         self._writer = new_writer(self._file)
@@ -79,6 +90,8 @@ class LogWriter:
         `message` is `data` decoded; without it the bytes are decoded here, and refused with
         RefusedMessageError if they are no message of `topic`.
         """
+        if self._broken:
+            return
         if message is None:
             message = decode(topic, data)
         valid_at: int = getattr(message, topic.instant)
@@ -92,10 +105,13 @@ class LogWriter:
         channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
         sequence = message.seq & SEQUENCE_MASK
         add = self._writer.add_message
-        add(channel.identifier, log_time, data, publish_time, sequence)
-        for twin, identifier, timer in channel.twins:
-            if not twin.period_ns or timer.is_due(valid_at):
-                add(identifier, log_time, twin.make(message), publish_time, sequence)
+        try:
+            add(channel.identifier, log_time, data, publish_time, sequence)
+            for twin, identifier, timer in channel.twins:
+                if not twin.period_ns or timer.is_due(valid_at):
+                    add(identifier, log_time, twin.make(message), publish_time, sequence)
+        except OSError as error:
+            self._give_up(error)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)
@@ -126,22 +142,54 @@ class LogWriter:
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file into the log, as of the last message."""
-        self._writer.add_attachment(0, self._log_time, name, media_type, data)
+        if self._broken:
+            return
+        with self._named_failure():
+            self._writer.add_attachment(0, self._log_time, name, media_type, data)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Put named text values into the log; a later record of one name stands for the earlier."""
-        self._writer.add_metadata(name, dict(values))
+        if self._broken:
+            return
+        with self._named_failure():
+            self._writer.add_metadata(name, dict(values))
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        if self._broken:
+            return
+        with self._named_failure():
+            self._writer.flush()  # type: ignore[no-untyped-call]
+            self._find_file()
 
     def close(self) -> None:
         """Complete the log with its index and summary; closing twice is harmless."""
         if self._file.closed:
             return
-        with contextlib.closing(self._file):
+        with self._named_failure():
             self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.flush()
+            self._find_file()
+            self._file.close()
+
+    def _find_file(self) -> None:
+        """Raise OSError if the file is no longer where it was made."""
+        if not os.path.samestat(os.fstat(self._file.fileno()), self._path.stat()):
+            raise OSError(errno.ENOENT, "another file took its place")
+
+    @contextlib.contextmanager
+    def _named_failure(self) -> Iterator[None]:
+        """Name the file in what goes wrong with it, and give it up."""
+        try:
+            yield
+        except OSError as error:
+            self._give_up(error)
+
+    def _give_up(self, error: OSError) -> NoReturn:
+        self._broken = True
+        with contextlib.suppress(OSError):
+            self._file.close()
+        raise LogError(f"{self._path}: cannot write the log: {error.strerror}") from error
 
     def __enter__(self) -> Self:
         return self

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
 
@@ -61,3 +62,25 @@ def parse_rerun_option(text: str) -> RerunOption:
             if found and max(ports) < 65536:
                 return RerunOption("serve", "", found["address"] or LOOPBACK, *ports)
     raise ViewerError(f"--rerun {text}: give {_FORMS}")
+
+
+RECORDING_MAGICS = (b"RRF2", b"RRF1", b"RRF0")
+"""A recording of Rerun begins with one of these, by its version."""
+
+
+def refuse_foreign_file(option: RerunOption) -> None:
+    """Raise ViewerError if `save` would overwrite anything but an earlier recording of Rerun."""
+    path = Path(option.target)
+    if option.sink != "save" or not (path.exists() or path.is_symlink()):
+        return
+    try:
+        begins = b""
+        if path.is_file():
+            with path.open("rb") as file:
+                begins = file.read(len(RECORDING_MAGICS[0]))
+    except OSError as error:
+        raise ViewerError(f"{path}: cannot write the recording: {error.strerror}") from error
+    if begins not in RECORDING_MAGICS:
+        raise ViewerError(
+            f"{path}: exists and is no recording of Rerun; give another file by --rerun save=PATH"
+        )

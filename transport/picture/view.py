@@ -11,7 +11,13 @@ from typing import Any, Self
 from urllib.parse import quote, urlsplit
 
 from transport.picture import viewer_process
-from transport.picture.option import DATA_PORT, LOOPBACK, PAGE_PORT, RerunOption
+from transport.picture.option import (
+    DATA_PORT,
+    LOOPBACK,
+    PAGE_PORT,
+    RerunOption,
+    refuse_foreign_file,
+)
 from transport.picture.viewer_process import ViewerError
 from vehicles.messages import Message
 
@@ -84,6 +90,7 @@ class RerunView:
         match option.sink:
             case "save":
                 self.where = option.target
+                refuse_foreign_file(option)
                 return _save(rr, option.target)
             case "connect":
                 self.where = option.target

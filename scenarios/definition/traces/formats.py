@@ -238,14 +238,15 @@ def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
     from transport.log.records import LogError  # noqa: PLC0415 - not in a vehicle's process
 
     try:
-        poses = sorted(_poses(path, vehicle), key=lambda pose: pose.measured_at_ns)
+        found, damage = _poses(path, vehicle)
+        poses = sorted(found, key=lambda pose: pose.measured_at_ns)
     except LogError as error:
         raise TraceError(str(error).removeprefix(f"{path}: ")) from error
     except TraceError:
         raise
     except Exception as error:
         raise TraceError("damaged log") from error
-    drive = RecordedDrive(geodetic=True)
+    drive = RecordedDrive(geodetic=True, skipped=[damage] if damage else [])
     for pose in poses:
         drive.points.append(
             RecordedPoint(
@@ -259,7 +260,8 @@ def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
     return drive
 
 
-def _poses(path: Path, vehicle: str | None) -> list[GpsPose]:
+def _poses(path: Path, vehicle: str | None) -> tuple[list[GpsPose], str]:
+    """Return the poses of a vehicle, and what of the log is damaged."""
     from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
 
     log = LogReader(path)
@@ -267,7 +269,8 @@ def _poses(path: Path, vehicle: str | None) -> list[GpsPose]:
     name = vehicle or _lead(log.attachments().get(ATTACHED_AS, b""), senders)
     if name not in senders:
         raise TraceError(f"given vehicle {name}, allowed {', '.join(senders) or 'none'}")
-    return [m for _, _, m in log.messages(("gps",), (name,)) if isinstance(m, GpsPose)]
+    poses = [m for _, _, m in log.messages(("gps",), (name,)) if isinstance(m, GpsPose)]
+    return poses, log.damage.removeprefix(f"{path}: ")
 
 
 def _lead(scenario: bytes, senders: list[str]) -> str:

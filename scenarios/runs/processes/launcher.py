@@ -13,8 +13,8 @@ from scenarios.runs.processes.supervisor import ChildProcess, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import BusError
 from transport.clock import poll
-from transport.log.mcap_file import repair
 from transport.log.records import LogError
+from transport.log.repair import repair
 
 WATCH_PERIOD_S = 0.05
 RECORDER = "recorder"

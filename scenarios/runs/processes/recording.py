@@ -1,6 +1,7 @@
 """`convoy record`: gathers the convoy, starts it, writes its log and ends it."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -12,6 +13,7 @@ from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from transport.bus.zenoh_bus import ZenohBus
 from transport.clock import WallClock
+from transport.log.records import LogError
 from transport.topics import CONDUCTOR, TOPICS, key
 from vehicles.schedule import SECOND, Timer
 
@@ -68,8 +70,11 @@ class RecorderProcess:
     def record_until_over(self) -> RunSummary:
         """Record until the run is over and complete the log; returns the summary."""
         while self._conductor.phase is not Phase.OVER:
-            self._record_arrivals()
-            self._advance()
+            try:
+                self._record_arrivals()
+                self._advance()
+            except LogError as error:  # the disk is full, or the log was removed
+                self._conductor.stop(str(error))
         end = self._run.end(self._clock.now(), self._conductor.reason)
         ending = self._own_message("end", end)
         if self._conductor.reason:
@@ -84,7 +89,8 @@ class RecorderProcess:
     def _await_final_counters(self) -> None:
         until = self._clock.now() + CANCELLED_NS
         while self._clock.now() < until and self._conductor.awaits_final_counters():
-            self._record_arrivals()
+            with suppress(LogError):  # the run has a reason to end already
+                self._record_arrivals()
 
     def _own_message(self, topic: str, data: bytes) -> tuple[str, bytes]:
         """Return a message of the run's own with its key; it is not recorded from the bus again."""

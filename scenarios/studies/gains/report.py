@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
+from scenarios.definition.errors import ScenarioError
 from scenarios.studies.gains.results import (
     Amplification,
     AtLoading,
@@ -81,6 +82,36 @@ TOLERANCE = 1e-9
 by Routh-Hurwitz must agree with the roots."""
 
 
+REPORT = "gains.json"
+
+
+def refuse_foreign_files(out_dir: Path, *, pictures: bool = True) -> None:
+    """Raise ScenarioError if the report would overwrite anything but an earlier report.
+
+    An earlier gains.json is known by its fields, and with it the pictures beside it.
+    """
+    path = out_dir / REPORT
+    if path.exists() or path.is_symlink():
+        try:
+            known = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError:
+            known = None
+        own = {one.name for one in fields(GainsReport)}
+        if isinstance(known, dict) and own == known.keys():
+            return
+        raise ScenarioError(
+            [f"{path}: exists and is no report on gains; give another folder by --out"]
+        )
+    if pictures:
+        from scenarios.studies.gains.pictures import NAMES  # noqa: PLC0415 - brings matplotlib
+
+        for picture in (out_dir / name for name in NAMES):
+            if picture.exists() or picture.is_symlink():
+                raise ScenarioError(
+                    [f"{picture}: exists without {REPORT}; give another folder by --out"]
+                )
+
+
 def gains_report(
     parameters: VehicleParameters,
     gains: Gains,
@@ -96,6 +127,9 @@ def gains_report(
     matplotlib). Paper, sections III-F, IV and V-A, V-B. The fastest speed is the reference for what
     is shown at one speed. Raises ValueError for no speed or no loading.
     """
+    if out_dir is not None:
+        refuse_foreign_files(out_dir, pictures=pictures)
+        out_dir.mkdir(parents=True, exist_ok=True)
     loadings = all_loadings() if loadings is None else loadings
     if not speeds or not loadings:
         raise ValueError("the gains report needs at least one speed and one loading")
@@ -111,13 +145,12 @@ def gains_report(
         propagation=tuple(_propagation_at(subject, speed) for speed in subject.speeds),
     )
     if out_dir is not None:
-        out_dir.mkdir(parents=True, exist_ok=True)
         if pictures:
             from scenarios.studies.gains.pictures import draw_all  # noqa: PLC0415 - matplotlib is optional
 
             report = replace(report, pictures=draw_all(subject, report, out_dir))
         text = json.dumps(as_json(report), indent=2, allow_nan=False)
-        (out_dir / "gains.json").write_text(text + "\n", encoding="utf-8")
+        (out_dir / REPORT).write_text(text + "\n", encoding="utf-8")
     return report
 
 

@@ -1,7 +1,7 @@
 """`convoy reproduce`: runs the paper's experiments, judges its claims, writes one report."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -40,13 +40,13 @@ def reproduce(
     not hold is a result like another. Raises ScenarioError for a case that there is not, or a
     folder with a report in it.
     """
-    from scenarios.studies.paper.report.report import write_report  # noqa: PLC0415 - brings matplotlib
+    from scenarios.studies.paper.report.pictures import PICTURES  # noqa: PLC0415 - brings matplotlib
+    from scenarios.studies.paper.report.report import write_report  # noqa: PLC0415 - likewise
 
     chosen = chosen_cases(cases)
-    if (out / REPORT).exists():
-        raise ScenarioError([f"{out / REPORT}: exists; give another folder by --out"])
-    out.mkdir(parents=True, exist_ok=True)
     jobs = jobs_of(chosen, out)
+    _refuse_used(out, [REPORT, "report.json", *PICTURES, *map(str, jobs)])
+    out.mkdir(parents=True, exist_ok=True)
     results: dict[JobKey, Any] = {}
     began = time.monotonic()
     for key, result in run_jobs(jobs, workers):
@@ -60,6 +60,13 @@ def reproduce(
     counts = ", ".join(f"{j}: {sum(c.judgement == j for c in claims)}" for j in JUDGEMENTS)
     progress(f"{len(claims)} claims ({counts}); report: {out / REPORT}")
     return 0
+
+
+def _refuse_used(out: Path, names: Iterable[str]) -> None:
+    """Raise ScenarioError if anything that would be written into `out` is there already."""
+    for path in (out / name for name in names):
+        if path.exists() or path.is_symlink():
+            raise ScenarioError([f"{path}: exists; give another folder by --out"])
 
 
 def chosen_cases(cases: Sequence[str]) -> list[str]:

@@ -1,4 +1,5 @@
 import json
+import random
 import re
 import shlex
 import signal
@@ -383,3 +384,146 @@ def test_wherever_a_log_is_cut_it_is_reported_or_refused_in_one_line(
             assert found["reason"] == "the log breaks off" or found == summary
         else:
             assert str(cut) in refused(result)
+
+
+def with_a_bit_flipped(log: Path, folder: Path, chunk: int = 1) -> Path:
+    """Copy a log with one wrong bit in the packed messages of a chunk."""
+    content = bytearray(log.read_bytes())
+    at = -1
+    for _ in range(chunk):
+        at = content.index(b"\x04\0\0\0zstd", at + 1)
+    content[at + 1000] ^= 4
+    damaged = folder / "damaged.mcap"
+    damaged.write_bytes(content)
+    return damaged
+
+
+def test_of_a_damaged_log_the_rest_is_reported_with_a_warning(
+    finished: Path, tmp_path: Path
+) -> None:
+    log = with_a_bit_flipped(finished / "run.mcap", tmp_path)
+    result = convoy("report", log, "--json")
+    assert result.exit_code == 0
+    assert result.stdout == (finished / "summary.json").read_text(encoding="utf-8")
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"warning: {log}: damaged, ")
+
+
+def test_wherever_bits_are_flipped_a_log_is_reported_or_refused_in_one_line(
+    finished: Path, tmp_path: Path, campaign: int
+) -> None:
+    whole = (finished / "run.mcap").read_bytes()
+    log = tmp_path / "run.mcap"
+    chance = random.Random(11)
+    for _ in range(max(campaign // 10, 10)):
+        content = bytearray(whole)
+        for _ in range(chance.randrange(1, 4)):
+            content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        log.write_bytes(content)
+        result = convoy("report", log, "--json")
+        if result.exit_code == 0:
+            json.loads(result.stdout)
+        else:
+            assert str(log) in refused(result)
+
+
+@pytest.mark.parametrize("command", ["report", "review"])
+def test_the_folder_of_a_run_stands_for_its_log(
+    command: str, finished: Path, tmp_path: Path
+) -> None:
+    options = [] if command == "report" else ["--rerun", f"save={tmp_path / 'run.rrd'}"]
+    of_folder = convoy(command, finished, *options)
+    assert of_folder.exit_code == 0
+    assert of_folder.stdout == convoy(command, finished / "run.mcap", *options).stdout
+    line = refused(convoy(command, tmp_path, *options))
+    assert line.startswith(f"{tmp_path / 'run.mcap'}: ")
+
+
+def test_a_damaged_log_is_reviewed_and_followed_as_far_as_it_can_be_read(
+    finished: Path, tmp_path: Path
+) -> None:
+    whole = finished / "run.mcap"
+    log = with_a_bit_flipped(whole, tmp_path)
+    result = convoy("review", log, "--rerun", f"save={tmp_path / 'run.rrd'}")
+    assert (result.exit_code, result.stderr.count("\n")) == (0, 1)
+    assert result.stderr.startswith(f"{log}: damaged, ")
+
+
+@pytest.mark.parametrize("command", ["review", "run", "record"])
+def test_a_picture_does_not_overwrite_what_is_no_recording(
+    command: str, finished: Path, tmp_path: Path
+) -> None:
+    precious = tmp_path / "my.toml"
+    precious.write_text("precious", encoding="utf-8")
+    what = finished / "run.mcap" if command == "review" else "lane_change"
+    options: list[str | Path] = [] if command == "review" else ["--out", tmp_path / "run"]
+    line = refused(convoy(command, what, "--rerun", f"save={precious}", *options))
+    assert line.startswith(f"{precious}: exists and is no recording")
+    assert precious.read_text(encoding="utf-8") == "precious"
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_review_does_not_overwrite_its_log(finished: Path) -> None:
+    log = finished / "run.mcap"
+    before = log.read_bytes()
+    assert "no recording" in refused(convoy("review", log, "--rerun", f"save={log}"))
+    assert log.read_bytes() == before
+
+
+def test_a_picture_cannot_go_where_the_log_goes(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    line = refused(convoy("run", *SHORT, "--out", out, "--rerun", f"save={out / 'run.mcap'}"))
+    assert "the run writes this file itself" in line
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["gains.json", "propagation.png"])
+def test_gains_does_not_overwrite_what_it_did_not_write(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text('{"precious": true}', encoding="utf-8")
+    line = refused(convoy("gains", "--speed", "20", "--out", tmp_path))
+    assert line.startswith(f"{tmp_path / name}: exists")
+    assert (tmp_path / name).read_text(encoding="utf-8") == '{"precious": true}'
+
+
+@pytest.mark.parametrize("name", ["report.md", "report.json", "base/run.mcap"])
+def test_reproduce_does_not_overwrite_anything(name: str, tmp_path: Path) -> None:
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("precious", encoding="utf-8")
+    line = refused(convoy("reproduce", "--case", "base", "--out", tmp_path))
+    assert line.startswith(f"{tmp_path / name.partition('/')[0]}: exists")
+    assert file.read_text(encoding="utf-8") == "precious"
+
+
+FULL = """
+import resource, sys
+from scenarios.cli.main import cli
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (1_200_000, -1))
+cli(sys.argv[1:])
+"""
+
+
+def test_on_a_full_disk_a_run_fails_with_a_line_a_summary_and_a_log(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    ended = subprocess.run(
+        [sys.executable, "-c", FULL, "run", "lane_change", "--clock=virtual", f"--out={out}",
+         "--quiet"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )  # fmt: skip
+    line = f"{out / 'run.mcap'}: cannot write the log: File too large"
+    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", f"{line}\n")
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["outcome"], summary["reason"]) == ("failed", line)
+    log = LogReader(out / "run.mcap")
+    assert not log.truncated
+    assert not log.damage
+    assert log.counts["v1", "truth"] > 100
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "run"
+    assert refused(convoy("run", *SHORT, "--out", out)).startswith(str(tmp_path / "file"))

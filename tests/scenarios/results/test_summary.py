@@ -1,4 +1,5 @@
 import json
+import math
 import platform
 import re
 from dataclasses import fields, replace
@@ -25,9 +26,9 @@ from scenarios.results.summary import (
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict
 from transport.codec import encode
-from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
 from transport.log.records import LogError
+from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.reasons import REASONS
 from transport.topics import TOPIC_OF, TOPICS, key
@@ -89,6 +90,26 @@ def test_a_summary_is_the_same_after_a_way_through_json(scenario: Scenario, tmp_
     assert from_json(text) == summary
     assert to_json(from_json(text)) == text
     assert json.loads(text)["links"][0]["requested"] == scenario.links["v1", "v2"].model_dump()
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_a_summary_is_json_whatever_was_measured(
+    scenario: Scenario, tmp_path: Path, wrong: float
+) -> None:
+    run = written(scenario, tmp_path)
+    run.end(at(5.0), "")
+    summary = run.close(at(5.0))
+    lead = replace(summary.vehicles[0], lateral_error_m_rms=wrong)
+    link = replace(summary.links[0], latency_ms_max=wrong)
+    text = to_json(replace(summary, vehicles=(lead,), links=(link,)))
+
+    def refuse(word: str) -> None:
+        pytest.fail(f"{word} is no JSON")
+
+    values = json.loads(text, parse_constant=refuse)
+    assert values["vehicles"][0]["lateral_error_m_rms"] is None
+    assert values["links"][0]["latency_ms_max"] is None
+    assert math.isnan(from_json(text).vehicles[0].lateral_error_m_rms)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"outcome": "completed"}', '{"vehicles": 7}'])

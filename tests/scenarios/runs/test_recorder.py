@@ -1,3 +1,4 @@
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from tests.made.scenarios.messages import (
     truth,
 )
 from tests.made.transport.links import inbox as inbox_of
+from tests.made.transport.logs import rows
 from transport.codec import MAX_BYTES, encode
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
@@ -344,3 +346,18 @@ def test_a_witness_records_as_the_bus_does(tmp_path: Path) -> None:
     by_bus.writer.close()
     by_witness.writer.close()
     assert by_witness.path.read_bytes() == by_bus.path.read_bytes()
+
+
+def test_a_text_is_shown_and_logged_without_control_characters(recorded: Recorded) -> None:
+    recorded.take([text("v1", 0, "\x1b[2Jgone\n\x07")])
+    escaped = text("v1", 0, r"\x1b[2Jgone\n\x07")
+    assert [message for _, message in recorded.heard] == [escaped]
+    recorded.writer.close()
+    content = [row[2].data for row in rows(recorded.path)]
+    assert not any(b"\x1b[2J" in data or b"\x07" in data[-6:] for data in content)
+    assert encode(escaped) in content
+
+
+def test_a_number_that_is_not_finite_is_refused_as_absurd(recorded: Recorded) -> None:
+    recorded.take([truth("v1", 0, math.inf, 0.0)])
+    assert recorded.recorder.rejected == {"absurd": 1}

@@ -11,7 +11,7 @@ from matplotlib.image import imread
 from rich.console import Console
 
 from scenarios.cli.tables import gains_table
-from scenarios.studies.gains.report import DEFAULT_SPEEDS, gains_report
+from scenarios.studies.gains.report import DEFAULT_SPEEDS, gains_report, refuse_foreign_files
 from scenarios.studies.gains.results import GainsReport, as_json
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Gains, Loading, loaded
 from vehicles.theory.linear_model import closed_loop_at
@@ -153,3 +153,8 @@ def test_the_table_has_its_title_on_one_line(gains: Gains) -> None:
     assert first.startswith("gains 0.06")
     assert first.endswith("stabilise all speeds and loadings")
     assert ("NOT" in first) is (gains is not NOMINAL_GAINS)
+
+
+def test_an_earlier_report_is_replaced(nominal: GainsReport, folder: Path) -> None:
+    assert nominal.pictures
+    refuse_foreign_files(folder)

@@ -1,17 +1,25 @@
 """What is read back of a log, and which files are refused."""
 
 import os
+import random
+import re
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from mcap.writer import Writer
 
-from tests.made.transport.logs import TICKS, rows, write
-from transport.log.mcap_file import repair
+from tests.made.transport import drive
+from tests.made.transport.logs import TICKS, put, rows, write
+from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.log.records import LogError
+from transport.log.repair import repair
+from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF
+from vehicles.messages import Message
 
 
 def test_what_was_written_is_read_back(tmp_path: Path) -> None:
@@ -74,12 +82,105 @@ def test_a_log_of_something_else_is_refused(tmp_path: Path) -> None:
         LogReader(path)
 
 
-def test_a_damaged_chunk_is_named(tmp_path: Path) -> None:
+def write_chunks(path: Path) -> list[tuple[int, Message]]:
+    """Write a drive with a chunk for each 0.2 s."""
+    messages = list(drive.drive(TICKS))
+    with LogWriter(path, library="test") as log:
+        log.attach("scenario.toml", "application/toml", b"seed = 1\n")
+        for number, (at, message) in enumerate(messages):
+            put(log, at, message)
+            if number % 150 == 149:
+                log.flush()
+    return messages
+
+
+def test_a_damaged_chunk_is_passed_over_and_named(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    write(path)
+    written = write_chunks(path)
     content = bytearray(path.read_bytes())
-    middle = content.index(b"zstd") + 5000
-    content[middle : middle + 8] = b"\0" * 8
+    second = content.index(b"zstd", content.index(b"zstd") + 4)
+    content[second + 500] ^= 1
     path.write_bytes(content)
-    with pytest.raises(LogError, match="damaged"):
-        list(LogReader(path).messages())
+    log = LogReader(path)
+    assert [(at, message) for at, _, message in log.messages()] == written[:150] + written[300:]
+    assert not log.truncated
+    assert log.counts["v2", "truth"] < TICKS
+    assert log.attachments() == {"scenario.toml": b"seed = 1\n"}
+    assert re.fullmatch(
+        rf"{path}: damaged, \d+ bytes cannot be read: "
+        rf"\d+ at byte {second - 9 - 32}, between 0\.\d s and 0\.\d s",
+        log.damage,
+    )
+
+
+def test_a_damaged_length_costs_one_record(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    written = write_chunks(path)
+    content = bytearray(path.read_bytes())
+    second = content.index(b"zstd", content.index(b"zstd") + 4)
+    content[second - 32 - 5] ^= 0x10
+    path.write_bytes(content)
+    log = LogReader(path)
+    assert [(at, message) for at, _, message in log.messages()] == written[:150] + written[300:]
+    assert f"at byte {second - 9 - 32}" in log.damage
+
+
+def test_a_sound_log_has_no_damage(tmp_path: Path) -> None:
+    write_chunks(tmp_path / "run.mcap")
+    assert not LogReader(tmp_path / "run.mcap").damage
+
+
+def test_whatever_is_damaged_the_rest_is_read_or_the_log_refused(
+    tmp_path: Path, campaign: int
+) -> None:
+    """Bits are flipped and the end is cut off at random places."""
+    path = tmp_path / "run.mcap"
+    written = write_chunks(path)
+    whole = path.read_bytes()
+    known = {at_and_message(at, message) for at, message in written}
+    chance = random.Random(5)
+    lost = 0
+    for _ in range(campaign):
+        content = bytearray(whole)
+        for _ in range(chance.randrange(4)):
+            place = chance.randrange(len(content))
+            content[place] ^= 1 << chance.randrange(8)
+        if chance.random() < 0.4:
+            del content[chance.randrange(len(content)) :]
+        path.write_bytes(content)
+        log = None
+        with suppress_one_line(path):
+            log = LogReader(path)
+            read = [at_and_message(at, message) for at, _, message in log.messages()]
+            log.metadata(), log.attachments()
+        if log is None:
+            continue
+        assert known.issuperset(read)
+        assert [at for at, _ in read] == sorted(at for at, _ in read)
+        if len(read) < len(written):
+            lost += 1
+            assert log.truncated or log.damage
+        assert "\n" not in log.damage
+        if repair(path):
+            again = LogReader(path)
+            assert not again.truncated
+            assert not again.damage
+            assert [at_and_message(at, m) for at, _, m in again.messages()] == read
+    assert lost
+
+
+@contextmanager
+def suppress_one_line(path: Path) -> Iterator[None]:
+    """Let a log be refused in one line that names it."""
+    try:
+        yield
+    except LogError as error:
+        line = str(error)
+    else:
+        return
+    assert str(path) in line
+    assert "\n" not in line
+
+
+def at_and_message(at: int, message: Message) -> tuple[int, bytes]:
+    return at, encode(message)

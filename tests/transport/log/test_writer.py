@@ -1,6 +1,7 @@
 """What a log holds is what was written, in standard form."""
 
 import math
+import resource
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from tests.made.transport.logs import TICKS, put, rerun_accepts, rows, write
 from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.log.records import LogError
+from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF, key, valid_at
 from vehicles.messages import LogText, Message
@@ -97,3 +99,53 @@ def test_what_was_flushed_can_be_read_before_the_end(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot write"):
         LogWriter(tmp_path / "nowhere" / "run.mcap")
+
+
+def test_a_log_that_is_there_already_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"precious")
+    with pytest.raises(LogError, match="exists"):
+        LogWriter(path)
+    assert path.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("put_another", [False, True])
+def test_a_log_that_was_removed_is_missed_at_the_next_flush(
+    tmp_path: Path, *, put_another: bool
+) -> None:
+    path = tmp_path / "run.mcap"
+    log = LogWriter(path)
+    put(log, drive.START, drive.truth("v1", 0))
+    path.unlink()
+    if put_another:
+        path.write_bytes(b"another")
+    with pytest.raises(LogError, match=f"{path}: cannot write the log: "):
+        log.flush()
+    put(log, drive.START, drive.truth("v1", 1))  # to no effect
+    log.attach("x", "text/plain", b"")
+    log.close()
+
+
+def put_and_flush(log: LogWriter, ticks: int) -> None:
+    for number, (at, message) in enumerate(drive.drive(ticks)):
+        put(log, at, message)
+        if number % 100 == 0:
+            log.flush()
+
+
+def test_on_a_full_disk_the_log_is_given_up_and_can_be_repaired(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    limit, never = 150_000, resource.getrlimit(resource.RLIMIT_FSIZE)
+    log = LogWriter(path)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, never[1]))
+    try:
+        with pytest.raises(LogError, match=f"{path}: cannot write the log: File too large"):
+            put_and_flush(log, 40 * TICKS)
+        log.close()
+        assert repair(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, never)
+    assert path.stat().st_size <= limit
+    assert len(rows(path)) > 500
+    assert rerun_accepts(path)
+    assert not LogReader(path).truncated

@@ -1,6 +1,9 @@
+from pathlib import Path
+
 import pytest
 
-from transport.picture.option import RerunOption, parse_rerun_option
+from transport.picture.option import RerunOption, parse_rerun_option, refuse_foreign_file
+from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
 
 
@@ -34,3 +37,31 @@ def test_other_options_are_refused_in_one_line(text: str) -> None:
     with pytest.raises(ViewerError, match=r"^--rerun ") as refused:
         parse_rerun_option(text)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"seed = 1\n"])
+def test_what_is_no_recording_is_not_overwritten(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "precious"
+    path.write_bytes(content)
+    with pytest.raises(ViewerError, match=r"precious: exists and is no recording of Rerun"):
+        refuse_foreign_file(parse_rerun_option(f"save={path}"))
+    with (
+        pytest.raises(ViewerError),
+        RerunView(RerunOption("save", str(path)), run_id="", vehicles=()),
+    ):
+        pass
+    assert path.read_bytes() == content
+
+
+def test_a_folder_is_no_recording(tmp_path: Path) -> None:
+    with pytest.raises(ViewerError, match="no recording"):
+        refuse_foreign_file(RerunOption("save", str(tmp_path)))
+
+
+def test_a_recording_of_rerun_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    for _ in range(2):
+        refuse_foreign_file(RerunOption("save", str(path)))
+        with RerunView(RerunOption("save", str(path)), run_id="x", vehicles=("v1",)):
+            pass
+        assert path.stat().st_size

@@ -9,7 +9,7 @@ import pytest
 from scenarios.definition.check.report import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.lead_speed import recorded
-from scenarios.definition.traces.formats import TraceError
+from scenarios.definition.traces.formats import TraceError, read_log
 from scenarios.definition.traces.recorded import read_trace
 from tests.made.scenarios.recorded_drives import (
     CSV,
@@ -23,6 +23,9 @@ from tests.made.scenarios.recorded_drives import (
     sentence,
     write_log,
 )
+from tests.made.transport import drive as circle
+from tests.made.transport.logs import put
+from transport.log.writer import LogWriter
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -182,3 +185,22 @@ def test_derived_speeds_are_means_of_the_way_over_two_seconds() -> None:
         mean = (15.0 * (math.sin((t + 1) / 5) - math.sin((t - 1) / 5)) + 20.0) / 2.0
         assert profile.at(t)[0] == pytest.approx(mean, abs=0.02)
     assert profile.distance(59.5) == pytest.approx(way[-1], rel=1e-3)
+
+
+def test_a_log_with_a_damaged_part_is_followed_without_it(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, library="test") as log:
+        for second in range(4):
+            for step in range(20):
+                at = circle.START + (20 * second + step) * 50_000_000
+                put(log, at, circle.gps("v1", 20 * second + step, at))
+            log.flush()
+    content = bytearray(path.read_bytes())
+    second_chunk = content.index(b"zstd", content.index(b"zstd") + 4)
+    content[second_chunk + 100] ^= 1
+    path.write_bytes(content)
+    found = read_log(path, "v1")
+    numbers = [int(point.place.removeprefix("message ")) for point in found.points]
+    assert numbers == [*range(20), *range(40, 80)]
+    (line,) = found.skipped
+    assert line.startswith("damaged, ")

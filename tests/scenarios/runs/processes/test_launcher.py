@@ -238,10 +238,31 @@ def test_a_stop_decides_over_the_deaths_that_it_brings(folder: Path) -> None:
 # ---- The log
 
 
-def test_a_log_that_its_recorder_could_not_complete_is_repaired(folder: Path) -> None:
+def broken_off(folder: Path) -> None:
+    """Leave the log of a recorder that was killed."""
     run = RunLog(scenario(), folder, clock="wall", run_id="run")
     run.start(START, START)
     run.flush()
+    content = (folder / LOG_NAME).read_bytes()
+    run.end(START, "")
+    run.close(START)
+    (folder / LOG_NAME).write_bytes(content)
+
+
+def test_a_log_that_another_process_writes_is_left_alone(folder: Path) -> None:
+    run = RunLog(scenario(), folder, clock="wall", run_id="other")
+    run.start(START, START)
+    run.flush()
+    before = (folder / LOG_NAME).read_bytes()
+    assert not play(folder, (5.0, "recorder", 2)).outcome.repaired
+    assert (folder / LOG_NAME).read_bytes() == before
+    run.end(START, "")
+    run.close(START)
+    assert not LogReader(folder / LOG_NAME).truncated
+
+
+def test_a_log_that_its_recorder_could_not_complete_is_repaired(folder: Path) -> None:
+    broken_off(folder)
     assert LogReader(folder / LOG_NAME).truncated
     launched = play(folder, (5.0, "recorder", -9))
     assert launched.outcome.repaired

@@ -1,0 +1,85 @@
+"""The folder of a run: taken by one run at a time, before anything is started.
+
+Whoever writes into a folder holds an advisory lock on it, which ends with the process in whatever
+way that ends, and leaves no file behind. `convoy run` holds it while its recorder writes the log.
+"""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryFile
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME
+
+ROOM_BYTES = 1024 * 1024
+"""A folder in which there is no room for this much is refused before the start."""
+
+
+def default_folder(name: str, started: datetime, root: Path = Path("runs")) -> Path:
+    """Make the folder of a run of the scenario `name`, named by its start.
+
+    The second run of the same second gets `-2` behind the name, and so on.
+    """
+    root.mkdir(parents=True, exist_ok=True)
+    base = f"{started:%Y%m%d-%H%M%S}-{name}"
+    for number in count(1):
+        folder = root / (base if number == 1 else f"{base}-{number}")
+        with suppress(FileExistsError):
+            folder.mkdir()
+            return folder
+    raise AssertionError("numbers do not end")
+
+
+@contextmanager
+def claimed(folder: Path) -> Iterator[None]:
+    """Hold `folder` for one run; a folder that had to be made and stays empty is removed.
+
+    Raises ScenarioError if another run holds it or has left its log in it, and OSError if it cannot
+    be written into.
+    """
+    made = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        _lock(descriptor, folder)
+        refuse_used(folder)
+        _try_to_write(folder)
+        try:
+            yield
+        finally:
+            if made:
+                with suppress(OSError):  # not empty
+                    folder.rmdir()
+    finally:
+        os.close(descriptor)
+
+
+def refuse_used(folder: Path) -> None:
+    """Raise ScenarioError if `folder` holds the log or the summary of a run."""
+    for path in (folder / LOG_NAME, folder / SUMMARY_NAME):
+        if path.exists() or path.is_symlink():
+            raise ScenarioError([f"{path}: exists; give another folder by --out"])
+
+
+def _lock(descriptor: int, folder: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise ScenarioError(
+            [f"{folder}: another run writes into this folder; give another one by --out"]
+        ) from error
+    except OSError:  # a file system without locks: the log itself is never overwritten
+        return
+
+
+def _try_to_write(folder: Path) -> None:
+    try:
+        with TemporaryFile(dir=folder) as file:
+            file.write(bytes(ROOM_BYTES))
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(folder)) from error

@@ -1,0 +1,75 @@
+"""Folders that two runs are given, that run full, and whose log is removed."""
+
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from tests.system.logs import Run, assert_nothing_missing, assert_sound
+from tests.system.processes import start
+
+DURATION_S = 3.0
+SHORT = ("run", "lane_change", "--set=convoy.vehicles=2", f"--set=duration_s={DURATION_S}")
+
+
+def test_of_two_runs_into_one_folder_one_is_refused_and_the_other_is_whole(tmp_path: Path) -> None:
+    arguments = (*SHORT, "--out", tmp_path / "run")
+    with start(*arguments, folder=tmp_path) as one, start(*arguments, folder=tmp_path) as other:
+        winner, loser = sorted((one, other), key=lambda process: process.wait())
+        assert (winner.wait(), loser.wait()) == (0, 2), (winner.err, loser.err)
+        assert len(loser.lines()) == 1
+        assert str(tmp_path / "run") in loser.err
+    run = Run(tmp_path / "run")
+    assert_sound(run.log)
+    assert_nothing_missing(run, DURATION_S)
+
+
+def test_two_runs_of_the_same_second_have_folders_of_their_own(tmp_path: Path) -> None:
+    with start(*SHORT, folder=tmp_path) as one, start(*SHORT, folder=tmp_path) as other:
+        assert (one.wait(), other.wait()) == (0, 0), (one.err, other.err)
+    folders = list((tmp_path / "runs").iterdir())
+    assert len(folders) == 2
+    for folder in folders:
+        assert_sound(Run(folder).log)
+
+
+LONG = ("run", "lane_change", "--set=convoy.vehicles=2", "--set=duration_s=30")
+
+
+def test_a_run_whose_log_is_removed_fails_at_once(tmp_path: Path) -> None:
+    log = tmp_path / "run" / "run.mcap"
+    with start(*LONG, "--out", log.parent, folder=tmp_path) as convoy:
+        convoy.drive(0.5)
+        log.unlink()
+        assert convoy.is_gone_in_time()
+        assert convoy.wait() == 1
+        line = f"{log}: cannot write the log: No such file or directory"
+        assert f"ended early: {line}" in convoy.out
+        assert "Traceback" not in convoy.err
+    assert Run(log.parent).summary["reason"] == line
+
+
+def test_a_run_whose_disk_runs_full_fails_with_a_sound_log(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=2m", "none", str(disk)],
+        capture_output=True,
+        check=False,
+    )
+    if mounted.returncode:
+        pytest.skip("may not mount a file system")
+    try:
+        with start(*LONG, "--out", disk / "run", folder=tmp_path) as convoy:
+            convoy.drive(1.0)
+            with suppress(OSError), (disk / "filler").open("wb", buffering=0) as filler:
+                while filler.write(bytes(4096)):
+                    pass
+            assert convoy.is_gone_in_time()
+            assert convoy.wait() == 1
+            assert f"{disk / 'run' / 'run.mcap'}: cannot write the log: No space left" in convoy.out
+            assert "Traceback" not in convoy.err
+        assert_sound(disk / "run" / "run.mcap")
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)

@@ -1,0 +1,324 @@
+"""The repair of a log that breaks off: its whole records stay as they are, and get an index.
+
+Nothing is decoded and nothing is packed again. As a rule the missing end is written behind the last
+whole record; with a damaged record before that, a file without it takes the place of the first.
+"""
+
+import os
+import struct
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from io import BytesIO, RawIOBase
+from pathlib import Path
+from zlib import crc32
+
+from mcap import records
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.opcode import Opcode
+
+from transport.log.mcap_file import McapFile
+from transport.log.records import (
+    ATTACHMENT,
+    CHANNEL,
+    CHUNK,
+    HEAD_BYTES,
+    HEADER,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_INDEX,
+    METADATA,
+    SCHEMA,
+    ChunkHead,
+    LogError,
+    Record,
+    Span,
+    entries_in,
+    lock,
+    message_index_of,
+)
+
+_MESSAGE_START = struct.Struct("<HIQ")  # channel, sequence, log time
+_ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
+
+
+@dataclass(slots=True)
+class _Kept:
+    """Whole records that stay together, and what the index has to say of them.
+
+    For a chunk `parts` are itself and the indices of its messages, as spans of the broken file or,
+    where those are not whole, as bytes. `channels` are in the order of the indices.
+    """
+
+    opcode: int
+    parts: list[Span | bytes]
+    head: ChunkHead | None = None
+    channels: list[int] = field(default_factory=list)
+    counts: Counter[int] = field(default_factory=Counter)
+    described: bytes = b""
+
+
+def repair(path: Path) -> bool:
+    """Complete a log that breaks off, with every record that can be read.
+
+    A complete log is not changed. The metadata `repaired` say how many messages were kept. On a
+    full disk the last messages make room for the index. Returns whether the log was repaired.
+    Raises LogError if the file is no MCAP log, is being written, or cannot be changed.
+    """
+    try:
+        with path.open("r+b", buffering=0) as file:
+            lock(file, path)
+            log = McapFile(path)
+            if not log.truncated:
+                return False
+            kept = _kept(log)
+            if _is_unbroken(kept):
+                _complete(file, kept)
+            else:
+                _write_beside(path, log, kept)
+            log.bytes.close()
+    except OSError as error:
+        raise LogError(f"{path}: cannot repair the log: {error.strerror}") from error
+    return True
+
+
+def _kept(log: McapFile) -> list[_Kept]:
+    """Return what can be read of a log, in its order."""
+    heads = {record.start: head for record, head in log.chunks}
+    kept: list[_Kept] = [_Kept(0, [Span(0, len(MAGIC))])]
+    found = list(log.layout.records)
+    if not found or found[0].opcode != HEADER:
+        builder = RecordBuilder()
+        records.Header("", "").write(builder)
+        kept.append(_Kept(HEADER, [builder.end()]))  # type: ignore[no-untyped-call]
+    known: set[int] = set()
+    for place, record in enumerate(found):
+        if record.opcode == CHUNK and record.start in heads:
+            kept.append(_kept_chunk(log, heads[record.start], found, place, known))
+        elif record.opcode in {HEADER, ATTACHMENT, METADATA}:
+            content = log.bytes[record.content]
+            kept.append(_Kept(record.opcode, [Span(record.start, record.end)], described=content))
+    return kept
+
+
+def _kept_chunk(
+    log: McapFile, head: ChunkHead, found: Sequence[Record], place: int, known: set[int]
+) -> _Kept:
+    """Keep the chunk at `place` of `found`; `known` are the channels that were described.
+
+    Its messages are looked at one by one only if an index may be missing, because nothing comes
+    right after it, or if a channel is new.
+    """
+    record, *indices = group = _unbroken(found, place)
+    counts = Counter(dict(message_index_of(log.bytes, index) for index in indices))
+    after = found[place + len(group) : place + len(group) + 1]
+    followed = bool(after) and after[0].start == group[-1].end
+    if followed and counts and known.issuperset(counts):
+        spans = [Span(one.start, one.end) for one in (record, *indices)]
+        return _Kept(CHUNK, [*spans], head, list(counts), counts)
+    chunk = log.unpack(head)
+    described = []
+    entries: dict[int, bytearray] = defaultdict(bytearray)
+    for opcode, start, end in entries_in(chunk):
+        if opcode == MESSAGE:
+            channel, _, log_time = _MESSAGE_START.unpack_from(chunk, start)
+            entries[channel] += _ENTRY.pack(log_time, start - HEAD_BYTES)
+        elif opcode in {SCHEMA, CHANNEL}:
+            described.append(chunk[start - HEAD_BYTES : end])
+    walked = Counter({channel: len(rows) // _ENTRY.size for channel, rows in entries.items()})
+    known.update(walked)
+    parts: list[Span | bytes] = [Span(record.start, record.end)]
+    if walked == counts:
+        parts += [Span(index.start, index.end) for index in indices]
+    else:
+        parts += [_index(channel, bytes(rows)) for channel, rows in entries.items()]
+    channels = list(counts if walked == counts else walked)
+    return _Kept(CHUNK, parts, head, channels, walked, b"".join(described))
+
+
+def _unbroken(found: Sequence[Record], place: int) -> list[Record]:
+    """Return the chunk at `place` and the indices right behind it."""
+    group = [found[place]]
+    for at in range(place + 1, len(found)):
+        record = found[at]
+        if record.opcode != MESSAGE_INDEX or record.start != group[-1].end:
+            break
+        group.append(record)
+    return group
+
+
+def _index(channel: int, rows: bytes) -> bytes:
+    return struct.pack("<BQHI", MESSAGE_INDEX, 6 + len(rows), channel, len(rows)) + rows
+
+
+def _is_unbroken(kept: Sequence[_Kept]) -> bool:
+    """Whether the spans that are kept are the beginning of the file, and only bytes follow."""
+    at = 0
+    own = False
+    for part in (part for one in kept for part in one.parts):
+        if isinstance(part, bytes):
+            own = True
+        elif own or part.start != at:
+            return False
+        else:
+            at = part.end
+    return True
+
+
+def _write_all(file: RawIOBase, data: bytes) -> None:
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left) or 0 :]
+
+
+def _complete(file: RawIOBase, kept: list[_Kept]) -> None:
+    """Write the end behind the last whole record, in the broken file itself."""
+    while True:
+        parts = [part for one in kept for part in one.parts]
+        size = max(part.end for part in parts if isinstance(part, Span))
+        file.truncate(size)
+        file.seek(size)
+        try:
+            own = b"".join(part for part in parts if isinstance(part, bytes))
+            _write_all(file, own + _end(kept))
+            os.fsync(file.fileno())
+        except OSError:
+            if len(kept) <= 2:
+                raise
+            kept.pop()  # makes room
+        else:
+            return
+
+
+def _write_beside(path: Path, log: McapFile, kept: Sequence[_Kept]) -> None:
+    beside = path.with_name(path.name + ".repaired")
+    try:
+        with beside.open("wb") as file:
+            for part in (part for one in kept for part in one.parts):
+                file.write(log.bytes[part.start : part.end] if isinstance(part, Span) else part)
+            file.write(_end(kept))
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+class _Summary:
+    """The end of a file: index, statistics and footer (MCAP specification, section Summary)."""
+
+    def __init__(self) -> None:
+        self.schemas: dict[int, records.Schema] = {}
+        self.channels: dict[int, records.Channel] = {}
+        self.chunks: list[records.ChunkIndex] = []
+        self.attachments: list[records.AttachmentIndex] = []
+        self.metadata: list[records.MetadataIndex] = []
+        self.counts: Counter[int] = Counter()
+
+    def add(self, one: _Kept, at: int) -> int:
+        """Take what stands at byte `at` of the file; returns where it ends."""
+        lengths = [len(p) if isinstance(p, bytes) else p.end - p.start for p in one.parts]
+        content = ReadDataStream(BytesIO(one.described))
+        if one.head is not None:
+            self._add_chunk(one, one.head, at, lengths)
+        elif one.opcode == ATTACHMENT:
+            a = records.Attachment.read(content)
+            self.attachments.append(
+                records.AttachmentIndex(
+                    offset=at,
+                    length=lengths[0],
+                    create_time=a.create_time,
+                    log_time=a.log_time,
+                    data_size=len(a.data),
+                    name=a.name,
+                    media_type=a.media_type,
+                )
+            )
+        elif one.opcode == METADATA:
+            name = records.Metadata.read(content).name
+            self.metadata.append(records.MetadataIndex(offset=at, length=lengths[0], name=name))
+        return at + sum(lengths)
+
+    def _add_chunk(self, one: _Kept, head: ChunkHead, at: int, lengths: Sequence[int]) -> None:
+        offsets: dict[int, int] = {}
+        place = at + lengths[0]
+        for channel, length in zip(one.channels, lengths[1:], strict=True):
+            offsets[channel] = place
+            place += length
+        self.chunks.append(
+            records.ChunkIndex(
+                chunk_start_offset=at,
+                chunk_length=lengths[0],
+                message_start_time=head.first_at,
+                message_end_time=head.last_at,
+                message_index_offsets=offsets,
+                message_index_length=sum(lengths[1:]),
+                compression=head.compression,
+                compressed_size=head.packed.end - head.packed.start,
+                uncompressed_size=head.size,
+            )
+        )
+        self.counts += one.counts
+        for opcode, start, end in entries_in(one.described):
+            content = ReadDataStream(BytesIO(one.described[start:end]))
+            if opcode == SCHEMA:
+                schema = records.Schema.read(content)
+                self.schemas[schema.id] = schema
+            else:
+                channel_record = records.Channel.read(content)
+                self.channels[channel_record.id] = channel_record
+
+    def statistics(self) -> records.Statistics:
+        """Count what the file holds."""
+        filled = [index for index in self.chunks if index.message_index_offsets]
+        return records.Statistics(
+            attachment_count=len(self.attachments),
+            channel_count=len(self.channels),
+            channel_message_counts=self.counts,
+            chunk_count=len(self.chunks),
+            message_count=self.counts.total(),
+            metadata_count=len(self.metadata),
+            message_start_time=min((index.message_start_time for index in filled), default=0),
+            message_end_time=max((index.message_end_time for index in filled), default=0),
+            schema_count=len(self.schemas),
+        )
+
+    def pack(self, at: int) -> bytes:
+        """Return the summary section, which starts at byte `at`, and the footer."""
+        builder = RecordBuilder()
+        offsets: list[records.SummaryOffset] = []
+        groups: tuple[tuple[Opcode, Sequence[records.McapRecord]], ...] = (
+            (Opcode.SCHEMA, list(self.schemas.values())),
+            (Opcode.CHANNEL, list(self.channels.values())),
+            (Opcode.STATISTICS, [self.statistics()]),
+            (Opcode.CHUNK_INDEX, self.chunks),
+            (Opcode.ATTACHMENT_INDEX, self.attachments),
+            (Opcode.METADATA_INDEX, self.metadata),
+        )
+        for opcode, group in groups:
+            start = builder.count
+            for record in group:
+                record.write(builder)
+            offsets.append(records.SummaryOffset(opcode, builder.count - start, at + start))
+        offsets_at = at + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        summary: bytes = builder.end()  # type: ignore[no-untyped-call]
+        footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, at, offsets_at)
+        return summary + footer + struct.pack("<I", crc32(summary + footer)) + MAGIC
+
+
+def _end(kept: Sequence[_Kept]) -> bytes:
+    """Return what a file of these records ends with."""
+    summary, at = _Summary(), 0
+    for one in kept:
+        at = summary.add(one, at)
+    builder = RecordBuilder()
+    said = records.Metadata("repaired", {"messages": str(summary.counts.total())})
+    said.write(builder)
+    note: bytes = builder.end()  # type: ignore[no-untyped-call]
+    at = summary.add(_Kept(METADATA, [note], described=note[HEAD_BYTES:]), at)
+    records.DataEnd(0).write(builder)
+    note += builder.end()  # type: ignore[no-untyped-call]
+    at += len(note) - summary.metadata[-1].length
+    return note + summary.pack(at)
