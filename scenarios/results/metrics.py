@@ -18,7 +18,7 @@ from transport.topics import valid_at
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
 from vehicles.messages import GpsPose, Health, LinkVerdict, Message, RunStart, Tracking, TruePose
-from vehicles.schedule import MILLISECOND, SECOND
+from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 USUAL_RATE_HZ = 20.0
 SILENT_NS = SECOND
@@ -123,15 +123,18 @@ class Metrics:
         *,
         events: EventDetector | None = None,
         rates_hz: Mapping[str, float] | None = None,
+        duration_ns: int = 0,
     ) -> None:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
 
         `road_yaw` (rad) is the direction of the road on which the convoy starts; `rates_hz` are
-        those of the receivers. Without a detector of events, usual cars and thresholds.
+        those of the receivers, `duration_ns` is as planned. Without a detector of events, usual
+        cars and thresholds.
         """
         self._names = list(vehicles)
         self._requested = requested
         self._rates_hz = rates_hz or {}
+        self._duration_ns = duration_ns
         self._start_at: int | None = None
         self.events = events or EventDetector(
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
@@ -156,6 +159,7 @@ class Metrics:
             scenario.route.start_yaw,
             events=detector_of(scenario),
             rates_hz={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},
+            duration_ns=nanoseconds(scenario.duration_s),
         )
 
     def add(self, message: Message) -> None:
@@ -231,6 +235,8 @@ class Metrics:
         expected = 0
         if self._start_at is not None and figures.health and figures.health.final:
             until = min(ran_ns, figures.health.reported_at_ns - self._start_at)
+            if until < self._duration_ns:  # stopped: its last poses were not sent any more
+                until -= SILENT_NS
             expected = expected_poses(until, rate_hz)
         return holes_of(name, figures.numbers, rate_hz, expected)
 

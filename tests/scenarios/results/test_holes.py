@@ -79,6 +79,15 @@ def test_a_vehicle_that_left_early_is_said_to_have_and_has_no_hole() -> None:
     assert (row.missing_poses, row.silent_from_s, row.finished, holes) == (0, 4.0, True, [])
 
 
+def test_a_run_that_is_stopped_lost_nothing_by_that() -> None:
+    """A vehicle that is stopped between two poses says goodbye after the next one was due."""
+    metrics = Metrics(("v1",), {}, duration_ns=nanoseconds(10.0))
+    messages: list[Message] = [start(), *poses(4.0), health("v1", seconds=4.09, final=True)]
+    for message in messages:
+        metrics.add(message)
+    assert metrics.holes(nanoseconds(4.2)) == ()
+
+
 def test_nor_has_one_that_died_without_a_word() -> None:
     row, holes = run_of(poses(4.0), 10.0)
     assert (row.missing_poses, row.silent_from_s, row.finished, holes) == (0, 3.95, False, [])
