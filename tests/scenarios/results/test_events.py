@@ -116,14 +116,14 @@ def aside(lateral: list[float], yaw: float = 0.0) -> list[TruePose]:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_corner_across_the_edge_of_the_lane_is_a_departure_once(side: float) -> None:
-    away = [0.0, 0.7, 0.8, 1.3, 0.9, 0.7, 0.8, 0.0]
+    away = [0.5, 0.7, 0.8, 1.3, 0.9, 0.7, 0.8, 0.0]
     (event,) = detected(*aside([side * value for value in away]))
     assert (event.kind, event.vehicles) == ("lane_departure", ("v2",))
     assert event.at_s == pytest.approx(0.04)  # 0.8 + 1.0 m > 1.75 m
     assert event.figures["excess_m_max"] == pytest.approx(0.55)
     assert event.figures["duration_s"] == pytest.approx(0.08)
     assert event.level == "warning"
-    assert len(detected(*aside([0.8, *([0.0] * 60), 0.8]))) == 2
+    assert len(detected(*aside([0.8, *([0.0] * 60), 0.4, 0.5, 0.6, 0.8]))) == 2
     assert detected(*aside(away), lane_width_m=5.0) == ()
 
 

@@ -87,7 +87,7 @@ def test_without_a_scenario_only_the_road_is_missing(
     write_log(tmp_path / "with.mcap", attached=scenario().text.encode())
     write_log(tmp_path / "without.mcap", attached=attached)
     warnings: list[str] = []
-    road = {"/world/road/path", "/world/road/marks"}
+    road = {"/world/road/path", "/world/road/marks", "/world/road/lane"}
     whole = without_start_time(reviewed(tmp_path / "with.mcap"))
     rest = without_start_time(reviewed(tmp_path / "without.mcap", warnings))
     assert {entity: rows for entity, rows in whole.items() if entity not in road} == rest
