@@ -49,6 +49,8 @@ def run_scenario(
             stop.begun = True
             summary = run_virtual(scenario, folder, stop, listeners=watchers)
         show(summary, folder, quiet=quiet)
+        if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came
+            click.echo(summary.reason, err=True)
         return stop.exit_code if summary.reason else 0
     again = [name, *(f"--set={text}" for text in overrides)]
     if seed is not None:
@@ -86,7 +88,7 @@ def record_run(
         show(summary, folder, quiet=quiet)
         # Last of all: on this the vehicles end, and the end of one container may stop all others.
         recorder.announce_completion()
-    if quiet and summary.reason and not stop.asked:
+    if quiet and summary.reason not in {"", stop.reason}:
         click.echo(summary.reason, err=True)
     # A signal that comes when all is done changes nothing any more.
     return (stop.exit_code or EXIT_FAILED) if summary.reason else 0

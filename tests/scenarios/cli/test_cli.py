@@ -23,6 +23,20 @@ from vehicles.schedule import SECOND
 COMMANDS = sorted(cli.commands)
 SHORT = ("lane_change", "--clock", "virtual", "--set", "duration_s=2")
 
+OWN_CONTROLLER = """
+from vehicles.driver.steering import SteeringCommand
+
+class PurePursuit:
+    def __init__(self, parameters, gains):
+        self.wheelbase = parameters.wheelbase
+
+    def steer(self, errors, speed):
+        ahead = max(0.8 * speed, 4.0)
+        turn = 2 * (-errors.lateral - ahead * errors.heading) / ahead**2
+        feedforward, feedback = self.wheelbase * errors.curvature, self.wheelbase * turn
+        return SteeringCommand(feedforward + feedback, feedforward, feedback)
+"""
+
 
 @pytest.fixture(autouse=True)
 def own_signals() -> Iterator[None]:
@@ -133,6 +147,12 @@ def test_list_names_the_scenarios_that_ship() -> None:
         assert line.endswith(load_scenario(name).tables.description)
 
 
+def test_list_as_json_holds_names_and_descriptions() -> None:
+    listed = json.loads(convoy("list", "--json").stdout)
+    assert [row["name"] for row in listed] == list(library())
+    assert all(row["description"] for row in listed)
+
+
 def test_new_writes_a_scenario_that_can_be_checked_and_run(tmp_path: Path) -> None:
     file = tmp_path / "my.toml"
     result = convoy("new", file)
@@ -200,6 +220,54 @@ def test_a_broken_scenario_is_refused_in_one_line(
     arguments, expected = WRONG[case]
     assert expected in refused(convoy(command, *arguments))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--gains", "0", "1", "1"], "--gains: KE: given 0.0, allowed 0.001 to 10"),
+        (["--gains", "nan", "1", "1"], "--gains: KE: given nan, allowed 0.001 to 10"),
+        (["--gains", "0.06", "1", "inf"], "--gains: KOMEGA: given inf, allowed 0 to 10"),
+        (["--speed", "nan"], "--speed: given nan, allowed 2 to 100 m/s"),
+        (["--speed", "1e300"], "--speed: given 1e+300, allowed 2 to 100 m/s"),
+    ],
+)
+def test_gains_that_no_law_has_are_refused(arguments: list[str], line: str, tmp_path: Path) -> None:
+    assert refused(convoy("gains", *arguments, "--out", tmp_path / "gains")) == line
+    assert not (tmp_path / "gains").exists()
+
+
+def test_the_mode_of_a_router_is_not_to_be_chosen() -> None:
+    line = refused(convoy("router", "-m", "client"))
+    assert line == "--mode client: given for the router, whose mode is router"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a = " + "[" * 5000 + "]" * 5000, ".".join("a" * 3000) + " = 1", "a = [[[" * 40 + "]]]" * 40],
+    ids=["list", "table", "broken"],
+)
+def test_what_is_nested_too_deeply_is_refused(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "deep.toml"
+    file.write_text(text, encoding="utf-8")
+    assert refused(convoy("check", file)).startswith(f"{file}: not valid TOML: ")
+    assert "--set" in refused(convoy("check", "--set", text.replace(" ", "")))
+
+
+def test_a_refused_number_is_shown_whole() -> None:
+    digits = "9" * 200
+    assert digits in refused(convoy("check", "--set", f"seed={digits}"))
+
+
+def test_a_controller_in_the_working_folder_is_found(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(OWN_CONTROLLER, encoding="utf-8")
+    code = "import sys; sys.path[0] = '/'; from scenarios.cli.__main__ import main; main()"
+    arguments = [*SHORT, "--quiet", "--out", "run", "--set", "control.controller=mine.PurePursuit"]
+    ran = subprocess.run(
+        [sys.executable, "-c", code, "run", *arguments],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60.0, check=False,
+    )  # fmt: skip
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "", "")
 
 
 def test_a_vehicle_that_is_not_in_the_scenario_is_refused() -> None:
