@@ -25,6 +25,7 @@ from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.log.records import LogError
 from transport.picture.option import parse_rerun_option
+from transport.picture.viewer_process import require_display
 
 
 def run_scenario(
@@ -41,7 +42,9 @@ def run_scenario(
     scenario = load_scenario(name, overrides, seed)
     for line in warnings(scenario):
         click.echo(f"warning: {line}", err=True)
-    parse_rerun_option(rerun)  # refused here, in one line, rather than by the recorder
+    # Refused here, in one line, rather than by the recorder.
+    if parse_rerun_option(rerun).sink == "spawn":
+        require_display()
     folder = run_folder(scenario, out)
     stop = stop_on_signals()
     if clock == "virtual":

@@ -285,6 +285,20 @@ def test_a_viewer_that_there_is_not_is_refused_before_anything_is_written(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("clock", ["wall", "virtual"])
+def test_a_viewer_without_a_display_is_refused_before_anything_is_started(
+    clock: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    out = tmp_path / "run"
+    line = refused(convoy("run", "--clock", clock, "--rerun", "spawn", "--out", out))
+    assert "no display" in line
+    assert "serve" in line
+    assert "save=PATH" in line
+    assert not out.exists()
+
+
 @pytest.mark.parametrize("command", ["report", "review"])
 @pytest.mark.parametrize(
     ("content", "why"),
