@@ -25,7 +25,7 @@ from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.log.records import LogError
 from transport.picture.option import parse_rerun_option, refuse_foreign_file
-from transport.picture.viewer_process import ViewerError
+from transport.picture.viewer_process import ViewerError, require_display
 
 
 def run_scenario(
@@ -112,7 +112,7 @@ def record_run(
         # A signal that comes when all is done changes nothing any more, to the very end.
         ignore_signals()
         recorder.announce_completion()
-    if quiet and summary.reason and not stop.asked:
+    if quiet and summary.reason not in {"", stop.reason}:
         click.echo(summary.reason, err=True)
     return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
 
@@ -125,6 +125,8 @@ def run_folder(scenario: Scenario, out: Path | None) -> Path:
 def refuse_picture(rerun: str, out: Path | None) -> None:
     """Raise ViewerError if the picture cannot go where `--rerun` says, of a run into `out`."""
     option = parse_rerun_option(rerun)
+    if option.sink == "spawn":
+        require_display()
     refuse_foreign_file(option)
     own = [(out / name).resolve() for name in (LOG_NAME, SUMMARY_NAME)] if out else []
     if option.sink == "save" and Path(option.target).resolve() in own:

@@ -9,10 +9,20 @@ from scenarios.cli.options import scenario_options
 
 
 @click.command(name="list", epilog="Example: convoy list")
-def list_scenarios() -> None:
+@click.option("--json", "as_json", is_flag=True, help="Names and descriptions as JSON.")
+def list_scenarios(*, as_json: bool) -> None:
     """List the scenarios that ship."""
+    import json
+
     from scenarios.definition.scenario import library, load_scenario
 
+    if as_json:
+        found = [
+            {"name": name, "description": load_scenario(name).tables.description}
+            for name in library()
+        ]
+        click.echo(json.dumps(found, indent=2))
+        return
     for name in library():
         click.echo(f"{name:20} {load_scenario(name).tables.description}")
 

@@ -1,11 +1,17 @@
 """Commands of the science: steering gains, and the paper's experiments."""
 
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
 
 from scenarios.cli.failure import clear_errors
+
+SLOWEST, FASTEST = 2.0, 100.0
+"""Speeds (m/s) that can be studied; the model, which divides by the speed, needs no more."""
+GAINS = {"KE": (0.001, 10.0), "KTHETA": (0.0, 100.0), "KOMEGA": (0.0, 10.0)}
+"""Least and largest gains (rad/m, rad/rad, s); without KE nothing leads back to the path."""
 
 
 @click.command(
@@ -25,7 +31,11 @@ Examples:
     help="Feedback gains: rad/m, rad/rad, s.",
 )
 @click.option(
-    "--speed", "speeds", type=click.FloatRange(min=1.0), multiple=True, help="Speeds in m/s."
+    "--speed",
+    "speeds",
+    type=float,
+    multiple=True,
+    help=f"Speeds in m/s, {SLOWEST:g} to {FASTEST:g}.",
 )
 @click.option(
     "--out",
@@ -39,13 +49,34 @@ def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: 
     from rich.console import Console
 
     from scenarios.cli.tables import gains_table
+    from scenarios.definition.errors import ScenarioError
     from scenarios.studies.gains.report import DEFAULT_SPEEDS, gains_report
     from vehicles.car.parameters import LINCOLN_MKZ, Gains
 
     with clear_errors():
-        report = gains_report(LINCOLN_MKZ, Gains(*gains), speeds or DEFAULT_SPEEDS, out_dir=out)
+        if refused := [*_refused_gains(gains), *_refused_speeds(speeds)]:
+            raise ScenarioError(refused)
+        wanted = tuple(dict.fromkeys(speeds)) or DEFAULT_SPEEDS
+        try:
+            report = gains_report(LINCOLN_MKZ, Gains(*gains), wanted, out_dir=out)
+        except (ValueError, ArithmeticError) as error:
+            given = f"gains {', '.join(map(str, gains))} at {', '.join(map(str, wanted))} m/s"
+            raise ScenarioError([f"{given}: cannot be studied: {error}"]) from error
         Console().print(gains_table(report))
         click.echo(f"written: {out / 'gains.json'} and {len(report.pictures)} pictures")
+
+
+def _refused_gains(gains: Sequence[float]) -> Iterator[str]:
+    """Give a line for each gain that no law has; written so that NaN is refused as well."""
+    for gain, (name, (least, largest)) in zip(gains, GAINS.items(), strict=True):
+        if not least <= gain <= largest:
+            yield f"--gains: {name}: given {gain}, allowed {least:g} to {largest:g}"
+
+
+def _refused_speeds(speeds: Sequence[float]) -> Iterator[str]:
+    for speed in speeds:
+        if not SLOWEST <= speed <= FASTEST:
+            yield f"--speed: given {speed}, allowed {SLOWEST:g} to {FASTEST:g} m/s"
 
 
 @click.command(

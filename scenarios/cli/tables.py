@@ -207,8 +207,18 @@ def check_table(report: CheckReport) -> Table:
         ),
         ("lateral acceleration", f"{report.lateral_acceleration_mps2_max:.1f} m/s²"),
     )
-    for row in rows:
-        table.add_row(*row)
+    for what, figure in rows:
+        if figure != " m":  # a vehicle alone has no gaps
+            table.add_row(what, figure)
+    table.add_row("seed", str(report.seed))
+    distinct: dict[str, list[str]] = {}
+    for name, link in report.links.items():
+        rate = "every message" if link["rate_hz"] is None else f"{link['rate_hz']:g} Hz"
+        asked = f"{link['latency_ms']:g} ms, jitter {link['jitter_ms']:g} ms, "
+        asked += f"loss {link['loss_ratio']:g}, {rate}"
+        distinct.setdefault(asked, []).append(name)
+    for asked, names in distinct.items():
+        table.add_row("links", f"{asked}: {', '.join(names)}")
     if report.deviation_m_rms is not None and report.deviation_m_max is not None:
         rms, largest = report.deviation_m_rms * 100, report.deviation_m_max * 100
         table.add_row("path off the recorded points", f"{rms:.1f} cm rms, {largest:.1f} cm at most")

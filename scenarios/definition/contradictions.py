@@ -10,8 +10,7 @@ from scenarios.definition.schema.path import SegmentTable
 from scenarios.definition.schema.tables import CONTROLLERS, ScenarioTables
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
-from vehicles.car.parameters import NOMINAL_GAINS
-from vehicles.driver.steering import load_controller
+from vehicles.driver.steering import ControllerError, load_controller, try_out
 
 Problem = tuple[str, str]
 """Key, and what is wrong with it."""
@@ -102,8 +101,8 @@ def controllers(tables: ScenarioTables) -> Iterator[Problem]:
         setup, own = vehicle_setup(tables, name), tables.vehicle.get(name)
         table = f"vehicle.{name}.control" if own and own.control else "control"
         try:
-            load_controller(setup.controller, setup.assumed_parameters, NOMINAL_GAINS)
-        except ValueError as error:
+            try_out(load_controller(setup.controller, setup.assumed_parameters, setup.gains))
+        except ControllerError as error:
             allowed = ", ".join(map(shown, CONTROLLERS))
             refused[f"{table}.controller"] = f"{error}, allowed {allowed} or a class of your own"
     yield from refused.items()

@@ -1,14 +1,13 @@
 """`extends`: a scenario file laid over the file that it names as its base."""
 
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ScenarioFile, read_base
-from scenarios.definition.overrides import OverrideError, Raw, override, parse_override
+from scenarios.definition.overrides import OverrideError, Raw, override, parse_override, parsed
 
 EXTENDS = "extends"
 
@@ -102,8 +101,8 @@ def _same(one: ScenarioFile, other: ScenarioFile) -> bool:
 
 def _parsed(file: ScenarioFile) -> Raw:
     try:
-        return tomllib.loads(file.text)
-    except tomllib.TOMLDecodeError as error:
+        return parsed(file.text)
+    except ValueError as error:
         raise ScenarioError([f"{file.label}: not valid TOML: {error}"]) from error
 
 

@@ -10,8 +10,33 @@ Raw = dict[str, Any]
 """A parsed TOML table, not yet validated."""
 
 
+DEEPEST = 20
+"""Tables and lists inside one another; a scenario has no use for more than five."""
+TOO_DEEP = f"tables or lists more than {DEEPEST} deep inside one another"
+
+
 class OverrideError(ValueError):
     """An override that cannot be applied, with its reason."""
+
+
+def parsed(text: str) -> Raw:
+    """Parse TOML; raises ValueError in one line, also for what is nested too deeply."""
+    try:
+        raw = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(TOO_DEEP) from None
+    layer: list[Any] = [raw]
+    for _ in range(DEEPEST):
+        layer = [value for one in layer for value in _inside(one)]
+    if layer:
+        raise ValueError(TOO_DEEP)
+    return raw
+
+
+def _inside(value: object) -> list[Any]:
+    """Tables and lists directly inside a table or a list."""
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return [one for one in inner if isinstance(one, dict | list)]
 
 
 def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
@@ -20,10 +45,14 @@ def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
     parts = tuple(re.sub(r"\[(\d+)\]", r".\1", key.strip()).split("."))
     if not equals or not all(parts):
         raise OverrideError(f"given {json.dumps(text)}, allowed key=value, such as seed=7")
+    if len(parts) > DEEPEST:
+        raise OverrideError(f"given {TOO_DEEP}, allowed a key such as links.loss_ratio")
     try:
-        return parts, tomllib.loads(f"value = {value}")["value"]
+        return parts, parsed(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return parts, value.strip()
+    except ValueError as error:
+        raise OverrideError(str(error)) from error
 
 
 def override(table: Raw, parts: Sequence[str], value: object) -> None:

@@ -14,7 +14,7 @@ from scenarios.definition.schema.table import NAME_PATTERN
 from scenarios.definition.schema.tables import ScenarioTables
 
 MAX_SHOWN = 60
-"""Characters of a refused value that are shown."""
+"""Characters of a refused text or list that are shown; a number is shown whole."""
 
 Location = tuple[str | int, ...]
 
@@ -42,6 +42,8 @@ def shown(value: object) -> str:
         return "a table"
     if isinstance(value, float):
         return repr(value)
+    if isinstance(value, int):  # whole, however long
+        return json.dumps(value)
     text = value.isoformat() if isinstance(value, datetime) else json.dumps(value, default=str)
     return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
 

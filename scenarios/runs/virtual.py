@@ -7,6 +7,7 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink, Sink
@@ -53,14 +54,16 @@ def run_virtual(
 
     run.start(clock.now(), clock.now())
     nodes = convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record), replays)
-    reason = ""
     try:
-        convoy.run(stop)
+        try:
+            convoy.run(stop)
+        except VehicleFaultError as fault:  # in virtual time nobody goes on without it
+            stop.ask(str(fault), EXIT_FAILED)
         for node in nodes.values():
             node.outbox.publish_health(clock.now(), final=True)
     except LogError as error:  # the disk is full, or the log was removed
-        reason = str(error)
-    run.end(clock.now(), reason or stop.reason)
+        stop.ask(str(error), EXIT_FAILED)
+    run.end(clock.now(), stop.reason)
     summary = run.close(clock.now())
     if summary.reason:  # a limit can also be broken by a run that went on to its end
         stop.ask(summary.reason, EXIT_FAILED)
@@ -96,11 +99,15 @@ class VirtualConvoy:
             for sender_key in node.inbox.keys:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
             ticks = partial(builder.ticks, start_at)
-            self._steppers.append(Stepper(builder.rates_hz, ticks, node.step))
+            step = stepping(node, name, start_at)
+            self._steppers.append(Stepper(builder.rates_hz, ticks, step))
         return nodes
 
     def run(self, stop: Stop) -> None:
-        """Let all vehicles make their steps until the end of the run, or until asked to stop."""
+        """Let all vehicles make their steps until the end of the run, or until asked to stop.
+
+        Raises VehicleFaultError if a controller fails.
+        """
         end_at = self._scenario.start_at_ns + round(self._scenario.duration_s * SECOND)
         for tick, step in steps_in_order(self._steppers):
             if tick.at >= end_at:  # a recorded drive may be longer than the run

@@ -33,6 +33,8 @@ PLUMBING_IN_SCIENCE = {
     "car.gnss.to_message": "puts a fix into a message",
     "driver.decision.Decision.messages": "puts a decision into messages",
     "driver.pose_estimator.PoseEstimator.correct": "tells usable fixes from others",
+    "driver.steering.GuardedController.steer": "checks the command of a user's own controller",
+    "driver.steering.try_out": "asks a controller for a command",
     "driver.steering.load_controller": "imports a class by its dotted name",
 }
 """Functions that compute nothing of the field, and why they need no source."""

@@ -193,11 +193,15 @@ def _open_with_retries(config: zenoh.Config, timeout_s: float) -> zenoh.Session:
 def open_router(
     listen: tuple[str, ...] = (DEFAULT_ENDPOINT,),
     *,
+    connect: tuple[str, ...] = (),
     config: Path | None = None,
     cfg: tuple[str, ...] = (),
 ) -> Router:
-    """Start a router; port 0 picks a free one. Raises BusError, for one when a port is taken."""
-    options = ZenohOptions(listen=listen, config=config, cfg=cfg)
+    """Start a router; port 0 picks a free one. Raises BusError, for one when a port is taken.
+
+    It joins the routers at the endpoints `connect`, and keeps trying while they are not there.
+    """
+    options = ZenohOptions(listen=listen, connect=connect, config=config, cfg=cfg)
     # A router scouts for no one, so it need not wait half a second for answers.
     chosen = configuration(options, DEFAULTS | {"scouting/delay": "0"})
     _insert(chosen, "mode", '"router"')

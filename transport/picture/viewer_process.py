@@ -54,8 +54,8 @@ def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Pop
     return page
 
 
-def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
-    """Open the native viewer, which takes data on `port` of 127.0.0.1 and outlives this process."""
+def require_display() -> None:
+    """Raise ViewerError, with what would do instead, where no window can be opened."""
     if sys.platform == "linux" and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
@@ -63,6 +63,11 @@ def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
             "no display here for Rerun's viewer: serve shows it in a browser, "
             "save=PATH writes a recording"
         )
+
+
+def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
+    """Open the native viewer, which takes data on `port` of 127.0.0.1 and outlives this process."""
+    require_display()
     flags = ["--port", str(port), "--bind", "127.0.0.1", "--expect-data-soon"]
     viewer = _start([str(program()), *flags])
     _await(viewer, "127.0.0.1", port)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from importlib import import_module
-from math import atan2, sin
+from math import atan2, isfinite, sin
 from typing import Protocol
 
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
@@ -22,15 +22,32 @@ class SteeringCommand:
 
 
 class LateralController(Protocol):
-    """Interface of a lateral controller (Fig. 1). A user's own class needs this one method.
+    """Interface of a lateral controller (Fig. 1), for the shipped ones and a user's own.
 
-    `load_controller` builds it as `Class(parameters, gains)`. The controller may keep a state; it
-    is called at every control instant, and has no clock of its own.
+    A controller is a class in a module that Python can import; a module in the working folder is
+    found. A scenario names it by its dotted name, `module.Class`. One object is built for each
+    vehicle as `Class(parameters, gains)`:
+
+    parameters   `VehicleParameters` that are assumed of the car (SI units)
+    gains        `Gains` of the scenario's table `control.gains`; a law may ignore them
+
+    It may keep a state, and has no clock of its own: `steer` is called once at every control
+    instant, every 1/`control.rate_hz` seconds of the run; with `fusion = "blend"` once for each of
+    the two trajectories. What it raises, and a command that is not finite, ends the run.
     """
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        """Steering δ_c (Section III-C) for `errors` against the trajectory at `speed` (m/s)."""
+        """Front wheel angle δ_c (Section III-C) for `errors` at `speed` (m/s, at least 0).
+
+        `errors` are those of Section III-B against the trajectory, left positive: `lateral` (m),
+        `heading` (rad), `yaw_rate` (rad/s), the trajectory's `curvature` (1/m) beside the car, and
+        `curvature_ahead(distance)` (1/m) at a distance (m) along it.
+        """
         ...
+
+
+class ControllerError(ValueError):
+    """A controller (Section III-C) that breaks the contract of `LateralController`, in one line."""
 
 
 def limited(feedforward: float, feedback: float, limit: float) -> SteeringCommand:
@@ -140,24 +157,70 @@ class Stanley:
         return limited(feedforward, feedback, self._parameters.steering_limit)
 
 
+class GuardedController:
+    """A user's own controller (Section III-C): its faults become a ControllerError."""
+
+    def __init__(self, controller: LateralController, name: str) -> None:
+        """`name` is the dotted name under which it was loaded."""
+        self._controller = controller
+        self._name = name
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """Return the controller's own command, checked."""
+        try:
+            command: object = self._controller.steer(errors, speed)
+        except Exception as error:
+            raise ControllerError(
+                f"controller {self._name!r}: steer() raised {_described(error)}"
+            ) from error
+        if not isinstance(command, SteeringCommand):
+            given = type(command).__name__
+            raise ControllerError(
+                f"controller {self._name!r}: steer() returned {given}, needed is a SteeringCommand"
+            )
+        for part in ("steering", "feedforward", "feedback"):
+            value: object = getattr(command, part)
+            if not isinstance(value, (int, float)) or not isfinite(value):
+                raise ControllerError(
+                    f"controller {self._name!r}: steer() returned {part} = {value!r}, needed is a "
+                    "finite number of radians"
+                )
+        return command
+
+
+def _described(error: Exception) -> str:
+    """Return kind and message of an exception in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
 def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> LateralController:
     """Build the controller class of a dotted name such as `vehicles.driver.steering.Stanley`.
 
-    Raises ValueError if there is no such class, or if it cannot steer.
+    Raises ControllerError if there is no such class, or if it cannot be built. A class from
+    elsewhere is guarded.
     """
     module_name, _, class_name = name.rpartition(".")
     if not module_name or not class_name:
-        raise ValueError(f"controller {name!r}: give a dotted name, package.module.Class")
+        raise ControllerError(f"controller {name!r}: give a dotted name, package.module.Class")
     try:
         factory = getattr(import_module(module_name), class_name)
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
-        raise ValueError(f"controller {name!r}: {error}") from error
-    if not callable(getattr(factory, "steer", None)):
-        raise ValueError(  # noqa: TRY004 - a wrong name in a scenario is a wrong value
+    except Exception as error:
+        why = str(error) if isinstance(error, ImportError) else _described(error)
+        raise ControllerError(f"controller {name!r}: {why}") from error
+    if not isinstance(factory, type) or not callable(getattr(factory, "steer", None)):
+        raise ControllerError(
             f"controller {name!r}: not a class with a method steer(errors, speed)"
         )
     try:
         controller: LateralController = factory(parameters, gains)
-    except TypeError as error:
-        raise ValueError(f"controller {name!r}: cannot be built: {error}") from error
-    return controller
+    except Exception as error:
+        raise ControllerError(
+            f"controller {name!r}: cannot be built as {class_name}(parameters, gains): "
+            f"{_described(error)}"
+        ) from error
+    return controller if factory.__module__ == __name__ else GuardedController(controller, name)
+
+
+def try_out(controller: LateralController) -> None:
+    """Ask for one command, on a straight at 10 m/s; raises ControllerError."""
+    controller.steer(TrackingErrors(lateral=0.0, heading=0.0, yaw_rate=0.0, curvature=0.0), 10.0)

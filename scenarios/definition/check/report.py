@@ -9,6 +9,7 @@ import numpy as np
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
+from scenarios.definition.schema.tables import LinkTable
 
 USUAL_GNSS_RATE = 20.0
 """Receivers for driving measure at most this often (Hz; paper, Section III-A)."""
@@ -33,6 +34,8 @@ class CheckReport:
     vehicles: tuple[str, ...]
     gaps_m: tuple[float, ...]
     duration_s: float
+    seed: int
+    links: dict[str, dict[str, float | None]]
     path_length_m: float
     driven_m: float
     radius_m_min: float | None
@@ -80,6 +83,11 @@ def report_of(scenario: Scenario) -> CheckReport:
         vehicles=scenario.vehicle_names,
         gaps_m=route.gaps[1:],
         duration_s=scenario.duration_s,
+        seed=scenario.seed,
+        links={
+            f"{sender} → {receiver}": table.model_dump(include=set(LinkTable.model_fields))
+            for (sender, receiver), table in scenario.links.items()
+        },
         path_length_m=route.length,
         driven_m=route.profile.distance(scenario.duration_s),
         radius_m_min=1.0 / sharpest if sharpest > 1e-6 else None,

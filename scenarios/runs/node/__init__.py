@@ -4,5 +4,6 @@ node       the heart: what happens at one tick
 assembly   the parts of a vehicle put together from its scenario
 outbox     the messages that it sends
 sink       where they go: to the bus, and to whoever records
+fault      a vehicle that cannot drive on
 probe      memory, processor time and lateness of its process
 """

@@ -59,6 +59,11 @@ class Outbox:
         self._add_health(now, final=final)
         self._sink.flush()
 
+    def publish_fault(self, now: int, text: str) -> None:
+        """Say why the vehicle cannot drive on, and send its final counters."""
+        self._add_text(now, text, "fatal")
+        self.publish_health(now, final=True)
+
     def _add_text(self, now: int, text: str, level: messages.Level = "info") -> None:
         self._add(
             messages.LogText(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from enum import Enum, auto
 
-from vehicles.messages import Health, Message
+from vehicles.messages import Health, LogText, Message
 from vehicles.schedule import SECOND
 
 DEATH_AFTER_NS = SECOND // 2
@@ -53,6 +53,7 @@ class Conductor:
         self._finished: set[str] = set()
         self._early: dict[str, int] = {}
         self._left: set[str] = set()
+        self._faults: dict[str, str] = {}
         self._router_lost_at: int | None = None
 
     @property
@@ -72,7 +73,9 @@ class Conductor:
             self._gone_since.setdefault(vehicle, at)
 
     def listen(self, at: int, message: Message) -> None:
-        """Note from a recorded message which vehicle has finished."""
+        """Note from a recorded message which vehicle has finished, or cannot drive on."""
+        if isinstance(message, LogText) and message.level == "fatal":
+            self._faults.setdefault(message.vehicle, message.text)
         if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
             self._finished.add(message.vehicle)
             if message.reported_at_ns < self.end_at:
@@ -122,6 +125,9 @@ class Conductor:
             lines.append(f"the router was out of reach for {outage:.1f} s")
             self._router_lost_at = None
             self._gone_since = dict.fromkeys(self._gone_since, now)
+        if not self._goes_on:
+            for vehicle, why in self._faults.items():
+                self.stop(f"{vehicle}: {why}")
         lines += self._count_the_dead(now)
         lines += self._count_the_early(now)
         self._end_if_over(now)

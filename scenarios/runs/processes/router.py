@@ -5,6 +5,7 @@ import time
 import click
 
 from scenarios.runs.stop import Stop
+from transport.bus.bus import BusError
 from transport.bus.zenoh_bus import DEFAULT_ENDPOINT, ZenohOptions, open_router
 from transport.clock import poll
 
@@ -23,7 +24,11 @@ def route(options: ZenohOptions, stop: Stop, *, until_empty: bool) -> int:
     Returns the exit code.
     """
     listen = options.listen or (DEFAULT_ENDPOINT,)
-    with open_router(listen, config=options.config, cfg=options.cfg) as router:
+    if options.mode is not None:
+        raise BusError(f"--mode {options.mode}: given for the router, whose mode is router")
+    with open_router(
+        listen, connect=options.connect, config=options.config, cfg=options.cfg
+    ) as router:
         stop.begun = True
         click.echo(f"{LISTENING}{', '.join(router.endpoints)}")
         poll(lambda: stop.asked or (until_empty and router.occupied()), every_s=POLL_S)

@@ -2,11 +2,14 @@
 
 from collections.abc import Iterable, Iterator
 
+import click
+
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.probe import ProcessProbe
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.stop import Stop
+from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.clock import Tick, WallClock, late_after, poll
@@ -24,7 +27,12 @@ def run_vehicle(scenario: Scenario, name: str, options: ZenohOptions, stop: Stop
     builder = VehicleBuilder(scenario, name)
     with open_bus(options) as bus:
         stop.begun = True
-        finished = drive(builder, bus, stop)
+        try:
+            finished = drive(builder, bus, stop)
+        except VehicleFaultError as fault:
+            if not stop.launched:  # else the recorder says it
+                click.echo(fault, err=True)
+            return EXIT_FAILED
     return 0 if finished else stop.exit_code
 
 
@@ -60,7 +68,8 @@ class RunAnnouncements:
 def drive(builder: VehicleBuilder, bus: Bus, stop: Stop) -> bool:
     """Announce the vehicle, wait for the start, drive, send the final counters.
 
-    Returns whether it drove until the run was over, rather than until it was asked to stop.
+    Returns whether it drove until the run was over, rather than until it was asked to stop. Raises
+    VehicleFaultError if its controller fails; by then everybody knows.
     """
     announced = RunAnnouncements(bus)
     bus.announce(builder.name)
@@ -74,10 +83,16 @@ def drive(builder: VehicleBuilder, bus: Bus, stop: Stop) -> bool:
     node = builder.node(start_at, BusSink(builder.name, bus), probe)
     for sender_key in node.inbox.keys:
         bus.subscribe(sender_key, node.inbox.on_bytes)
-    for tick in punctual(builder.ticks(start_at), clock, probe):
-        if stop.asked or announced.end is not None:
-            break
-        node.step(tick)
+    step = stepping(node, builder.name, start_at)
+    try:
+        for tick in punctual(builder.ticks(start_at), clock, probe):
+            if stop.asked or announced.end is not None:
+                break
+            step(tick)
+    except VehicleFaultError as fault:
+        node.outbox.publish_fault(clock.now(), fault.text)
+        poll(lambda: announced.end is not None or stop.asked, every_s=POLL_S, at_most_s=END_S)
+        raise
     clock.wait_until(0 if announced.end is not None else end_at)
     finished = not stop.asked
     node.outbox.publish_health(min(clock.now(), end_at), final=True)

@@ -24,6 +24,20 @@ from vehicles.schedule import SECOND
 COMMANDS = sorted(cli.commands)
 SHORT = ("lane_change", "--clock", "virtual", "--set", "duration_s=2")
 
+OWN_CONTROLLER = """
+from vehicles.driver.steering import SteeringCommand
+
+class PurePursuit:
+    def __init__(self, parameters, gains):
+        self.wheelbase = parameters.wheelbase
+
+    def steer(self, errors, speed):
+        ahead = max(0.8 * speed, 4.0)
+        turn = 2 * (-errors.lateral - ahead * errors.heading) / ahead**2
+        feedforward, feedback = self.wheelbase * errors.curvature, self.wheelbase * turn
+        return SteeringCommand(feedforward + feedback, feedforward, feedback)
+"""
+
 
 @pytest.fixture(autouse=True)
 def own_signals() -> Iterator[None]:
@@ -134,6 +148,12 @@ def test_list_names_the_scenarios_that_ship() -> None:
         assert line.endswith(load_scenario(name).tables.description)
 
 
+def test_list_as_json_holds_names_and_descriptions() -> None:
+    listed = json.loads(convoy("list", "--json").stdout)
+    assert [row["name"] for row in listed] == list(library())
+    assert all(row["description"] for row in listed)
+
+
 def test_new_writes_a_scenario_that_can_be_checked_and_run(tmp_path: Path) -> None:
     file = tmp_path / "my.toml"
     result = convoy("new", file)
@@ -175,6 +195,11 @@ def test_check_tells_what_a_scenario_asks_for(tmp_path: Path) -> None:
     figures = json.loads(convoy("check", "lane_change", "--json").stdout)
     assert figures["name"] == "lane_change"
     assert figures["vehicles"] == ["v1", "v2", "v3", "v4"]
+    assert figures["seed"] == 1
+    assert figures["links"]["v1 → v2"]["latency_ms"] == 20.0
+    shown = convoy("check", "lane_change", "--set", 'link=[{sender="v1",receiver="v2",rate_hz=7}]')
+    assert "20 ms, jitter 0 ms, loss 0, 7 Hz" in " ".join(shown.stdout.split())
+    assert "gaps" not in convoy("check", "lane_change", "--set", "convoy.vehicles=1").stdout
     assert figures["speed_mps_max"] == pytest.approx(30.0)
 
 
@@ -203,6 +228,54 @@ def test_a_broken_scenario_is_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--gains", "0", "1", "1"], "--gains: KE: given 0.0, allowed 0.001 to 10"),
+        (["--gains", "nan", "1", "1"], "--gains: KE: given nan, allowed 0.001 to 10"),
+        (["--gains", "0.06", "1", "inf"], "--gains: KOMEGA: given inf, allowed 0 to 10"),
+        (["--speed", "nan"], "--speed: given nan, allowed 2 to 100 m/s"),
+        (["--speed", "1e300"], "--speed: given 1e+300, allowed 2 to 100 m/s"),
+    ],
+)
+def test_gains_that_no_law_has_are_refused(arguments: list[str], line: str, tmp_path: Path) -> None:
+    assert refused(convoy("gains", *arguments, "--out", tmp_path / "gains")) == line
+    assert not (tmp_path / "gains").exists()
+
+
+def test_the_mode_of_a_router_is_not_to_be_chosen() -> None:
+    line = refused(convoy("router", "-m", "client"))
+    assert line == "--mode client: given for the router, whose mode is router"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a = " + "[" * 5000 + "]" * 5000, ".".join("a" * 3000) + " = 1", "a = [[[" * 40 + "]]]" * 40],
+    ids=["list", "table", "broken"],
+)
+def test_what_is_nested_too_deeply_is_refused(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "deep.toml"
+    file.write_text(text, encoding="utf-8")
+    assert refused(convoy("check", file)).startswith(f"{file}: not valid TOML: ")
+    assert "--set" in refused(convoy("check", "--set", text.replace(" ", "")))
+
+
+def test_a_refused_number_is_shown_whole() -> None:
+    digits = "9" * 200
+    assert digits in refused(convoy("check", "--set", f"seed={digits}"))
+
+
+def test_a_controller_in_the_working_folder_is_found(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(OWN_CONTROLLER, encoding="utf-8")
+    code = "import sys; sys.path[0] = '/'; from scenarios.cli.__main__ import main; main()"
+    arguments = [*SHORT, "--quiet", "--out", "run", "--set", "control.controller=mine.PurePursuit"]
+    ran = subprocess.run(
+        [sys.executable, "-c", code, "run", *arguments],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60.0, check=False,
+    )  # fmt: skip
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "", "")
+
+
 def test_a_vehicle_that_is_not_in_the_scenario_is_refused() -> None:
     line = refused(convoy("vehicle", "lane_change", "--name", "v9"))
     assert '"v9", allowed v1, v2, v3, v4' in line
@@ -215,6 +288,20 @@ def test_a_viewer_that_there_is_not_is_refused_before_anything_is_written(
     out = tmp_path / "run"
     line = refused(convoy("run", *SHORT, "--rerun", option, "--out", out))
     assert "spawn" in line or "save=" in line
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("clock", ["wall", "virtual"])
+def test_a_viewer_without_a_display_is_refused_before_anything_is_started(
+    clock: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    out = tmp_path / "run"
+    line = refused(convoy("run", "--clock", clock, "--rerun", "spawn", "--out", out))
+    assert "no display" in line
+    assert "serve" in line
+    assert "save=PATH" in line
     assert not out.exists()
 
 

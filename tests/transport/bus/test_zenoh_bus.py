@@ -304,3 +304,15 @@ def test_two_peers_need_no_router() -> None:
 def test_each_session_has_its_own_name(router: Router) -> None:
     with join(router) as one, join(router) as other:
         assert len({one.zid, other.zid, router.zid}) == 3
+
+
+def test_a_router_joins_another_one(router: Router) -> None:
+    with open_router(("tcp/127.0.0.1:0",), connect=router.endpoints) as second:
+        received: list[bytes] = []
+        with join(router) as one, join(second) as other:
+            other.subscribe("convoy/**", lambda _, data: received.append(data))
+            deadline = time.monotonic() + 20.0
+            while not received and time.monotonic() < deadline:
+                one.publish("convoy/v1/gps", b"pose")
+                time.sleep(0.05)
+        assert received

@@ -1,0 +1,29 @@
+"""A vehicle that cannot drive on, since its controller failed: who, when and why."""
+
+from collections.abc import Callable
+
+from scenarios.runs.node.node import Node
+from transport.clock import Tick
+from vehicles.driver.steering import ControllerError
+from vehicles.schedule import SECOND
+
+
+class VehicleFaultError(Exception):
+    """A fault of `vehicle` in one line; `text` is the line without the vehicle's name."""
+
+    def __init__(self, vehicle: str, text: str) -> None:
+        self.vehicle, self.text = vehicle, text
+        super().__init__(f"{vehicle}: {text}")
+
+
+def stepping(node: Node, vehicle: str, start_at: int) -> Callable[[Tick], None]:
+    """Return `node.step` with a controller's fault as a VehicleFaultError with its instant."""
+
+    def step(tick: Tick) -> None:
+        try:
+            node.step(tick)
+        except ControllerError as error:
+            after_s = (tick.at - start_at) / SECOND
+            raise VehicleFaultError(vehicle, f"{error}, {after_s:.2f} s after the start") from error
+
+    return step
