@@ -1,5 +1,6 @@
 """What the commands `run` and `record` do: prepare the folder, run, show, sum up."""
 
+import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
@@ -17,12 +18,19 @@ from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of
 from scenarios.results.review import open_view
 from scenarios.results.summary import RunSummary, to_json
 from scenarios.runs.processes.launcher import LaunchPlan, launch
+from scenarios.runs.processes.membership import (
+    RECORDER,
+    Fingerprint,
+    Membership,
+    checked_run_name,
+)
 from scenarios.runs.processes.recording import RecorderProcess
 from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.recorder import Listener
 from scenarios.runs.stop import EXIT_FAILED, Stop, stop_on_signals
 from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
+from transport.bus.zenoh_options import RECORDER_DEFAULTS
 from transport.log.records import LogError
 from transport.picture.option import parse_rerun_option
 
@@ -33,12 +41,14 @@ def run_scenario(
     seed: int | None,
     *,
     clock: str,
+    run_name: str | None,
     out: Path | None,
     rerun: str,
     quiet: bool,
 ) -> int:
     """`convoy run`: returns the exit code."""
     scenario = load_scenario(name, overrides, seed)
+    common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
     for line in warnings(scenario):
         click.echo(f"warning: {line}", err=True)
     parse_rerun_option(rerun)  # refused here, in one line, rather than by the recorder
@@ -48,12 +58,15 @@ def run_scenario(
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
             summary = run_virtual(scenario, folder, stop, listeners=watchers)
         show(summary, folder, quiet=quiet)
-        return stop.exit_code if summary.reason else 0
+        if quiet and summary.reason and not stop.asked:
+            click.echo(summary.reason, err=True)
+        return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
     again = [name, *(f"--set={text}" for text in overrides)]
     if seed is not None:
         again.append(f"--seed={seed}")
     recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
-    outcome = launch(LaunchPlan(scenario, again, folder, recorder_flags), stop, Supervisor())
+    plan = LaunchPlan(scenario, again, folder, recorder_flags, common)
+    outcome = launch(plan, stop, Supervisor())
     if outcome.reason:
         console = Console(stderr=True)
         console.print(f"[bold red]{outcome.reason}[/]", highlight=False)
@@ -76,10 +89,12 @@ def record_run(
     """`convoy record`: returns the exit code."""
     stop.begun = True
     folder = run_folder(scenario, out)
-    with open_bus(options) as bus:
+    with open_bus(options, RECORDER_DEFAULTS) as bus:
+        member = Membership(bus, options.run, RECORDER, "recorder", Fingerprint.of(scenario))
+        member.join()
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
             recorder = RecorderProcess(
-                scenario, bus, folder, stop, gather_s=gather_s, listeners=watchers
+                scenario, bus, folder, stop, member, gather_s=gather_s, listeners=watchers
             )
             summary = recorder.record_until_over()
         show(summary, folder, quiet=quiet)

@@ -5,5 +5,6 @@ supervisor   starts processes, sees them end, leaves none behind
 router       the Zenoh router
 recording    the recorder: gathers the convoy, writes the log, ends the run
 conductor    when the run starts and when it is over
+membership   who takes part in a run: once each, and with the same scenario, seed and version
 vehicle      one vehicle
 """
