@@ -76,7 +76,7 @@ class Bus(Protocol):
         """Call `handler` for every member that is, becomes or ceases to be alive."""
 
     def members(self) -> set[Member]:
-        """Return the members that are alive now."""
+        """Return the members that are alive now; to be asked before `watch`, or without."""
 
     def close(self) -> None:
         """Deliver what was published, then leave the network."""

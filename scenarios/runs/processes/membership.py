@@ -3,7 +3,7 @@
 import hashlib
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
 
@@ -12,7 +12,7 @@ from transport.bus.bus import Bus, BusError, Member
 from vehicles.schedule import SECOND
 
 RECORDER, VEHICLE = "recorder", "vehicle"
-SETTLE_S = 0.1
+SETTLE_S = 0.2
 """Two that join at once see each other's announcement after this time."""
 LEFT_AFTER_NS = 2 * SECOND
 """The recorder has left when its token has been gone for this long with the router in reach."""
@@ -85,6 +85,7 @@ class Membership:
         self._role = role
         self._fingerprint = fingerprint
         self._others: frozenset[Member] = frozenset()
+        self._before = bus.members()
         bus.watch(self._note)
 
     def join(self, *, sleep: Callable[[float], object] = time.sleep) -> None:
@@ -92,10 +93,10 @@ class Membership:
 
         Of two that come at the same instant the one with the lower session identifier stays.
         """
-        self._refuse(self._known())
+        self._refuse(self._before)
         self._bus.announce(self._role, self.name, self._fingerprint.chunk)
         sleep(SETTLE_S)
-        self._refuse({other for other in self._known() if other.session < self._bus.zid})
+        self._refuse({other for other in self._others if other.session < self._bus.zid})
 
     @property
     def recorder_is_present(self) -> bool:
@@ -112,13 +113,11 @@ class Membership:
         return [other for other in self._others if other.fingerprint == chunk]
 
     def _note(self, member: Member, alive: bool) -> None:
+        if member.session == self._bus.zid:
+            return
         self._others = self._others | {member} if alive else self._others - {member}
 
-    def _known(self) -> set[Member]:
-        found = self._bus.members() | self._others
-        return {member for member in found if member.session != self._bus.zid}
-
-    def _refuse(self, others: set[Member]) -> None:
+    def _refuse(self, others: Iterable[Member]) -> None:
         # The recorder is the one to agree with; among vehicles any.
         for other in sorted(others, key=lambda one: (one.role, one.name, one.session)):
             who = "the recorder" if other.role == RECORDER else other.name
