@@ -9,6 +9,7 @@ from scenarios.results.log_summary import (
     LOG_NAME,
     METADATA_NAME,
     SUMMARY_NAME,
+    silent_links,
     summarise,
 )
 from scenarios.results.metrics import Metrics
@@ -67,10 +68,12 @@ class RunLog:
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
 
-        Returns the announcement for the bus. What still comes can be recorded until `close`.
+        It failed all the same when a link that should lose nothing delivered nothing. Returns the
+        announcement for the bus. What still comes can be recorded until `close`.
         """
-        self._end_at, self._reason = at, reason
-        return self.recorder.end(at, reason)
+        self._end_at = at
+        self._reason = reason or silent_links(self._scenario, self.metrics)
+        return self.recorder.end(at, self._reason)
 
     def close(self, at: int) -> RunSummary:
         """Complete the log at instant `at` (ns) and write the summary, which is returned."""
