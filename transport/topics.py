@@ -60,6 +60,11 @@ def key(vehicle: str, topic: Topic) -> str:
     return f"convoy/{vehicle}/{topic.name}"
 
 
+def clock_key(vehicle: str) -> str:
+    """Where the clock of a vehicle can be asked for."""
+    return f"convoy/@clock/{vehicle}"
+
+
 def alive_key(role: str, name: str, fingerprint: str, session: str) -> str:
     """Liveliness token of a member of the run; no subscription to messages matches it."""
     return f"convoy/@alive/{role}/{name}/{fingerprint}/{session}"

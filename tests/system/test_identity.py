@@ -1,5 +1,6 @@
 """Runs on one router keep apart, and each of their processes hears what becomes of its run."""
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ import pytest
 
 from tests.system.logs import Run, assert_equal_while_nothing_was_late, assert_nothing_missing
 from tests.system.processes import Process, run_to_the_end, start, until
+from transport.topics import CONDUCTOR
 
 DURATION_S = 3.0
 NAMES = ("v1", "v2")
@@ -180,6 +182,29 @@ def test_a_router_that_is_lost_for_good_ends_all(
         assert vehicle.lines()[-1] == f"{name}: run lane_change {end}"
     outcome = "completed" if exit_code == 0 else "failed"
     assert Run(tmp_path / "run").summary["outcome"] == outcome
+
+
+def test_a_vehicle_whose_clock_is_off_is_not_driven_with(
+    place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicles = [place.start("vehicle", *SHORT, "--name=v1")]
+    (tmp_path / "sitecustomize.py").write_text(
+        "import time\nreal = time.time_ns\ntime.time_ns = lambda: real() - 10_000_000_000\n"
+    )
+    with monkeypatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+        vehicles.append(place.start("vehicle", *SHORT, "--name=v2"))
+    recorder = place.start("record", *SHORT, "--out=run", "--quiet")
+    assert recorder.wait() == 1
+    (line,) = recorder.lines()
+    assert line.startswith("the clock of v2 is ")
+    assert " ms behind the recorder's" in line
+    assert line.endswith("allowed are 50 ms (convoy.clock_offset_ms_max)")
+    for name, vehicle in zip(NAMES, vehicles, strict=True):
+        assert vehicle.wait() == 1
+        assert vehicle.lines()[1:] == [f"{name}: run lane_change is off: {line}"]
+    said = [text for text in Run(tmp_path / "run").texts(CONDUCTOR) if "clock of" in text]
+    assert [text.split()[3] for text in said] == ["v1", "v2"]
 
 
 def test_a_recorder_that_is_held_up_loses_nothing(place: Place, tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from itertools import count
 
-from transport.bus.bus import AliveHandler, Closing, Handler, Member
+from transport.bus.bus import AliveHandler, Answer, Closing, Handler, Member
 
 
 def matches(key_expression: str, key: str) -> bool:
@@ -30,6 +30,7 @@ class MemoryNetwork:
         self._subscriptions: list[tuple[object, str, Handler]] = []
         self._watchers: list[tuple[object, AliveHandler]] = []
         self._alive: dict[Member, object] = {}
+        self._answers: dict[str, tuple[object, Answer]] = {}
         self._sessions = count()
         self._routes: dict[str, tuple[Handler, ...]] = {}
 
@@ -56,6 +57,14 @@ class MemoryNetwork:
         self._subscriptions.append((bus, key_expression, handler))
         self._routes.clear()
 
+    def answer(self, bus: object, key: str, answer: Answer) -> None:
+        """Answer questions for `key` until `bus` leaves."""
+        self._answers[key] = bus, answer
+
+    def ask(self, key: str) -> bytes | None:
+        """Return the answer to the question for `key`, if anyone gives one."""
+        return self._answers[key][1]() if key in self._answers else None
+
     def announce(self, bus: object, member: Member) -> None:
         """Note that `member` is alive until `bus` leaves."""
         if member not in self._alive:
@@ -73,6 +82,7 @@ class MemoryNetwork:
         self._subscriptions = [row for row in self._subscriptions if row[0] is not bus]
         self._watchers = [row for row in self._watchers if row[0] is not bus]
         self._routes.clear()
+        self._answers = {key: row for key, row in self._answers.items() if row[0] is not bus}
         for member in [one for one, owner in self._alive.items() if owner is bus]:
             del self._alive[member]
             self._tell(member, alive=False)
@@ -100,6 +110,14 @@ class MemoryBus(Closing):
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
         self._network.subscribe(self, key_expression, handler)
+
+    def answer(self, key: str, answer: Answer) -> None:
+        """Answer each question for `key`, until this bus closes."""
+        self._network.answer(self, key, answer)
+
+    def ask(self, key: str, timeout_s: float) -> bytes | None:  # noqa: ARG002
+        """Return the answer to the question for `key`; None if nobody gives one."""
+        return self._network.ask(key)
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         """Announce a member as alive, until this bus closes."""

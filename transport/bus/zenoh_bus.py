@@ -14,7 +14,7 @@ from pathlib import Path
 
 import zenoh
 
-from transport.bus.bus import AliveHandler, BusError, Closing, Handler, Member
+from transport.bus.bus import AliveHandler, Answer, BusError, Closing, Handler, Member
 from transport.bus.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, VEHICLE_DEFAULTS, ZenohOptions
 from transport.topics import TOPICS, alive_key
 
@@ -28,6 +28,7 @@ EVERYONE = alive_key("*", "*", "*", "*")
 MEMBERS_S = 2.0
 """Longest time that the router is asked who is alive."""
 
+_URGENT = zenoh.Priority.DATA_HIGH
 _SLICE_S = 1.0
 _SETTLE_S = 0.01
 """`connected()` is False within 3 ms after a lost router makes members seem dead (measured)."""
@@ -78,6 +79,23 @@ class ZenohBus(Closing):
 
         with _as_bus_error(f"cannot subscribe {key_expression}"):
             self._declared.append(self._session.declare_subscriber(key_expression, receive))
+
+    def answer(self, key: str, answer: Answer) -> None:
+        """Answer each question for `key`, on a thread of its own, until this bus closes."""
+
+        def reply(query: zenoh.Query) -> None:
+            query.reply(key, answer())
+
+        with _as_bus_error(f"cannot answer for {key}"):
+            self._declared.append(self._session.declare_queryable(key, reply))
+
+    def ask(self, key: str, timeout_s: float) -> bytes | None:
+        """Return the answer to the question for `key`; None if nobody gives one in time."""
+        with _as_bus_error(f"cannot ask for {key}"):
+            for reply in self._session.get(key, timeout=timeout_s, priority=_URGENT):
+                if reply.ok is not None:
+                    return reply.ok.payload.to_bytes()
+        return None
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         """Announce a member as alive, until this bus closes or its process ends."""

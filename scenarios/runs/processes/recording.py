@@ -6,6 +6,7 @@ from queue import Empty, SimpleQueue
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.summary import RunSummary
+from scenarios.runs.processes.clock_offset import measure
 from scenarios.runs.processes.conductor import RETURN_NS, ROUTER_LOST_AFTER_NS, Conductor, Phase
 from scenarios.runs.processes.membership import Membership
 from scenarios.runs.recorder import Listener
@@ -52,6 +53,7 @@ class RecorderProcess:
         self._membership = membership
         self._present: set[str] = set()
         self._settled_at = 0
+        self._clock_offset_ms_max = scenario.tables.convoy.clock_offset_ms_max
         self._conductor = Conductor(
             scenario.vehicle_names,
             duration_ns=round(scenario.duration_s * SECOND),
@@ -115,6 +117,20 @@ class RecorderProcess:
             self._record_arrivals()
             self._note_presences(self._clock.now())
 
+    def _compare_clocks(self) -> None:
+        """Write into the log how far the vehicles' clocks are off; too far ends the run."""
+        too_far = []
+        for vehicle in sorted(self._present):
+            found = measure(self._bus, vehicle, self._clock.now)
+            if found is None:  # it has left again, or hangs: its token tells
+                continue
+            self._run.recorder.say(self._clock.now(), str(found), "debug")
+            if found.exceeds(self._clock_offset_ms_max):
+                too_far.append(str(found))
+        if too_far:
+            allowed = f"allowed are {self._clock_offset_ms_max:g} ms (convoy.clock_offset_ms_max)"
+            self._conductor.stop(f"{'; '.join(too_far)}; {allowed}")
+
     def _note_presences(self, now: int) -> None:
         present = self._membership.vehicles
         for vehicle in sorted(present ^ self._present):
@@ -158,6 +174,9 @@ class RecorderProcess:
         self._note_presences(now)
         if self._stop.asked:
             self._conductor.stop(self._stop.reason)
+        if self._conductor.phase is Phase.GATHERING and not self._conductor.missing():
+            self._compare_clocks()
+        now = self._clock.now()
         for line in self._conductor.advance(now, connected=self._bus.connected()):
             self._run.recorder.say(now, line)
         if self._conductor.phase is Phase.RUNNING:

@@ -7,6 +7,7 @@ from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import ProcessProbe
 from scenarios.runs.node.sink import BusSink
+from scenarios.runs.processes.clock_offset import answer_for_clock
 from scenarios.runs.processes.conductor import LAST_MOMENT_NS, ROUTER_LOST_AFTER_NS
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
@@ -134,6 +135,7 @@ class VehicleProcess:
         self._watching = Timer(WATCH_NS)
         self._last_words: tuple[str, bytes] | None = None
         self.exit_code = 0
+        answer_for_clock(bus, builder.name, self._clock.now)
         membership.join()
 
     @property

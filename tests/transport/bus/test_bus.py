@@ -105,6 +105,19 @@ def test_two_of_one_name_are_told_apart(join: Join) -> None:
     assert join().members() == {Member("recorder", "lead", "other", other.zid)}
 
 
+def test_a_question_is_answered_as_long_as_someone_does(join: Join) -> None:
+    one, other = join(), join()
+    answer = b"1"
+    assert other.ask("convoy/@clock/v1", 0.2) is None
+    one.answer("convoy/@clock/v1", lambda: answer)
+    assert until(lambda: other.ask("convoy/@clock/v1", 0.5) == b"1")
+    answer = b"2"
+    assert other.ask("convoy/@clock/v1", 0.5) == b"2"
+    assert other.ask("convoy/@clock/v2", 0.2) is None
+    one.close()
+    assert until(lambda: other.ask("convoy/@clock/v1", 0.2) is None)
+
+
 def test_liveliness_is_not_a_message(join: Join) -> None:
     vehicle, watcher, heard = join(), join(), Heard()
     watcher.subscribe("convoy/**", heard)
