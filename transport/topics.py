@@ -60,9 +60,14 @@ def key(vehicle: str, topic: Topic) -> str:
     return f"convoy/{vehicle}/{topic.name}"
 
 
-def alive_key(vehicle: str) -> str:
-    """Liveliness token of a vehicle."""
-    return f"convoy/{vehicle}/@alive"
+def clock_key(vehicle: str) -> str:
+    """Where the clock of a vehicle can be asked for."""
+    return f"convoy/@clock/{vehicle}"
+
+
+def alive_key(role: str, name: str, fingerprint: str, session: str) -> str:
+    """Liveliness token of a member of the run; no subscription to messages matches it."""
+    return f"convoy/@alive/{role}/{name}/{fingerprint}/{session}"
 
 
 def valid_at(message: Message) -> int:

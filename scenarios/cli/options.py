@@ -75,6 +75,17 @@ def zenoh_options(command: Command) -> Command:
     return command
 
 
+def run_option(command: Command) -> Command:
+    """`--run`, the name that all processes of one run share."""
+    return click.option(
+        "--run",
+        "run_name",
+        metavar="NAME",
+        help="Name of the run: its processes hear only one another. By default the scenario's"
+        " name; `convoy run` makes one up.",
+    )(command)
+
+
 def leash_option(command: Command) -> Command:
     """`--leash`, for processes that must not outlive the one that started them."""
     return click.option(
@@ -82,13 +93,17 @@ def leash_option(command: Command) -> Command:
     )(command)
 
 
-def zenoh_from(flags: dict[str, Any]) -> ZenohOptions:
-    """The Zenoh flags of a command as one value; by default a client of the local router."""
+def zenoh_from(flags: dict[str, Any], run: str = "") -> ZenohOptions:
+    """The Zenoh flags of a command as one value; by default a client of the local router.
+
+    `run` is the name of the run that the process takes part in.
+    """
     return ZenohOptions(
         mode=flags["mode"],
         connect=flags["connect"],
         listen=flags["listen"],
         config=flags["config"],
         cfg=flags["cfg"],
+        run=run,
         connect_timeout_s=flags.get("connect_timeout_s", 10.0),
     )

@@ -78,6 +78,8 @@ class Progress:
         match message:
             case RunStart():
                 self._start_at = message.start_at_ns
+            case LogText() if message.level == "debug":
+                pass  # for the log only
             case LogText() if message.level in {"error", "fatal"} or row is None:
                 line = f"{message.vehicle}: {message.text}"
                 self._console.print(

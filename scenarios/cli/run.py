@@ -1,6 +1,7 @@
 """Commands that drive a convoy: all of it, or its parts by hand."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from scenarios.cli.failure import clear_errors
 from scenarios.cli.options import (
     leash_option,
     log_options,
+    run_option,
     scenario_options,
     zenoh_from,
     zenoh_options,
@@ -33,6 +35,7 @@ Examples:
     show_default=True,
     help="Real processes in real time, or one process as fast as it goes.",
 )
+@run_option
 @log_options
 def run(
     *,
@@ -40,6 +43,7 @@ def run(
     overrides: tuple[str, ...],
     seed: int | None,
     clock: str,
+    run_name: str | None,
     out: Path | None,
     rerun: str,
     quiet: bool,
@@ -52,7 +56,16 @@ def run(
 
     with clear_errors():
         sys.exit(
-            run_scenario(scenario, overrides, seed, clock=clock, out=out, rerun=rerun, quiet=quiet)
+            run_scenario(
+                scenario,
+                overrides,
+                seed,
+                clock=clock,
+                run_name=run_name,
+                out=out,
+                rerun=rerun,
+                quiet=quiet,
+            )
         )
 
 
@@ -79,12 +92,23 @@ def router(*, until_empty: bool, leash: bool, **flags: Any) -> None:
     epilog="""\b
 Examples:
   convoy vehicle lane_change --name v1 -e tcp/192.0.2.1:7447
-  convoy vehicle my.toml --name v3
+  convoy vehicle my.toml --name v3 --run second
 """
 )
 @scenario_options
 @click.option("--name", required=True, help="Which vehicle of the scenario to be.")
+@run_option
 @zenoh_options
+@click.option(
+    "--wait",
+    "wait_s",
+    type=click.FloatRange(min=0.0),
+    default=600.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long to wait for the start.",
+)
+@click.option("--quiet", is_flag=True, help="Print only what goes wrong.")
 @leash_option
 def vehicle(
     *,
@@ -92,17 +116,34 @@ def vehicle(
     overrides: tuple[str, ...],
     seed: int | None,
     name: str,
+    run_name: str | None,
+    wait_s: float,
+    quiet: bool,
     leash: bool,
     **flags: Any,
 ) -> None:
     """Be one vehicle of SCENARIO; starts when the recorder says so."""
     stop = stop_on_request(with_launcher=leash)
     from scenarios.definition.scenario import load_scenario
+    from scenarios.runs.processes.membership import checked_run_name
     from scenarios.runs.processes.vehicle import run_vehicle
 
     with clear_errors():
         convoy = load_scenario(scenario, overrides, seed)
-        sys.exit(run_vehicle(convoy, name, zenoh_from(flags), stop))
+        options = zenoh_from(flags, checked_run_name(run_name or convoy.name))
+        complain = partial(click.echo, err=True)
+        sys.exit(
+            run_vehicle(
+                convoy,
+                name,
+                options,
+                stop,
+                say=(lambda _: None) if quiet or leash else complain,
+                complain=complain,
+                launched=leash,
+                wait_s=wait_s,
+            )
+        )
 
 
 @click.command(
@@ -113,6 +154,7 @@ Examples:
 """
 )
 @scenario_options
+@run_option
 @zenoh_options
 @log_options
 @click.option(
@@ -130,6 +172,7 @@ def record(
     scenario: str,
     overrides: tuple[str, ...],
     seed: int | None,
+    run_name: str | None,
     out: Path | None,
     rerun: str,
     quiet: bool,
@@ -141,12 +184,14 @@ def record(
     stop = stop_on_request(with_launcher=leash)
     from scenarios.cli.running import record_run
     from scenarios.definition.scenario import load_scenario
+    from scenarios.runs.processes.membership import checked_run_name
 
     with clear_errors():
+        convoy = load_scenario(scenario, overrides, seed)
         sys.exit(
             record_run(
-                load_scenario(scenario, overrides, seed),
-                zenoh_from(flags),
+                convoy,
+                zenoh_from(flags, checked_run_name(run_name or convoy.name)),
                 stop,
                 out=out,
                 rerun=rerun,

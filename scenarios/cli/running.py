@@ -1,7 +1,9 @@
 """What the commands `run` and `record` do: prepare the folder, run, show, sum up."""
 
+import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,6 +18,12 @@ from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of, wr
 from scenarios.results.review import open_view
 from scenarios.results.summary import RunSummary
 from scenarios.runs.processes.launcher import LaunchPlan, launch
+from scenarios.runs.processes.membership import (
+    RECORDER,
+    Fingerprint,
+    Membership,
+    checked_run_name,
+)
 from scenarios.runs.processes.recording import RecorderProcess
 from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.recorder import Listener
@@ -23,6 +31,7 @@ from scenarios.runs.run_folder import claimed, default_folder
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals, stop_on_signals
 from scenarios.runs.virtual import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
+from transport.bus.zenoh_options import RECORDER_DEFAULTS
 from transport.log.records import LogError
 from transport.picture.option import parse_rerun_option, refuse_foreign_file
 from transport.picture.viewer_process import ViewerError, require_display
@@ -34,18 +43,21 @@ def run_scenario(
     seed: int | None,
     *,
     clock: str,
+    run_name: str | None,
     out: Path | None,
     rerun: str,
     quiet: bool,
 ) -> int:
     """`convoy run`: returns the exit code."""
     scenario = load_scenario(name, overrides, seed)
+    common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
     for line in warnings(scenario):
         click.echo(f"warning: {line}", err=True)
     refuse_picture(rerun, out)  # here, in one line, rather than by the recorder
     folder = run_folder(scenario, out)
     with claimed(folder):
-        return _run_in(folder, scenario, again(name, overrides, seed), clock, rerun, quiet=quiet)
+        plan = LaunchPlan(scenario, again(name, overrides, seed), folder, [], common)
+        return _run_in(plan, clock, rerun, quiet=quiet)
 
 
 def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
@@ -54,16 +66,9 @@ def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
     return [name, *(f"--set={text}" for text in overrides), *seeds]
 
 
-def _run_in(
-    folder: Path,
-    scenario: Scenario,
-    arguments: Sequence[str],
-    clock: str,
-    rerun: str,
-    *,
-    quiet: bool,
-) -> int:
+def _run_in(plan: LaunchPlan, clock: str, rerun: str, *, quiet: bool) -> int:
     stop = stop_on_signals()
+    scenario, folder = plan.scenario, plan.folder
     if clock == "virtual":
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
             stop.begun = True
@@ -73,7 +78,7 @@ def _run_in(
             click.echo(summary.reason, err=True)
         return stop.exit_code if summary.reason else 0
     recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
-    outcome = launch(LaunchPlan(scenario, arguments, folder, recorder_flags), stop, Supervisor())
+    outcome = launch(replace(plan, recorder_arguments=recorder_flags), stop, Supervisor())
     if outcome.reason and outcome.reason != stop.reason:  # a signal was said when it came
         console = Console(stderr=True)
         console.print(f"[bold red]{outcome.reason}[/]", highlight=False)
@@ -100,11 +105,16 @@ def record_run(
     """
     refuse_picture(rerun, out)
     folder = run_folder(scenario, out)
-    with nullcontext() if launched else claimed(folder), open_bus(options) as bus:
+    with (
+        nullcontext() if launched else claimed(folder),
+        open_bus(options, RECORDER_DEFAULTS) as bus,
+    ):
+        member = Membership(bus, options.run, RECORDER, "recorder", Fingerprint.of(scenario))
+        member.join()
         with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
             stop.begun = True
             recorder = RecorderProcess(
-                scenario, bus, folder, stop, gather_s=gather_s, listeners=watchers
+                scenario, bus, folder, stop, member, gather_s=gather_s, listeners=watchers
             )
             summary = recorder.record_until_over()
         show(summary, folder, quiet=quiet)

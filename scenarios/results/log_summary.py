@@ -19,6 +19,8 @@ SUMMARY_NAME = "summary.json"
 """The two files of a run's folder; the summary is also attached to the log."""
 METADATA_NAME = "convoy"
 """The log's record of metadata that says which run it is."""
+SILENT_S = 1.0
+"""A link without loss that delivered nothing for so long did not work."""
 
 
 def write_summary(folder: Path, summary: RunSummary) -> None:
@@ -63,6 +65,31 @@ def summarise(
         events=events,
         holes=metrics.holes(ran_ns),
     )
+
+
+def silent_links(scenario: Scenario, metrics: Metrics) -> str:
+    """Say which links that should lose nothing delivered nothing; nothing if there is none.
+
+    Only what sender and receiver both lived for counts, beyond the delay that was asked for.
+    """
+    lived_s = {
+        name: metrics.vehicles[name].poses / scenario.vehicle(name).gnss.rate_hz
+        for name in scenario.vehicle_names
+    }
+    said = []
+    for link in metrics.link_summaries():
+        asked = link.requested
+        common_s = min(lived_s[link.sender], lived_s[link.receiver])
+        expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
+        is_clean = asked.loss_ratio == 0.0 and asked.rate_hz is None
+        if is_clean and not link.heard and expected_s >= SILENT_S:
+            said.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
+    refused = [
+        f"{name} refused {figures.health.rejected_messages} messages"
+        for name, figures in metrics.vehicles.items()
+        if said and figures.health and figures.health.rejected_messages
+    ]
+    return "; ".join((*said, *refused))
 
 
 def log_in(path: Path) -> Path:

@@ -12,6 +12,7 @@ from scenarios.results.log_summary import (
     LOG_NAME,
     METADATA_NAME,
     SUMMARY_NAME,
+    silent_links,
     summarise,
     write_summary,
 )
@@ -78,7 +79,8 @@ class RunLog:
         """Log that the run is over; an empty `reason` means as planned.
 
         Returns the announcement for the bus. What still comes can be recorded until `close`. A log
-        that cannot be written any more is a reason too.
+        that cannot be written any more is a reason too, and a link that should lose nothing and
+        delivered nothing.
         """
         self._end_at = at
         try:
@@ -86,7 +88,8 @@ class RunLog:
             self.recorder.say_news(at)
             for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
                 self.recorder.say(at, line, "warning")
-            self._reason = why_failed(reason, self._broken())
+            silent = silent_links(self._scenario, self.metrics)
+            self._reason = why_failed(reason or silent, self._broken())
             return self.recorder.end(at, self._reason)
         except LogError as error:
             self._reason = reason or str(error)

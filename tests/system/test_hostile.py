@@ -28,10 +28,11 @@ SCENARIO = ("run", "lane_change", "--set=convoy.vehicles=3", f"--set=duration_s=
 Put = tuple[str, bytes]
 
 
-def endpoint_of(convoy: Process) -> str:
-    """Return where the router of a run listens."""
+def way_into(convoy: Process) -> ZenohOptions:
+    """Return how to join a run: where its router listens, and its name."""
     command = convoy.part("recorder").cmdline()
-    return command[command.index("-e") + 1]
+    endpoint, run = (command[command.index(flag) + 1] for flag in ("-e", "--run"))
+    return ZenohOptions(connect=(endpoint,), run=run)
 
 
 def examples(run: Run) -> dict[str, dict[Topic, Message]]:
@@ -166,7 +167,7 @@ def test_a_stranger_on_the_bus_changes_nothing_but_counters(tmp_path: Path) -> N
     assert twin.exit_code == 0, twin.err
     virtual = Run(tmp_path / "virtual")
     with start(*SCENARIO, "--out", tmp_path / "run", folder=tmp_path) as convoy:
-        with open_bus(ZenohOptions(connect=(endpoint_of(convoy),))) as bus:
+        with open_bus(way_into(convoy)) as bus:
             sent = attack(convoy, bus, examples(virtual))
         assert convoy.wait() == 0, convoy.err
         assert "Traceback" not in convoy.err

@@ -211,7 +211,11 @@ def test_the_parts_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
         ]
         for part in (recorder, *vehicles, router):
             assert part.wait() == 0, part.err
-            assert not part.err
+        assert not recorder.err + router.err
+        for name, vehicle in zip(("v1", "v2"), vehicles, strict=True):
+            joined, *driven = vehicle.lines()
+            assert joined.startswith(f"{name}: joined, waiting for the ")
+            assert driven == [f"{name}: run lane_change {what}" for what in ("starts", "is over")]
         assert until(lambda: not any(part.everyone() for part in (recorder, *vehicles, router)))
     run = Run(tmp_path / "run")
     assert_sound(run.log)

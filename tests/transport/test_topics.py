@@ -37,7 +37,7 @@ def test_keys_are_canonical_in_zenoh(topic: Topic) -> None:
 def test_subscribing_to_everything_passes_liveliness_by() -> None:
     everything = zenoh.KeyExpr("convoy/**")
     assert everything.includes(zenoh.KeyExpr(key(CONDUCTOR, TOPICS["start"])))
-    assert not everything.intersects(zenoh.KeyExpr(alive_key("lead")))
+    assert not everything.intersects(zenoh.KeyExpr(alive_key("vehicle", "lead", "print", "1")))
 
 
 def test_poses_go_ahead_of_what_is_only_for_the_log() -> None:

@@ -2,13 +2,34 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
 
 Handler = Callable[[str, bytes], None]
 """Is given a message's key and payload, on a thread of the bus; must be quick and never raise."""
-AliveHandler = Callable[[str, bool], None]
-"""Is given a vehicle's name and whether it is alive; may be called twice with the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A process that takes part in a run, as it announces itself.
+
+    role         vehicle or recorder
+    name         the vehicle's name
+    fingerprint  what it takes part in, as one chunk of a key
+    session      identifier of its bus, which tells two of the same name apart
+    """
+
+    role: str
+    name: str
+    fingerprint: str
+    session: str
+
+
+Answer = Callable[[], bytes]
+"""Gives the answer to a question, on a thread of the bus; must be quick and never raise."""
+AliveHandler = Callable[[Member, bool], None]
+"""Is given a member and whether it is alive; may be called twice with the same."""
 
 
 class BusError(Exception):
@@ -35,7 +56,11 @@ class Closing(ABC):
 
 
 class Bus(Protocol):
-    """Publishes and subscribes bytes by key, and reports which vehicles are alive."""
+    """Publishes and subscribes bytes by key, and reports which members are alive."""
+
+    @property
+    def zid(self) -> str:
+        """Identifier of this session, unlike that of any other."""
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
         """Send `data` under `key`; never blocks for a slow or absent receiver."""
@@ -43,11 +68,23 @@ class Bus(Protocol):
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
 
-    def announce(self, vehicle: str) -> None:
-        """Announce that `vehicle` is alive, until this bus closes or its process ends."""
+    def connected(self) -> bool:
+        """Whether anyone can be reached."""
+
+    def answer(self, key: str, answer: Answer) -> None:
+        """Answer each question for `key`, until this bus closes."""
+
+    def ask(self, key: str, timeout_s: float) -> bytes | None:
+        """Return the answer to the question for `key`; None if nobody gives one in time."""
+
+    def announce(self, role: str, name: str, fingerprint: str) -> None:
+        """Announce a member as alive, until this bus closes or its process ends."""
 
     def watch(self, handler: AliveHandler) -> None:
-        """Call `handler` for every vehicle that is, becomes or ceases to be alive."""
+        """Call `handler` for every member that is, becomes or ceases to be alive."""
+
+    def members(self) -> set[Member]:
+        """Return the members that are alive now; to be asked before `watch`, or without."""
 
     def close(self) -> None:
         """Deliver what was published, then leave the network."""

@@ -1,6 +1,8 @@
 """A bus within one process: synchronous and deterministic, for virtual time and for tests."""
 
-from transport.bus.bus import AliveHandler, Closing, Handler
+from itertools import count
+
+from transport.bus.bus import AliveHandler, Answer, Closing, Handler, Member
 
 
 def matches(key_expression: str, key: str) -> bool:
@@ -22,13 +24,24 @@ def matches(key_expression: str, key: str) -> bool:
 
 
 class MemoryNetwork:
-    """Shared by the memory buses of one process: their subscriptions, and the vehicles alive."""
+    """Shared by the memory buses of one process: their subscriptions, and the members alive."""
 
     def __init__(self) -> None:
         self._subscriptions: list[tuple[object, str, Handler]] = []
         self._watchers: list[tuple[object, AliveHandler]] = []
-        self._alive: dict[str, list[object]] = {}
+        self._alive: dict[Member, object] = {}
+        self._answers: dict[str, tuple[object, Answer]] = {}
+        self._sessions = count()
         self._routes: dict[str, tuple[Handler, ...]] = {}
+
+    @property
+    def alive(self) -> set[Member]:
+        """The members that are alive."""
+        return set(self._alive)
+
+    def new_session(self) -> str:
+        """Return an identifier that no other bus of this network has."""
+        return f"{next(self._sessions):x}"
 
     def publish(self, key: str, data: bytes) -> None:
         """Deliver `data` to every subscription of `key`, in the order in which they were made."""
@@ -39,38 +52,44 @@ class MemoryNetwork:
         for handler in route:
             handler(key, data)
 
-    def subscribe(self, member: object, key_expression: str, handler: Handler) -> None:
-        """Add a subscription of `member`."""
-        self._subscriptions.append((member, key_expression, handler))
+    def subscribe(self, bus: object, key_expression: str, handler: Handler) -> None:
+        """Add a subscription of `bus`."""
+        self._subscriptions.append((bus, key_expression, handler))
         self._routes.clear()
 
-    def announce(self, member: object, vehicle: str) -> None:
-        """Note that `vehicle` is alive until `member` leaves."""
-        owners = self._alive.setdefault(vehicle, [])
-        owners.append(member)
-        if len(owners) == 1:
-            self._tell(vehicle, alive=True)
+    def answer(self, bus: object, key: str, answer: Answer) -> None:
+        """Answer questions for `key` until `bus` leaves."""
+        self._answers[key] = bus, answer
 
-    def watch(self, member: object, handler: AliveHandler) -> None:
-        """Call `handler` for every vehicle that is alive, and at every change."""
-        self._watchers.append((member, handler))
-        for vehicle in self._alive:
-            handler(vehicle, True)
+    def ask(self, key: str) -> bytes | None:
+        """Return the answer to the question for `key`, if anyone gives one."""
+        return self._answers[key][1]() if key in self._answers else None
 
-    def leave(self, member: object) -> None:
-        """Remove the subscriptions of `member`; its vehicles are alive no longer."""
-        self._subscriptions = [row for row in self._subscriptions if row[0] is not member]
-        self._watchers = [row for row in self._watchers if row[0] is not member]
+    def announce(self, bus: object, member: Member) -> None:
+        """Note that `member` is alive until `bus` leaves."""
+        if member not in self._alive:
+            self._alive[member] = bus
+            self._tell(member, alive=True)
+
+    def watch(self, bus: object, handler: AliveHandler) -> None:
+        """Call `handler` for every member that is alive, and at every change."""
+        self._watchers.append((bus, handler))
+        for member in self._alive:
+            handler(member, True)
+
+    def leave(self, bus: object) -> None:
+        """Remove the subscriptions of `bus`; what it announced is alive no longer."""
+        self._subscriptions = [row for row in self._subscriptions if row[0] is not bus]
+        self._watchers = [row for row in self._watchers if row[0] is not bus]
         self._routes.clear()
-        for vehicle, owners in list(self._alive.items()):
-            owners[:] = [owner for owner in owners if owner is not member]
-            if not owners:
-                del self._alive[vehicle]
-                self._tell(vehicle, alive=False)
+        self._answers = {key: row for key, row in self._answers.items() if row[0] is not bus}
+        for member in [one for one, owner in self._alive.items() if owner is bus]:
+            del self._alive[member]
+            self._tell(member, alive=False)
 
-    def _tell(self, vehicle: str, *, alive: bool) -> None:
+    def _tell(self, member: Member, *, alive: bool) -> None:
         for _, handler in tuple(self._watchers):
-            handler(vehicle, alive)
+            handler(member, alive)
 
 
 class MemoryBus(Closing):
@@ -78,6 +97,11 @@ class MemoryBus(Closing):
 
     def __init__(self, network: MemoryNetwork | None = None) -> None:
         self._network = network or MemoryNetwork()
+        self.zid = self._network.new_session()
+
+    def connected(self) -> bool:
+        """Whether anyone can be reached: always."""
+        return True
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:  # noqa: ARG002
         """Deliver `data` to all subscriptions of `key` before this returns."""
@@ -87,13 +111,25 @@ class MemoryBus(Closing):
         """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
         self._network.subscribe(self, key_expression, handler)
 
-    def announce(self, vehicle: str) -> None:
-        """Announce that `vehicle` is alive, until this bus closes."""
-        self._network.announce(self, vehicle)
+    def answer(self, key: str, answer: Answer) -> None:
+        """Answer each question for `key`, until this bus closes."""
+        self._network.answer(self, key, answer)
+
+    def ask(self, key: str, timeout_s: float) -> bytes | None:  # noqa: ARG002
+        """Return the answer to the question for `key`; None if nobody gives one."""
+        return self._network.ask(key)
+
+    def announce(self, role: str, name: str, fingerprint: str) -> None:
+        """Announce a member as alive, until this bus closes."""
+        self._network.announce(self, Member(role, name, fingerprint, self.zid))
 
     def watch(self, handler: AliveHandler) -> None:
-        """Call `handler` for every vehicle that is, becomes or ceases to be alive."""
+        """Call `handler` for every member that is, becomes or ceases to be alive."""
         self._network.watch(self, handler)
+
+    def members(self) -> set[Member]:
+        """Return the members that are alive now."""
+        return self._network.alive
 
     def close(self) -> None:
         """Leave the network."""

@@ -22,11 +22,11 @@ DEFAULTS = {
     # Back within 0.3 s after a router is (the default waits up to 4 s).
     "connect/retry": "{period_init_ms: 100, period_max_ms: 500, period_increase_factor: 1.5}",
 }
-MEMBER_DEFAULTS = {
-    # How soon a process that hangs is noticed; one that ends is noticed at once. A router keeps
-    # the default of 10 s: with 2 s a recorder whose handler stalls for 3 s would be cut off.
-    "transport/link/tx/lease": "2000",
-}
+# How soon a process that hangs is cut off and missed; one that ends is missed at once. Only of a
+# vehicle it has to be known soon. A recorder that is held up must lose nothing meanwhile, and a
+# router keeps Zenoh's 10 s, too: with 2 s it would cut off those that are slow to hear from it.
+VEHICLE_DEFAULTS = {"transport/link/tx/lease": "2000"}
+RECORDER_DEFAULTS = {"transport/link/tx/lease": "10000"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +37,8 @@ class ZenohOptions:
     connect, listen    endpoints such as tcp/127.0.0.1:7447; empty leaves them to `config`
     config             a Zenoh configuration file (JSON5)
     cfg                settings KEY:VALUE, the value in JSON5; they go over everything else
+    run                name of the run, which goes before every key on the wire (Zenoh's
+                       `namespace`); runs of other names are neither heard nor seen
     connect_timeout_s  how long to try to reach a router before giving up
     """
 
@@ -45,4 +47,5 @@ class ZenohOptions:
     listen: tuple[str, ...] = ()
     config: Path | None = None
     cfg: tuple[str, ...] = ()
+    run: str = ""
     connect_timeout_s: float = 5.0

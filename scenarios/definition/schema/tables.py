@@ -33,13 +33,16 @@ class ConvoyTable(Table):
     """Who drives, in order from the lead, and how far apart.
 
     A gap is the distance along the path from one vehicle's centre of mass to the next one's.
-    Without `gap_m` the convoy starts at 15 m, or at the gap that its policy keeps.
+    Without `gap_m` the convoy starts at 15 m, or at the gap that its policy keeps. A run on the
+    wall clock does not start while a vehicle's clock is further from the recorder's than
+    `clock_offset_ms_max`.
     """
 
     vehicles: int = Field(default=4, ge=1, le=200)
     names: Annotated[tuple[Name, ...], Field(strict=False)] = ()
     gap_m: float | None = Field(default=None, gt=0, le=1000)
     when_a_vehicle_dies: Literal["end", "go_on"] = "end"
+    clock_offset_ms_max: float = Field(default=50.0, gt=0, le=60_000)
 
 
 class GainsTable(Table):

@@ -1,9 +1,11 @@
 """The processes of a run on the wall clock.
 
-launcher     `convoy run`: starts the router, the recorder and the vehicles, in this order
-supervisor   starts processes, sees them end, leaves none behind
-router       the Zenoh router
-recording    the recorder: gathers the convoy, writes the log, ends the run
-conductor    when the run starts and when it is over
-vehicle      one vehicle
+launcher      `convoy run`: starts the router, the recorder and the vehicles, in this order
+supervisor    starts processes, sees them end, leaves none behind
+router        the Zenoh router
+recording     the recorder: gathers the convoy, writes the log, ends the run
+conductor     when the run starts and when it is over
+membership    who takes part in a run: once each, and with the same scenario, seed and version
+clock_offset  how far the vehicles' clocks are from the recorder's
+vehicle       one vehicle
 """

@@ -14,8 +14,18 @@ may stop this process, too, and give the reason.
 """
 ROUTER_LOST_AFTER_NS = 5 * SECOND
 """The run ends when the router has been out of reach for this long."""
+LAST_MOMENT_NS = SECOND
+"""A run whose router was lost for good no earlier before its end than this is completed."""
+RETURN_NS = SECOND
+"""How much later than the recorder a vehicle may find back to a router that was out of reach."""
 FINAL_COUNTERS_NS = 3 * SECOND
-"""How long after the end the final counters of a vehicle are waited for."""
+"""How long the final counters of a vehicle are waited for: after the end of the run, the return
+of the router, or the end of a time in which the recorder itself was held up."""
+HELD_UP_NS = SECOND
+"""A recorder that has not looked for this long was held up; what came meanwhile is still to read.
+"""
+WAITING_SAID_AFTER_NS = 3 * SECOND
+"""Who is missing is said after this time, and from then on whenever it changes."""
 LEAD_TIME_NS = SECOND // 2
 """From the announcement to the start: time for all vehicles to receive it and to prepare."""
 
@@ -55,11 +65,20 @@ class Conductor:
         self._left: set[str] = set()
         self._faults: dict[str, str] = {}
         self._router_lost_at: int | None = None
+        self._patient_from = 0
+        self._advanced_at: int | None = None
+        self._waiting_said_at: int | None = None
+        self._said_missing: list[str] = []
 
     @property
     def end_at(self) -> int:
         """Planned end of the run (ns), once it has started."""
         return self.start_at + self._duration_ns
+
+    @property
+    def router_is_lost(self) -> bool:
+        """Whether the router was out of reach at last."""
+        return self._router_lost_at is not None
 
     def presence(self, vehicle: str, *, alive: bool, at: int) -> None:
         """A vehicle came or went."""
@@ -91,6 +110,9 @@ class Conductor:
 
     def advance(self, now: int, *, connected: bool) -> list[str]:
         """Move on to `now`; returns what happened, a line each, for the log and the user."""
+        if self._advanced_at is not None and now - self._advanced_at > HELD_UP_NS:
+            self._patient_from = now
+        self._advanced_at = now
         if self.phase is Phase.GATHERING:
             return self._gather(now)
         if self.phase is Phase.RUNNING:
@@ -111,20 +133,33 @@ class Conductor:
             return [f"all {len(self._vehicles)} vehicles are present"]
         if now > self._gather_until:
             self.stop(f"not present in time: {', '.join(missing)}")
-        return []
+            return []
+        return self._say_missing(now, missing)
+
+    def _say_missing(self, now: int, missing: list[str]) -> list[str]:
+        if self._waiting_said_at is None:
+            self._waiting_said_at = now + WAITING_SAID_AFTER_NS
+        if now < self._waiting_said_at or missing == self._said_missing:
+            return []
+        self._said_missing = missing
+        return [f"waiting for {', '.join(missing)}"]
 
     def _run(self, now: int, *, connected: bool) -> list[str]:
         lines: list[str] = []
         if not connected:
             self._router_lost_at = self._router_lost_at or now
             if now - self._router_lost_at > ROUTER_LOST_AFTER_NS:
-                self.stop("the router is gone")
+                before_end = self.end_at - self._router_lost_at
+                self.stop("the router is gone" if before_end > LAST_MOMENT_NS else "")
+                when = f"{abs(before_end) / SECOND:.1f} s {'after' if before_end < 0 else 'before'}"
+                lines.append(f"the router was lost {when} the end")
             return lines
         if self._router_lost_at is not None:
             outage = (now - self._router_lost_at) / SECOND
             lines.append(f"the router was out of reach for {outage:.1f} s")
             self._router_lost_at = None
-            self._gone_since = dict.fromkeys(self._gone_since, now)
+            self._patient_from = now
+            self._gone_since = dict.fromkeys(self._gone_since, now + RETURN_NS)
         if not self._goes_on:
             for vehicle, why in self._faults.items():
                 self.stop(f"{vehicle}: {why}")
@@ -142,7 +177,7 @@ class Conductor:
         elif not (awaited := vehicles - self._finished - self._dead):
             if self._left == self._early.keys():  # else it is not yet known why the last one left
                 self.stop("")
-        elif now > self.end_at + FINAL_COUNTERS_NS:
+        elif now > max(self.end_at, self._patient_from) + FINAL_COUNTERS_NS:
             self.stop(f"no last words from {', '.join(sorted(awaited))}")
 
     def _count_the_dead(self, now: int) -> list[str]:

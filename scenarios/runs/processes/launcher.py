@@ -51,12 +51,16 @@ class ProcessSupervisor(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LaunchPlan:
-    """What to launch: the scenario, the arguments that name it again, and where to write."""
+    """What to launch: the scenario, the arguments that name it again, where to write.
+
+    `run` is the name that all processes of the run share.
+    """
 
     scenario: Scenario
     scenario_arguments: Sequence[str]
     folder: Path
     recorder_arguments: Sequence[str]
+    run: str
 
 
 @dataclass(slots=True)
@@ -87,18 +91,13 @@ def launch(
     outcome = RunOutcome()
     try:
         endpoint = supervisor.start_router()
+        common = (*plan.scenario_arguments, "--leash", "--run", plan.run, "-e", endpoint)
         recorder = supervisor.start(
             RECORDER,
-            [
-                *("record", *plan.scenario_arguments, "--leash", "-e", endpoint),
-                *("--out", str(plan.folder), *plan.recorder_arguments),
-            ],
+            ["record", *common, "--out", str(plan.folder), *plan.recorder_arguments],
         )
         for name in plan.scenario.vehicle_names:
-            supervisor.start(
-                name,
-                ["vehicle", *plan.scenario_arguments, "--leash", "--name", name, "-e", endpoint],
-            )
+            supervisor.start(name, ["vehicle", *common, "--name", name])
         stop.begun = True
         poll(
             lambda: _is_over(plan, supervisor, recorder, stop, outcome),

@@ -7,12 +7,14 @@ from queue import Empty, SimpleQueue
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.processes.conductor import Conductor, Phase
+from scenarios.runs.processes.clock_offset import measure
+from scenarios.runs.processes.conductor import RETURN_NS, ROUTER_LOST_AFTER_NS, Conductor, Phase
+from scenarios.runs.processes.membership import Membership
 from scenarios.runs.recorder import Listener
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from transport.bus.zenoh_bus import ZenohBus
-from transport.clock import WallClock
+from transport.clock import WallClock, poll
 from transport.log.records import LogError
 from transport.topics import CONDUCTOR, TOPICS, key
 from vehicles.schedule import SECOND, Timer
@@ -23,9 +25,12 @@ FLUSH_NS = SECOND * 2 // 5
 ANNOUNCE_NS = SECOND // 4
 """Between two announcements of the start, for vehicles whose subscription came late."""
 EVERYTHING = "convoy/**"
+HEALTH = "/health"
 GATHER_S = 60.0
 CANCELLED_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
+HEARD_NS = SECOND
+"""How long the recorder of a completed run waits for the vehicles to end."""
 Arrival = tuple[int, str, bytes]
 
 
@@ -38,6 +43,7 @@ class RecorderProcess:
         bus: ZenohBus,
         folder: Path,
         stop: Stop,
+        membership: Membership,
         *,
         gather_s: float = GATHER_S,
         listeners: Sequence[Listener] = (),
@@ -46,6 +52,10 @@ class RecorderProcess:
         self._clock = WallClock()
         self._bus = bus
         self._stop = stop
+        self._membership = membership
+        self._present: set[str] = set()
+        self._settled_at = 0
+        self._clock_offset_ms_max = scenario.tables.convoy.clock_offset_ms_max
         self._conductor = Conductor(
             scenario.vehicle_names,
             duration_ns=round(scenario.duration_s * SECOND),
@@ -63,9 +73,8 @@ class RecorderProcess:
         self._flushing = Timer(FLUSH_NS)
         self._own: list[tuple[str, bytes]] = []
         self._arrivals: SimpleQueue[Arrival] = SimpleQueue()
-        self._presences: SimpleQueue[tuple[str, bool]] = SimpleQueue()
+        self._last_health: dict[str, bytes] = {}
         bus.subscribe(EVERYTHING, self._arrive)
-        bus.watch(lambda vehicle, alive: self._presences.put((vehicle, alive)))
 
     def record_until_over(self) -> RunSummary:
         """Record until the run is over and complete the log; returns the summary."""
@@ -83,14 +92,56 @@ class RecorderProcess:
         return self._run.close(self._clock.now())
 
     def announce_completion(self) -> None:
-        """Announce that the log is complete, for which the vehicles wait before they end."""
+        """Announce that the log is complete, for which the vehicles wait before they end.
+
+        That of a completed run is repeated until they have ended; a router that is away is waited
+        for. Of a failed run they have been told before.
+        """
         self._bus.publish(*self._own[-1], urgent=True)
+        if self._conductor.reason or self._conductor.router_is_lost:
+            return
+        begun = self._clock.now()
+        self._settled_at = begun
+        poll(lambda: self._stop.asked or self._is_heard(begun), every_s=POLL_S)
+
+    def _is_heard(self, begun: int) -> bool:
+        """Whether no vehicle is left that waits for the end, or none will hear of it."""
+        now = self._clock.now()
+        if self._announcing.is_due(now):
+            self._bus.publish(*self._own[-1], urgent=True)
+        if not self._bus.connected():
+            self._settled_at = now + RETURN_NS
+            return now > begun + ROUTER_LOST_AFTER_NS
+        if now < self._settled_at:  # the vehicles are still on their way back to the router
+            return False
+        return not self._membership.vehicles or now > self._settled_at + HEARD_NS
 
     def _await_final_counters(self) -> None:
         until = self._clock.now() + CANCELLED_NS
         while self._clock.now() < until and self._conductor.awaits_final_counters():
             with suppress(LogError):  # the run has a reason to end already
                 self._record_arrivals()
+            self._note_presences(self._clock.now())
+
+    def _compare_clocks(self) -> None:
+        """Write into the log how far the vehicles' clocks are off; too far ends the run."""
+        too_far = []
+        for vehicle in sorted(self._present):
+            found = measure(self._bus, vehicle, self._clock.now)
+            if found is None:  # it has left again, or hangs: its token tells
+                continue
+            self._run.recorder.say(self._clock.now(), str(found), "debug")
+            if found.exceeds(self._clock_offset_ms_max):
+                too_far.append(str(found))
+        if too_far:
+            allowed = f"allowed are {self._clock_offset_ms_max:g} ms (convoy.clock_offset_ms_max)"
+            self._conductor.stop(f"{'; '.join(too_far)}; {allowed}")
+
+    def _note_presences(self, now: int) -> None:
+        present = self._membership.vehicles
+        for vehicle in sorted(present ^ self._present):
+            self._conductor.presence(vehicle, alive=vehicle in present, at=now)
+        self._present = present
 
     def _own_message(self, topic: str, data: bytes) -> tuple[str, bytes]:
         """Return a message of the run's own with its key; it is not recorded from the bus again."""
@@ -113,17 +164,27 @@ class RecorderProcess:
             except Empty:
                 return
             if (key_expression, data) not in self._own:
-                self._run.recorder.accept(key_expression, data, at)
+                self._record(key_expression, data, at)
+
+    def _record(self, key_expression: str, data: bytes, at: int) -> None:
+        """Record a message; a vehicle's last counters, which it repeats until heard, but once."""
+        if self._last_health.get(key_expression) == data:
+            return
+        before = self._run.recorder.recorded
+        self._run.recorder.accept(key_expression, data, at)
+        if key_expression.endswith(HEALTH) and self._run.recorder.recorded > before:
+            self._last_health[key_expression] = data
 
     def _advance(self) -> None:
         now = self._clock.now()
-        while not self._presences.empty():
-            vehicle, alive = self._presences.get()
-            self._conductor.presence(vehicle, alive=alive, at=now)
+        self._note_presences(now)
         if self._stop.asked:
             self._conductor.stop(self._stop.reason)
         elif reason := self._run.must_end:
             self._conductor.stop(reason)
+        if self._conductor.phase is Phase.GATHERING and not self._conductor.missing():
+            self._compare_clocks()
+        now = self._clock.now()
         for line in self._conductor.advance(now, connected=self._bus.connected()):
             self._run.recorder.say(now, line)
         if self._conductor.phase is Phase.RUNNING:

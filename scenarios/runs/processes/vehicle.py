@@ -1,46 +1,84 @@
 """`convoy vehicle`: one vehicle as a process of its own, over Zenoh, on the wall clock."""
 
-from collections.abc import Iterable, Iterator
-
-import click
+from collections.abc import Callable, Iterable, Iterator
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
+from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import ProcessProbe
 from scenarios.runs.node.sink import BusSink
+from scenarios.runs.processes.clock_offset import answer_for_clock
+from scenarios.runs.processes.conductor import LAST_MOMENT_NS, ROUTER_LOST_AFTER_NS
+from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.clock import Tick, WallClock, late_after, poll
 from transport.codec import RefusedMessageError, decode
-from transport.topics import CONDUCTOR, TOPICS, key
-from vehicles.messages import RunEnd, RunStart
+from transport.topics import CONDUCTOR, TOPICS, Topic, key
+from vehicles.messages import Health, Message, RunEnd, RunStart
+from vehicles.schedule import SECOND, Timer
 
 POLL_S = 0.01
-END_S = 8.0
+WATCH_NS = SECOND // 4
+"""Between two looks whether router and recorder are still there, and after the end between two
+repetitions of the final counters, until the end of the run is heard."""
+END_NS = 8 * SECOND
 """How long a vehicle that has finished waits until the recorder's log is complete."""
+Say = Callable[[str], None]
 
 
-def run_vehicle(scenario: Scenario, name: str, options: ZenohOptions, stop: Stop) -> int:
-    """Drive vehicle `name` of `scenario` for one run; returns the exit code."""
+def run_vehicle(
+    scenario: Scenario,
+    name: str,
+    options: ZenohOptions,
+    stop: Stop,
+    *,
+    say: Say,
+    complain: Say,
+    launched: bool,
+    wait_s: float,
+) -> int:
+    """Drive vehicle `name` of `scenario` for one run; returns the exit code.
+
+    `say` gets the news and `complain` what went wrong, a line each. What the recorder announced
+    is not for a `launched` vehicle to repeat: the recorder tells the launcher itself.
+    """
     builder = VehicleBuilder(scenario, name)
-    with open_bus(options) as bus:
-        stop.begun = True
-        try:
-            finished = drive(builder, bus, stop)
-        except VehicleFaultError as fault:
-            if not stop.launched:  # else the recorder says it
-                click.echo(fault, err=True)
-            return EXIT_FAILED
-    return 0 if finished else stop.exit_code
+    try:
+        with open_bus(options) as bus:
+            stop.begun = True
+            member = Membership(bus, options.run, VEHICLE, name, Fingerprint.of(scenario))
+            vehicle = VehicleProcess(builder, bus, member, stop)
+            vehicle.await_start(say, wait_s)
+            vehicle.drive(say)
+    except VehicleFaultError as fault:
+        if not launched:  # else the recorder says it
+            complain(str(fault))
+        return EXIT_FAILED
+    except RunOffError as error:
+        if launched and error.announced:
+            return 0
+        complain(f"{name}: {error}")
+        return EXIT_FAILED
+    return vehicle.exit_code
+
+
+class RunOffError(Exception):
+    """There is no such run, or no longer; `announced` if the recorder itself said so."""
+
+    def __init__(self, text: str, *, announced: bool = False) -> None:
+        super().__init__(text)
+        self.announced = announced
 
 
 class RunAnnouncements:
     """What the recorder announced: when the run starts, and that it is over.
 
     The bytes of some other messages can be decoded as a start or an end too. They are recognised
-    by the vehicle that they name; a start that came under the end's key, by its instant.
+    by the vehicle that they name; a start that came under the end's key, by its instant. An end
+    without a start says that the run does not take place.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -58,46 +96,160 @@ class RunAnnouncements:
             return
         if isinstance(message, RunStart):
             self.start = self.start or message
-        elif isinstance(message, RunEnd) and self._is_of_this_run(message):
+        elif isinstance(message, RunEnd) and not self._is_the_start(message):
             self.end = message
 
-    def _is_of_this_run(self, end: RunEnd) -> bool:
-        return self.start is not None and end.end_at_ns != self.start.start_at_ns
+    def _is_the_start(self, end: RunEnd) -> bool:
+        return self.start is not None and end.end_at_ns == self.start.start_at_ns
 
 
-def drive(builder: VehicleBuilder, bus: Bus, stop: Stop) -> bool:
-    """Announce the vehicle, wait for the start, drive, send the final counters.
+class RouterWatch:
+    """Notices how long the router has been out of reach, and when it came back."""
 
-    Returns whether it drove until the run was over, rather than until it was asked to stop. Raises
-    VehicleFaultError if its controller fails; by then everybody knows.
-    """
-    announced = RunAnnouncements(bus)
-    bus.announce(builder.name)
-    poll(lambda: announced.start is not None or stop.asked, every_s=POLL_S)
-    if announced.start is None:
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self.lost_at: int | None = None
+        self.back_at = 0
+
+    def is_lost_for_good(self, now: int) -> bool:
+        """Whether the router has been out of reach for so long that the run is over."""
+        if not self._bus.connected():
+            self.lost_at = self.lost_at or now
+            return now - self.lost_at > ROUTER_LOST_AFTER_NS
+        if self.lost_at is not None:
+            self.lost_at, self.back_at = None, now
         return False
-    start_at = announced.start.start_at_ns
-    end_at = start_at + builder.duration_ns
-    clock = WallClock(stop.event)
-    probe = ProcessProbe(late_after(builder.control_rate_hz))
-    node = builder.node(start_at, BusSink(builder.name, bus), probe)
-    for sender_key in node.inbox.keys:
-        bus.subscribe(sender_key, node.inbox.on_bytes)
-    step = stepping(node, builder.name, start_at)
-    try:
-        for tick in punctual(builder.ticks(start_at), clock, probe):
-            if stop.asked or announced.end is not None:
-                break
-            step(tick)
-    except VehicleFaultError as fault:
-        node.outbox.publish_fault(clock.now(), fault.text)
-        poll(lambda: announced.end is not None or stop.asked, every_s=POLL_S, at_most_s=END_S)
-        raise
-    clock.wait_until(0 if announced.end is not None else end_at)
-    finished = not stop.asked
-    node.outbox.publish_health(min(clock.now(), end_at), final=True)
-    poll(lambda: announced.end is not None or stop.asked, every_s=POLL_S, at_most_s=END_S)
-    return finished
+
+
+class VehicleProcess:
+    """A vehicle from its joining to the end of the run."""
+
+    def __init__(
+        self, builder: VehicleBuilder, bus: Bus, membership: Membership, stop: Stop
+    ) -> None:
+        """Join the run; raises BusError when it has no place for this vehicle."""
+        self._builder = builder
+        self._bus = bus
+        self._membership = membership
+        self._stop = stop
+        self._clock = WallClock(stop.event)
+        self._joined_at = self._clock.now()
+        self._announced = RunAnnouncements(bus)
+        self._recorder = RecorderWatch(membership, bus)
+        self._router = RouterWatch(bus)
+        self._watching = Timer(WATCH_NS)
+        self._last_words: tuple[str, bytes] | None = None
+        self.exit_code = 0
+        answer_for_clock(bus, builder.name, self._clock.now)
+        membership.join()
+
+    @property
+    def _run(self) -> str:
+        return f"run {self._membership.run}"
+
+    @property
+    def _is_called_off(self) -> bool:
+        return self._stop.asked or self._announced.end is not None
+
+    def await_start(self, say: Say, wait_s: float) -> None:
+        """Wait for the start; raises RunOffError if there will be none for this vehicle."""
+        waits = "the start" if self._membership.recorder_is_present else "the recorder"
+        say(f"{self._builder.name}: joined, waiting for {waits} of {self._run}")
+        came = poll(
+            lambda: (
+                self._announced.start is not None
+                or self._is_called_off
+                or self._recorder.has_left(self._clock.now())
+            ),
+            every_s=POLL_S,
+            at_most_s=wait_s,
+        )
+        start, end = self._announced.start, self._announced.end
+        if self._stop.asked:
+            return
+        if not came:
+            raise RunOffError(f"{self._run} did not start within {wait_s:g} s")
+        if start is not None:
+            if start.start_at_ns <= self._joined_at:
+                raise RunOffError(f"{self._run} had started before this vehicle joined")
+        elif end is not None:
+            raise RunOffError(f"{self._run} is off: {end.reason or 'it is over'}", announced=True)
+        else:
+            raise RunOffError(f"{self._run} is off: its recorder has left")
+
+    def drive(self, say: Say) -> None:
+        """Drive from the start to the end of the run, send the final counters, wait for its end.
+
+        Raises RunOffError when the run cannot go on, and VehicleFaultError when the vehicle's
+        controller fails; by then everybody knows.
+        """
+        if self._announced.start is None:  # asked to stop before
+            self.exit_code = self._stop.exit_code
+            return
+        start_at = self._announced.start.start_at_ns
+        end_at = start_at + self._builder.duration_ns
+        probe = ProcessProbe(late_after(self._builder.control_rate_hz))
+        node = self._builder.node(
+            start_at, BusSink(self._builder.name, self._bus, self._keep_last_words), probe
+        )
+        for sender_key in node.inbox.keys:
+            self._bus.subscribe(sender_key, node.inbox.on_bytes)
+        say(f"{self._builder.name}: {self._run} starts")
+        self._drive(node, start_at, probe)
+        self._clock.wait_until(0 if self._announced.end is not None else end_at)
+        finished = not self._stop.asked
+        node.outbox.publish_health(min(self._clock.now(), end_at), final=True)
+        poll(lambda: self._is_called_off or self._has_waited(end_at), every_s=POLL_S)
+        if not finished:
+            self.exit_code = self._stop.exit_code
+            return
+        reason = self._announced.end.reason if self._announced.end else ""
+        if reason:
+            raise RunOffError(f"{self._run} failed: {reason}", announced=True)
+        say(f"{self._builder.name}: {self._run} is over")
+
+    def _drive(self, node: Node, start_at: int, probe: ProcessProbe) -> None:
+        step = stepping(node, self._builder.name, start_at)
+        try:
+            for tick in punctual(self._builder.ticks(start_at), self._clock, probe):
+                if self._is_called_off:
+                    break
+                step(tick)
+                if self._watching.is_due(now := self._clock.now()):
+                    self._check_company(now)
+        except VehicleFaultError as fault:
+            node.outbox.publish_fault(self._clock.now(), fault.text)
+            poll(lambda: self._is_called_off, every_s=POLL_S, at_most_s=END_NS / SECOND)
+            raise
+
+    def _check_company(self, now: int) -> None:
+        """Raise RunOffError when the run cannot go on."""
+        if self._router.is_lost_for_good(now):
+            raise RunOffError(f"{self._run} failed: the router is gone")
+        if self._recorder.has_left(now):
+            raise RunOffError(f"{self._run} failed: its recorder has left")
+
+    def _has_waited(self, end_at: int) -> bool:
+        """Repeat the final counters; whether the end of the run need no longer be waited for.
+
+        Raises RunOffError when no word of it will come.
+        """
+        now = self._clock.now()
+        if not self._watching.is_due(now):
+            return False
+        lost_for_good, lost_at = self._router.is_lost_for_good(now), self._router.lost_at
+        if lost_at is not None and lost_at >= end_at - LAST_MOMENT_NS:
+            return lost_for_good  # all was driven, and the recorder comes to the same result
+        self._check_company(now)
+        if now > max(end_at, self._router.back_at) + END_NS:
+            raise RunOffError(f"{self._run} failed: no word of its end from the recorder")
+        if self._last_words is not None:
+            self._bus.publish(*self._last_words)
+        return False
+
+    def _keep_last_words(self, topic: Topic, data: bytes, message: Message) -> None:
+        if isinstance(message, Health) and message.final:
+            self._last_words = key(message.vehicle, topic), data
 
 
 def punctual(ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe) -> Iterator[Tick]:

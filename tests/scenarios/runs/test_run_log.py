@@ -7,7 +7,7 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SUMMARY_NAME
 from scenarios.results.summary import to_json
 from scenarios.runs.run_log import RunLog
-from tests.made.scenarios.messages import START, at, gps, health, tracking, truth
+from tests.made.scenarios.messages import START, at, gps, health, tracking, truth, verdict
 from transport.codec import decode, encode
 from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, TOPICS, key
@@ -153,3 +153,39 @@ def test_listeners_hear_of_everything(scenario: Scenario, tmp_path: Path) -> Non
         "RunEnd",
         "Health",
     ]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "seconds", "reason"),
+    [
+        ((), 1.2, "v1 → v2 delivered none of 24 poses; v2 refused 24 messages"),
+        ((), 0.8, ""),
+        (("links.latency_ms=4000",), 4.2, ""),
+        (("links.loss_ratio=0.9",), 4.2, ""),
+    ],
+    ids=["clean", "too short to say", "still on its way", "lossy"],
+)
+def test_a_clean_link_that_delivered_nothing_fails_the_run(
+    overrides: tuple[str, ...], seconds: float, reason: str, tmp_path: Path
+) -> None:
+    asked = load_scenario("lane_change", ["duration_s=5", "convoy.vehicles=2", *overrides])
+    run = RunLog(asked, tmp_path, clock="wall", run_id="today")
+    run.start(START, START)
+    for seq in range(round(seconds * 20)):
+        for name in ("v1", "v2"):
+            take(run, gps(name, seq), seq)
+    take(run, health("v2", seconds=5.0, final=True, rejected_messages=24), 100)
+    end = decode(TOPICS["end"], run.end(at(5.0), ""))
+    assert isinstance(end, RunEnd)
+    assert end.reason == run.close(at(5.1)).reason == reason
+
+
+def test_one_message_heard_is_enough_for_a_link(scenario: Scenario, tmp_path: Path) -> None:
+    run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
+    run.start(START, START)
+    for seq in range(60):
+        for name in ("v1", "v2"):
+            take(run, gps(name, seq), seq)
+    take(run, verdict("v1", "v2", 0))
+    run.end(at(5.0), "")
+    assert run.close(at(5.1)).reason == ""

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 import pytest
 
 from tests.made.transport.bus import Heard, connect, until
-from transport.bus.bus import Bus
+from transport.bus.bus import Bus, Member
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.bus.zenoh_bus import ZenohOptions, open_bus, open_router
 
@@ -70,18 +70,22 @@ def test_two_subscriptions_are_both_served(join: Join) -> None:
 
 def test_who_comes_late_learns_who_is_alive(join: Join) -> None:
     vehicle, watcher = join(), join()
-    alive: dict[str, bool] = {}
-    vehicle.announce("lead")
+    alive: dict[Member, bool] = {}
+    vehicle.announce("vehicle", "lead", "print")
     watcher.watch(alive.__setitem__)
-    assert until(lambda: alive == {"lead": True})
+    lead = Member("vehicle", "lead", "print", vehicle.zid)
+    assert until(lambda: alive == {lead: True})
+    assert join().members() == {lead}
+    vehicle.close()
+    assert until(lambda: join().members() == set())
 
 
 def test_coming_and_going_is_told_once_each(join: Join) -> None:
     vehicle, watcher = join(), join()
     told: list[tuple[str, bool]] = []
-    watcher.watch(lambda name, alive: told.append((name, alive)))
-    vehicle.announce("follower_1")
-    vehicle.announce("follower_1")
+    watcher.watch(lambda member, alive: told.append((member.name, alive)))
+    vehicle.announce("vehicle", "follower_1", "print")
+    vehicle.announce("vehicle", "follower_1", "print")
     assert until(lambda: bool(told))
     vehicle.close()
     assert until(lambda: len(told) == 2)
@@ -89,25 +93,36 @@ def test_coming_and_going_is_told_once_each(join: Join) -> None:
     assert told == [("follower_1", True), ("follower_1", False)]
 
 
-def test_a_vehicle_lives_as_long_as_anyone_announces_it(join: Join) -> None:
+def test_two_of_one_name_are_told_apart(join: Join) -> None:
     one, other, watcher = join(), join(), join()
     told: list[tuple[str, bool]] = []
-    one.announce("lead")
-    other.announce("lead")
-    watcher.watch(lambda name, alive: told.append((name, alive)))
-    assert until(lambda: bool(told))
+    one.announce("vehicle", "lead", "print")
+    other.announce("recorder", "lead", "other")
+    watcher.watch(lambda member, alive: told.append((member.session, alive)))
+    assert until(lambda: len(told) == 2)
     one.close()
-    time.sleep(0.1)
-    assert told == [("lead", True)]
-    other.close()
-    assert until(lambda: told == [("lead", True), ("lead", False)])
+    assert until(lambda: told[2:] == [(one.zid, False)])
+    assert join().members() == {Member("recorder", "lead", "other", other.zid)}
+
+
+def test_a_question_is_answered_as_long_as_someone_does(join: Join) -> None:
+    one, other = join(), join()
+    answer = b"1"
+    assert other.ask("convoy/@clock/v1", 0.2) is None
+    one.answer("convoy/@clock/v1", lambda: answer)
+    assert until(lambda: other.ask("convoy/@clock/v1", 0.5) == b"1")
+    answer = b"2"
+    assert other.ask("convoy/@clock/v1", 0.5) == b"2"
+    assert other.ask("convoy/@clock/v2", 0.2) is None
+    one.close()
+    assert until(lambda: other.ask("convoy/@clock/v1", 0.2) is None)
 
 
 def test_liveliness_is_not_a_message(join: Join) -> None:
     vehicle, watcher, heard = join(), join(), Heard()
     watcher.subscribe("convoy/**", heard)
     connect(vehicle, heard)
-    vehicle.announce("lead")
+    vehicle.announce("vehicle", "lead", "print")
     vehicle.publish("convoy/lead/log", b"after")
     assert until(lambda: bool(heard))
     assert heard == [("convoy/lead/log", b"after")]

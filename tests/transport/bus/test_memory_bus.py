@@ -30,8 +30,8 @@ def test_keys_match_as_in_zenoh(wanted: list[str], tail: bool, key: list[str]) -
         ("convoy/*/gps", "convoy/lead/more/gps", False),
         ("convoy/**", "convoy", True),
         ("convoy/**", "convoy/lead/gps", True),
-        ("convoy/**", "convoy/lead/@alive", False),
-        ("convoy/*/@alive", "convoy/lead/@alive", True),
+        ("convoy/**", "convoy/@alive/lead", False),
+        ("convoy/@alive/*", "convoy/@alive/lead", True),
         ("**", "anything/at/all", True),
     ],
 )

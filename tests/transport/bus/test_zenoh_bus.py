@@ -19,7 +19,12 @@ import zenoh
 from tests.made.transport.bus import Heard, connect, until
 from transport.bus.bus import BusError
 from transport.bus.zenoh_bus import Router, ZenohBus, configuration, open_bus, open_router
-from transport.bus.zenoh_options import DEFAULTS, MEMBER_DEFAULTS, ZenohOptions
+from transport.bus.zenoh_options import (
+    DEFAULTS,
+    RECORDER_DEFAULTS,
+    VEHICLE_DEFAULTS,
+    ZenohOptions,
+)
 
 
 @pytest.fixture
@@ -28,8 +33,8 @@ def router() -> Iterator[Router]:
         yield one
 
 
-def join(router: Router) -> ZenohBus:
-    return open_bus(ZenohOptions(connect=router.endpoints))
+def join(router: Router, run: str = "") -> ZenohBus:
+    return open_bus(ZenohOptions(connect=router.endpoints, run=run))
 
 
 @contextmanager
@@ -134,7 +139,7 @@ def test_a_wrong_file(tmp_path: Path, text: str) -> None:
 
 
 def setting(options: ZenohOptions, name: str) -> object:
-    return json.loads(configuration(options, DEFAULTS | MEMBER_DEFAULTS).get_json(name))
+    return json.loads(configuration(options, DEFAULTS | VEHICLE_DEFAULTS).get_json(name))
 
 
 def test_nobody_is_found_by_accident() -> None:
@@ -162,11 +167,45 @@ def test_the_file_goes_over_defaults_flags_over_the_file_settings_over_all(tmp_p
     assert setting(by_settings, "connect/endpoints") == ["tcp/b:2"]
 
 
-def test_only_members_are_found_frozen_early() -> None:
-    # A router with a short lease would cut off a recorder that is held up for that long.
+def test_only_vehicles_are_found_frozen_early() -> None:
+    # With a short lease a recorder that is held up for that long would be cut off and lose poses,
+    # and a router with one would cut off others.
     name = "transport/link/tx/lease"
     assert setting(ZenohOptions(), name) == 2000
-    assert json.loads(configuration(ZenohOptions(), DEFAULTS).get_json(name)) == 10_000
+    for defaults in (DEFAULTS, DEFAULTS | RECORDER_DEFAULTS):
+        assert json.loads(configuration(ZenohOptions(), defaults).get_json(name)) == 10_000
+
+
+def test_runs_of_two_names_neither_hear_nor_see_each_other(router: Router) -> None:
+    heard, of_other, on_the_wire = Heard(), Heard(), Heard()
+    with (
+        join(router, "one") as sender,
+        join(router, "one") as receiver,
+        join(router, "other") as stranger,
+        join(router) as anyone,
+    ):
+        receiver.subscribe("convoy/**", heard)
+        stranger.subscribe("convoy/**", of_other)
+        anyone.subscribe("**", on_the_wire)
+        sender.announce("vehicle", "v1", "print")
+        assert until(lambda: len(receiver.members()) == 1)
+        assert stranger.members() == anyone.members() == set()
+        connect(sender, heard)
+        sender.publish("convoy/v1/gps", b"1")
+        assert until(lambda: ("one/convoy/v1/gps", b"1") in on_the_wire)
+        assert heard == [("convoy/v1/gps", b"1")]
+        assert of_other == []
+
+
+def test_what_a_run_of_a_name_published_before_closing_arrives(router: Router) -> None:
+    heard = Heard()
+    with join(router, "one") as receiver:
+        receiver.subscribe("convoy/**", heard)
+        with join(router, "one") as sender:
+            for k in range(2000):
+                sender.publish("convoy/a/truth", b"%200d" % k)
+        assert until(lambda: len(heard) == 2000)
+        assert [int(data) for _, data in heard] == list(range(2000))
 
 
 def test_a_message_says_what_it_is_and_how_urgent(router: Router) -> None:
@@ -248,11 +287,12 @@ def test_a_vehicle_that_stops_is_missed(
     router: Router, how: signal.Signals, seconds: float
 ) -> None:
     alive: dict[str, bool] = {}
+    announce = "bus.announce('vehicle', 'lead', 'print')"
     with (
         join(router) as watcher,
-        process(router, "bus.announce('lead')", "time.sleep(60)") as child,
+        process(router, announce, "time.sleep(60)") as child,
     ):
-        watcher.watch(alive.__setitem__)
+        watcher.watch(lambda member, is_alive: alive.update({member.name: is_alive}))
         assert until(lambda: alive == {"lead": True})
         os.kill(child.pid, how)
         assert until(lambda: not alive["lead"], seconds)
@@ -266,9 +306,9 @@ def test_losing_the_router_is_not_taken_for_deaths() -> None:
     options = ZenohOptions(connect=(endpoint,))
     first = open_router((endpoint,))
     with first, open_bus(options) as vehicle, open_bus(options) as watcher:
-        watcher.watch(lambda name, alive: told.append((name, alive)))
+        watcher.watch(lambda member, alive: told.append((member.name, alive)))
         watcher.subscribe("convoy/*/log", heard)
-        vehicle.announce("lead")
+        vehicle.announce("vehicle", "lead", "print")
         connect(vehicle, heard)
         assert until(lambda: told == [("lead", True)])
         assert watcher.connected()

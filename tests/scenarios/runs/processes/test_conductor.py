@@ -10,6 +10,7 @@ from scenarios.runs.processes.conductor import (
     DEATH_AFTER_NS,
     FINAL_COUNTERS_NS,
     LEAD_TIME_NS,
+    RETURN_NS,
     ROUTER_LOST_AFTER_NS,
     Conductor,
     Phase,
@@ -21,6 +22,7 @@ PERIOD_NS = SECOND // 20
 DURATION_S = 20.0
 GATHER_S = 10.0
 LEAD_TIME_S = LEAD_TIME_NS / SECOND
+RETURN_S = RETURN_NS / SECOND
 DEATH_S = DEATH_AFTER_NS / SECOND
 CONVOY = ("v1", "v2", "v3")
 ALL_COME = [(1.0, "v1 comes"), (1.2, "v2 comes"), (2.0, "v3 comes")]
@@ -104,6 +106,11 @@ def test_strangers_count_for_nothing() -> None:
     told = play((0.5, "v9 comes"), *ALL_COME, (5.0, "v9 goes"), (6.0, "v9 finishes"), *ALL_FINISH)
     assert told.reason == ""
     assert told.lines == ["all 3 vehicles are present"]
+
+
+def test_who_is_missing_is_said_after_a_while_and_when_it_changes() -> None:
+    told = play((1.0, "v1 comes"), (5.0, "v2 comes"), (8.0, "v3 comes"), until=9.0)
+    assert told.lines == ["waiting for v2, v3", "waiting for v3", "all 3 vehicles are present"]
 
 
 # ---- Ending as planned
@@ -264,8 +271,8 @@ def test_a_vehicle_that_does_not_come_back_after_an_outage_is_dead() -> None:
         (9.2, "v1 comes"),
         (9.2, "v3 comes"),
     )
-    assert told.reason == f"v2 died {9.0 - STARTED:.1f} s after the start"
-    assert told.over == pytest.approx(9.0 + DEATH_S, abs=0.06)
+    assert told.reason == f"v2 died {9.0 + RETURN_S - STARTED:.1f} s after the start"
+    assert told.over == pytest.approx(9.0 + RETURN_S + DEATH_S, abs=0.06)
 
 
 def test_each_outage_is_told() -> None:
@@ -285,6 +292,46 @@ def test_a_router_that_stays_away_ends_the_run() -> None:
     told = play(*ALL_COME, *vanish(6.0), (6.0, "router vanishes"))
     assert told.reason == "the router is gone"
     assert told.over == pytest.approx(6.0 + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
+
+
+def test_a_router_that_is_away_at_the_end_is_waited_for_and_then_the_last_words() -> None:
+    back = ENDED + 4.5
+    told = play(
+        *ALL_COME,
+        *vanish(ENDED - 2.0 + 2.5),
+        (ENDED - 0.2, "router vanishes"),
+        (back, "router returns"),
+        *reappear(back + 0.6),
+        *[(back + FINAL_COUNTERS_NS / SECOND - 0.2, f"{name} ends") for name in CONVOY],
+    )
+    assert told.reason == ""
+    assert told.over == pytest.approx(back + FINAL_COUNTERS_NS / SECOND - 0.2, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("lost_s", "line"),
+    [
+        (ENDED - 0.5, "the router was lost 0.5 s before the end"),
+        (ENDED + 0.5, "the router was lost 0.5 s after the end"),
+    ],
+)
+def test_a_router_lost_at_the_very_end_leaves_a_completed_run(lost_s: float, line: str) -> None:
+    told = play(*ALL_COME, *vanish(lost_s), (lost_s, "router vanishes"))
+    assert told.reason == ""
+    assert told.lines[1:] == [line]
+    assert told.over == pytest.approx(lost_s + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
+
+
+def test_a_recorder_that_was_held_up_over_the_end_reads_what_came_meanwhile() -> None:
+    told = play(*ALL_COME, until=ENDED - 1.0)
+    resumed = ENDED + FINAL_COUNTERS_NS / SECOND + 1.0
+    assert told.conductor.advance(at(resumed), connected=True) == []
+    assert told.conductor.phase is not Phase.OVER
+    for name in CONVOY:
+        told.conductor.listen(at(resumed), health(name, seconds=ENDED, final=True))
+    told.conductor.advance(at(resumed + 0.05), connected=True)
+    assert told.conductor.awaits_final_counters() is False
+    assert told.reason == ""
 
 
 # ---- Stopping

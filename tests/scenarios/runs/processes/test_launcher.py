@@ -109,7 +109,9 @@ def play(folder: Path, *history: Event, goes_on: bool = False) -> Launched:
                 if child.name == name:
                     child.exit_code = code
 
-    plan = LaunchPlan(scenario(goes_on=goes_on), ["my.toml", "--seed=3"], folder, ["--quiet"])
+    plan = LaunchPlan(
+        scenario(goes_on=goes_on), ["my.toml", "--seed=3"], folder, ["--quiet"], "mine"
+    )
     outcome = launch(plan, stop, supervisor, sleep=sleep)
     assert supervisor.children == []  # whatever happened, no process is left behind
     return Launched(outcome, supervisor, now)
@@ -121,17 +123,15 @@ def play(folder: Path, *history: Event, goes_on: bool = False) -> Launched:
 def test_every_process_is_told_the_scenario_and_the_endpoint_of_the_router(folder: Path) -> None:
     started = play(folder, (1.0, "recorder", 0)).supervisor.started
     assert [child.name for child in started] == ["router", "recorder", "v1", "v2", "v3"]
-    common = ["my.toml", "--seed=3", "--leash"]
-    assert started[1].arguments == [
-        *("record", *common, "-e", ENDPOINT, "--out", str(folder), "--quiet")
-    ]
+    common = ["my.toml", "--seed=3", "--leash", "--run", "mine", "-e", ENDPOINT]
+    assert started[1].arguments == ["record", *common, "--out", str(folder), "--quiet"]
     for child in started[2:]:
-        assert child.arguments == ["vehicle", *common, "--name", child.name, "-e", ENDPOINT]
+        assert child.arguments == ["vehicle", *common, "--name", child.name]
 
 
 def test_without_its_router_a_run_fails_and_nothing_else_is_started(folder: Path) -> None:
     supervisor = FakeSupervisor(router_starts=False)
-    plan = LaunchPlan(scenario(), ["lane_change"], folder, [])
+    plan = LaunchPlan(scenario(), ["lane_change"], folder, [], "mine")
     outcome = launch(plan, Stop(), supervisor, sleep=lambda _: None)
     assert (outcome.exit_code, outcome.reason) == (1, "the router did not start; the run ends")
     assert supervisor.started == []

@@ -1,0 +1,54 @@
+"""How far the clocks of the vehicles are from the recorder's, measured over the bus."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from transport.bus.bus import Bus
+from transport.topics import clock_key
+from vehicles.schedule import MILLISECOND
+
+ROUNDS = 5
+"""The fastest of so many round trips counts: what delays one of them delays it unevenly."""
+TIMEOUT_S = 0.5
+
+Now = Callable[[], int]
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """A vehicle's clock less the recorder's, and by how much that may be wrong (both in ns)."""
+
+    vehicle: str
+    offset: int
+    uncertainty: int
+
+    def exceeds(self, limit_ms: float) -> bool:
+        """Whether it is beyond the limit for certain."""
+        return abs(self.offset) - self.uncertainty > limit_ms * MILLISECOND
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        way = "ahead of" if self.offset >= 0 else "behind"
+        offset_ms, uncertainty_ms = (x / MILLISECOND for x in (abs(self.offset), self.uncertainty))
+        return (
+            f"the clock of {self.vehicle} is {offset_ms:.1f} ms {way} the recorder's"
+            f" (within {uncertainty_ms:.1f} ms)"
+        )
+
+
+def answer_for_clock(bus: Bus, vehicle: str, now: Now) -> None:
+    """Let others read the clock of `vehicle`."""
+    bus.answer(clock_key(vehicle), lambda: str(now()).encode())
+
+
+def measure(bus: Bus, vehicle: str, now: Now) -> ClockOffset | None:
+    """Measure the offset of a vehicle's clock; None if it does not answer."""
+    found: list[ClockOffset] = []
+    for _ in range(ROUNDS):
+        asked_at = now()
+        answer = bus.ask(clock_key(vehicle), TIMEOUT_S)
+        trip = now() - asked_at
+        if answer is None or not answer.isdigit():
+            return None
+        found.append(ClockOffset(vehicle, int(answer) - asked_at - trip // 2, trip - trip // 2))
+    return min(found, key=lambda one: one.uncertainty)

@@ -1,0 +1,148 @@
+"""Who takes part in a run: each process joins once, or is refused and told what differs."""
+
+import hashlib
+import re
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from scenarios.definition.scenario import Scenario
+from transport.bus.bus import Bus, BusError, Member
+from vehicles.schedule import SECOND
+
+RECORDER, VEHICLE = "recorder", "vehicle"
+SETTLE_S = 0.2
+"""Two that join at once see each other's announcement after this time."""
+LEFT_AFTER_NS = 2 * SECOND
+"""The recorder has left when its token has been gone for this long with the router in reach."""
+_RUN_NAME = re.compile(r"[A-Za-z0-9_-]{1,100}")
+
+
+def checked_run_name(name: str) -> str:
+    """Return `name` if a run can have it, else raise BusError."""
+    if not _RUN_NAME.fullmatch(name):
+        raise BusError(
+            f"--run {name!r}: allowed are up to 100 letters, digits, underscores and hyphens"
+        )
+    return name
+
+
+@dataclass(frozen=True, slots=True)
+class Fingerprint:
+    """What must be equal in all processes of a run: scenario, overrides, seed, version.
+
+    `digest` stands for all that the scenario says but its name and its seed.
+    """
+
+    scenario: str
+    seed: str
+    version: str
+    digest: str
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "Fingerprint":
+        """Fingerprint of a scenario, driven by the version installed here."""
+        neutral = Scenario(scenario.tables.model_copy(update={"seed": 0, "name": "any"}))
+        digest = hashlib.sha256(neutral.text.encode()).hexdigest()[:16]
+        return cls(scenario.name, str(scenario.seed), version("convoy-emulator"), digest)
+
+    @property
+    def chunk(self) -> str:
+        """All of it as one chunk of a key."""
+        return "~".join((self.scenario, self.seed, self.version, self.digest))
+
+    def difference(self, chunk: str) -> str:
+        """Say in what another's fingerprint differs from this one; nothing if it does not."""
+        if chunk == self.chunk:
+            return ""
+        parts = chunk.split("~")
+        if len(parts) != 4:
+            return f"another version of the program, here it is {self.version}"
+        other = Fingerprint(*parts)
+        rows = (
+            ("version", other.version, self.version),
+            ("scenario", other.scenario, self.scenario),
+            ("seed", other.seed, self.seed),
+        )
+        said = [
+            f"{what} {theirs}, here it is {ours}" for what, theirs, ours in rows if theirs != ours
+        ]
+        return "; ".join(said) or f"another content of scenario {self.scenario} (file or --set)"
+
+
+class Membership:
+    """Takes part in a run for this process, and knows the others of it.
+
+    The check is made once, by the one that comes: those that take part already are never harmed.
+    """
+
+    def __init__(self, bus: Bus, run: str, role: str, name: str, fingerprint: Fingerprint) -> None:
+        """Begin to watch who takes part; `join` announces this process."""
+        self.run = run
+        self.name = name
+        self._bus = bus
+        self._role = role
+        self._fingerprint = fingerprint
+        self._others: frozenset[Member] = frozenset()
+        self._before = bus.members()
+        bus.watch(self._note)
+
+    def join(self, *, sleep: Callable[[float], object] = time.sleep) -> None:
+        """Take part from now on; raises BusError when there is one of this name, or of others.
+
+        Of two that come at the same instant the one with the lower session identifier stays.
+        """
+        self._refuse(self._before)
+        self._bus.announce(self._role, self.name, self._fingerprint.chunk)
+        sleep(SETTLE_S)
+        self._refuse({other for other in self._others if other.session < self._bus.zid})
+
+    @property
+    def recorder_is_present(self) -> bool:
+        """Whether the run has a recorder."""
+        return any(other.role == RECORDER for other in self._mine())
+
+    @property
+    def vehicles(self) -> set[str]:
+        """Names of the vehicles of this run's scenario, seed and version that are present."""
+        return {other.name for other in self._mine() if other.role == VEHICLE}
+
+    def _mine(self) -> list[Member]:
+        chunk = self._fingerprint.chunk
+        return [other for other in self._others if other.fingerprint == chunk]
+
+    def _note(self, member: Member, alive: bool) -> None:
+        if member.session == self._bus.zid:
+            return
+        self._others = self._others | {member} if alive else self._others - {member}
+
+    def _refuse(self, others: Iterable[Member]) -> None:
+        # The recorder is the one to agree with; among vehicles any.
+        for other in sorted(others, key=lambda one: (one.role, one.name, one.session)):
+            who = "the recorder" if other.role == RECORDER else other.name
+            if difference := self._fingerprint.difference(other.fingerprint):
+                raise BusError(f"run {self.run}: {who} has {difference}")
+            if (other.role, other.name) == (self._role, self.name):
+                one = "a recorder" if other.role == RECORDER else f"a vehicle {other.name}"
+                raise BusError(f"run {self.run}: there is {one} already; give another --run")
+
+
+class RecorderWatch:
+    """Notices when the recorder of a run has left."""
+
+    def __init__(self, membership: Membership, bus: Bus) -> None:
+        self._membership = membership
+        self._bus = bus
+        self._met = False
+        self._gone_since: int | None = None
+
+    def has_left(self, now: int) -> bool:
+        """Whether a recorder that was present has been absent for a while."""
+        if self._membership.recorder_is_present:
+            self._met, self._gone_since = True, None
+        elif not self._bus.connected():
+            self._gone_since = None
+        elif self._gone_since is None:
+            self._gone_since = now
+        return self._met and self._gone_since is not None and now - self._gone_since > LEFT_AFTER_NS

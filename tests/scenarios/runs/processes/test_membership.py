@@ -1,0 +1,163 @@
+"""Joining a run: who is let in, who is refused with which line, and who counts as present."""
+
+from collections.abc import Callable
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.processes.membership import (
+    LEFT_AFTER_NS,
+    RECORDER,
+    VEHICLE,
+    Fingerprint,
+    Membership,
+    RecorderWatch,
+    checked_run_name,
+)
+from tests.made.scenarios.messages import at
+from transport.bus.bus import BusError
+from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from vehicles.schedule import SECOND
+
+Sleep = Callable[[float], object]
+
+
+def scenario(*overrides: str, name: str = "lane_change", seed: int | None = None) -> Scenario:
+    return load_scenario(name, overrides, seed)
+
+
+class Network:
+    """Processes of one run over memory."""
+
+    def __init__(self) -> None:
+        self.network = MemoryNetwork()
+        self.buses: dict[str, MemoryBus] = {}
+
+    def join(
+        self, role: str, name: str, what: Scenario, sleep: Sleep = lambda _: None
+    ) -> Membership:
+        bus = MemoryBus(self.network)
+        member = Membership(bus, "mine", role, name, Fingerprint.of(what))
+        try:
+            member.join(sleep=sleep)
+        except BusError:
+            bus.close()
+            raise
+        self.buses[name] = bus
+        return member
+
+
+def test_those_of_one_run_see_one_another() -> None:
+    here = Network()
+    first = here.join(VEHICLE, "v1", scenario())
+    assert not first.recorder_is_present
+    recorder = here.join(RECORDER, "recorder", scenario())
+    here.join(VEHICLE, "v2", scenario())
+    assert first.recorder_is_present
+    assert recorder.vehicles == {"v1", "v2"}
+    here.buses["v2"].close()
+    assert recorder.vehicles == {"v1"}
+
+
+@pytest.mark.parametrize(
+    ("role", "name", "line"),
+    [
+        (RECORDER, "recorder", "run mine: there is a recorder already; give another --run"),
+        (VEHICLE, "v1", "run mine: there is a vehicle v1 already; give another --run"),
+    ],
+)
+def test_a_second_of_one_name_is_refused_and_the_first_stays(
+    role: str, name: str, line: str
+) -> None:
+    here = Network()
+    here.join(VEHICLE, "v1", scenario())
+    recorder = here.join(RECORDER, "recorder", scenario())
+    with pytest.raises(BusError) as refused:
+        here.join(role, name, scenario())
+    assert str(refused.value) == line
+    assert recorder.vehicles == {"v1"}
+    assert here.network.alive == {
+        member for member in here.network.alive if member.session in {"0", "1"}
+    }
+
+
+@pytest.mark.parametrize(
+    ("other", "what"),
+    [
+        (scenario(seed=7), "the recorder has seed 1, here it is 7"),
+        (scenario(name="highway"), "the recorder has scenario lane_change, here it is highway"),
+        (
+            scenario("convoy.gap_m=9"),
+            "the recorder has another content of scenario lane_change (file or --set)",
+        ),
+    ],
+    ids=["seed", "scenario", "override"],
+)
+def test_a_vehicle_of_something_else_is_refused_with_what_differs(
+    other: Scenario, what: str
+) -> None:
+    here = Network()
+    here.join(VEHICLE, "v1", scenario())
+    here.join(RECORDER, "recorder", scenario())
+    with pytest.raises(BusError) as refused:
+        here.join(VEHICLE, "v2", other)
+    assert str(refused.value) == f"run mine: {what}"
+
+
+def test_a_vehicle_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = Network()
+    here.join(VEHICLE, "v1", scenario())
+    monkeypatch.setattr("scenarios.runs.processes.membership.version", lambda _: "99.0")
+    with pytest.raises(BusError, match=r"^run mine: v1 has version .*, here it is 99\.0$"):
+        here.join(VEHICLE, "v2", scenario())
+
+
+def test_a_token_of_an_unknown_form_is_of_another_version() -> None:
+    here = Network()
+    MemoryBus(here.network).announce(VEHICLE, "v1", "something")
+    with pytest.raises(BusError, match="v1 has another version of the program"):
+        here.join(VEHICLE, "v2", scenario())
+
+
+def test_of_two_that_come_at_the_same_instant_one_stays() -> None:
+    here = Network()
+    first, third = MemoryBus(here.network), MemoryBus(here.network)
+    chunk = Fingerprint.of(scenario()).chunk
+    second = Membership(third, "mine", VEHICLE, "v1", Fingerprint.of(scenario()))
+    # Each passes its first check before the other announces itself.
+    with pytest.raises(BusError, match="there is a vehicle v1 already"):
+        second.join(sleep=lambda _: first.announce(VEHICLE, "v1", chunk))
+    first.close()
+    third.close()
+    first, third = MemoryBus(here.network), MemoryBus(here.network)
+    stays = Membership(first, "mine", VEHICLE, "v1", Fingerprint.of(scenario()))
+    stays.join(sleep=lambda _: third.announce(VEHICLE, "v1", chunk))
+
+
+def test_a_stranger_s_vehicle_counts_for_nothing() -> None:
+    here = Network()
+    recorder = here.join(RECORDER, "recorder", scenario())
+    MemoryBus(here.network).announce(VEHICLE, "v3", Fingerprint.of(scenario(seed=9)).chunk)
+    assert recorder.vehicles == set()
+
+
+def test_a_recorder_has_left_when_it_was_there_and_is_gone_for_a_while() -> None:
+    here = Network()
+    vehicle = here.join(VEHICLE, "v1", scenario())
+    watch = RecorderWatch(vehicle, here.buses["v1"])
+    assert not watch.has_left(at(0.0))
+    assert not watch.has_left(at(100.0))  # it has not come yet
+    here.join(RECORDER, "recorder", scenario())
+    assert not watch.has_left(at(101.0))
+    here.buses["recorder"].close()
+    assert not watch.has_left(at(102.0))
+    assert not watch.has_left(at(102.0 + LEFT_AFTER_NS / SECOND))
+    assert watch.has_left(at(102.1 + LEFT_AFTER_NS / SECOND))
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "a b", "@x", "*", "ä", "x" * 101, "a\n"])
+def test_a_run_s_name_is_one_chunk_of_a_key(name: str) -> None:
+    with pytest.raises(BusError, match="letters, digits, underscores and hyphens") as refused:
+        checked_run_name(name)
+    assert "\n" not in str(refused.value)
+    assert checked_run_name("lane_change-2") == "lane_change-2"

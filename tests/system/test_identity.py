@@ -1,0 +1,219 @@
+"""Runs on one router keep apart, and each of their processes hears what becomes of its run."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from socket import socket
+
+import pytest
+
+from tests.system.logs import Run, assert_equal_while_nothing_was_late, assert_nothing_missing
+from tests.system.processes import Process, run_to_the_end, start, until
+from transport.topics import CONDUCTOR
+
+DURATION_S = 3.0
+NAMES = ("v1", "v2")
+TWO = ("lane_change", "--set=convoy.vehicles=2")
+SHORT = (*TWO, f"--set=duration_s={DURATION_S}")
+Start = Callable[..., Process]
+
+
+class Place:
+    """A router at a port of its own, and processes that meet there."""
+
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
+        with socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.folder = folder
+        self._stack = stack
+        self.router = self.start_router()
+
+    def start_router(self) -> Process:
+        router = self._stack.enter_context(start("router", "-l", self.endpoint, folder=self.folder))
+        assert until(lambda: self.endpoint in router.out), router.err
+        return router
+
+    def lose_router(self) -> None:
+        self.router.popen.send_signal(signal.SIGKILL)
+        self.router.wait()
+
+    def start(self, *arguments: object) -> Process:
+        return self._stack.enter_context(start(*arguments, "-e", self.endpoint, folder=self.folder))
+
+    def try_out(self, *arguments: object) -> Process:
+        return run_to_the_end(*arguments, "-e", self.endpoint, folder=self.folder)
+
+    def convoy(self, scenario: tuple[str, ...], out: str, *flags: object) -> list[Process]:
+        """Start a recorder into folder `out`, and its two vehicles."""
+        return [
+            self.start("record", *scenario, "--out", out, *flags),
+            *(self.start("vehicle", *scenario, "--name", name, *flags) for name in NAMES),
+        ]
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Iterator[Place]:
+    with ExitStack() as stack:
+        yield Place(tmp_path, stack)
+
+
+def await_driving(recorder: Process, seconds: float) -> float:
+    """Wait until a convoy has driven for so long; returns when it started, by `time.monotonic`."""
+    recorder.await_start()
+    started = time.monotonic() + 0.5
+    time.sleep(0.5 + seconds)
+    return started
+
+
+def assert_refused(process: Process, line: str) -> None:
+    assert process.exit_code == 2
+    assert process.lines() == [line]
+
+
+def test_two_convoys_on_one_router_drive_as_if_alone_and_refuse_intruders(
+    place: Place, tmp_path: Path
+) -> None:
+    aside = (*SHORT, "--set=vehicle.v1.lateral_offset_m=5")
+    one = place.convoy(SHORT, "one")
+    other = place.convoy(aside, "other", "--run", "other")
+    assert until(lambda: "starts" in one[1].err), one[1].err
+    assert_refused(
+        place.try_out("record", *SHORT, "--out", "second"),
+        "run lane_change: there is a recorder already; give another --run",
+    )
+    assert not (tmp_path / "second").exists()
+    for part in (*one, *other):
+        assert part.wait() == 0, part.err
+    for name, scenario in (("one", SHORT), ("other", aside)):
+        out = f"{name}-virtual"
+        run_to_the_end(
+            "run", *scenario, "--clock=virtual", "--quiet", "--out", out, folder=tmp_path
+        )
+        run = Run(tmp_path / name)
+        assert run.summary["recorder_rejected_messages"] == {}
+        assert_nothing_missing(run, DURATION_S)
+        assert_equal_while_nothing_was_late(run, Run(tmp_path / out), within_m=0.05)
+
+
+def test_those_that_do_not_belong_are_refused_and_harm_nobody(place: Place, tmp_path: Path) -> None:
+    vehicle = place.start("vehicle", *SHORT, "--name=v1")
+    assert until(lambda: "waiting for the recorder of run lane_change" in vehicle.err), vehicle.err
+    assert_refused(
+        place.try_out("vehicle", *SHORT, "--name=v1"),
+        "run lane_change: there is a vehicle v1 already; give another --run",
+    )
+    assert_refused(
+        place.try_out("vehicle", *SHORT, "--name=v2", "--seed=7"),
+        "run lane_change: v1 has seed 1, here it is 7",
+    )
+    assert_refused(
+        place.try_out("record", *SHORT, "--set=convoy.gap_m=9", "--out=run"),
+        "run lane_change: v1 has another content of scenario lane_change (file or --set)",
+    )
+    assert_refused(
+        place.try_out("vehicle", *SHORT, "--name=v2", "--run=a/b"),
+        "--run 'a/b': allowed are up to 100 letters, digits, underscores and hyphens",
+    )
+    recorder = place.start("record", *SHORT, "--out=run")
+    second = place.start("vehicle", *SHORT, "--name=v2")
+    recorder.await_start()
+    late = place.try_out("vehicle", *SHORT, "--name=v2", "--run=lane_change")
+    assert late.exit_code == 2  # while its namesake drives
+    for part in (vehicle, second, recorder):
+        assert part.wait() == 0, part.err
+    assert Run(tmp_path / "run").summary["outcome"] == "completed"
+
+
+def test_a_vehicle_hears_that_its_run_is_off_or_has_started_without_it(place: Place) -> None:
+    vehicle = place.start("vehicle", *SHORT, "--name=v1")
+    assert until(lambda: "joined" in vehicle.err), vehicle.err
+    recorder = place.start("record", *SHORT, "--out=off", "--wait=4")
+    assert recorder.wait() == 1
+    assert "run: waiting for v2" in recorder.lines()
+    assert vehicle.wait() == 1
+    assert vehicle.lines()[1:] == ["v1: run lane_change is off: not present in time: v2"]
+
+    goes_on = (*TWO, "--set=duration_s=12", '--set=convoy.when_a_vehicle_dies="go_on"')
+    recorder, first, second = place.convoy(goes_on, "on")
+    await_driving(recorder, 0.2)
+    second.popen.send_signal(signal.SIGKILL)
+    late = place.try_out("vehicle", *goes_on, "--name=v2")
+    assert late.exit_code == 1
+    assert late.lines()[1:] == ["v2: run lane_change had started before this vehicle joined"]
+    recorder.popen.send_signal(signal.SIGKILL)
+    assert first.wait() == 1
+    assert first.lines()[2:] == ["v1: run lane_change failed: its recorder has left"]
+
+
+def test_a_router_that_is_away_at_the_end_does_not_fail_a_completed_run(
+    place: Place, tmp_path: Path
+) -> None:
+    recorder, *vehicles = place.convoy(SHORT, "run")
+    started = await_driving(recorder, 1.0)
+    place.lose_router()
+    time.sleep(max(started + DURATION_S + 0.5 - time.monotonic(), 0.0))
+    place.start_router()
+    for part in (recorder, *vehicles):
+        assert part.wait() == 0, part.err
+    summary = Run(tmp_path / "run").summary
+    assert summary["outcome"] == "completed"
+    assert all(row["finished"] for row in summary["vehicles"])
+    assert all(row["poses"] < DURATION_S * 20 for row in summary["vehicles"])  # sent meanwhile
+    assert summary["recorder_rejected_messages"] == {}
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "lost_s", "exit_code"), [(30.0, 0.5, 1), (3.0, 2.6, 0)], ids=["mid", "end"]
+)
+def test_a_router_that_is_lost_for_good_ends_all(
+    place: Place, tmp_path: Path, duration_s: float, lost_s: float, exit_code: int
+) -> None:
+    recorder, *vehicles = place.convoy((*TWO, f"--set=duration_s={duration_s}"), "run")
+    await_driving(recorder, lost_s)
+    place.lose_router()
+    for part in (recorder, *vehicles):
+        assert part.wait(20.0) == exit_code, part.err
+    for name, vehicle in zip(NAMES, vehicles, strict=True):
+        end = "is over" if exit_code == 0 else "failed: the router is gone"
+        assert vehicle.lines()[-1] == f"{name}: run lane_change {end}"
+    outcome = "completed" if exit_code == 0 else "failed"
+    assert Run(tmp_path / "run").summary["outcome"] == outcome
+
+
+def test_a_vehicle_whose_clock_is_off_is_not_driven_with(
+    place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicles = [place.start("vehicle", *SHORT, "--name=v1")]
+    (tmp_path / "sitecustomize.py").write_text(
+        "import time\nreal = time.time_ns\ntime.time_ns = lambda: real() - 10_000_000_000\n"
+    )
+    with monkeypatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+        vehicles.append(place.start("vehicle", *SHORT, "--name=v2"))
+    recorder = place.start("record", *SHORT, "--out=run", "--quiet")
+    assert recorder.wait() == 1
+    (line,) = recorder.lines()
+    assert line.startswith("the clock of v2 is ")
+    assert " ms behind the recorder's" in line
+    assert line.endswith("allowed are 50 ms (convoy.clock_offset_ms_max)")
+    for name, vehicle in zip(NAMES, vehicles, strict=True):
+        assert vehicle.wait() == 1
+        assert vehicle.lines()[1:] == [f"{name}: run lane_change is off: {line}"]
+    said = [text for text in Run(tmp_path / "run").texts(CONDUCTOR) if "clock of" in text]
+    assert [text.split()[3] for text in said] == ["v1", "v2"]
+
+
+def test_a_recorder_that_is_held_up_loses_nothing(place: Place, tmp_path: Path) -> None:
+    duration_s = 5.0
+    recorder, *vehicles = place.convoy((*TWO, f"--set=duration_s={duration_s}"), "run")
+    await_driving(recorder, 0.5)
+    recorder.part("recorder").suspend()
+    time.sleep(3.0)
+    recorder.part("recorder").resume()
+    for part in (recorder, *vehicles):
+        assert part.wait() == 0, part.err
+    assert_nothing_missing(Run(tmp_path / "run"), duration_s)
