@@ -1,6 +1,6 @@
 """Kills at random instants of a run, its start-up and last second included.
 
-`pytest --campaign tests/system/test_campaign.py` does a hundred of them.
+`pytest --campaign tests/system/faults/test_campaign.py` does a hundred of them.
 """
 
 import signal
