@@ -59,6 +59,8 @@ def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: 
         wanted = tuple(dict.fromkeys(speeds)) or DEFAULT_SPEEDS
         try:
             report = gains_report(LINCOLN_MKZ, Gains(*gains), wanted, out_dir=out)
+        except ScenarioError:
+            raise  # about the folder
         except (ValueError, ArithmeticError) as error:
             given = f"gains {', '.join(map(str, gains))} at {', '.join(map(str, wanted))} m/s"
             raise ScenarioError([f"{given}: cannot be studied: {error}"]) from error
