@@ -54,7 +54,7 @@ _ROWS = (
     Reason("unknown",   False, False, "under a key without a subscriber"),
     Reason("foreign",   False, False, "names another vehicle than its key"),
     Reason("reserved",  False, False, "in the recorder's own name"),
-    Reason("absurd",    False, False, "a number that no vehicle measures"),
+    Reason("absurd",    False, False, "a number that no vehicle measures, or not a finite one"),
     Reason("far",       False, False, "more than 100 km from the scenario's origin"),
     Reason("early",     False, False, "measured before the run started"),
     Reason("past",      False, True,  "measured more than 60 s ago"),
