@@ -14,7 +14,7 @@ README = Path(__file__).parents[2] / "README.md"
 SHORT = ["--set", "duration_s=2"]
 NOT_HERE = {
     "--rerun spawn": "--rerun save=live.rrd",  # needs a display
-    "review runs/first/run.mcap": "review runs/first/run.mcap --rerun save=again.rrd",
+    "review runs/first": "review runs/first --rerun save=again.rrd",
     "convoy reproduce": "convoy reproduce --case base",  # all of it takes up to two minutes
 }
 """What a test replaces, and by what."""
