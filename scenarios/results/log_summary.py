@@ -67,10 +67,13 @@ def summarise(
     )
 
 
-def silent_links(scenario: Scenario, metrics: Metrics) -> str:
+def silent_links(
+    scenario: Scenario, metrics: Metrics, replayed: frozenset[str] = frozenset()
+) -> str:
     """Say which links that should lose nothing delivered nothing; nothing if there is none.
 
-    Only what sender and receiver both lived for counts, beyond the delay that was asked for.
+    Only what sender and receiver both lived for counts, beyond the delay that was asked for; a
+    receiver that is `replayed` listens to nobody.
     """
     lived_s = {
         name: metrics.vehicles[name].poses / scenario.vehicle(name).gnss.rate_hz
@@ -82,7 +85,8 @@ def silent_links(scenario: Scenario, metrics: Metrics) -> str:
         common_s = min(lived_s[link.sender], lived_s[link.receiver])
         expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
         is_clean = asked.loss_ratio == 0.0 and asked.rate_hz is None
-        if is_clean and not link.heard and expected_s >= SILENT_S:
+        listens = link.receiver not in replayed
+        if listens and is_clean and not link.heard and expected_s >= SILENT_S:
             said.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
     refused = [
         f"{name} refused {figures.health.rejected_messages} messages"

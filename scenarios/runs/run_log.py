@@ -41,11 +41,16 @@ class RunLog:
         clock: ClockName,
         run_id: str,
         listeners: Sequence[Listener] = (),
+        replayed: frozenset[str] = frozenset(),
     ) -> None:
-        """Open the log in `folder`, which is made, and write what the run is into it."""
+        """Open the log in `folder`, which is made, and write what the run is into it.
+
+        Vehicles that are `replayed` receive nothing.
+        """
         self._scenario = scenario
         self._limits = scenario.tables.limits
         self._folder = folder
+        self._replayed = replayed
         self._identity = RunIdentity.here(scenario, clock, run_id)
         folder.mkdir(parents=True, exist_ok=True)
         self._writer = LogWriter(folder / LOG_NAME)
@@ -88,7 +93,7 @@ class RunLog:
             self.recorder.say_news(at)
             for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
                 self.recorder.say(at, line, "warning")
-            silent = silent_links(self._scenario, self.metrics)
+            silent = silent_links(self._scenario, self.metrics, self._replayed)
             self._reason = why_failed(reason or silent, self._broken())
             return self.recorder.end(at, self._reason)
         except LogError as error:

@@ -45,6 +45,7 @@ def run_virtual(
         clock="virtual",
         run_id=f"{scenario.name}-{scenario.seed}",
         listeners=listeners,
+        replayed=frozenset(replay.vehicle for replay in replays),
     )
 
     def record(topic: Topic, data: bytes, message: Message) -> None:
