@@ -1,20 +1,37 @@
-# One image for every part of a convoy: router, vehicle, recorder. `docker-compose.yml` uses it.
-FROM python:3.11-slim-bookworm
-
+# Two images: `vehicle`, for vehicles and routers, and on top of its packages the whole of it, for
+# recorders and everything else. `docker-compose.yml` uses both.
+FROM python:3.11-slim-bookworm AS base
 RUN python3 -m venv /opt/convoy
 ENV PATH=/opt/convoy/bin:$PATH PYTHONUNBUFFERED=1
-
 # Dependencies first: they change seldom, so this layer is built once.
-COPY requirements.lock /tmp/requirements.lock
-RUN pip install --no-cache-dir --require-hashes -r /tmp/requirements.lock
+COPY requirements-container.lock /tmp/
+RUN pip install --no-cache-dir --require-hashes -r /tmp/requirements-container.lock
+# Logs go to ./runs under this folder; mount a volume there to keep them. What is written belongs to
+# the owner of that volume, not to root. One that Docker had to make is root's: it is given to the
+# owner of the file `owner`, if one is mounted beside it.
+WORKDIR /convoy
+RUN mkdir runs && touch owner && printf '%s\n' '#!/bin/sh -e' \
+    'if [ "$(id -u):$(stat -c %u runs)" = 0:0 ]; then chown "$(stat -c %u:%g owner)" runs || :; fi' \
+    'if [ "$(id -u)" != 0 ] || [ "$(stat -c %u runs)" = 0 ]; then exec convoy "$@"; fi' \
+    'export HOME=/tmp' \
+    'exec setpriv --reuid "$(stat -c %u runs)" --regid "$(stat -c %g runs)" --clear-groups convoy "$@"' \
+    > /usr/local/bin/convoy-as-owner && chmod +x /usr/local/bin/convoy-as-owner
+ENTRYPOINT ["convoy-as-owner"]
+CMD ["run"]
 
+FROM base AS project
 COPY pyproject.toml README.md LICENSE /tmp/convoy/
 COPY vehicles /tmp/convoy/vehicles
 COPY transport /tmp/convoy/transport
 COPY scenarios /tmp/convoy/scenarios
-RUN pip install --no-cache-dir --no-deps /tmp/convoy && rm -r /tmp/convoy
+RUN pip wheel --no-cache-dir --no-deps --wheel-dir /tmp/wheel /tmp/convoy
 
-# Logs go to ./runs under this folder; mount a volume there to keep them.
-WORKDIR /convoy
-ENTRYPOINT ["convoy"]
-CMD ["run"]
+FROM base AS vehicle
+COPY --from=project /tmp/wheel /tmp/wheel
+RUN pip install --no-cache-dir --no-deps /tmp/wheel/*.whl
+
+FROM base AS whole
+COPY requirements.lock /tmp/
+RUN pip install --no-cache-dir --require-hashes -r /tmp/requirements.lock
+COPY --from=project /tmp/wheel /tmp/wheel
+RUN pip install --no-cache-dir --no-deps /tmp/wheel/*.whl

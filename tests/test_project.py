@@ -23,7 +23,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("vehicles", "transport", "scenarios")
 TOP_LEVEL = {
     *PACKAGES, "tests",
-    "pyproject.toml", "requirements.lock", "README.md", "LICENSE",
+    "pyproject.toml", "requirements.lock", "requirements-container.lock", "README.md", "LICENSE",
     "docker-compose.yml", "Dockerfile", ".dockerignore", ".gitignore", ".ci",
 }  # fmt: skip
 GENERATED = {"transport/convoy_pb2.py"}
@@ -35,7 +35,7 @@ LONG_MODULE = 350
 """Lines of a module that deserve a look."""
 PURE = {
     "bisect", "collections", "dataclasses", "enum", "fractions", "functools", "heapq", "importlib",
-    "itertools", "math", "numpy", "pymap3d", "scipy", "typing",
+    "itertools", "math", "numpy", "pymap3d", "scipy", "struct", "typing",
 }  # fmt: skip
 COMES_WITH = {"zstandard": "mcap", "pydantic-core": "pydantic"}
 """Packages that one of our dependencies cannot do without."""
@@ -186,9 +186,22 @@ def names(requirements: Iterable[str]) -> set[str]:
     return {canonicalize_name(Requirement(line).name) for line in requirements}
 
 
-def locked() -> list[tuple[Requirement, list[str]]]:
-    """Each requirement of the lock with its hashes."""
-    text = re.sub(r"#.*", "", (ROOT / "requirements.lock").read_text(encoding="utf-8"))
+EXTRAS = ("viewer", "studies")
+"""What a desk has and a vehicle in a container does without."""
+LOCKS = {"requirements.lock": EXTRAS, "requirements-container.lock": ()}
+"""Locks with the extras that each of them holds."""
+
+
+def requirements(extras: Iterable[str]) -> list[str]:
+    """What the project asks for with these extras."""
+    project = load_project()["project"]
+    optional = project["optional-dependencies"]
+    return [*project["dependencies"], *(line for extra in extras for line in optional[extra])]
+
+
+def locked(lock: str = "requirements.lock") -> list[tuple[Requirement, list[str]]]:
+    """Each requirement of a lock with its hashes."""
+    text = re.sub(r"#.*", "", (ROOT / lock).read_text(encoding="utf-8"))
     entries = [line.split() for line in text.replace("\\\n", " ").splitlines() if line.strip()]
     return [
         (
@@ -199,35 +212,55 @@ def locked() -> list[tuple[Requirement, list[str]]]:
     ]
 
 
-def test_every_dependency_is_locked_to_a_version_that_it_allows() -> None:
+@pytest.mark.parametrize("lock", LOCKS)
+def test_every_dependency_is_locked_to_a_version_that_it_allows(lock: str) -> None:
     pinned: dict[str, list[str]] = {}
-    for requirement, _ in locked():
+    for requirement, _ in locked(lock):
         (pin,) = requirement.specifier
         assert pin.operator == "==", requirement
         pinned.setdefault(canonicalize_name(requirement.name), []).append(pin.version)
-    for line in load_project()["project"]["dependencies"]:
+    for line in requirements(LOCKS[lock]):
         asked = Requirement(line)
         versions = pinned.get(canonicalize_name(asked.name), [])
         assert versions, f"{asked.name} is not locked"
         assert all(asked.specifier.contains(version) for version in versions), line
 
 
-def test_every_locked_file_has_a_hash() -> None:
-    for requirement, hashes in locked():
+def test_a_container_has_the_same_versions_without_the_extras() -> None:
+    whole = {str(requirement): hashes for requirement, hashes in locked()}
+    small = {str(one): hashes for one, hashes in locked("requirements-container.lock")}
+    assert small.items() < whole.items()
+    extras = names(requirements(EXTRAS)) - names(requirements(()))
+    assert extras == {"rerun-sdk", "matplotlib", "scipy"}
+    assert not extras & names(small)
+
+
+def test_whoever_develops_has_the_extras_too() -> None:
+    wanted = f"convoy-emulator[{','.join(EXTRAS)}]"
+    assert wanted in load_project()["project"]["optional-dependencies"]["dev"]
+
+
+@pytest.mark.parametrize("lock", LOCKS)
+def test_every_locked_file_has_a_hash(lock: str) -> None:
+    for requirement, hashes in locked(lock):
         assert hashes, requirement
         assert all(re.fullmatch(r"--hash=sha256:[0-9a-f]{64}", one) for one in hashes), requirement
 
 
-def test_the_lock_names_no_place_to_get_packages_from() -> None:
-    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+@pytest.mark.parametrize("lock", LOCKS)
+def test_the_lock_names_no_place_to_get_packages_from(lock: str) -> None:
+    text = (ROOT / lock).read_text(encoding="utf-8")
     for word in ("://", "--index-url", "--extra-index-url", "--find-links", "--trusted-host"):
         assert word not in text
 
 
-def test_locked_dependencies_are_complete() -> None:
+@pytest.mark.parametrize("lock", LOCKS)
+def test_locked_dependencies_are_complete(lock: str) -> None:
     """What a locked package requires on this platform is locked too."""
     have = {
-        canonicalize_name(r.name) for r, _ in locked() if r.marker is None or r.marker.evaluate()
+        canonicalize_name(r.name)
+        for r, _ in locked(lock)
+        if r.marker is None or r.marker.evaluate()
     }
     for name in sorted(have):
         for line in importlib.metadata.requires(name) or []:
@@ -276,7 +309,7 @@ def test_scipy_is_for_the_analysis_alone() -> None:
 
 
 def test_every_package_that_is_imported_is_a_declared_dependency() -> None:
-    declared = names(load_project()["project"]["dependencies"])
+    declared = names(requirements(EXTRAS))
     distributions = importlib.metadata.packages_distributions()
     for package in PACKAGES:
         for name in imported_by(package):

@@ -3,6 +3,8 @@
 topics     the table of topics: name, message, who logs it, how urgent
 reasons    the table of reasons why a message was not used
 codec      bytes from messages and back
+texts      what of a text may reach a terminal and a line of the log
+colours    colours of the vehicles in every picture
 clock      wall clock and virtual time
 bus/       between processes: Zenoh, or memory within one process
 links/     what a directed link does to a message, and what a vehicle receives

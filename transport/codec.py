@@ -5,22 +5,18 @@ from dataclasses import fields
 from math import isfinite, isinf
 from operator import attrgetter
 from typing import Any, Literal, get_args, get_origin
-from unicodedata import category
 
 from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
 
 from transport import convoy_pb2
 from transport.reasons import RefusalReason
+from transport.texts import printable
 from transport.topics import TOPICS, Topic
 from vehicles.messages import FloatOrNan, Message
 
 MAX_BYTES = 16_384
 """No message of ours is larger; larger ones are refused unread."""
-
-
-_CONTROL = {"Cc", "Cf", "Zl", "Zp"}
-"""Unicode categories of characters that are not text but change how it is shown."""
 
 
 class RefusedMessageError(ValueError):
@@ -102,8 +98,7 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
     for name in form.lists:
         values[name] = tuple(values[name])
     for name in form.texts:
-        if not values[name].isprintable():
-            values[name] = _printable(values[name])
+        values[name] = printable(values[name])
     if exact:
         _check_numbers(form, values)
     for one, other in form.columns:
@@ -116,14 +111,6 @@ def as_read(data: bytes, message: Message) -> bytes:
     """Return the bytes of `message` as it was read from `data`, with what was escaped."""
     texts = [getattr(message, name) for name in _FORMS[type(message)].texts]
     return encode(message) if any("\\" in text for text in texts) else data
-
-
-def _printable(text: str) -> str:
-    """Escape control characters: of terminals, of the direction of writing, and line ends."""
-    return "".join(
-        char.encode("unicode_escape").decode() if category(char) in _CONTROL else char
-        for char in text
-    )
 
 
 def _check_numbers(form: _Form, values: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Why a pose was not used, as a table: links, recorder, figures, picture and README read it.
+"""Why a pose was not used, as a table: links, recorder, figures, picture and reference read it.
 
 A link drops a message by its verdict, which is logged. Whatever cannot be a pose of this run is
 refused at its receiver and counted; so is what came faster than it was taken.
@@ -61,7 +61,7 @@ _ROWS = (
     Reason("future",    False, False, "measured more than 60 s ahead"),
     Reason("sequence",  False, False, "numbered ahead of the sender's schedule"),
     Reason("duplicate", False, False, "the number was received before"),
-    Reason("overflow",  False, False, "pushed out of the queue by newer messages"),
+    Reason("overflow",  False, False, "more than the receiver's queue holds"),
 )
 # fmt: on
 REASONS: Mapping[str, Reason] = {row.word: row for row in _ROWS}

@@ -1,4 +1,4 @@
-"""The topics of a convoy as a table: publisher, recorder, log and README follow it."""
+"""The topics of a convoy as a table: publisher, recorder, log and reference follow it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

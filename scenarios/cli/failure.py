@@ -1,34 +1,56 @@
 """How commands fail: one clear line for each problem, an exit code, no traceback."""
 
+import errno
 import io
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any, TextIO
 
 import click
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.runs.stop import EXIT_BAD_INPUT
+from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 from transport.bus.bus import BusError
 from transport.log.records import LogError
 from transport.picture.viewer_process import ViewerError
+
+UNWRITABLE = {errno.EACCES, errno.EDQUOT, errno.EIO, errno.ENOSPC, errno.EPERM, errno.EROFS}
+"""Nothing is wrong with what was given, but with the place where it is to be written."""
+
+
+class MissingExtraError(Exception):
+    """A package that is not installed with every installation, in one line."""
+
+
+def require(what: str, extra: str, *packages: str) -> None:
+    """Raise MissingExtraError if a package is missing that `what` needs and `extra` brings."""
+    missing = [package for package in packages if find_spec(package) is None]
+    if missing:
+        raise MissingExtraError(
+            f"{what}: needs {' and '.join(missing)}, not installed here: "
+            f"pip install 'convoy-emulator[{extra}]'"
+        )
 
 
 @contextmanager
 def clear_errors() -> Iterator[None]:
     """Turn the errors that a user can do something about into lines and an exit code."""
+    exit_code = EXIT_BAD_INPUT
     try:
         yield
-    except (ScenarioError, BusError, LogError, ViewerError) as error:
+    except (ScenarioError, BusError, LogError, ViewerError, MissingExtraError) as error:
         for line in str(error).splitlines():
             click.echo(line, err=True)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         click.echo(f"{where}{(error.strerror or str(error)).lower()}", err=True)
+        if error.errno in UNWRITABLE:
+            exit_code = EXIT_FAILED
     else:
         return
-    raise SystemExit(EXIT_BAD_INPUT)
+    raise SystemExit(exit_code)
 
 
 class _Pipe(io.FileIO):

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.failure import clear_errors
+from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.guide import completion
 
 
 @click.command(
@@ -21,12 +22,13 @@ Examples:
     default="spawn",
     show_default=True,
     metavar="spawn|serve|connect=URL|save=PATH",
+    shell_complete=completion.rerun,
     help="Where to show it.",
 )
 def review(log: Path, *, rerun: str) -> None:
     """Show a recorded LOG, or the one in a run's folder, in Rerun: the picture of a live run."""
-    from scenarios.results import review as reviewing
     from scenarios.results.log_summary import log_in
+    from scenarios.results.pictures import review as reviewing
     from scenarios.runs.stop import stop_on_signals
     from transport.clock import poll
     from transport.picture.option import parse_rerun_option
@@ -37,7 +39,9 @@ def review(log: Path, *, rerun: str) -> None:
         poll(lambda: stop.asked, every_s=0.1)
 
     with clear_errors():
-        count = reviewing.review(log_in(log), parse_rerun_option(rerun), wait=wait)
+        option = parse_rerun_option(rerun)
+        require("review", "viewer", "rerun")
+        count = reviewing.review(log_in(log), option, wait=wait)
         click.echo(f"{count} messages drawn")
 
 

@@ -16,14 +16,22 @@ import click
 
 from scenarios.cli import logs, run, scenario, study
 from scenarios.cli.failure import outlive_readers
+from scenarios.cli.guide.reference import reference
 
 EXAMPLES = """\b
 Examples:
-  convoy run                                  the default scenario, real processes
-  convoy run church_lot --rerun spawn         watch it live
+  convoy run                              the default scenario, real processes
+  convoy run church_lot --rerun spawn     watch it live
   convoy run lossy_lane_change --clock virtual --seed 7
   convoy run my.toml --set links.loss_ratio=0.3
-  convoy review runs/…/run.mcap               the same picture from the log
+  convoy review runs/…/run.mcap           the same picture from the log
+
+\b
+With this, Tab completes scenarios, --set keys and vehicles, where convoy is on
+the path:
+  eval "$(_CONVOY_COMPLETE=bash_source convoy)"    in bash
+  eval "$(_CONVOY_COMPLETE=zsh_source convoy)"     in zsh
+  _CONVOY_COMPLETE=fish_source convoy | source     in fish
 """
 
 
@@ -45,6 +53,7 @@ for command in (
     logs.review,
     logs.report,
     study.reproduce,
+    reference,
 ):
     cli.add_command(command)
 
@@ -54,4 +63,4 @@ def main() -> None:
     outlive_readers()
     # A controller of the user's own is sought in the working folder too, after what is installed.
     sys.path.append(str(Path.cwd()))
-    cli()
+    cli(prog_name="convoy")

@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import click
 
+from scenarios.cli.guide import completion
 from transport.bus.zenoh_options import ZenohOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -20,9 +21,10 @@ def scenario_options(command: Command) -> Command:
             "overrides",
             multiple=True,
             metavar="KEY=VALUE",
+            shell_complete=completion.settings,
             help="Override a scenario value, such as links.loss_ratio=0.2. May be repeated.",
         ),
-        click.argument("scenario", default="lane_change"),
+        click.argument("scenario", default="lane_change", shell_complete=completion.scenarios),
     ):
         command = decorate(command)
     return command
@@ -37,12 +39,14 @@ def log_options(command: Command) -> Command:
             default="off",
             show_default=True,
             metavar="off|spawn|serve|connect=URL|save=PATH",
+            shell_complete=completion.rerun,
             help="Show the run in Rerun while it goes on.",
         ),
         click.option(
             "--out",
             type=click.Path(file_okay=False, path_type=Path),
-            help="Folder for run.mcap and summary.json; by default runs/<start>-<scenario>/.",
+            help="Folder for run.mcap and summary.json; by default runs/<start>-<scenario>/, the"
+            " overrides behind the name.",
         ),
     ):
         command = decorate(command)

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from scenarios.cli.failure import clear_errors
+from scenarios.cli.guide import completion
 from scenarios.cli.options import (
     leash_option,
     log_options,
@@ -50,7 +51,8 @@ def run(
 ) -> None:
     """Run SCENARIO (a shipped name or a TOML file) and write its log and summary.
 
-    Writes run.mcap and summary.json into runs/<start>-<scenario>/ or the folder given by --out.
+    Writes run.mcap and summary.json into the folder given by --out, by default into
+    runs/<start>-<scenario>/, with the overrides behind the name.
     """
     from scenarios.cli.running import run_scenario
 
@@ -96,7 +98,12 @@ Examples:
 """
 )
 @scenario_options
-@click.option("--name", required=True, help="Which vehicle of the scenario to be.")
+@click.option(
+    "--name",
+    required=True,
+    shell_complete=completion.vehicles,
+    help="Which vehicle of the scenario to be.",
+)
 @run_option
 @zenoh_options
 @click.option(

@@ -3,21 +3,24 @@
 import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import click
 from rich.console import Console
+from rich.text import Text
 
+from scenarios.cli.failure import require
 from scenarios.cli.progress import Progress
 from scenarios.cli.tables import print_summary
 from scenarios.definition.check.report import warnings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME, summary_of, write_summary
-from scenarios.results.review import open_view
+from scenarios.results.metrics import Metrics
+from scenarios.results.pictures.drawing import open_drawing
+from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.results.summary import RunSummary
-from scenarios.runs.processes.launcher import LaunchPlan, launch
+from scenarios.runs.processes.launcher import SAID_BY_RECORDER, LaunchPlan, launch
 from scenarios.runs.processes.membership import (
     RECORDER,
     Fingerprint,
@@ -56,8 +59,11 @@ def run_scenario(
     refuse_picture(rerun, out)  # here, in one line, rather than by the recorder
     folder = run_folder(scenario, out)
     with claimed(folder):
-        plan = LaunchPlan(scenario, again(name, overrides, seed), folder, [], common)
-        return _run_in(plan, clock, rerun, quiet=quiet)
+        if clock == "virtual":
+            return _run_virtual(scenario, folder, rerun, quiet=quiet)
+        recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
+        plan = LaunchPlan(scenario, again(name, overrides, seed), folder, recorder_flags, common)
+        return _run_processes(plan, quiet=quiet)
 
 
 def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
@@ -66,25 +72,32 @@ def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
     return [name, *(f"--set={text}" for text in overrides), *seeds]
 
 
-def _run_in(plan: LaunchPlan, clock: str, rerun: str, *, quiet: bool) -> int:
+def _run_virtual(scenario: Scenario, folder: Path, rerun: str, *, quiet: bool) -> int:
     stop = stop_on_signals()
-    scenario, folder = plan.scenario, plan.folder
-    if clock == "virtual":
-        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
-            stop.begun = True
-            summary = run_virtual(scenario, folder, stop, listeners=watchers)
-        show(summary, folder, quiet=quiet)
-        if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came
-            click.echo(summary.reason, err=True)
-        return stop.exit_code if summary.reason else 0
-    recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
-    outcome = launch(replace(plan, recorder_arguments=recorder_flags), stop, Supervisor())
-    if outcome.reason and outcome.reason != stop.reason:  # a signal was said when it came
+    metrics = Metrics.of(scenario)
+    with (
+        # Whoever makes many runs wants no layout of each: it takes a fifth of the run.
+        nullcontext() if quiet and rerun == "off" else rerun_layout(folder, scenario),
+        listeners(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
+    ):
+        stop.begun = True
+        summary = run_virtual(scenario, folder, stop, metrics=metrics, listeners=watchers)
+    show(summary, folder, quiet=quiet)
+    if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came
+        click.echo(summary.reason, err=True)
+    return stop.exit_code if summary.reason else 0
+
+
+def _run_processes(plan: LaunchPlan, *, quiet: bool) -> int:
+    stop = stop_on_signals()
+    outcome = launch(plan, stop, Supervisor())
+    said = {"", stop.reason, SAID_BY_RECORDER}  # a signal was said when it came
+    if outcome.reason not in said:
         console = Console(stderr=True)
-        console.print(f"[bold red]{outcome.reason}[/]", highlight=False)
+        console.print(Text(outcome.reason, "bold red"), highlight=False)
     if outcome.repaired:
         with suppress(LogError):  # killed before the first message
-            sum_up(folder, quiet=quiet)
+            sum_up(plan.folder, quiet=quiet)
     return outcome.exit_code
 
 
@@ -111,10 +124,21 @@ def record_run(
     ):
         member = Membership(bus, options.run, RECORDER, "recorder", Fingerprint.of(scenario))
         member.join()
-        with listeners(scenario, rerun, run_id=folder.name, quiet=quiet) as watchers:
+        metrics = Metrics.of(scenario)
+        with (
+            rerun_layout(folder, scenario),
+            listeners(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
+        ):
             stop.begun = True
             recorder = RecorderProcess(
-                scenario, bus, folder, stop, member, gather_s=gather_s, listeners=watchers
+                scenario,
+                bus,
+                folder,
+                stop,
+                member,
+                metrics=metrics,
+                gather_s=gather_s,
+                listeners=watchers,
             )
             summary = recorder.record_until_over()
         show(summary, folder, quiet=quiet)
@@ -129,12 +153,14 @@ def record_run(
 
 def run_folder(scenario: Scenario, out: Path | None) -> Path:
     """Folder of a new run, by default a new one."""
-    return out or default_folder(scenario.name, datetime.now(tz=UTC).astimezone())
+    return out or default_folder(scenario.slug, datetime.now(tz=UTC).astimezone())
 
 
 def refuse_picture(rerun: str, out: Path | None) -> None:
-    """Raise ViewerError if the picture cannot go where `--rerun` says, of a run into `out`."""
+    """Raise an error if the picture cannot go where `--rerun` says, of a run into `out`."""
     option = parse_rerun_option(rerun)
+    if option.sink != "off":
+        require(f"--rerun {rerun}", "viewer", "rerun")
     if option.sink == "spawn":
         require_display()
     refuse_foreign_file(option)
@@ -145,16 +171,22 @@ def refuse_picture(rerun: str, out: Path | None) -> None:
 
 @contextmanager
 def listeners(
-    scenario: Scenario, rerun: str, *, run_id: str, quiet: bool
+    scenario: Scenario, metrics: Metrics, rerun: str, *, run_id: str, quiet: bool
 ) -> Iterator[list[Listener]]:
-    """Open the viewer and the progress line, which are given each message as it is recorded."""
+    """Open the viewer and the progress line, which are given each message as it is recorded.
+
+    The progress line shows what `metrics` has gathered.
+    """
     with ExitStack() as stack:
-        view = stack.enter_context(open_view(parse_rerun_option(rerun), scenario, run_id))
+        option = parse_rerun_option(rerun)
+        view = stack.enter_context(open_drawing(option, scenario, run_id, metrics))
         found: list[Listener] = [view.draw]
         if view.where and not quiet:
-            Console(stderr=True).print(f"watch it: {view.where}", soft_wrap=True, highlight=False)
+            Console(stderr=True).print(
+                f"watch it: {view.where}", soft_wrap=True, highlight=False, markup=False
+            )
         if not quiet:
-            progress = Progress.of(scenario)
+            progress = Progress(metrics, scenario.duration_s)
             found.append(stack.enter_context(progress).listen)
         yield found
 

@@ -1,11 +1,15 @@
 """Commands that look at scenarios and write new ones; nothing is run."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.failure import clear_errors
+from scenarios.cli.failure import MissingExtraError, clear_errors, require
 from scenarios.cli.options import scenario_options
+
+if TYPE_CHECKING:
+    from scenarios.definition.scenario import Scenario
 
 
 @click.command(name="list", epilog="Example: convoy list")
@@ -43,21 +47,31 @@ def check(*, scenario: str, overrides: tuple[str, ...], seed: int | None, as_jso
 
     from rich.console import Console
 
-    from scenarios.cli.tables import check_table
-    from scenarios.definition.check.certificate import certificate_warnings
+    from scenarios.cli.guide.asked import print_report
     from scenarios.definition.check.report import report_of
     from scenarios.definition.scenario import load_scenario
 
     with clear_errors():
         loaded = load_scenario(scenario, overrides, seed)
         report = report_of(loaded)
-        warnings = (*report.warnings, *certificate_warnings(loaded))
+        warnings = (*report.warnings, *_certificate_warnings(loaded))
         if as_json:
             click.echo(json.dumps(asdict(report) | {"warnings": warnings}, indent=2))
             return
-        Console().print(check_table(report))
+        print_report(report, Console())
         for line in warnings:
             click.echo(f"warning: {line}")
+
+
+def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
+    """Warn of changes of speed that the gains are not certified for, or that this is not known."""
+    try:
+        require("certificate of the gains", "studies", "scipy")
+    except MissingExtraError as error:
+        return (str(error),)
+    from scenarios.definition.check.certificate import certificate_warnings
+
+    return tuple(certificate_warnings(scenario))
 
 
 @click.command(epilog="Example: convoy new > my.toml")

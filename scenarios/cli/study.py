@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.failure import clear_errors
+from scenarios.cli.failure import clear_errors, require
 
 SLOWEST, FASTEST = 2.0, 100.0
 """Speeds (m/s) that can be studied; the model, which divides by the speed, needs no more."""
+STUDIES = ("studies", "matplotlib", "scipy")
+"""The extra without which there are no studies, and what it brings."""
 GAINS = {"KE": (0.001, 10.0), "KTHETA": (0.0, 100.0), "KOMEGA": (0.0, 10.0)}
 """Least and largest gains (rad/m, rad/rad, s); without KE nothing leads back to the path."""
 
@@ -46,6 +48,8 @@ Examples:
 )
 def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: Path) -> None:
     """Stabilising gain sets, margins, varying speed, loadings and propagation, with pictures."""
+    with clear_errors():
+        require("gains", *STUDIES)
     from rich.console import Console
 
     from scenarios.cli.tables import gains_table
@@ -98,6 +102,8 @@ Examples:
 )
 def reproduce(*, cases: tuple[str, ...], out: Path) -> None:
     """Run the paper's experiments and write a report: each claim against what comes out here."""
+    with clear_errors():
+        require("reproduce", *STUDIES)
     from scenarios.studies.paper.reproduce import reproduce as carry_out
 
     with clear_errors():

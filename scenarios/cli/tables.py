@@ -11,7 +11,6 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from scenarios.definition.check.report import CheckReport
 from scenarios.results.encounters import EventKind
 from scenarios.results.holes import hole_lines
 from scenarios.results.summary import RunSummary
@@ -50,7 +49,7 @@ def print_summary(summary: RunSummary, log: Path | None, console: Console) -> No
         console.print(link_table(summary))
     if summary.events:
         console.print(event_table(summary))
-    for line in _unrecorded(summary):
+    for line in (*_unrecorded(summary), *summary.warnings):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
     if summary.reason:
         word = "ended early" if summary.ran_s < summary.duration_s else "failed"
@@ -186,43 +185,6 @@ def link_table(summary: RunSummary) -> Table:
 
 def _pair_cm(largest: float | None, rms: float | None) -> str:
     return "-" if largest is None or rms is None else f"{largest * 100:.1f} / {rms * 100:.1f}"
-
-
-def check_table(report: CheckReport) -> Table:
-    """What a scenario asks for, one figure a row."""
-    title = f"{report.name}: {escape(report.description)}"
-    table = Table(title=title, box=SIMPLE_HEAD, show_header=False)
-    table.add_column("what", no_wrap=True)
-    table.add_column("figure")
-    rows = (
-        ("vehicles", ", ".join(report.vehicles)),
-        ("gaps at the start", ", ".join(f"{gap:g}" for gap in report.gaps_m) + " m"),
-        ("duration", f"{report.duration_s:.1f} s"),
-        ("path, and driven of it", f"{report.path_length_m:.0f} m, {report.driven_m:.0f} m"),
-        ("tightest radius", f"{report.radius_m_min:.1f} m" if report.radius_m_min else "straight"),
-        ("speed", f"{report.speed_mps_min:.1f} to {report.speed_mps_max:.1f} m/s"),
-        (
-            "acceleration, braking",
-            f"{report.acceleration_mps2_max:.1f}, {report.braking_mps2_max:.1f} m/s²",
-        ),
-        ("lateral acceleration", f"{report.lateral_acceleration_mps2_max:.1f} m/s²"),
-    )
-    for what, figure in rows:
-        if figure != " m":  # a vehicle alone has no gaps
-            table.add_row(what, figure)
-    table.add_row("seed", str(report.seed))
-    distinct: dict[str, list[str]] = {}
-    for name, link in report.links.items():
-        rate = "every message" if link["rate_hz"] is None else f"{link['rate_hz']:g} Hz"
-        asked = f"{link['latency_ms']:g} ms, jitter {link['jitter_ms']:g} ms, "
-        asked += f"loss {link['loss_ratio']:g}, {rate}"
-        distinct.setdefault(asked, []).append(name)
-    for asked, names in distinct.items():
-        table.add_row("links", f"{asked}: {', '.join(names)}")
-    if report.deviation_m_rms is not None and report.deviation_m_max is not None:
-        rms, largest = report.deviation_m_rms * 100, report.deviation_m_max * 100
-        table.add_row("path off the recorded points", f"{rms:.1f} cm rms, {largest:.1f} cm at most")
-    return table
 
 
 def gains_table(report: "GainsReport") -> Table:

@@ -10,7 +10,12 @@ from scenarios.definition.schema.path import SegmentTable
 from scenarios.definition.schema.tables import CONTROLLERS, ScenarioTables
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
+from vehicles.car.dynamics import fastest_rate
 from vehicles.driver.steering import ControllerError, load_controller, try_out
+
+FASTEST_RATE = 20_000.0
+"""Rate (1/s) of a car's tyres or steering up to which a run keeps up with the clock; the paper's
+car has 206 in its tyres. One of a lorry's mass on a toy's inertia would take hours for a second."""
 
 Problem = tuple[str, str]
 """Key, and what is wrong with it."""
@@ -22,6 +27,7 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     yield from _links(tables)
     yield from _speed(tables)
     yield from _path(tables)
+    yield from _cars(tables)
 
 
 def _names(tables: ScenarioTables) -> Iterator[Problem]:
@@ -92,6 +98,21 @@ def _points(path: dict[str, tuple[float, ...]]) -> Iterator[Problem]:
     for key in ("north_m", "time_s", "speed_mps"):
         if len(path[key]) != wanted and (path[key] or key == "north_m"):
             yield f"path.{key}", f"given {len(path[key])} numbers, allowed {wanted} as path.east_m"
+
+
+def _cars(tables: ScenarioTables) -> Iterator[Problem]:
+    refused: dict[str, str] = {}
+    for name in vehicle_names(tables):
+        own = tables.vehicle.get(name)
+        setup = vehicle_setup(tables, name)
+        rate = max(map(fastest_rate, (setup.parameters, setup.assumed_parameters)))
+        if rate > FASTEST_RATE:
+            table = f"vehicle.{name}.parameters" if own and own.parameters else "parameters"
+            refused[table] = (
+                f"the car's tyres and steering answer at {rate:.3g} 1/s, allowed up to "
+                f"{FASTEST_RATE:g}: too stiff for its mass and yaw inertia"
+            )
+    yield from refused.items()
 
 
 def controllers(tables: ScenarioTables) -> Iterator[Problem]:

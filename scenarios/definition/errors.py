@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable
 
+from transport.texts import printable
+
 
 class ScenarioError(ValueError):
     """A scenario that cannot be run; `lines` names each problem in one line."""
 
     def __init__(self, lines: Iterable[str]) -> None:
-        self.lines = tuple(lines)
+        self.lines = tuple(map(printable, lines))
         super().__init__("\n".join(self.lines))
 
     def __reduce__(self) -> tuple[type["ScenarioError"], tuple[tuple[str, ...]]]:

@@ -16,6 +16,8 @@ from scenarios.definition.schema.tables import ScenarioTables
 MAX_SHOWN = 60
 """Characters of a refused text or list that are shown; a number is shown whole."""
 
+LONGEST_NUMBER = 10**1000
+
 Location = tuple[str | int, ...]
 
 _ALLOWED = {
@@ -42,8 +44,8 @@ def shown(value: object) -> str:
         return "a table"
     if isinstance(value, float):
         return repr(value)
-    if isinstance(value, int):  # whole, however long
-        return json.dumps(value)
+    if isinstance(value, int):  # whole, however long, as far as Python writes it
+        return json.dumps(value) if abs(value) < LONGEST_NUMBER else "a number without end"
     text = value.isoformat() if isinstance(value, datetime) else json.dumps(value, default=str)
     return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
 
@@ -111,11 +113,12 @@ def limits(field: FieldInfo) -> str:
     return ", ".join(f"{word} {found[name]}" for name, word in words.items() if name in found)
 
 
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Tables inside the type of a key, such as a list of them."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
-        yield from _models(part)
+        yield from models_of(part)
 
 
 def _fields(location: Location) -> dict[str, FieldInfo]:
@@ -124,7 +127,7 @@ def _fields(location: Location) -> dict[str, FieldInfo]:
     for part in location:
         for model in models:
             if part in model.model_fields:
-                models = list(_models(model.model_fields[str(part)].annotation))
+                models = list(models_of(model.model_fields[str(part)].annotation))
                 break
     return {name: field for model in models for name, field in model.model_fields.items()}
 

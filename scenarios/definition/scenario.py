@@ -62,12 +62,29 @@ class Scenario:
         return self.tables.overrides or ()
 
     @cached_property
+    def fingerprint(self) -> str:
+        """Six letters that stand for all it says; none for a shipped one, whatever its overrides.
+
+        Two files of the user may have the same name, or that of a shipped scenario.
+        """
+        if self.name in library():
+            try:
+                if self.text == load_scenario(self.name, self.overrides).text:
+                    return ""
+            except ScenarioError:
+                pass  # not with these overrides: another file of that name
+        return hashlib.sha256(self.text.encode()).hexdigest()[:6]
+
+    @cached_property
     def title(self) -> str:
-        """The run in one line: name, seed, weight of the predecessor, loss, and overrides."""
+        """The run in one line: name, seed, weight of the predecessor, loss, and overrides.
+
+        The name of a scenario that is not shipped has its fingerprint behind it.
+        """
         weights = [self.vehicle(name).steering.alpha_ratio for name in self.vehicle_names[1:]]
         losses = [100.0 * link.loss_ratio for link in self.links.values()]
         parts = [
-            self.name,
+            f"{self.name} ({self.fingerprint})" if self.fingerprint else self.name,
             f"seed {self.seed}",
             *([f"α {_range(weights)}"] if weights else []),
             *([f"loss {_range(losses)} %"] if losses else []),
@@ -87,6 +104,11 @@ class Scenario:
             return slug
         digest = hashlib.sha256(text.encode()).hexdigest()[:8]
         return f"{slug[: LONGEST_SLUG - 9]}-{digest}"
+
+    @property
+    def virtual_run_id(self) -> str:
+        """What tells its virtual run from those of all other settings: slug, seed, fingerprint."""
+        return "-".join(filter(None, (self.slug, str(self.seed), self.fingerprint)))
 
     @property
     def seed(self) -> int:

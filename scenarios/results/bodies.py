@@ -71,12 +71,13 @@ def corners(body: CarBody) -> tuple[tuple[float, float], ...]:
     forward_east = body.half_length * body.along_east
     forward_north = body.half_length * body.along_north
     left_east, left_north = -body.half_width * body.along_north, body.half_width * body.along_east
-    return tuple(
-        (
-            body.east + ahead * forward_east + aside * left_east,
-            body.north + ahead * forward_north + aside * left_north,
-        )
-        for ahead, aside in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    front_east, front_north = body.east + forward_east, body.north + forward_north
+    rear_east, rear_north = body.east - forward_east, body.north - forward_north
+    return (
+        (front_east + left_east, front_north + left_north),
+        (rear_east + left_east, rear_north + left_north),
+        (rear_east - left_east, rear_north - left_north),
+        (front_east - left_east, front_north - left_north),
     )
 
 

@@ -6,11 +6,11 @@ matter, since bodies are compared at equal instants only.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise, product
-from math import inf
+from itertools import pairwise
+from math import hypot, inf
 from typing import Literal
 
-from scenarios.results.bodies import BodySize, CarBody, body_of, separation
+from scenarios.results.bodies import BodySize, CarBody, Separation, body_of, separation
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
@@ -21,8 +21,6 @@ MOST_FRAMES = 3000
 PARTED_M = 0.2
 """Two bodies that collided have parted when they are so far apart: what only grazes on is one
 collision, not many."""
-AROUND = tuple(product((-1, 0, 1), repeat=2))
-"""A cell of the grid and those beside it: two bodies that touch are no further apart."""
 QUIET_NS = SECOND
 """An episode is over when its condition has not held for so long, so one that flickers is one."""
 
@@ -31,7 +29,7 @@ QUIET_NS = SECOND
 class Episode:
     """Something that happened, from `at_ns` until `until_ns`; figures have unit suffixes.
 
-    The figures of one that goes on still grow.
+    The figures of one that goes on still grow. `place` is where it began, (east, north) in metres.
     """
 
     kind: EventKind
@@ -40,6 +38,7 @@ class Episode:
     until_ns: int
     figures: dict[str, float] = field(default_factory=dict)
     hit: bool = False
+    place: tuple[float, float] = (0.0, 0.0)
 
     def least(self, figure: str, value: float) -> None:
         """Keep the smallest value of a figure."""
@@ -56,25 +55,18 @@ class Episode:
 
 @dataclass(slots=True)
 class SmallestGap:
-    """Distance (m) to the body of the vehicle ahead: the last one, the smallest and its instant."""
+    """Distance (m) to the body of the vehicle ahead: the last one and the smallest, and when."""
 
     now_m: float = inf
+    now_at_ns: int = 0
     min_m: float = inf
     min_at_ns: int = 0
 
     def add(self, gap: float, at: int) -> None:
         """Take the gap at an instant (ns)."""
-        self.now_m = gap
+        self.now_m, self.now_at_ns = gap, at
         if gap < self.min_m:
             self.min_m, self.min_at_ns = gap, at
-
-
-@dataclass(slots=True)
-class _Frame:
-    """The bodies known at one instant, and which of them are in each cell of a grid."""
-
-    bodies: dict[str, CarBody] = field(default_factory=dict)
-    cells: dict[tuple[int, int], list[str]] = field(default_factory=dict)
 
 
 class Encounters:
@@ -87,12 +79,13 @@ class Encounters:
         self._sizes = sizes
         self._place = {name: place for place, name in enumerate(sizes)}
         self._near_gap, self._near_time = near_gap, near_time
-        self._cell = max((size.length**2 + size.width**2) ** 0.5 for size in sizes.values())
-        self._neighbours: dict[str, list[str]] = {name: [] for name in sizes}
+        # Centres of bodies that touch are no further apart.
+        self._reach = max(hypot(size.length, size.width) for size in sizes.values())
+        self._neighbours: dict[str, set[str]] = {name: set() for name in sizes}
         for ahead, behind in pairwise(sizes):
-            self._neighbours[ahead].append(behind)
-            self._neighbours[behind].append(ahead)
-        self._frames: dict[int, _Frame] = {}
+            self._neighbours[ahead].add(behind)
+            self._neighbours[behind].add(ahead)
+        self._frames: dict[int, dict[str, CarBody]] = {}
         self._touching: dict[str, set[str]] = {name: set() for name in sizes}
         self._near: dict[tuple[str, str], Episode] = {}
         self.gaps = {name: SmallestGap() for name in list(sizes)[1:]}
@@ -104,17 +97,19 @@ class Encounters:
         if frame is None:
             if len(self._frames) >= MOST_FRAMES:
                 del self._frames[next(iter(self._frames))]
-            frame = self._frames[at] = _Frame()
+            frame = self._frames[at] = {}
         body = body_of(pose, self._sizes[name])
-        cell = (int(body.east // self._cell), int(body.north // self._cell))
-        found = [
-            episode
-            for other in sorted(self._to_compare(name, cell, frame), key=self._place.__getitem__)
-            for episode in self._meet(at, name, body, other, frame.bodies[other])
-        ]
-        frame.bodies[name] = body
-        frame.cells.setdefault(cell, []).append(name)
-        if len(frame.bodies) == len(self._sizes):
+        always = self._neighbours[name] | self._touching[name]
+        found: list[Episode] = []
+        for other, there in frame.items():
+            near = (
+                abs(there.east - body.east) < self._reach
+                and abs(there.north - body.north) < self._reach
+            )
+            if (near or other in always) and other != name:
+                found += self._meet(at, name, body, other, there)
+        frame[name] = body
+        if len(frame) == len(self._sizes):
             del self._frames[at]
         return found
 
@@ -124,43 +119,37 @@ class Encounters:
         self._near.clear()
         return left
 
-    def _to_compare(self, name: str, cell: tuple[int, int], frame: _Frame) -> set[str]:
-        """Vehicles of the frame to compare with: neighbours, those close by, and those touched."""
-        around: set[str] = set()
-        for east, north in AROUND:
-            around.update(frame.cells.get((cell[0] + east, cell[1] + north), ()))
-        known = (*self._neighbours[name], *self._touching[name])
-        return (around | {other for other in known if other in frame.bodies}) - {name}
-
     def _meet(
         self, at: int, name: str, body: CarBody, other: str, there: CarBody
     ) -> Iterator[Episode]:
         if self._place[name] > self._place[other]:
             name, body, other, there = other, there, name, body
         apart = separation(body, there)
+        place = (0.5 * (body.east + there.east), 0.5 * (body.north + there.north))
         touched = other in self._touching[name]
         if apart.distance == 0.0 and not touched:
             self._touching[name].add(other)
             self._touching[other].add(name)
             # Of two that overlap in passing it is the speed along the line between their centres.
             figures = {"closing_speed_mps": apart.closing}
-            yield Episode("collision", (name, other), at, at, figures)
+            yield Episode("collision", (name, other), at, at, figures, place=place)
         elif apart.distance > PARTED_M and touched:
             self._touching[name].discard(other)
             self._touching[other].discard(name)
         if self._place[other] == self._place[name] + 1:
             self.gaps[other].add(apart.distance, at)
-            yield from self._keep_apart(at, (name, other), apart.distance, apart.closing)
+            yield from self._keep_apart(at, (name, other), apart, place)
 
     def _keep_apart(
-        self, at: int, pair: tuple[str, str], distance: float, closing: float
+        self, at: int, pair: tuple[str, str], apart: Separation, place: tuple[float, float]
     ) -> Iterator[Episode]:
         """Follow a near miss; it is certain once it is over and has not become a collision."""
-        left = distance / closing if closing > 0.0 else inf
+        distance = apart.distance
+        left = distance / apart.closing if apart.closing > 0.0 else inf
         episode = self._near.get(pair)
         if distance < self._near_gap or left < self._near_time or distance == 0.0:
             if episode is None:
-                episode = self._near[pair] = Episode("near_miss", pair, at, at)
+                episode = self._near[pair] = Episode("near_miss", pair, at, at, place=place)
             episode.until_ns = at
             episode.hit |= distance == 0.0
             episode.least("gap_m_min", distance)

@@ -14,7 +14,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import EventsTable
 from scenarios.results.bodies import BodySize, body_of, corners
 from scenarios.results.encounters import Encounters, Episode, EventKind
-from vehicles.geometry.driven_path import CrossTrackError
+from vehicles.geometry.driven_path import MOST_WAITING, CrossTrackError
 from vehicles.messages import Level, Tracking, TruePose
 from vehicles.schedule import SECOND, nanoseconds
 
@@ -90,8 +90,9 @@ class LaneWatch:
     ) -> None:
         self._sizes = sizes
         self._half_width = 0.5 * lane_width
-        self._lead = next(iter(sizes))
-        self._paths = CrossTrackError(self._lead, road_yaw)
+        self._lead, *followers = sizes
+        points = [f"{name}/{number}" for name in followers for number in range(4)]
+        self._paths = CrossTrackError(self._lead, road_yaw, points)
         self._corners: defaultdict[str, dict[int, list[float]]] = defaultdict(dict)
         self._open: dict[str, Episode] = {}
         self._next_look: dict[str, int] = {}
@@ -115,6 +116,8 @@ class LaneWatch:
             vehicle = foot.vehicle.rpartition("/")[0]
             # The lead reaches the front corners' places later than those of the rear ones.
             waiting = self._corners[vehicle]
+            if len(waiting) > MOST_WAITING:
+                del waiting[next(iter(waiting))]
             known = waiting.setdefault(foot.at_ns, [])
             known.append(abs(foot.lateral))
             if len(known) == 4:
@@ -147,8 +150,11 @@ class PathWatch:
         self._last: dict[str, int] = {}
         self._told: set[str] = set()
 
-    def add(self, tracking: Tracking) -> Iterator[Episode]:
-        """Take the tracking of one instant; gives a loss as soon as it has lasted long enough."""
+    def add(self, tracking: Tracking, place: tuple[float, float] = (0.0, 0.0)) -> Iterator[Episode]:
+        """Take the tracking of one instant; gives a loss as soon as it has lasted long enough.
+
+        `place` is where the vehicle is (m).
+        """
         name, at = tracking.vehicle, tracking.decided_at_ns
         unseen = at - self._last.get(name, at) > UNRECORDED_NS
         self._last[name] = at
@@ -160,7 +166,7 @@ class PathWatch:
             return  # it has had none yet
         episode = self._lost[name]
         if episode is None or unseen:
-            episode = self._lost[name] = Episode("path_lost", (name,), at, at)
+            episode = self._lost[name] = Episode("path_lost", (name,), at, at, place=place)
             self._told.discard(name)
         episode.until_ns = at
         episode.most("duration_s", (at - episode.at_ns) / SECOND)
@@ -170,7 +176,10 @@ class PathWatch:
 
 
 class EventDetector:
-    """Finds the events of a run; `encounters` holds the true gaps beside."""
+    """Finds the events of a run; `encounters` holds the true gaps beside.
+
+    `collisions` counts those so far.
+    """
 
     def __init__(
         self,
@@ -187,6 +196,8 @@ class EventDetector:
         self._path = PathWatch(rules.path_lost_s)
         self._found: list[Episode] = []
         self._told = 0
+        self._places: dict[str, tuple[float, float]] = {}
+        self.collisions = 0
         self._start_at: int | None = None
         self._first_at = inf
 
@@ -197,12 +208,18 @@ class EventDetector:
     def add_truth(self, pose: TruePose) -> None:
         """Take a true pose of one of the vehicles."""
         self._first_at = min(self._first_at, pose.true_at_ns)
-        self._found += self.encounters.add(pose)
-        self._found += self._lane.add(pose)
+        self._places[pose.vehicle] = (pose.east_m, pose.north_m)
+        if met := self.encounters.add(pose):
+            self.collisions += sum(episode.kind == "collision" for episode in met)
+            self._found += met
+        for episode in self._lane.add(pose):  # as it begins
+            episode.place = self._places[episode.vehicles[0]]
+            self._found.append(episode)
 
     def add_tracking(self, tracking: Tracking) -> None:
         """Take what one of the vehicles steers along."""
-        self._found += self._path.add(tracking)
+        place = self._places.get(tracking.vehicle, (0.0, 0.0))
+        self._found += self._path.add(tracking, place)
 
     def finish(self) -> None:
         """Count what had not ended when the run did."""
@@ -214,16 +231,15 @@ class EventDetector:
             return []
         new = self._found[self._told :]
         self._told = len(self._found)
-        return [self._event(episode) for episode in new]
+        return [self.event(episode) for episode in new]
 
-    @property
-    def collisions(self) -> int:
-        """Collisions so far."""
-        return sum(episode.kind == "collision" for episode in self._found)
+    def episodes(self, first: int) -> list[Episode]:
+        """Events in the order in which they were found, from number `first` on."""
+        return self._found[first:]
 
     def events(self) -> tuple[RunEvent, ...]:
         """All events so far, in order of time, whatever the order in which they were found."""
-        found = [self._event(episode) for episode in self._found]
+        found = [self.event(episode) for episode in self._found]
         return tuple(sorted(found, key=lambda one: (one.at_s, one.kind, one.vehicles)))
 
     def seconds(self, at: int) -> float:
@@ -231,7 +247,8 @@ class EventDetector:
         start = self._first_at if self._start_at is None else self._start_at
         return (at - start) / SECOND
 
-    def _event(self, episode: Episode) -> RunEvent:
+    def event(self, episode: Episode) -> RunEvent:
+        """Put an episode as it stands in the summary."""
         return RunEvent(
             kind=episode.kind,
             at_s=self.seconds(episode.at_ns),

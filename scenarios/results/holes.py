@@ -1,34 +1,48 @@
 """What of a run was not recorded: holes in the numbers of the poses that a vehicle sends."""
 
+import sys
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
+from typing import Literal
 
 from vehicles.schedule import SECOND, instant
+
+MOST_RANGES = 1000
+"""Ranges of numbers that are known of each topic, so that forged ones take no memory. Beyond it
+nothing is refused that is true; a number that comes twice may then be recorded twice."""
+HoleKind = Literal["pose", "true pose"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordHole:
     """Poses of a vehicle that it should have sent and that are not in the log, one after another.
 
-    `from_s` and `to_s` are the instants of the first and the last of them, from the start.
+    `from_s` and `to_s` are the instants of the first and the last of them, from the start. Of the
+    kind "true pose" are those from which the figures are made, where poses were recorded meanwhile.
     """
 
     vehicle: str
     from_s: float
     to_s: float
     poses: int
+    kind: HoleKind = "pose"
+
+    def covers(self, other: "RecordHole", slack_s: float) -> bool:
+        """Whether another hole lies within this one, or but for `slack_s` (s) at each end."""
+        return other.from_s >= self.from_s - slack_s and other.to_s <= self.to_s + slack_s
 
 
 def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
     """Say what is missing, a line for equal holes of several vehicles, `most` lines of them."""
-    alike: dict[tuple[float, float, int], list[str]] = {}
+    alike: dict[tuple[float, float, int, HoleKind], list[str]] = {}
     for hole in holes:
-        alike.setdefault((hole.from_s, hole.to_s, hole.poses), []).append(hole.vehicle)
-    for (begin, end, count), vehicles in list(alike.items())[:most]:
-        poses = "1 pose" if count == 1 else f"{count} poses"
+        key = (hole.from_s, hole.to_s, hole.poses, hole.kind)
+        alike.setdefault(key, []).append(hole.vehicle)
+    for (begin, end, count, kind), vehicles in list(alike.items())[:most]:
+        poses = f"1 {kind}" if count == 1 else f"{count} {kind}s"
         when = f"{begin:.2f}" if count == 1 else f"{begin:.2f} to {end:.2f}"
         each = "each " if len(vehicles) > 1 else ""
         yield f"not recorded: {poses} {each}of {', '.join(vehicles)}, {when} s after the start"
@@ -37,12 +51,18 @@ def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
 
 
 class RecordedNumbers:
-    """The numbers of the poses that were recorded, as ranges; they may come in any order."""
+    """The numbers of the messages that were recorded, as ranges; they may come in any order."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_ranges: int = sys.maxsize) -> None:
+        """A number that would need one range more than `most_ranges` is counted, but not kept."""
         self._firsts: list[int] = []
         self._lasts: list[int] = []
+        self._most_ranges = most_ranges
         self.count = 0
+
+    def __contains__(self, number: int) -> bool:
+        place = bisect_left(self._lasts, number)
+        return place < len(self._lasts) and self._firsts[place] <= number
 
     def add(self, number: int) -> None:
         """Take a number; one that is there already changes nothing but the count."""
@@ -58,6 +78,8 @@ class RecordedNumbers:
         for left in (place, place - 1):  # join what touches now
             if 0 <= left < len(self._lasts) - 1 and self._lasts[left] + 1 == self._firsts[left + 1]:
                 del self._lasts[left], self._firsts[left + 1]
+        if len(self._firsts) > self._most_ranges:
+            del self._lasts[place], self._firsts[place]
 
     @property
     def newest(self) -> int:
@@ -84,13 +106,18 @@ def expected_poses(ran_ns: int, rate_hz: float) -> int:
 
 
 def holes_of(
-    vehicle: str, numbers: RecordedNumbers, rate_hz: float, expected: int
+    vehicle: str,
+    numbers: RecordedNumbers,
+    rate_hz: float,
+    expected: int,
+    kind: HoleKind = "pose",
 ) -> Iterator[RecordHole]:
-    """Give the holes in the record of a vehicle that sends poses at `rate_hz`."""
+    """Give the holes in the record of a vehicle that sends what is counted at `rate_hz`."""
     for first, last in numbers.missing(expected):
         yield RecordHole(
             vehicle=vehicle,
             from_s=instant(0, first, rate_hz) / SECOND,
             to_s=instant(0, last, rate_hz) / SECOND,
             poses=last - first + 1,
+            kind=kind,
         )

@@ -11,6 +11,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
 from transport.log.reader import LogReader
 from transport.log.records import LogError
+from transport.log.repair import REPAIRED
 from vehicles.messages import RunStart
 from vehicles.schedule import SECOND, nanoseconds
 
@@ -64,6 +65,7 @@ def summarise(
         links=metrics.link_summaries(),
         events=events,
         holes=metrics.holes(ran_ns),
+        warnings=tuple(metrics.warnings),
     )
 
 
@@ -104,23 +106,26 @@ def log_in(path: Path) -> Path:
 def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSummary:
     """The summary inside `log`; for a log that breaks off, worked out from its messages.
 
+    So it is for one that had to be repaired: what was attached last did not know of that yet.
+
     `warn` is called with a line about damage.
     """
     reader = LogReader(log)
+    attachments = reader.attachments()
+    if reader.damage and not {SUMMARY_NAME, ATTACHED_AS} & attachments.keys():
+        raise LogError(f"{reader.damage}; with it the scenario")
     if reader.damage:
         warn(reader.damage)
-    attachments = reader.attachments()
-    if SUMMARY_NAME in attachments:
+    if SUMMARY_NAME in attachments and REPAIRED not in reader.metadata():
         try:
             return from_json(attachments[SUMMARY_NAME].decode())
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
     scenario = scenario_in(log, attachments)
     metrics = Metrics.of(scenario)
-    start_at = last_at = 0
-    for at, _, message in reader.messages():
+    start_at = 0
+    for _, _, message in reader.messages(metrics.topics):
         metrics.add(message)
-        last_at = at
         if isinstance(message, RunStart):
             start_at = message.start_at_ns
     try:
@@ -131,7 +136,7 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
         identity,
         scenario,
         metrics,
-        ran_ns=max(last_at - start_at, 0) if start_at else 0,
+        ran_ns=max(reader.last_at - start_at, 0) if start_at else 0,
         reason="the log is damaged" if reader.damage else "the log breaks off",
         rejected={},
     )

@@ -1,115 +1,44 @@
 """Figures of a run, gathered message by message: live, in virtual time, or from a log."""
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from math import inf, isfinite, sqrt
-from statistics import fmean
+from itertools import pairwise
+from math import inf, isfinite
 from typing import Any
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.bodies import BodySize
+from scenarios.results.deviations import Deviations
 from scenarios.results.events import EventDetector, detector_of
-from scenarios.results.holes import RecordedNumbers, RecordHole, expected_poses, holes_of
+from scenarios.results.figures import LinkFigures, VehicleFigures
+from scenarios.results.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.summary import LinkSummary, VehicleSummary
+from transport.links.gate import CLOCKS_DIFFER
 from transport.reasons import counts_as_loss
-from transport.topics import valid_at
+from transport.topics import TOPIC_OF, valid_at
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
-from vehicles.messages import GpsPose, Health, LinkVerdict, Message, RunStart, Tracking, TruePose
+from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
+from vehicles.messages import (
+    GpsPose,
+    Health,
+    LinkVerdict,
+    LogText,
+    Message,
+    RunStart,
+    Tracking,
+    TruePose,
+)
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
-USUAL_RATE_HZ = 20.0
+USUAL_RATE_HZ, USUAL_CONTROL_RATE_HZ = 20.0, 50.0
+MOST_WORDS, OTHER_WORD = 50, "other"
+"""Reasons that are counted each by itself, far more than there are, and the rest."""
+MOST_WARNINGS = 50
+"""Lines about stamps that cannot be right that the summary holds."""
 SILENT_NS = SECOND
 """A vehicle of which nothing was heard for so long before the end was not there any more: what is
 on its way when a run is stopped takes less."""
-
-
-@dataclass(slots=True)
-class Extremes:
-    """Largest magnitude and root mean square of a signal, gathered one value at a time."""
-
-    largest: float = 0.0
-    largest_at: int = 0
-    squares: float = 0.0
-    count: int = 0
-
-    def add(self, value: float, at: int = 0) -> None:
-        """Take one value, and its instant (ns) where that is asked for."""
-        if value > self.largest:
-            self.largest, self.largest_at = value, at
-        elif -value > self.largest:
-            self.largest, self.largest_at = -value, at
-        self.squares += value * value
-        self.count += 1
-
-    @property
-    def rms(self) -> float:
-        """Root mean square, 0 without values."""
-        return sqrt(self.squares / self.count) if self.count else 0.0
-
-
-@dataclass(slots=True)
-class LinkFigures:
-    """What one directed link did."""
-
-    heard: int = 0
-    late: int = 0
-    dropped: Counter[str] = field(default_factory=Counter)
-    latency_ns_sum: int = 0
-    latency_ns_max: int = 0
-
-
-@dataclass(slots=True)
-class BelievedErrors:
-    """Lateral errors as a vehicle believes them beside the true ones, at equal instants."""
-
-    off: Extremes = field(default_factory=Extremes)
-    believed: dict[int, float] = field(default_factory=dict)
-    true: dict[int, float] = field(default_factory=dict)
-
-    def add_believed(self, at: int, error: float) -> None:
-        """Take what the vehicle believes at instant `at` (ns)."""
-        if at in self.true:
-            self.off.add(error - self.true.pop(at), at)
-        else:
-            self._keep(self.believed, at, error)
-
-    def add_true(self, at: int, error: float) -> None:
-        """Take the true error at instant `at` (ns)."""
-        if at in self.believed:
-            self.off.add(self.believed.pop(at) - error, at)
-        else:
-            self._keep(self.true, at, error)
-
-    def _keep(self, waiting: dict[int, float], at: int, error: float) -> None:
-        waiting[at] = error
-        if len(waiting) > MOST_WAITING:
-            del waiting[next(iter(waiting))]
-
-
-@dataclass(slots=True)
-class VehicleFigures:
-    """What one vehicle did."""
-
-    numbers: RecordedNumbers = field(default_factory=RecordedNumbers)
-    last_at: int = 0
-    distance: float = 0.0
-    lateral_error: Extremes = field(default_factory=Extremes)
-    heading_error: Extremes = field(default_factory=Extremes)
-    cross_track_error: Extremes = field(default_factory=Extremes)
-    belief: BelievedErrors = field(default_factory=BelievedErrors)
-    gap_min: float = inf
-    modes: Counter[str] = field(default_factory=Counter)
-    health: Health | None = None
-    memory_max: int = 0
-    cpu: list[float] = field(default_factory=list)
-
-    @property
-    def poses(self) -> int:
-        """GPS poses recorded."""
-        return self.numbers.count
 
 
 class Metrics:
@@ -123,6 +52,7 @@ class Metrics:
         *,
         events: EventDetector | None = None,
         rates_hz: Mapping[str, float] | None = None,
+        control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
         duration_ns: int = 0,
     ) -> None:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
@@ -134,14 +64,18 @@ class Metrics:
         self._names = list(vehicles)
         self._requested = requested
         self._rates_hz = rates_hz or {}
+        self._control_rate_hz = control_rate_hz
         self._duration_ns = duration_ns
         self._start_at: int | None = None
         self.events = events or EventDetector(
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
         )
+        self.warnings: list[str] = []
         self.vehicles = {name: VehicleFigures() for name in vehicles}
         self.links: defaultdict[tuple[str, str], LinkFigures] = defaultdict(LinkFigures)
-        self._cross_track_error = CrossTrackError(self._names[0], road_yaw)
+        self._cross_track_error = CrossTrackError(self._names[0], road_yaw, self._names[1:])
+        self.deviations = Deviations(self._names[1:])
+        self._behind = dict(pairwise(self._names))
         self._take: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
             TruePose: self._add_truth,
             Tracking: self._add_tracking,
@@ -159,8 +93,14 @@ class Metrics:
             scenario.route.start_yaw,
             events=detector_of(scenario),
             rates_hz={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},
+            control_rate_hz=scenario.control_rate_hz,
             duration_ns=nanoseconds(scenario.duration_s),
         )
+
+    @property
+    def topics(self) -> list[str]:
+        """Topics of the kinds of message that carry a figure."""
+        return [TOPIC_OF[kind].name for kind in (*self._take, LogText, RunStart)]
 
     def add(self, message: Message) -> None:
         """Take one message; kinds that carry no figure, and strangers, are passed over."""
@@ -169,18 +109,31 @@ class Metrics:
         if figures is not None and take is not None:
             figures.last_at = max(figures.last_at, valid_at(message))
             take(figures, message)
+        elif isinstance(message, LogText):
+            self._add_text(message)
         elif isinstance(message, RunStart):
             self._start_at = message.start_at_ns
             self.events.begin(message.start_at_ns)
 
+    def _add_text(self, text: LogText) -> None:
+        if text.text.endswith(CLOCKS_DIFFER) and len(self.warnings) < MOST_WARNINGS:
+            self.warnings.append(f"{text.vehicle}: {text.text}")
+
     def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
-        figures.distance = pose.distance_m
+        figures.distance, figures.speed = pose.distance_m, pose.speed_mps
+        figures.true_numbers.add(pose.seq)
         for foot in self._cross_track_error.add(pose):
             self._add_foot(self.vehicles[foot.vehicle], foot)
         self.events.add_truth(pose)
+        gaps = self.events.encounters.gaps
+        for name in (pose.vehicle, self._behind.get(pose.vehicle, "")):
+            gap = gaps.get(name)
+            if gap is not None and gap.now_at_ns == pose.true_at_ns:
+                self.deviations.add_gap(name, gap.now_at_ns, gap.now_m)
 
     def _add_foot(self, figures: VehicleFigures, foot: CrossTrack) -> None:
         figures.cross_track_error.add(foot.lateral, foot.at_ns)
+        self.deviations.add_error(foot.vehicle, foot.at_ns, foot.lateral)
         figures.belief.add_true(foot.at_ns, foot.lateral)
 
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking) -> None:
@@ -190,6 +143,7 @@ class Metrics:
             self.events.add_tracking(tracking)
         figures.lateral_error.add(tracking.lateral_error_m)
         figures.heading_error.add(tracking.heading_error_rad)
+        figures.mode = tracking.mode
         figures.modes[tracking.mode] += 1
         if -inf < tracking.gap_m < figures.gap_min:  # false for NaN: there is no gap to tell
             figures.gap_min = tracking.gap_m
@@ -201,12 +155,16 @@ class Metrics:
         figures.health = health
         figures.memory_max = max(figures.memory_max, health.memory_bytes)
         if health.seq and not health.final:  # those cover a second, first and last less
-            figures.cpu.append(health.cpu_ratio)
+            figures.cpu_sum += health.cpu_ratio
+            figures.cpu_count += 1
 
     def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict) -> None:
+        if (verdict.sender, verdict.vehicle) not in self._requested:
+            return
         link = self.links[verdict.sender, verdict.vehicle]
         if verdict.outcome == "dropped":
-            link.dropped[verdict.reason] += 1
+            known = verdict.reason in link.dropped or len(link.dropped) < MOST_WORDS
+            link.dropped[verdict.reason if known else OTHER_WORD] += 1
             return
         link.heard += 1
         link.late += verdict.late
@@ -222,7 +180,12 @@ class Metrics:
 
     def holes(self, ran_ns: int = 0) -> tuple[RecordHole, ...]:
         """What was not recorded of a run of `ran_ns`, in order of time."""
-        found = [hole for name in self._names for hole in self._holes(name, ran_ns)]
+        found = [
+            hole
+            for name in self._names
+            for holes in [list(self._holes(name, ran_ns))]
+            for hole in (*holes, *self._true_holes(name, holes))
+        ]
         return tuple(sorted(found, key=lambda hole: hole.from_s))
 
     def _holes(self, name: str, ran_ns: int) -> Iterator[RecordHole]:
@@ -239,6 +202,14 @@ class Metrics:
                 until -= SILENT_NS
             expected = expected_poses(until, rate_hz)
         return holes_of(name, figures.numbers, rate_hz, expected)
+
+    def _true_holes(self, name: str, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
+        """Holes in the true poses of a vehicle that are not inside `holes`, those of its poses."""
+        slack_s = 1.0 / self._rates_hz.get(name, USUAL_RATE_HZ)
+        numbers = self.vehicles[name].true_numbers
+        for hole in holes_of(name, numbers, self._control_rate_hz, 0, "true pose"):
+            if not any(known.covers(hole, slack_s) for known in holes):
+                yield hole
 
     def _silent_from(self, figures: VehicleFigures, ran_ns: int) -> float | None:
         """Time (s) after which nothing was heard of a vehicle though the run went on."""
@@ -287,7 +258,7 @@ class Metrics:
             lateness_ms_max=health.lateness_ms_max if health else 0.0,
             rejected_messages=health.rejected_messages if health else 0,
             memory_bytes_max=figures.memory_max,
-            cpu_ratio=fmean(figures.cpu) if figures.cpu else 0.0,
+            cpu_ratio=figures.cpu_sum / figures.cpu_count if figures.cpu_count else 0.0,
             finished=bool(health and health.final),
         )
 

@@ -1,7 +1,7 @@
 """The summary of a run, typed: what is printed as tables and written as `summary.json`.
 
-`to_json` and `from_json` are the only places where it is anything but these classes. README, "The
-summary", says what the fields mean.
+`to_json` and `from_json` are the only places where it is anything but these classes. What the
+fields mean is in `meanings`.
 """
 
 import json
@@ -148,6 +148,7 @@ class RunSummary:
     links: tuple[LinkSummary, ...] = field(default=())
     events: tuple[RunEvent, ...] = field(default=())
     holes: tuple[RecordHole, ...] = field(default=())
+    warnings: tuple[str, ...] = field(default=())
 
 
 _FIGURES = TypeAdapter(RunSummary)

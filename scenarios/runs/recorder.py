@@ -4,9 +4,10 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
+from scenarios.results.holes import MOST_RANGES, RecordedNumbers
 from scenarios.results.metrics import Metrics
 from transport.codec import RefusedMessageError, as_read, decode, encode
-from transport.links.gate import HORIZON_NS, PoseGate
+from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
 from transport.log.writer import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
@@ -52,12 +53,20 @@ class Recorder:
         self._writer = writer
         self._metrics = metrics
         self._listeners = listeners
-        self._seen: defaultdict[str, set[int]] = defaultdict(set)
+        self._seen: defaultdict[str, RecordedNumbers] = defaultdict(
+            lambda: RecordedNumbers(MOST_RANGES)
+        )
         self._next: Counter[type[Message]] = Counter()
         self._start_at: int | None = None
+        self._misdated = MisdatedCount()
         self._gates: dict[str, PoseGate] = {}
         self.recorded = 0
         self.rejected: Counter[str] = Counter()
+
+    @property
+    def keys(self) -> list[str]:
+        """The keys of the messages that it knows."""
+        return list(self._topics)
 
     def begin(self, at: int, start_at: int, run_id: str) -> bytes:
         """Log at instant `at` that the run starts at `start_at` (ns); what was before is refused.
@@ -81,15 +90,22 @@ class Recorder:
         """Log that the run is over; returns the announcement for the bus."""
         return self._put(RunEnd, at, end_at_ns=at, reason=reason)
 
-    def accept(self, key_expression: str, data: bytes, at: int) -> None:
-        """Take one message received at instant `at` (ns)."""
+    def accept(self, key_expression: str, data: bytes, at: int) -> bool:
+        """Take one message received at instant `at` (ns); tells whether it was recorded."""
         try:
             topic, message = self._admit(key_expression, data, at)
         except RefusedMessageError as refusal:
             self.rejected[refusal.reason] += 1
-            return
+            self._note_misdated(key_expression, refusal.reason, at)
+            return False
         self._seen[key_expression].add(message.seq)
         self._record(topic, as_read(data, message), at, message)
+        return True
+
+    def _note_misdated(self, key_expression: str, reason: str, at: int) -> None:
+        vehicle, _ = self._topics.get(key_expression, ("", None))
+        if vehicle and (line := self._misdated.count(vehicle, reason)):
+            self.say(at, line, "error")
 
     def _admit(self, key_expression: str, data: bytes, at: int) -> tuple[Topic, Message]:
         """Read a message of this run; raises RefusedMessageError."""
@@ -148,7 +164,6 @@ class Recorder:
         self._next[kind] += 1
         topic = TOPIC_OF[kind]
         data = encode(message)
-        self._seen[key(CONDUCTOR, topic)].add(message.seq)
         self._record(topic, data, at, message)
         return data
 
@@ -157,6 +172,8 @@ class Recorder:
             self._writer.write(topic, message.vehicle, data, at, message=message)
         self.recorded += 1
         self._metrics.add(message)
+        for one in self._metrics.deviations.news():
+            self._writer.write_deviation(at, *one)
         for listener in self._listeners:
             listener(at, message)
         self.say_news(at)

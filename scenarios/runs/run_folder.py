@@ -20,13 +20,13 @@ ROOM_BYTES = 1024 * 1024
 """A folder in which there is no room for this much is refused before the start."""
 
 
-def default_folder(name: str, started: datetime, root: Path = Path("runs")) -> Path:
-    """Make the folder of a run of the scenario `name`, named by its start.
+def default_folder(slug: str, started: datetime, root: Path = Path("runs")) -> Path:
+    """Make the folder of a run, named by its start and the `slug` of its scenario.
 
-    The second run of the same second gets `-2` behind the name, and so on.
+    The second one of the same second gets `-2` behind the name, and so on.
     """
     root.mkdir(parents=True, exist_ok=True)
-    base = f"{started:%Y%m%d-%H%M%S}-{name}"
+    base = f"{started:%Y%m%d-%H%M%S}-{slug}"
     for number in count(1):
         folder = root / (base if number == 1 else f"{base}-{number}")
         with suppress(FileExistsError):
@@ -47,9 +47,9 @@ def claimed(folder: Path) -> Iterator[None]:
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         _lock(descriptor, folder)
-        refuse_used(folder)
-        _try_to_write(folder)
         try:
+            refuse_used(folder)
+            _try_to_write(folder)
             yield
         finally:
             if made:

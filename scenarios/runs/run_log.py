@@ -17,6 +17,7 @@ from scenarios.results.log_summary import (
     write_summary,
 )
 from scenarios.results.metrics import Metrics
+from scenarios.results.pictures.layouts import scene_of, write_foxglove_layout
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
 from scenarios.runs.recorder import Listener, Recorder
 from transport.log.records import LogError
@@ -40,11 +41,13 @@ class RunLog:
         *,
         clock: ClockName,
         run_id: str,
+        metrics: Metrics | None = None,
         listeners: Sequence[Listener] = (),
         replayed: frozenset[str] = frozenset(),
     ) -> None:
         """Open the log in `folder`, which is made, and write what the run is into it.
 
+        Each message goes to `metrics`, which are the run's figures, and then to the `listeners`.
         Vehicles that are `replayed` receive nothing.
         """
         self._scenario = scenario
@@ -53,10 +56,11 @@ class RunLog:
         self._replayed = replayed
         self._identity = RunIdentity.here(scenario, clock, run_id)
         folder.mkdir(parents=True, exist_ok=True)
-        self._writer = LogWriter(folder / LOG_NAME)
+        self._writer = LogWriter(folder / LOG_NAME, scene=scene_of(scenario))
+        write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
-        self.metrics = Metrics.of(scenario)
+        self.metrics = metrics or Metrics.of(scenario)
         self.recorder = Recorder(
             vehicles={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},
             plane=LocalPlane(scenario.origin),
@@ -103,7 +107,8 @@ class RunLog:
     @property
     def must_end(self) -> str:
         """Why the run has to end now, by its limits; empty while it need not."""
-        if not collision_ends_run(self._limits, self.metrics.events.collisions):
+        collisions = self.metrics.events.collisions
+        if not collisions or not collision_ends_run(self._limits, collisions):
             return ""
         return why_failed("", self._broken())
 
@@ -126,17 +131,19 @@ class RunLog:
         """
         try:
             self.recorder.report_health(at, final=True)
-            self._writer.attach(SUMMARY_NAME, "application/json", to_json(self._summary()).encode())
+            summary = self._summary()
+            self._writer.attach(SUMMARY_NAME, "application/json", to_json(summary).encode())
             self._writer.close()
-            write_summary(self._folder, self._summary())
+            write_summary(self._folder, summary)
         except LogError as error:
             self._reason = self._reason or str(error)
-        if self._reason:
+            summary = self._summary()
+            with suppress(LogError):
+                write_summary(self._folder, summary)
+        if self._writer.broken:
             with suppress(LogError):
                 repair(self._folder / LOG_NAME)
-            with suppress(LogError):
-                write_summary(self._folder, self._summary())
-        return self._summary()
+        return summary
 
     def _summary(self) -> RunSummary:
         return summarise(

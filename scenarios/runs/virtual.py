@@ -1,10 +1,11 @@
 """`--clock virtual`: the same nodes in one process over a memory bus, as fast as they go."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
 from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
@@ -14,13 +15,13 @@ from scenarios.runs.node.sink import BusSink, Sink
 from scenarios.runs.recorder import Listener
 from scenarios.runs.replay import Replay
 from scenarios.runs.run_log import RunLog
-from scenarios.runs.step_order import Stepper, steps_in_order
+from scenarios.runs.step_order import Step, Stepper, steps_in_order
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.memory_bus import MemoryBus
-from transport.clock import VirtualClock
+from transport.clock import Tick, VirtualClock
 from transport.log.records import LogError
 from transport.topics import Topic
-from vehicles.messages import Message
+from vehicles.messages import LogText, Message
 from vehicles.schedule import SECOND
 
 
@@ -29,6 +30,7 @@ def run_virtual(
     folder: Path,
     stop: Stop,
     *,
+    metrics: Metrics | None = None,
     listeners: Sequence[Listener] = (),
     replays: Sequence[Replay] = (),
 ) -> RunSummary:
@@ -43,14 +45,19 @@ def run_virtual(
         scenario,
         folder,
         clock="virtual",
-        run_id=f"{scenario.name}-{scenario.seed}",
+        run_id=scenario.virtual_run_id,
+        metrics=metrics,
         listeners=listeners,
         replayed=frozenset(replay.vehicle for replay in replays),
     )
 
     def record(topic: Topic, data: bytes, message: Message) -> None:
         run.recorder.on_sent(topic, data, message, clock.now())
-        if (reason := run.must_end) and not stop.asked:
+        if isinstance(message, LogText) and message.level == "fatal":
+            after_s = (clock.now() - scenario.start_at_ns) / SECOND
+            left = f"{message.vehicle} left {after_s:.1f} s after the start"
+            run.recorder.say(clock.now(), f"{left}; the convoy goes on without it")
+        if not stop.asked and (reason := run.must_end):
             stop.ask(reason, EXIT_FAILED)
 
     run.start(clock.now(), clock.now())
@@ -58,10 +65,11 @@ def run_virtual(
     try:
         try:
             convoy.run(stop)
-        except VehicleFaultError as fault:  # in virtual time nobody goes on without it
+        except VehicleFaultError as fault:
             stop.ask(str(fault), EXIT_FAILED)
-        for node in nodes.values():
-            node.outbox.publish_health(clock.now(), final=True)
+        for name, node in nodes.items():
+            if name not in convoy.left:  # those have said their last words
+                node.outbox.publish_health(clock.now(), final=True)
     except LogError as error:  # the disk is full, or the log was removed
         stop.ask(str(error), EXIT_FAILED)
     run.end(clock.now(), stop.reason)
@@ -72,13 +80,17 @@ def run_virtual(
 
 
 class VirtualConvoy:
-    """The vehicles of a scenario in one process, with the bus and the clock that they share."""
+    """The vehicles of a scenario in one process, with the bus and the clock that they share.
+
+    `left` are the vehicles that cannot drive on and without which the others do.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         self.bus = MemoryBus()
         self.clock = VirtualClock(scenario.start_at_ns)
         self._scenario = scenario
         self._steppers: list[Stepper] = []
+        self.left: set[str] = set()
 
     def build(
         self, sink_of: Callable[[str], Sink], replays: Sequence[Replay] = ()
@@ -101,13 +113,31 @@ class VirtualConvoy:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
             ticks = partial(builder.ticks, start_at)
             step = stepping(node, name, start_at)
+            if self._scenario.goes_on_without_the_dead:
+                step = self._leaving(step, name, nodes)
             self._steppers.append(Stepper(builder.rates_hz, ticks, step))
         return nodes
+
+    def _leaving(self, step: Step, name: str, nodes: Mapping[str, Node]) -> Step:
+        """Return `step` of a vehicle that leaves when it fails, unless it is the last one."""
+
+        def step_or_leave(tick: Tick) -> None:
+            if name in self.left:
+                return
+            try:
+                step(tick)
+            except VehicleFaultError as fault:
+                if self.left | {name} >= nodes.keys():
+                    raise
+                self.left.add(name)
+                nodes[name].outbox.publish_fault(tick.at, fault.text)
+
+        return step_or_leave
 
     def run(self, stop: Stop) -> None:
         """Let all vehicles make their steps until the end of the run, or until asked to stop.
 
-        Raises VehicleFaultError if a controller fails.
+        Raises VehicleFaultError if a controller fails and nobody goes on without its vehicle.
         """
         end_at = self._scenario.start_at_ns + round(self._scenario.duration_s * SECOND)
         for tick, step in steps_in_order(self._steppers):

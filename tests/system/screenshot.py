@@ -18,7 +18,7 @@ from typing import Any
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from scenarios.results.review import review
+from scenarios.results.pictures.review import review
 from transport.picture import viewer_process
 from transport.picture.option import parse_rerun_option
 
@@ -34,13 +34,20 @@ def can_take_pictures() -> bool:
 
 
 @contextmanager
-def headless_viewer(source: str, size: str = "1600x1000") -> Iterator[ViewerClient]:
-    """Open a viewer without a window on `source`, a recording's path or a server's URL."""
+def headless_viewer(
+    source: str, size: str = "1600x1000", layout: Path | None = None
+) -> Iterator[ViewerClient]:
+    """Open a viewer without a window on `source`, a recording's path or a server's URL.
+
+    A `layout` is given to it as a user would: `rerun SOURCE - < LAYOUT`.
+    """
     port = viewer_process.free_port("127.0.0.1", 0)
     flags = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", size]
+    sources = [source] if layout is None else [source, "-"]
     viewer = subprocess.Popen(
-        [str(viewer_process.program()), *flags, source],
+        [str(viewer_process.program()), *flags, *sources],
         env=viewer_process.quiet_environment(),
+        stdin=subprocess.DEVNULL if layout is None else layout.open("rb"),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
@@ -56,8 +63,17 @@ def headless_viewer(source: str, size: str = "1600x1000") -> Iterator[ViewerClie
         viewer_process.stop(viewer)
 
 
-def take_picture(client: ViewerClient, at_s: float) -> Any:
-    """Take the viewer's picture at a time of the run (s), without its menu."""
+def picture_now(client: ViewerClient) -> Any:
+    """Take the viewer's picture as it is, without its menu."""
+    picture = Image.open(io.BytesIO(client.take_screenshot())).convert("RGB")
+    return picture.crop((0, TOP_BAR, picture.width, picture.height))
+
+
+def take_picture(client: ViewerClient, at_s: float, *, settled: bool = True) -> Any:
+    """Take the viewer's picture at a time of the run (s), without its menu.
+
+    It loads piece by piece: with `settled` the picture is taken when it does not change any more.
+    """
     deadline = time.monotonic() + START_S
     while True:
         try:
@@ -67,9 +83,13 @@ def take_picture(client: ViewerClient, at_s: float) -> Any:
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.2)
-    time.sleep(SETTLE_S)
-    picture = Image.open(io.BytesIO(client.take_screenshot())).convert("RGB")
-    return picture.crop((0, TOP_BAR, picture.width, picture.height))
+    before = None
+    while True:
+        time.sleep(SETTLE_S)
+        picture = picture_now(client)
+        if not settled or picture == before or time.monotonic() > deadline:
+            return picture
+        before = picture
 
 
 def picture_of(log: Path, at_s: float, size: str = "1600x1000") -> Any:

@@ -27,17 +27,22 @@ from tests.system.processes import run_to_the_end, until
 
 PROJECT = Path(__file__).parents[2]
 PARTS = (
-    *("Dockerfile", "docker-compose.yml", ".dockerignore", "requirements.lock"),
+    *("Dockerfile", "docker-compose.yml", ".dockerignore"),
+    *("requirements.lock", "requirements-container.lock"),
     *("pyproject.toml", "README.md", "LICENSE", "vehicles", "transport", "scenarios"),
 )
 """What the image and its composition are made of."""
 IMAGE = "convoy-emulator"
+VEHICLE_IMAGE = "convoy-emulator-vehicle"
 BASE = "python:3.11-slim-bookworm"
 PORT_NAMES = ("CONVOY_PAGE_PORT", "CONVOY_DATA_PORT")
-DURATION_S = 35.0
+USER = 4711
+"""Somebody who is not root."""
+DURATION_S = 12.0
+SHORT = f"--set=duration_s={DURATION_S:g}"
 BUILD_S = 900.0
 DRIVE_S = 300.0
-"""The scenario's 35 s with room for a machine that has other things to do."""
+"""The start and the run with room for a machine that has other things to do."""
 
 
 def obstacle() -> str | None:
@@ -113,7 +118,9 @@ def composed(
         up = subprocess.Popen(
             [*compose, "up", "--build", "--exit-code-from", "recorder"],
             cwd=folder,
-            env=os.environ | {name: str(port) for name, port in ports.items()},
+            env=os.environ
+            | {name: str(port) for name, port in ports.items()}
+            | {"CONVOY_SCENARIO": f"lane_change {SHORT}"},
             stdout=log,
             stderr=subprocess.STDOUT,
         )
@@ -147,7 +154,16 @@ def page_is_served(port: int) -> bool:
         return False
 
 
+def given_to_a_user(project: Path) -> int:
+    """Let the project belong to somebody who is not root, as far as we may; returns who."""
+    if os.geteuid():
+        return os.geteuid()
+    os.chown(project / "docker-compose.yml", USER, USER)
+    return USER
+
+
 def test_six_containers_drive_the_default_scenario(project: Path, tmp_path: Path) -> None:
+    user = given_to_a_user(project)
     ports = free_ports()
     page = ports["CONVOY_PAGE_PORT"]
     with composed(project, ports) as (up, name):
@@ -160,8 +176,10 @@ def test_six_containers_drive_the_default_scenario(project: Path, tmp_path: Path
         assert f"http://127.0.0.1:{page}/?url=" in said.read_text()
         assert not containers(name)
     assert not call("docker", "ps", "-a", "-q", "--filter", f"name={name}").stdout
-    (folder,) = (project / "runs").iterdir()
-    assert re.fullmatch(r"\d{8}-\d{6}-lane_change", folder.name)
+    (folder,) = (project / "runs").iterdir()  # Docker made it, as it was not there
+    for written in (folder.parent, folder, *folder.iterdir()):
+        assert written.stat().st_uid == user, written
+    assert re.fullmatch(r"\d{8}-\d{6}-lane_change-duration_s=12", folder.name)
     run = Run(folder)
     assert_sound(run.log)
     assert_nothing_missing(run, DURATION_S)
@@ -173,7 +191,7 @@ def test_six_containers_drive_the_default_scenario(project: Path, tmp_path: Path
 def assert_drives_as_virtual_time_does(run: Run, folder: Path) -> None:
     """True paths agree with those of the virtual run, made here and not in a container."""
     twin = run_to_the_end(
-        *("run", "lane_change", "--clock=virtual", "--quiet", "--out=virtual"), folder=folder
+        *("run", "lane_change", SHORT, "--clock=virtual", "--quiet", "--out=virtual"), folder=folder
     )
     assert twin.exit_code == 0, twin.err
     virtual = Run(folder / "virtual")
@@ -185,12 +203,30 @@ def assert_drives_as_virtual_time_does(run: Run, folder: Path) -> None:
     assert_equal_while_nothing_was_late(run, virtual, within_m=0.05)
 
 
-def test_unless_told_otherwise_the_picture_is_at_rerun_s_usual_ports(project: Path) -> None:
+def test_unless_told_otherwise_the_default_scenario_is_shown_at_rerun_s_usual_ports(
+    project: Path,
+) -> None:
     shown = call("docker-compose", "config", cwd=project).stdout
+    assert shown.count(" lane_change ") == 5  # a recorder and four vehicles
     assert re.findall(r"(?:\d+\.){3}\d+:\d+:\d+/\S+", shown) == [
         "127.0.0.1:9090:9090/tcp",
         "127.0.0.1:9876:9876/tcp",
     ]
+
+
+def test_the_image_of_a_vehicle_does_without_the_extras(project: Path) -> None:
+    build = ("docker", "build", "--target", "vehicle", "-t", VEHICLE_IMAGE, ".")
+    built = call(*build, cwd=project, timeout=BUILD_S)
+    assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
+    refused = call("docker", "run", "--rm", VEHICLE_IMAGE, "run", "--rerun", "serve")
+    assert refused.returncode == 2
+    needs = "needs rerun, not installed here: pip install 'convoy-emulator[viewer]'"
+    assert refused.stderr == f"--rerun serve: {needs}\n"
+    sizes = [
+        int(call("docker", "image", "inspect", "-f", "{{.Size}}", image).stdout)
+        for image in (VEHICLE_IMAGE, IMAGE)
+    ]
+    assert sizes[0] < 0.6 * sizes[1]
 
 
 @pytest.mark.usefixtures("project")

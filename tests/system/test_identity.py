@@ -184,6 +184,26 @@ def test_a_router_that_is_lost_for_good_ends_all(
     assert Run(tmp_path / "run").summary["outcome"] == outcome
 
 
+_FILTER = '{flows: ["ingress"], messages: ["put"], key_exprs: ["**/gps"], size_limit: 0}'
+DEAF = f"low_pass_filter:[{_FILTER}]"
+"""A setting of Zenoh by which no pose reaches a process."""
+
+
+def test_a_clean_link_that_delivers_nothing_fails_the_run(place: Place, tmp_path: Path) -> None:
+    scenario = (*TWO, "--set=duration_s=2")
+    recorder = place.start("record", *scenario, "--out=run", "--quiet")
+    lead = place.start("vehicle", *scenario, "--name=v1")
+    deaf = place.start("vehicle", *scenario, "--name=v2", "--cfg", DEAF)
+    reason = "v1 → v2 delivered none of 40 poses"
+    assert recorder.wait() == 1
+    assert recorder.lines() == [reason]
+    for name, vehicle in (("v1", lead), ("v2", deaf)):
+        assert vehicle.wait() == 1
+        assert vehicle.lines()[-1] == f"{name}: run lane_change failed: {reason}"
+    summary = Run(tmp_path / "run").summary
+    assert (summary["outcome"], summary["reason"]) == ("failed", reason)
+
+
 def test_a_vehicle_whose_clock_is_off_is_not_driven_with(
     place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -217,3 +237,31 @@ def test_a_recorder_that_is_held_up_loses_nothing(place: Place, tmp_path: Path) 
     for part in (recorder, *vehicles):
         assert part.wait() == 0, part.err
     assert_nothing_missing(Run(tmp_path / "run"), duration_s)
+
+
+def test_a_recorder_that_was_cut_off_names_what_it_missed(place: Place, tmp_path: Path) -> None:
+    """And makes no error of it: the convoy drives on meanwhile."""
+    duration_s = 5.0
+    scenario = (*TWO, f"--set=duration_s={duration_s}")
+    lease = ("--cfg", "transport/link/tx/lease:1000")  # after it the router gives the recorder up
+    recorder = place.start("record", *scenario, "--out", "run", *lease)
+    vehicles = [place.start("vehicle", *scenario, "--name", name) for name in NAMES]
+    await_driving(recorder, 0.5)
+    recorder.part("recorder").suspend()
+    time.sleep(2.5)
+    recorder.part("recorder").resume()
+    for part in (recorder, *vehicles):
+        assert part.wait() == 0, part.err
+    found = Run(tmp_path / "run").summary
+    missing = {row["name"]: row["missing_poses"] for row in found["vehicles"]}
+    assert all(missing.values())
+    holes = dict.fromkeys(missing, 0)
+    for hole in found["holes"]:
+        holes[hole["vehicle"]] += hole["poses"] if hole["kind"] == "pose" else 0
+        assert 0.0 <= hole["from_s"] <= hole["to_s"] < duration_s
+    assert holes == missing
+    for row in found["vehicles"]:
+        assert row["poses"] + row["missing_poses"] == 20 * duration_s
+    assert found["vehicles"][1]["cross_track_error_m_max"] < 0.2
+    assert "not recorded: " in recorder.out
+    assert "the figures are of what was recorded" in recorder.out

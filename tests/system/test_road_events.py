@@ -1,11 +1,10 @@
-"""Real processes: a collision ends a run that allows none, and a stalled recorder leaves a hole."""
+"""Real processes: a collision ends a run that allows none."""
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
-from tests.system.processes import run_to_the_end, start
+from tests.system.processes import run_to_the_end
 
 BRAKING = """
 name = "braking"
@@ -48,30 +47,3 @@ def test_a_collision_ends_the_run_and_is_said_everywhere(tmp_path: Path) -> None
     assert "run: collision: v2 and v1, closing at " in said.err
     assert f"ended early: {found['reason']}" in said.out
     assert "events: " in said.out
-
-
-def test_a_recorder_that_stood_still_names_what_it_missed(tmp_path: Path) -> None:
-    """And makes no error of it: the lane change goes on meanwhile."""
-    with start(
-        "run", "lane_change", "--set=duration_s=12", "--out=stalled", folder=tmp_path
-    ) as run:
-        recorder = run.part("recorder")
-        run.drive(4.0)
-        recorder.suspend()
-        time.sleep(4.0)
-        recorder.resume()
-        assert run.wait() == 0, run.err
-    found = summary(tmp_path / "stalled")
-    missing = {row["name"]: row["missing_poses"] for row in found["vehicles"]}
-    holes = dict.fromkeys(missing, 0)
-    for hole in found["holes"]:
-        holes[hole["vehicle"]] += hole["poses"]
-        assert 0.0 <= hole["from_s"] <= hole["to_s"] < 12.0
-    assert holes == missing
-    for row in found["vehicles"]:
-        assert row["poses"] + row["missing_poses"] == 240
-        if row["role"] == "follower":
-            assert row["cross_track_error_m_max"] < 0.2
-    if any(missing.values()):  # how much a router keeps for a recorder that stalls is its own
-        assert "not recorded: " in run.out
-        assert "the figures are of what was recorded" in run.out

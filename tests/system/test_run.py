@@ -31,6 +31,8 @@ def test_a_run_ends_as_planned_and_says_how_it_went(lane_change: Driven) -> None
         assert row in lane_change.out
     assert lane_change.out.rstrip().endswith("log: wall/run.mcap")
     assert sorted(path.name for path in lane_change.wall.folder.iterdir()) == [
+        "foxglove.json",
+        "rerun.rbl",
         "run.mcap",
         "summary.json",
     ]

@@ -16,6 +16,7 @@ import vehicles
 FOLDER = Path(vehicles.__file__).parent
 PLUMBING = {
     "geometry.driven_path": "distances from a polyline of recorded poses",
+    "geometry.lanes": "lines beside a polyline, for pictures",
     "geometry.trajectory_points": "points along a message's arcs, for pictures",
     "messages": "what goes over the wire and into the log; its quantities are defined elsewhere",
     "preview.polyline": "lists of points with their arc length, for `trace`",

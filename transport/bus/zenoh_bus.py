@@ -21,7 +21,7 @@ from transport.topics import TOPICS, alive_key
 __all__ = ["DEFAULT_ENDPOINT", "Router", "ZenohBus", "ZenohOptions", "open_bus", "open_router"]
 
 FLUSH_S = 1.0
-"""Longest time that closing waits until what was published has reached the router."""
+"""How long closing waits, if need be, until what was published has reached the router."""
 
 EVERYONE = alive_key("*", "*", "*", "*")
 """Matches the tokens of all members."""
@@ -41,6 +41,8 @@ _INNER = re.compile(r'(?:Str\(|msg: )"(.*?)"[,)]')
 class ZenohBus(Closing):
     """A session of one process; open it with `open_bus` and close it with `with`.
 
+    `patience_s` is the longest time that closing waits until what was published has been read.
+
     An unclosed session would keep the interpreter from exiting, also after an exception.
     """
 
@@ -49,6 +51,8 @@ class ZenohBus(Closing):
         self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
         self._declared: list[object] = []  # a subscriber or token ends when it is deleted
         self._announced: set[str] = set()
+        self._published = False
+        self.patience_s = FLUSH_S
         self.zid = str(session.zid())  # as Zenoh's own tools print it
 
     def connected(self) -> bool:
@@ -67,6 +71,7 @@ class ZenohBus(Closing):
             publisher.put(data)
         except zenoh.ZError as error:
             raise BusError(f"cannot publish {key}: {_reason(error)}") from None
+        self._published = True
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call `handler`, on a thread of its own, for every message whose key matches."""
@@ -147,16 +152,24 @@ class ZenohBus(Closing):
         """Wait until the router has what was published, then leave the network."""
         if self._session.is_closed():
             return
-        # Closing drops what still waits in the queue. A query without an answer waits behind it
-        # and returns when the router has read it all.
-        unanswered = f"convoy/@flush/{self.zid}"
-        try:
-            list(self._session.get(unanswered, priority=zenoh.Priority.DATA, timeout=FLUSH_S))
-        except zenoh.ZError:
-            logger.debug("nothing to flush to")
+        if self._published:
+            self._flush()
         self._publishers.clear()
         self._declared.clear()
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+
+    def _flush(self) -> None:
+        """Wait until the router has read what waits in the queue, which closing would drop.
+
+        A query without an answer waits behind it.
+        """
+        unanswered = f"convoy/@flush/{self.zid}"
+        try:
+            list(
+                self._session.get(unanswered, priority=zenoh.Priority.DATA, timeout=self.patience_s)
+            )
+        except zenoh.ZError:
+            logger.debug("nothing to flush to")
 
     def _declare(self, key: str, *, urgent: bool) -> zenoh.Publisher:
         topic = TOPICS.get(key.rpartition("/")[2])

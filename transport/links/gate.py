@@ -4,11 +4,13 @@ One gate for all receivers. Vehicles read poses off the wire through it, the rec
 what it has decoded for the log.
 """
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import cast
 
 from transport.codec import RefusedMessageError, decode
+from transport.reasons import REASONS
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose
@@ -20,6 +22,13 @@ LONGEST_POSE_BYTES = 512
 HORIZON_NS = 60 * SECOND
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
 a vehicle whose process was suspended receives, when it resumes, what was sent meanwhile."""
+
+MISDATED = ("past", "future")
+"""Reasons that blame the clock of the sender or of the receiver, when there are many."""
+MANY = 100
+"""So many are said; then ten times as many, and so on."""
+CLOCKS_DIFFER = "do the clocks agree?"
+"""What is said of them ends so."""
 
 _ROUNDING = 0.001
 """Periods; instants are rounded to nanoseconds."""
@@ -82,3 +91,26 @@ class PoseGate:
             raise RefusedMessageError("future", f"measured at {pose.measured_at_ns}")
         if pose.seq > elapsed * self.rate_hz / SECOND + _ROUNDING:
             raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")
+
+
+@dataclass(slots=True)
+class MisdatedCount:
+    """Messages that one receiver refused for their stamps, by sender and reason."""
+
+    counts: Counter[tuple[str, str]] = field(default_factory=Counter)
+    said: Counter[tuple[str, str]] = field(default_factory=Counter)
+
+    def count(self, sender: str, reason: str) -> str | None:
+        """Count a refused message; returns a line whenever these are many, or again ten times so.
+
+        Other reasons than those of stamps are passed over.
+        """
+        if reason not in MISDATED:
+            return None
+        key = sender, reason
+        self.counts[key] += 1
+        if self.counts[key] < (10 * self.said[key] or MANY):
+            return None
+        self.said[key] = count = self.counts[key]
+        meaning = REASONS[reason].meaning
+        return f"{count} messages of {sender} refused as {reason}, {meaning}: {CLOCKS_DIFFER}"

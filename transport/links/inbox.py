@@ -7,7 +7,7 @@ from heapq import heappop, heappush
 from threading import Lock
 
 from transport.codec import RefusedMessageError
-from transport.links.gate import GPS, LONGEST_POSE_BYTES, PoseGate
+from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
 from transport.links.link import Link, Verdict
 from transport.reasons import counts_as_late
 from transport.topics import key
@@ -72,6 +72,8 @@ class Inbox:
         self._verdicts: list[LinkVerdict] = []
         self._verdict_seq = 0
         self._reported: Counter[str] = Counter()
+        self._misdated = MisdatedCount()
+        self._complaints: list[str] = []
 
     @property
     def keys(self) -> list[str]:
@@ -120,6 +122,7 @@ class Inbox:
                     self._judge(sender_key, data, now)
                 except RefusedMessageError as refusal:
                     self._refused[refusal.reason] += 1
+                    self._note_misdated(sender_key, refusal.reason)
         self._taken_until = now
         return self._hand_over(now) if self._waiting else []
 
@@ -128,12 +131,22 @@ class Inbox:
         out, self._verdicts = self._verdicts, []
         return out
 
+    def complaints(self) -> list[str]:
+        """Return the lines to say since the last call, about stamps that cannot be right."""
+        said, self._complaints = self._complaints, []
+        return said
+
     def rejections(self) -> list[tuple[str, int]]:
         """Return what was rejected since the last call: (reason, count)."""
         now = self.rejected
         new = now - self._reported
         self._reported = now
         return sorted(new.items())
+
+    def _note_misdated(self, sender_key: str, reason: str) -> None:
+        sender = self._senders.get(sender_key)
+        if sender is not None and (line := self._misdated.count(sender, reason)):
+            self._complaints.append(line)
 
     def _judge(self, sender_key: str, data: bytes, now: int) -> None:
         sender = self._senders.get(sender_key)

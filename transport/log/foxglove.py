@@ -5,8 +5,11 @@
 | GpsPose             | foxglove.LocationFix    | `/convoy/<vehicle>/location`    |
 | TruePose            | foxglove.PoseInFrame    | `/convoy/<vehicle>/pose`        |
 | TruePose            | foxglove.FrameTransform | `/convoy/<vehicle>/transform`   |
+| TruePose            | foxglove.SceneUpdate    | `/convoy/<vehicle>/box`         |
 | CompositeTrajectory | foxglove.PosesInFrame   | `/convoy/<vehicle>/preview`     |
 | LogText             | foxglove.Log            | `/convoy/<vehicle>/text`        |
+| RunStart            | foxglove.SceneUpdate    | `/convoy/run/road`              |
+| RunStart            | foxglove.PosesInFrame   | `/convoy/run/path`              |
 
 World frame `map` is east, north, up at the scenario's origin; a vehicle's frame has its name and
 looks forward, left, up.
@@ -22,21 +25,23 @@ from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
+from transport.log.scene import FRAME_ID, Scene
 from vehicles.geometry.trajectory_points import points_along
-from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, TruePose
+from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, RunStart, TruePose
 from vehicles.schedule import MILLISECOND
 
-FRAME_ID = "map"
-"""Name of the world frame: east, north, up at the scenario's origin."""
 PREVIEW_SPACING_M = 2.0
 """Distance between the poses that stand for a composite trajectory."""
 PREVIEW_PERIOD_NS = 200 * MILLISECOND
 """A composite trajectory is shown five times a second; our own message has every one."""
 POSE_PERIOD_NS = 80 * MILLISECOND
 """The true pose is shown at every fourth control tick, 12.5 times a second; ours has every one."""
+ONCE_NS = 2**62
+"""What is said once is true from then on."""
 _LEVELS = {
     "debug": Log.DEBUG,
     "info": Log.INFO,
@@ -152,14 +157,20 @@ def _make_text(line: LogText) -> bytes:
     return data
 
 
-def twins() -> Mapping[type[Message], tuple[Twin, ...]]:
+def twins(scene: Scene | None = None) -> Mapping[type[Message], tuple[Twin, ...]]:
     """Name the standard messages beside each of ours; each call gives makers of its own."""
+    scene = scene or Scene()
     return {
         GpsPose: (Twin("location", LocationFix, _location_maker()),),
         TruePose: (
             Twin("pose", PoseInFrame, _pose_maker(), POSE_PERIOD_NS),
             Twin("transform", FrameTransform, _transform_maker(), POSE_PERIOD_NS),
+            Twin("box", SceneUpdate, scene.box_maker(), ONCE_NS),
         ),
         CompositeTrajectory: (Twin("preview", PosesInFrame, _make_preview, PREVIEW_PERIOD_NS),),
         LogText: (Twin("text", Log, _make_text),),
+        RunStart: (
+            Twin("road", SceneUpdate, scene.make_road, ONCE_NS),
+            Twin("path", PosesInFrame, scene.make_path, ONCE_NS),
+        ),
     }

@@ -40,6 +40,8 @@ class LogReader:
                 or f"{path}: holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
                 f"with a topic of {', '.join(TOPICS)}"
             )
+        self.last_at = max((head.last_at for _, head in self._file.chunks), default=0)
+        """When the last message was recorded (ns)."""
         self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
 
     def messages(

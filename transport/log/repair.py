@@ -38,6 +38,8 @@ from transport.log.records import (
     message_index_of,
 )
 
+REPAIRED = "repaired"
+"""The record of metadata of a log that was repaired."""
 _MESSAGE_START = struct.Struct("<HIQ")  # channel, sequence, log time
 _ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
 
@@ -111,9 +113,10 @@ def _kept_chunk(
     """
     record, *indices = group = _unbroken(found, place)
     counts = Counter(dict(message_index_of(log.bytes, index) for index in indices))
+    distinct = len(counts) == len(indices)  # else the number of a channel is damaged
     after = found[place + len(group) : place + len(group) + 1]
     followed = bool(after) and after[0].start == group[-1].end
-    if followed and counts and known.issuperset(counts):
+    if distinct and followed and counts and known.issuperset(counts):
         spans = [Span(one.start, one.end) for one in (record, *indices)]
         return _Kept(CHUNK, [*spans], head, list(counts), counts)
     chunk = log.unpack(head)
@@ -128,11 +131,11 @@ def _kept_chunk(
     walked = Counter({channel: len(rows) // _ENTRY.size for channel, rows in entries.items()})
     known.update(walked)
     parts: list[Span | bytes] = [Span(record.start, record.end)]
-    if walked == counts:
+    if distinct and walked == counts:
         parts += [Span(index.start, index.end) for index in indices]
     else:
         parts += [_index(channel, bytes(rows)) for channel, rows in entries.items()]
-    channels = list(counts if walked == counts else walked)
+    channels = list(counts if distinct and walked == counts else walked)
     return _Kept(CHUNK, parts, head, channels, walked, b"".join(described))
 
 
@@ -314,7 +317,7 @@ def _end(kept: Sequence[_Kept]) -> bytes:
     for one in kept:
         at = summary.add(one, at)
     builder = RecordBuilder()
-    said = records.Metadata("repaired", {"messages": str(summary.counts.total())})
+    said = records.Metadata(REPAIRED, {"messages": str(summary.counts.total())})
     said.write(builder)
     note: bytes = builder.end()  # type: ignore[no-untyped-call]
     at = summary.add(_Kept(METADATA, [note], described=note[HEAD_BYTES:]), at)

@@ -15,10 +15,12 @@ from types import TracebackType
 from typing import Any, NoReturn, Self
 
 from transport.codec import PROTOBUF, decode
+from transport.convoy_pb2 import Deviation
 from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.foxglove import Twin, descriptor_set, twins
 from transport.log.records import LogError, lock
-from transport.topics import Topic, key
+from transport.log.scene import Scene
+from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 from vehicles.schedule import Timer
 
@@ -54,9 +56,13 @@ class LogWriter:
     nothing, so that a run can still be brought to its end. `repair` completes what was written.
     """
 
-    def __init__(self, path: Path, *, library: str | None = None) -> None:
+    def __init__(
+        self, path: Path, *, library: str | None = None, scene: Scene | None = None
+    ) -> None:
+        """Begin the log; `scene` is what the run looks like. Raises LogError."""
         self._path = path
-        self._broken = False
+        self.broken = False
+        """True once the file cannot be written any more."""
         try:
             self._file = path.open("xb")
             lock(self._file, path)
@@ -69,7 +75,8 @@ class LogWriter:
         """False with a version of the mcap package that allows no faster way to add messages."""
         self._writer.start(profile="", library=library or library_name())
         self._file.flush()  # even a log without a message is recognised as one
-        self._twins = twins()
+        self._twins = twins(scene)
+        self._deviations: dict[str, tuple[int, int]] = {}
         self._channels: dict[tuple[str, str], _Channel] = {}
         self._schemas: dict[str, int] = {}
         self._log_time = 0
@@ -90,7 +97,7 @@ class LogWriter:
         `message` is `data` decoded; without it the bytes are decoded here, and refused with
         RefusedMessageError if they are no message of `topic`.
         """
-        if self._broken:
+        if self.broken:
             return
         if message is None:
             message = decode(topic, data)
@@ -112,6 +119,28 @@ class LogWriter:
                     add(identifier, log_time, twin.make(message), publish_time, sequence)
         except OSError as error:
             self._give_up(error)
+
+    def write_deviation(
+        self, log_time: int, vehicle: str, true_at: int, error: float, gap: float
+    ) -> None:
+        """Log true error and gap (m) of a vehicle at an instant (ns), which nobody sent.
+
+        Either may be NaN.
+        """
+        if self.broken:
+            return
+        channel, number = self._deviations.get(vehicle, (-1, 0))
+        if channel < 0:
+            name = f"/convoy/{vehicle}/deviation"
+            channel = self._register(name, Deviation, {"of": key(vehicle, TOPICS["truth"])})
+        self._deviations[vehicle] = (channel, number + 1)
+        self._log_time = max(self._log_time, log_time)
+        message = Deviation(
+            vehicle=vehicle, true_at_ns=true_at, cross_track_error_m=error, true_gap_m=gap
+        )
+        data = message.SerializeToString()
+        with self._named_failure():
+            self._writer.add_message(channel, self._log_time, data, max(true_at, 0), number)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)
@@ -142,21 +171,21 @@ class LogWriter:
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file into the log, as of the last message."""
-        if self._broken:
+        if self.broken:
             return
         with self._named_failure():
             self._writer.add_attachment(0, self._log_time, name, media_type, data)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Put named text values into the log; a later record of one name stands for the earlier."""
-        if self._broken:
+        if self.broken:
             return
         with self._named_failure():
             self._writer.add_metadata(name, dict(values))
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system."""
-        if self._broken:
+        if self.broken:
             return
         with self._named_failure():
             self._writer.flush()  # type: ignore[no-untyped-call]
@@ -186,7 +215,7 @@ class LogWriter:
             self._give_up(error)
 
     def _give_up(self, error: OSError) -> NoReturn:
-        self._broken = True
+        self.broken = True
         with contextlib.suppress(OSError):
             self._file.close()
         raise LogError(f"{self._path}: cannot write the log: {error.strerror}") from error

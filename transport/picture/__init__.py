@@ -5,7 +5,9 @@ view             opens and closes it there
 picture          turns messages into entities of the recording
 shapes           cars, road, name tags
 curves           curves over time, sent in batches
+marks            marks of collisions and the like, in plans and plots
 link_states      how each link was over each half second
 blueprint        layout and colours
+log_layout       layout for a log that Rerun opens by itself
 viewer_process   Rerun's own programs beside us
 """

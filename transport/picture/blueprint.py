@@ -8,46 +8,38 @@ Entities are named by quantity first and vehicle last, because a view takes in w
       driven/<vehicle>      where it drove
       trajectory/<vehicle>  what it steers along
       samples/<vehicle>     the received samples this was fitted to
-      cars/<vehicle>/…      the car
-    plots/<quantity>/<vehicle>
+      events/<kind>         where something happened
+      cars/<vehicle>/…      the car, with a ring if it is furthest off the lead's path
+    plots/<quantity>/<vehicle>, plots/<quantity>/events/<kind>
     links/<vehicle>/from_<sender>      how the link was in each half second
     messages/<vehicle>/from_<sender>   what became of each message
     mode/<vehicle>, log/<vehicle>
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
+from transport.colours import Colour
 from transport.picture.link_states import LATE, LOSSES, OK, SILENT
 
-Colour = tuple[int, int, int]
+Shape = Literal["Asterisk", "Diamond", "Square", "Up"]
 Road = tuple[Sequence[float], Sequence[float]]
 """East and north of the lead's path, m."""
 TIMELINE = "run_time"
 """Time since the start of the run; `time` is the instant itself."""
 
-COLOURS = (
-    (0xE4, 0x57, 0x2E),
-    (0x56, 0xB4, 0xE9),
-    (0x1F, 0xA9, 0x7F),
-    (0xE6, 0x9F, 0x00),
-    (0xCC, 0x79, 0xA7),
-    (0x7D, 0x8C, 0xFF),
-    (0xC9, 0xBB, 0x1E),
-    (0x9A, 0x9A, 0x9A),
-)
-"""Of the lead and those behind it (after Okabe and Ito): told apart with any colour vision, and
-seen on Rerun's dark as on its light background."""
-LEGEND_HOLDS = 6
+EDGE_M = 4.0
+"""What the view that moves along shows about the centre of a car at its edge."""
+LEGEND_HOLDS = 4
 """A legend of more vehicles would hide the curves; the name tags have the same colours."""
 ROAD = (0x6A, 0x6A, 0x6A)
 
 EDGE = (0x45, 0x45, 0x45)
-MARK = (0xFF, 0xFF, 0xFF, 0x60)
+WORST = (0x00, 0xE5, 0xFF)
 
 CALM, WAITING, HALTED = (0x2E, 0x4A, 0x44), (0x3F, 0x44, 0x7E), (0x4F, 0x25, 0x66)
 LEAST_LOSS, ALL_LOST = (0x5C, 0x4A, 0x36), (0xB0, 0x10, 0x3C)
@@ -81,25 +73,27 @@ STATES = {
 }
 """Colours of states: of a link over half a second, of its single messages, and of what a vehicle
 steers along. They are dark, and so apart from the colours of the cars."""
-PLOTS = {
-    "cross_track": "Cross-track error to the lead's path (m, left positive)",
-    "tracking": "Error as the vehicle believes (m)",
-    "steering": "Steering (deg, left positive)",
-    "speed": "Speed (m/s)",
-    "gap": "Gap to the vehicle ahead, as it believes (m)",
-    "age": "Age of lead's and predecessor's newest pose (s)",
-    "loss": "Lost of the messages in each half second (%)",
+EVENTS: dict[str, tuple[Colour, Shape, float]] = {
+    "path_lost": ((0x00, 0xFF, 0x00), "Square", 4.0),
+    "lane_departure": ((0xFF, 0x00, 0xFF), "Up", 7.0),
+    "near_miss": ((0xFF, 0xFF, 0x00), "Diamond", 7.0),
+    "collision": ((0xFF, 0x00, 0x00), "Asterisk", 10.0),
 }
-
-
-def colour_of(place: int) -> Colour:
-    """Colour of the vehicle at `place` of the convoy; after eight they come again, darker."""
-    if place == 0:
-        return COLOURS[0]
-    round_, place = divmod(place - 1, len(COLOURS) - 1)
-    red, green, blue = COLOURS[1 + place]
-    shade = (1.0, 0.6, 0.8)[round_ % 3]
-    return round(shade * red), round(shade * green), round(shade * blue)
+"""Colours of events, brighter than those of the cars, and their shapes and sizes in the plots; the
+worst comes last and so above the others."""
+MARKED_PLOTS = ("cross_track", "true_gap")
+PLOTS = {
+    "cross_track": "True cross-track error (m, left positive)",
+    "tracking": "Error as believed (m)",
+    "true_gap": "True gap (m)",
+    "gap": "Believed gap (m)",
+    "speed": "Speed (m/s)",
+    "steering": "Steering (deg)",
+    "age": "Age of lead's and predecessor's newest pose (s)",
+    "loss": "Lost of each half second's (%)",
+}
+"""What is plotted, and what a tab has room for. The true gap is that between bodies, the believed
+one that between centres of mass along the path."""
 
 
 def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
@@ -108,7 +102,7 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                _convoy_view(vehicles, gap_m, flat=flat),
+                _convoy_view(vehicles, Reach.of(len(vehicles), gap_m, road)),
                 _plan_view(vehicles, gap_m, road),
                 _log_view(),
                 row_shares=[4, 2, 2] if flat else [3, 4, 2],
@@ -117,7 +111,7 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
                 rrb.Tabs(
                     _plot("cross_track", legend=len(vehicles) <= LEGEND_HOLDS), _plot("tracking")
                 ),
-                rrb.Tabs(_plot("gap"), _plot("speed"), _plot("steering")),
+                rrb.Tabs(_plot("true_gap"), _plot("gap"), _plot("speed"), _plot("steering")),
                 _states("mode", "Steers along"),
                 _plot("age"),
                 rrb.Tabs(
@@ -125,7 +119,7 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
                     _plot("loss"),
                     _states("messages", "Messages (zoom in)"),
                 ),
-                row_shares=[6, 4, 7, 4, 8],
+                row_shares=[8, 5, 6, 4, 7],
             ),
             column_shares=[5, 4],
         ),
@@ -137,17 +131,36 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
     )
 
 
-def _convoy_view(vehicles: Sequence[str], gap_m: float, *, flat: bool) -> rrb.Spatial2DView:
+class Reach(NamedTuple):
+    """How far (m) the view that moves along reaches from the vehicle that it follows."""
+
+    behind: float
+    ahead: float
+    aside: float
+
+    @classmethod
+    def of(cls, count: int, gap_m: float, road: Road | None) -> "Reach":
+        """Room for `count` vehicles about `gap_m` apart."""
+        ahead = middle(count) * gap_m
+        behind = (count - 1) * gap_m - ahead
+        flat = road is not None and _is_flat(road)
+        aside = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
+        return cls(behind + 8.0, ahead + 25.0, aside)
+
+    def need(self, ahead: float, left: float) -> float:
+        """How much larger it had to be to show a place (m), 1 if it is shown."""
+        along = ahead / (self.ahead - EDGE_M) if ahead > 0.0 else -ahead / (self.behind - EDGE_M)
+        return max(along, abs(left) / (self.aside - EDGE_M), 1.0)
+
+
+def _convoy_view(vehicles: Sequence[str], reach: Reach) -> rrb.Spatial2DView:
     """Follow the middle of the convoy, the direction of travel to the right."""
-    ahead = middle(len(vehicles)) * gap_m
-    behind = (len(vehicles) - 1) * gap_m - ahead
-    aside = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
     return rrb.Spatial2DView(
         name="Convoy (driving to the right)",
         origin="world/convoy",
         contents=["/world/**", *(f"- /world/cars/{name}/dot" for name in vehicles)],
         visual_bounds=rrb.VisualBounds2D(
-            x_range=[-behind - 8, ahead + 25], y_range=[-aside, aside]
+            x_range=[-reach.behind, reach.ahead], y_range=[-reach.aside, reach.aside]
         ),
         overrides=_all_until_now(vehicles),
     )
@@ -161,6 +174,8 @@ def _plan_view(vehicles: Sequence[str], gap_m: float, road: Road | None) -> rrb.
         if small
         else [f"- /world/cars/{name}/dot" for name in vehicles]
     )
+    hidden += [f"- /world/cars/{name}/worst/name" for name in vehicles]
+    hidden += [f"- /world/events/{kind}/name" for kind in EVENTS]
     return rrb.Spatial2DView(
         name="Plan (north up)",
         origin="world/plan",
@@ -208,7 +223,7 @@ def _log_view() -> rrb.TextLogView:
 
 
 def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
-    """Driven paths are logged piece by piece: show all pieces up to the time cursor."""
+    """Driven paths and events are logged one by one: show all up to the time cursor."""
     ranges = [
         rr.VisibleTimeRange(
             timeline,
@@ -217,7 +232,9 @@ def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
         )
         for timeline in (TIMELINE, "time")
     ]
-    return {f"world/driven/{name}": rrb.VisibleTimeRanges(ranges) for name in vehicles}
+    entities = [f"world/driven/{name}" for name in vehicles]
+    entities += [f"world/events/{kind}" for kind in EVENTS]
+    return {entity: rrb.VisibleTimeRanges(ranges) for entity in entities}
 
 
 def middle(count: int) -> int:

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import rerun as rr
 
-from transport.picture.blueprint import TIMELINE, Colour
+from transport.colours import Colour
+from transport.picture.blueprint import TIMELINE
 
 
 class Curves:

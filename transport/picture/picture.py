@@ -2,22 +2,32 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import rerun as rr
 
-from transport.picture.blueprint import TIMELINE, Colour, Road, blueprint, colour_of, middle
+from transport.colours import Colour, colour_of
+from transport.picture.blueprint import (
+    TIMELINE,
+    Reach,
+    Road,
+    blueprint,
+    middle,
+)
 from transport.picture.curves import Curves
 from transport.picture.link_states import LinkStates, message_state
+from transport.picture.marks import Mark, Marks
 from transport.picture.shapes import (
+    CarShape,
     car,
     lane_edges,
     line_style,
-    mark,
     name_tag,
     point_style,
+    ring,
+    ring_label,
     road_with_marks,
     state_style,
     turn_about,
@@ -50,6 +60,11 @@ AWAY_NS = SECOND
 SPACING_M = 1.0
 FAR_OFF_M = 0.2
 """The vehicle furthest off the lead's path is marked when it is further off than this."""
+USUAL_CAR = CarShape(4.93, 1.86, -0.1568)
+"""A Lincoln MKZ: what a vehicle is drawn as whose size is not known."""
+MOST_ZOOM = 4.0
+"""For the sake of a vehicle far away the view that moves along shows no more than so much as much;
+for the lead's sake it does."""
 _LEVELS = {
     "debug": "DEBUG",
     "info": "INFO",
@@ -62,7 +77,7 @@ _LEVELS = {
 class Picture:
     """Turns messages into entities of a recording, at the rates that a viewer needs.
 
-    Of the cross-track error, the tracking error and the gap every value is drawn, so that the
+    Of the cross-track error, the tracking error and the gaps every value is drawn, so that the
     extreme ones are those of the summary.
     """
 
@@ -72,29 +87,32 @@ class Picture:
         vehicles: Sequence[str],
         *,
         gap_m: float,
-        car_m: tuple[float, float],
+        cars: Mapping[str, CarShape],
         path: Road | None = None,
         road_yaw: float | None = None,
         lane_m: float | None = None,
     ) -> None:
         self._recording = recording
-        self._car_m = car_m
+        self._cars = cars
+        self._lead = vehicles[0]
+        self._reach = Reach.of(len(vehicles), gap_m, path)
         self._start: int | None = None
         self._waiting: list[tuple[int, Message]] = []
         self._places: dict[str, int] = {}
         self._timers: dict[tuple[str, str], Timer] = {}
         self._curves = Curves(recording)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-        self._cross_track_error = CrossTrackError(vehicles[0], road_yaw)
+        self._cross_track_error = CrossTrackError(vehicles[0], road_yaw, vehicles[1:])
         self._states: dict[str, str] = {}
         self._links = LinkStates()
         self._errors: dict[str, float] = {}
         self._where: dict[str, tuple[float, float]] = {}
+        self._yaw: dict[str, float] = {}
         self._seen: dict[str, int] = {}
         self._followed = vehicles[middle(len(vehicles))]
         self._batch = Timer(BATCH_NS)
         self._drawn_at: int | None = None
-        self._marked = False
+        self._worst = ""
         self._draw: dict[type[Message], Callable[[Any], None]] = {
             TruePose: self._truth,
             CompositeTrajectory: self._trajectory,
@@ -104,6 +122,7 @@ class Picture:
             LogText: self._text,
         }
         recording.send_blueprint(blueprint(vehicles, gap_m=gap_m, road=path))
+        self._marks = Marks(recording)
         recording.log("world/plan", turn_about(0.0, 0.0, 0.0), static=True)
         for name in vehicles:
             self._place(name)
@@ -123,6 +142,16 @@ class Picture:
         if self._batch.is_due(now) or isinstance(message, RunEnd):
             self._curves.send(self._start)
             self._show_worst(now)
+
+    def gap(self, vehicle: str, at: int, gap: float) -> None:
+        """Draw the true gap (m) of a vehicle to the body ahead at instant `at` (ns)."""
+        self._place(vehicle)
+        self._curves.add("true_gap", vehicle, at, gap)
+
+    def mark(self, mark: Mark) -> None:
+        """Draw a mark, at its instant."""
+        self._at(mark.at_ns)
+        self._marks.draw(mark, self._yaw.get(mark.vehicles[-1], 0.0))
 
     def finish(self) -> None:
         """Send what was gathered since the last batch: a log may break off anywhere."""
@@ -148,11 +177,11 @@ class Picture:
             return
         self._at(at)
         self._where[vehicle] = (truth.east_m, truth.north_m)
+        self._yaw[vehicle] = truth.yaw_rad
         here = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, flip=False)
         self._recording.log(f"world/cars/{vehicle}", here)
         if vehicle == self._vehicle_to_follow(at):
-            eye = turn_about(truth.east_m, truth.north_m, truth.yaw_rad)
-            self._recording.log("world/convoy", eye)
+            self._move_along(truth)
         driven = self._driven[vehicle]
         driven.append((truth.east_m, truth.north_m))
         if self._is_due(vehicle, "driven", at, DRIVEN_NS):
@@ -162,6 +191,19 @@ class Picture:
         if self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
             self._curves.add("speed", vehicle, at, truth.speed_mps)
             self._show_links(vehicle, at)
+
+    def _move_along(self, truth: TruePose) -> None:
+        """Let the view follow this vehicle, with a larger unit where not all would be in it."""
+        c, s = math.cos(truth.yaw_rad), math.sin(truth.yaw_rad)
+        unit = 1.0
+        for name, (east, north) in self._where.items():
+            if truth.true_at_ns - self._seen[name] > AWAY_NS:
+                continue
+            to_east, to_north = east - truth.east_m, north - truth.north_m
+            need = self._reach.need(to_east * c + to_north * s, to_north * c - to_east * s)
+            unit = max(unit, need if name == self._lead else min(need, MOST_ZOOM))
+        eye = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, unit=unit)
+        self._recording.log("world/convoy", eye)
 
     def _trajectory(self, trajectory: CompositeTrajectory) -> None:
         vehicle, at = trajectory.vehicle, trajectory.decided_at_ns
@@ -211,14 +253,21 @@ class Picture:
                 self._curves.add("loss", window.link, window.at, 100.0 * window.loss_ratio)
 
     def _show_worst(self, now: int) -> None:
-        """Mark the vehicle that is furthest off the lead's path, if it is far off."""
+        """Ring the vehicle that is furthest off the lead's path, if it is far off."""
         name = max(self._errors, key=lambda one: abs(self._errors[one]), default="")
-        far = bool(name) and abs(self._errors[name]) > FAR_OFF_M and name in self._where
-        if far or self._marked:
-            self._at(max(self._seen.values(), default=now))
-            label = f"{name} {self._errors[name]:+.2f} m" if far else ""
-            self._recording.log("world/worst", mark([self._where[name]] if far else [], label))
-        self._marked = far
+        if not name or abs(self._errors[name]) <= FAR_OFF_M:
+            name = ""
+        self._at(max(self._seen.values(), default=now))
+        if self._worst not in {name, ""}:
+            self._ring(self._worst, "")
+        if name:
+            self._ring(name, f"{name} {self._errors[name]:+.2f} m")
+        self._worst = name
+
+    def _ring(self, vehicle: str, label: str) -> None:
+        """Ring a vehicle with a label, or without one no more."""
+        self._recording.log(f"world/cars/{vehicle}/worst", ring(shown=bool(label)))
+        self._recording.log(f"world/cars/{vehicle}/worst/name", ring_label(label))
 
     def _text(self, line: LogText) -> None:
         self._at(line.logged_at_ns)
@@ -246,7 +295,7 @@ class Picture:
         is_lead = self._places[vehicle] == 0 and vehicle != "lead"
         tag = f"{vehicle} (lead)" if is_lead else vehicle
         shapes = {
-            f"cars/{vehicle}/body": car(*self._car_m, colour),
+            f"cars/{vehicle}/body": car(self._cars.get(vehicle, USUAL_CAR), colour),
             f"cars/{vehicle}/dot": dot,
             f"cars/{vehicle}/name": name_tag(tag, colour),
             f"driven/{vehicle}": line_style(colour, width=1.0, order=5),

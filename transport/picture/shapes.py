@@ -2,25 +2,39 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
-from transport.picture.blueprint import EDGE, MARK, ROAD, STATES, Colour
+from transport.colours import Colour
+from transport.picture.blueprint import EDGE, ROAD, STATES, WORST
+from vehicles.geometry.lanes import lane_edges as beside
 
 MARK_SPACING_M = 50.0
 MARK_OFFSET_M = 4.0
+RING_LABEL_M = 2.0
 
 
-def turn_about(east: float, north: float, yaw: float, *, flip: bool = True) -> rr.Transform3D:
-    """Put a frame at (east, north) in metres, turned by `yaw` (rad).
+class CarShape(NamedTuple):
+    """Length and width (m) of a car, and how far its middle lies ahead of its pose."""
+
+    length: float
+    width: float
+    forward: float
+
+
+def turn_about(
+    east: float, north: float, yaw: float, *, flip: bool = True, unit: float = 1.0
+) -> rr.Transform3D:
+    """Put a frame at (east, north) in metres, turned by `yaw` (rad), with a unit of `unit` (m).
 
     With `flip` its second axis points to the right instead of the left: a picture's second axis
     points down, so in a view from such a frame left turns turn left.
     """
-    c, s = math.cos(yaw), math.sin(yaw)
+    c, s = unit * math.cos(yaw), unit * math.sin(yaw)
     left = -1.0 if flip else 1.0
-    axes = [[c, -s * left, 0.0], [s, c * left, 0.0], [0.0, 0.0, 1.0]]
+    axes = [[c, -s * left, 0.0], [s, c * left, 0.0], [0.0, 0.0, unit]]
     return rr.Transform3D(translation=[east, north, 0.0], mat3x3=axes)
 
 
@@ -36,21 +50,23 @@ def point_style(*, width: float, order: float) -> rr.Points2D:
     return rr.Points2D.from_fields(radii=rr.Radius.ui_points(width), draw_order=order)
 
 
-def car(length: float, width: float, colour: Colour) -> rr.LineStrips2D:
+def car(shape: CarShape, colour: Colour) -> rr.LineStrips2D:
     """Draw a car seen from above, front towards its first axis, as thick lines side by side.
 
-    Boxes2D would be an outline only.
+    Boxes2D would be an outline only. Its outline is that of `shape`.
     """
+    length, width, forward = shape
     lines = 8
-    radius = 0.5 * width / lines
-    reach = 0.5 * length - radius
-    sides = [radius * (2 * line + 1 - lines) for line in range(lines)]
-    body = [[[-reach, side], [reach, side]] for side in sides]
-    windscreen = [[[0.16 * length, sides[1]], [0.16 * length, sides[-2]]]]
+    radius = 0.6 * width / lines  # so that they overlap
+    reach, aside = 0.5 * length - radius, 0.5 * width - radius
+    sides = [aside * (2 * line / (lines - 1) - 1) for line in range(lines)]
+    body = [[[forward - reach, side], [forward + reach, side]] for side in sides]
+    screen = forward + 0.16 * length
+    windscreen = [[[screen, sides[1]], [screen, sides[-2]]]]
     return rr.LineStrips2D(
         body + windscreen,
         colors=[colour] * lines + [(0, 0, 0)],
-        radii=[1.2 * radius] * lines + [0.07 * length],
+        radii=[radius] * lines + [0.07 * length],
         draw_order=20,
     )
 
@@ -62,26 +78,31 @@ def name_tag(text: str, colour: Colour) -> rr.Points2D:
     )
 
 
-def mark(places: Sequence[tuple[float, float]], label: str) -> rr.Points2D:
-    """Ring the places (m) that need a look, with one label."""
+def ring(*, shown: bool) -> rr.Points2D:
+    """Ring a car, which covers the middle, in the car's own frame."""
+    places = [[0.0, 0.0]] if shown else []
+    return rr.Points2D(places, colors=[WORST], radii=rr.Radius.ui_points(18.0), draw_order=15)
+
+
+def ring_label(label: str) -> rr.Points2D:
+    """Write a label to the right of a car that is ringed, if there is one."""
     return rr.Points2D(
-        places,
-        colors=[MARK],
-        radii=rr.Radius.ui_points(9.0),
-        labels=[label] * len(places),
+        [[0.0, -RING_LABEL_M]] if label else [],
+        colors=[WORST],
+        radii=0.0,
+        labels=[label] if label else [],
         show_labels=True,
-        draw_order=15,
+        draw_order=42,
     )
 
 
 def lane_edges(east: Sequence[float], north: Sequence[float], width: float) -> rr.LineStrips2D:
     """Draw both edges of a lane of `width` (m) along a path (m)."""
-    points = np.column_stack([east, north])
-    along = np.gradient(points, axis=0)
-    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-    left = 0.5 * width * np.column_stack([-along[:, 1], along[:, 0]])
     return rr.LineStrips2D(
-        [points + left, points - left], colors=[EDGE], radii=rr.Radius.ui_points(0.7), draw_order=0
+        beside(np.column_stack([east, north]), width),
+        colors=[EDGE],
+        radii=rr.Radius.ui_points(0.7),
+        draw_order=0,
     )
 
 

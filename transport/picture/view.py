@@ -3,7 +3,7 @@
 Rerun itself (90 MB, half a second) is loaded only when a picture is wanted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -26,18 +26,17 @@ MEMORY_LIMIT = "512MB"
 """What a server keeps for viewers that come later; beyond it the oldest data go first."""
 FLUSH_S = 5.0
 FLUSH_TICK_S = 0.1
-CAR_M = (4.93, 1.86)
-"""Length and width of a Lincoln MKZ."""
 
 
 class RerunView:
     """Shows a run, live or from its log: `draw` takes every message as it was recorded.
 
-    `vehicles` are in order, the lead first; `gap_m` is their usual distance; `path` is the
+    `vehicles` are in order, the lead first; `gap_m` is their usual distance; `cars` are their
+    lengths and widths (m), and how far their middles lie ahead of their poses; `path` is the
     lead's, as east and north in metres; `road_yaw` (rad) is the direction of the road on which the
     convoy starts; `lane_m` is the width of its lane; `title` is what the viewer calls the
     recording. Raises ViewerError if the picture cannot be shown.
-    `where` tells the user where it is shown.
+    `where` tells the user where it is shown; `drawn` is False where nothing is.
     """
 
     def __init__(
@@ -47,13 +46,14 @@ class RerunView:
         run_id: str,
         vehicles: Sequence[str],
         gap_m: float = 15.0,
-        car_m: tuple[float, float] = CAR_M,
+        cars: Mapping[str, tuple[float, float, float]] | None = None,
         path: tuple[Sequence[float], Sequence[float]] | None = None,
         road_yaw: float | None = None,
         lane_m: float | None = None,
         title: str = "",
     ) -> None:
         self.where = ""
+        self.drawn = option.sink != "off"
         self._page: Any = None
         self._recording: Any = None
         self._picture: Any = None
@@ -62,6 +62,7 @@ class RerunView:
         import rerun as rr  # noqa: PLC0415 - see above
 
         from transport.picture.picture import Picture  # noqa: PLC0415
+        from transport.picture.shapes import CarShape  # noqa: PLC0415
 
         self._recording = rr.RecordingStream(
             APPLICATION,
@@ -75,7 +76,7 @@ class RerunView:
             self._recording,
             vehicles,
             gap_m=gap_m,
-            car_m=car_m,
+            cars={name: CarShape(*size) for name, size in (cars or {}).items()},
             path=path,
             road_yaw=road_yaw,
             lane_m=lane_m,
@@ -85,6 +86,23 @@ class RerunView:
         """Draw a message that was recorded at instant `now` (ns)."""
         if self._picture is not None:
             self._picture.draw(now, message)
+
+    def gap(self, vehicle: str, at: int, gap: float) -> None:
+        """Draw the true gap (m) of a vehicle to the body ahead at instant `at` (ns)."""
+        if self._picture is not None:
+            self._picture.gap(vehicle, at, gap)
+
+    def mark(
+        self, kind: str, at: int, place: tuple[float, float], vehicles: tuple[str, ...]
+    ) -> None:
+        """Mark what happened at instant `at` (ns) and a place (east, north) in metres.
+
+        `kind` is one of `collision`, `near_miss`, `lane_departure` and `path_lost`.
+        """
+        if self._picture is not None:
+            from transport.picture.marks import Mark  # noqa: PLC0415
+
+            self._picture.mark(Mark(kind, at, place, vehicles))
 
     def _open(self, rr: Any, option: RerunOption) -> Any:
         match option.sink:

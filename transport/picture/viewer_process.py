@@ -1,11 +1,12 @@
 """Rerun's own programs as processes of this machine: the web page and the native viewer."""
 
 import importlib.util
+import json
 import os
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from transport.clock import poll
@@ -48,10 +49,26 @@ def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Pop
     as the main thread does.
     """
     flags = ["--serve-web", "--bind", address, "--web-viewer-port", str(port), data_url]
-    wrapper = [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid())]
-    page = _start([*wrapper, str(program()), *flags])
+    page = _start([*_ending_with_us(), str(program()), *flags])
     _await(page, address, port)
     return page
+
+
+def start_log_layout(
+    path: Path,
+    *,
+    log: str,
+    cars: Mapping[str, tuple[float, float, float]],
+    gap_m: float,
+) -> "subprocess.Popen[bytes]":
+    """Write the layout for a log to `path`; see `save_log_layout`.
+
+    It is written by a process of its own, which ends with this one, so that none has to load Rerun
+    for it. Without Rerun, or without room, there is no layout.
+    """
+    asked = {"path": str(path), "log": log, "cars": cars, "gap_m": gap_m}
+    command = [sys.executable, "-m", "transport.picture.log_layout", json.dumps(asked)]
+    return _start([*_ending_with_us(), *command])
 
 
 def require_display() -> None:
@@ -116,6 +133,11 @@ def quiet_environment() -> dict[str, str]:
     Rerun 0.41 takes CI in its environment for a machine that runs tests, and sends nothing there.
     """
     return {**os.environ, "CI": "1"}
+
+
+def _ending_with_us() -> list[str]:
+    """Beginning of a command that ends when this process does, in whatever way."""
+    return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid())]
 
 
 def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":

@@ -24,12 +24,19 @@ from vehicles.car.parameters import VehicleParameters
 WALKING_PACE = 2.0
 """Speed (m/s) below which the quasi-steady limit holds."""
 
+FASTEST_SLIDE = 1000.0
+"""Lateral speed (m/s) beyond which the linear tyres of an unstable car have long lost all sense."""
+
 STEP_PER_RATE = 0.45
 """Longest sub-step in units of the fastest time constant."""
 
 _Four = tuple[float, float, float, float]
 _Lateral = tuple[float, float, float, float, float, float]
 _Tyres = tuple[float, float, float, float, float, float]
+
+
+class OutOfModelError(ValueError):
+    """The car moves as the model, eqs. (1), (2), cannot describe any more."""
 
 
 @dataclass(slots=True)
@@ -77,7 +84,8 @@ def advance(
     The steering command is clamped to the steering limit and the wheels stop there. A braking car
     comes to rest within the span and stays; it never reverses. `substeps` overrides the number of
     integration steps (per part of the span: before and after coming to rest). Raises ValueError
-    for a command that is not finite or a negative span.
+    for a command that is not finite or a negative span, and OutOfModelError for a car that is
+    unstable and spins ever faster.
     """
     if not (math.isfinite(actuation.steering) and math.isfinite(actuation.acceleration)):
         raise ValueError(f"a command must be finite: {actuation}")
@@ -126,10 +134,24 @@ def _lateral_rates(speed: float, tyres: _Tyres, p: VehicleParameters) -> _Latera
     )
 
 
+def fastest_rate(p: VehicleParameters) -> float:
+    """Return the fastest rate of the car's tyres and steering (1/s), which is that at low speed.
+
+    Of the tyres it is the larger damping of eqs. (1), (2), of the steering the faster pole of
+    eq. (4).
+    """
+    return _fastest_rate(WALKING_PACE, _tyres(p), p)
+
+
+def _fastest_rate(speed: float, tyres: _Tyres, p: VehicleParameters) -> float:
+    damping = p.steering_damping
+    overdamped = damping + math.sqrt(damping * damping - 1.0) if damping > 1.0 else 1.0
+    return max(-min(tyres[0], tyres[4]) / speed, overdamped * p.steering_frequency)
+
+
 def _substeps(slowest: float, span: float, tyres: _Tyres, p: VehicleParameters) -> int:
     """Count the sub-steps for a span in which the speed does not fall below `slowest`."""
-    fastest_tyre = -min(tyres[0], tyres[4]) / max(slowest, WALKING_PACE)
-    return math.ceil(span * max(fastest_tyre, p.steering_frequency) / STEP_PER_RATE)
+    return math.ceil(span * _fastest_rate(max(slowest, WALKING_PACE), tyres, p) / STEP_PER_RATE)
 
 
 def _integrate(
@@ -162,6 +184,8 @@ def _integrate(
         if abs(state[2]) > p.steering_limit:  # the rack's end stop
             state = (state[0], state[1], math.copysign(p.steering_limit, state[2]), 0.0)
         speed, before = faster, after
+    if not abs(state[0]) < FASTEST_SLIDE:
+        raise OutOfModelError(f"the car spins: it is unstable at {final_speed:.1f} m/s")
     return Body(place[0], place[1], place[2], final_speed, *state, place[3])
 
 

@@ -25,15 +25,21 @@ class LateralController(Protocol):
     """Interface of a lateral controller (Fig. 1), for the shipped ones and a user's own.
 
     A controller is a class in a module that Python can import; a module in the working folder is
-    found. A scenario names it by its dotted name, `module.Class`. One object is built for each
-    vehicle as `Class(parameters, gains)`:
+    found. A scenario names it by its dotted name, `module.Class`, in `control.controller` or for
+    one vehicle in `vehicle.NAME.control.controller`. Every vehicle has an object of its own, built
+    as `Class(parameters, gains)`:
 
     parameters   `VehicleParameters` that are assumed of the car (SI units)
-    gains        `Gains` of the scenario's table `control.gains`; a law may ignore them
+    gains        `Gains` of the table `control.gains`; a law may ignore them
 
-    It may keep a state, and has no clock of its own: `steer` is called once at every control
-    instant, every 1/`control.rate_hz` seconds of the run; with `fusion = "blend"` once for each of
-    the two trajectories. What it raises, and a command that is not finite, ends the run.
+    It may keep a state. It has no clock of its own and should draw no random numbers, so that the
+    same seed gives the same run: `steer` is called once at every control instant, every
+    1/`control.rate_hz` seconds of the run; with `fusion = "blend"` once for each of the two
+    trajectories. The car turns its wheels no further than `parameters.steering_limit` (rad).
+
+    Before a run it is built and asked for one command, on a straight at 10 m/s without errors; one
+    that cannot give it is refused. In a run, what it raises, and a command that is not finite, ends
+    the run with one line, or only its vehicle where `convoy.when_a_vehicle_dies = "go_on"`.
     """
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:

@@ -7,5 +7,6 @@ path                a path that a lead can drive: place, direction and curvature
 local_regression    local polynomials through noisy points
 smoothing           a path from recorded points
 driven_path         the path the lead drove, and the cross-track error from it
+lanes               edges of a lane, and paths with fewer points, for pictures
 trajectory_points   points along a composite trajectory, for pictures
 """

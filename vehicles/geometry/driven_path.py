@@ -1,6 +1,7 @@
 """True cross-track error: the distance of each vehicle from the path that the lead drove."""
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import cos, hypot, sin
 from typing import NamedTuple
@@ -18,6 +19,11 @@ LEAST_STEP = 0.01
 HOLE_NS = SECOND // 10
 """Poses of the lead further apart in time than this, and not one after the other by their numbers,
 are a hole in the record: nobody knows where the lead drove in between."""
+
+FORGET_EVERY = 500
+"""Chords of the lead between two looks at what all followers have passed."""
+MOST_CHORDS = 100_000
+"""Chords that are kept for a follower that stands still or is silent, half an hour at 50 Hz."""
 
 MOST_WAITING = 3000
 """Poses of one follower that wait for the lead to get there, 60 s at 50 Hz; then the oldest go."""
@@ -64,10 +70,12 @@ class _Follower:
     """The places of a follower whose foot points are not known yet.
 
     The next foot point is searched forwards from chord `index`, and backwards as far as `floor`.
+    One that is `left_behind` stands further back than the path is known.
     """
 
     index: int = 0
     floor: int = 0
+    left_behind: bool = False
     waiting: deque[_Place] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
 
 
@@ -83,13 +91,17 @@ class CrossTrackError:
     not matter: a pose that lies beyond what the lead has driven so far waits, and those behind it.
     """
 
-    def __init__(self, lead: str, road_yaw: float | None = None) -> None:
+    def __init__(
+        self, lead: str, road_yaw: float | None = None, followers: Iterable[str] = ()
+    ) -> None:
+        """Take the names; what all of `followers` have passed is forgotten, if they are given."""
         self._lead = lead
         self._road_yaw = road_yaw
         self._chords: list[_Chord] = []
         self._end = (0.0, 0.0)
         self._newest: TruePose | None = None
-        self._followers: dict[str, _Follower] = {}
+        self._followers = {name: _Follower() for name in followers}
+        self._forgets = bool(self._followers)
 
     def add(self, pose: TruePose) -> list[CrossTrack]:
         """Take a pose; returns the foot points that are known now and were not before.
@@ -135,12 +147,27 @@ class CrossTrackError:
                 and pose.true_at_ns - before.true_at_ns > HOLE_NS
             )
             self._chords.append(_Chord(east, north, along_east, along_north, step, station, hole))
+            if self._forgets and len(self._chords) % FORGET_EVERY == 0:
+                self._forget()
         self._end = (pose.east_m, pose.north_m)
         return True
+
+    def _forget(self) -> None:
+        """Forget the chords that all have passed, and those that somebody did not for too long."""
+        on_path = [other for other in self._followers.values() if not other.left_behind]
+        passed = min((other.floor for other in on_path), default=len(self._chords) - 1)
+        count = max(passed, len(self._chords) - MOST_CHORDS)
+        del self._chords[:count]
+        for other in on_path:
+            other.left_behind = other.floor < count
+            other.index -= count
+            other.floor -= count
 
     def _feet(self, follower: _Follower) -> list[CrossTrack]:
         """Foot points of the waiting places, up to the first one beyond the end of the path."""
         found: list[CrossTrack] = []
+        if follower.left_behind:
+            follower.waiting.clear()
         while follower.waiting:
             foot = self._foot(follower, follower.waiting[0])
             if foot is None:
@@ -157,6 +184,7 @@ class CrossTrackError:
         chord is looked at once only.
         """
         chords, index, floor = self._chords, follower.index, follower.floor
+        count = len(chords)
         forwards = True
         while True:
             east, north, along_east, along_north, length, station, _ = chords[index]
@@ -164,7 +192,7 @@ class CrossTrackError:
             along = (to_east * along_east + to_north * along_north) / length
             if forwards and along > length:
                 index += 1
-                if index == len(chords):
+                if index == count:
                     follower.index = index - 1  # the search goes on from here
                     return None
             elif along < 0.0 and index > floor:

@@ -3,13 +3,14 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.tables import LinkTable, ScenarioTables, SteeringTable
 
 USUAL_GNSS_RATE = 20.0
 """Receivers for driving measure at most this often (Hz; paper, Section III-A)."""
@@ -23,10 +24,12 @@ STEP = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
-    """Figures of a valid scenario, of the lead's planned run unless another is named.
+    """What a valid scenario asks for, and figures of the lead's planned run.
 
-    `radius_m_min` is None on a straight road. `deviation_m_rms` and `deviation_m_max` say how far
-    the path lies from the recorded points, None where it is made of segments.
+    `control`, `gnss` and `masses_kg` (with the load) are by vehicle, as are the `offsets` from the
+    path of those that start with one. `gap_policy` is None where followers drive the lead's speed,
+    `radius_m_min` on a straight road. `deviation_m_rms` and `deviation_m_max` say how far the path
+    lies from the recorded points, None where it is made of segments.
     """
 
     name: str
@@ -35,7 +38,18 @@ class CheckReport:
     gaps_m: tuple[float, ...]
     duration_s: float
     seed: int
+    lead_speed: str
+    gap_policy: dict[str, float] | None
+    control_rate_hz: float
+    control: dict[str, dict[str, Any]]
+    gnss: dict[str, dict[str, float]]
+    masses_kg: dict[str, float]
+    offsets: dict[str, dict[str, float]]
     links: dict[str, dict[str, float | None]]
+    when_a_vehicle_dies: str
+    clock_offset_ms_max: float
+    events: dict[str, float]
+    limits: dict[str, Any]
     path_length_m: float
     driven_m: float
     radius_m_min: float | None
@@ -73,17 +87,29 @@ def check(
 
 def report_of(scenario: Scenario) -> CheckReport:
     """Gather the figures of a scenario."""
-    route, run, table = scenario.route, _run(scenario), scenario.tables.path
+    tables, route, run = scenario.tables, scenario.route, _run(scenario)
+    cars = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
     changes = np.diff(run.speeds) / STEP
     sharpest = max(map(abs, run.curvatures))
-    trace = table if isinstance(table, PointsPath) else None
+    trace = tables.path if isinstance(tables.path, PointsPath) else None
     return CheckReport(
         name=scenario.name,
-        description=scenario.tables.description,
+        description=tables.description,
         vehicles=scenario.vehicle_names,
         gaps_m=route.gaps[1:],
         duration_s=scenario.duration_s,
         seed=scenario.seed,
+        lead_speed=tables.speed.lead,
+        gap_policy=tables.speed.gap.model_dump() if tables.speed.followers == "gap" else None,
+        control_rate_hz=scenario.control_rate_hz,
+        control={name: _steering(car.steering) for name, car in cars.items()},
+        gnss={name: car.gnss.model_dump() for name, car in cars.items()},
+        masses_kg={name: car.parameters.mass for name, car in cars.items()},
+        offsets=_offsets(tables),
+        when_a_vehicle_dies=tables.convoy.when_a_vehicle_dies,
+        clock_offset_ms_max=tables.convoy.clock_offset_ms_max,
+        events=tables.events.model_dump(),
+        limits=tables.limits.model_dump(),
         links={
             f"{sender} → {receiver}": table.model_dump(include=set(LinkTable.model_fields))
             for (sender, receiver), table in scenario.links.items()
@@ -102,6 +128,18 @@ def report_of(scenario: Scenario) -> CheckReport:
         deviation_m_max=route.smoothed.deviation_max if route.smoothed else None,
         warnings=_warnings(scenario, run),
     )
+
+
+def _steering(table: SteeringTable) -> dict[str, Any]:
+    """What one vehicle is asked for; the rate of control is the convoy's."""
+    return table.model_dump(include=set(SteeringTable.model_fields))
+
+
+def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:
+    """Vehicles that do not start on the path."""
+    keys = {"lateral_offset_m", "heading_offset_deg"}
+    found = {name: own.model_dump(include=keys) for name, own in tables.vehicle.items()}
+    return {name: offsets for name, offsets in found.items() if any(offsets.values())}
 
 
 def _run(scenario: Scenario) -> _Run:

@@ -24,6 +24,9 @@ RUN_UP = 10.0
 LONGEST = 86_400.0
 """No run lasts longer than a day (s)."""
 
+LONGEST_PATH = 1_000_000.0
+"""Metres of road, all laps together; twice as many points are kept of it."""
+
 SPARSE_REACH = 7.0
 """Where points are sparse, smoothing may reach over so many of their distances."""
 
@@ -71,9 +74,8 @@ class Route:
 
 
 def vehicle_names(tables: ScenarioTables) -> tuple[str, ...]:
-    """Return the names given, or v1, v2, ..."""
-    convoy = tables.convoy
-    return convoy.names or tuple(f"v{place}" for place in range(1, convoy.vehicles + 1))
+    """Return the names of all vehicles, the lead first."""
+    return tables.convoy.vehicle_names
 
 
 def gap_policy(tables: ScenarioTables) -> GapPolicy:
@@ -121,6 +123,7 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
     table = tables.path
     if isinstance(table, SegmentsPath):
         yaw = yaw_from_heading(table.heading_deg)
+        _check_length(table, sum(segment.length_m for segment in table.segments))
         laps = [Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
         east, north = -lead_in * math.cos(yaw), -lead_in * math.sin(yaw)
         path = path_from_segments([Segment(lead_in, 0.0), *laps], east, north, yaw)
@@ -136,8 +139,10 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
 
 
 def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
-    steps = zip(itertools.pairwise(table.east_m), itertools.pairwise(table.north_m), strict=True)
-    longest = max(math.hypot(e1 - e0, n1 - n0) for (e0, e1), (n0, n1) in steps)
+    pairs = zip(itertools.pairwise(table.east_m), itertools.pairwise(table.north_m), strict=True)
+    steps = [math.hypot(e1 - e0, n1 - n0) for (e0, e1), (n0, n1) in pairs]
+    _check_length(table, sum(steps))
+    longest = max(steps, default=0.0)
     try:
         return smooth_path(
             table.east_m,
@@ -149,6 +154,14 @@ def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
         )
     except ValueError as error:
         raise Refused(f"path ({table.source})" if table.source else "path", str(error)) from error
+
+
+def _check_length(table: SegmentsPath | PointsPath, lap: float) -> None:
+    """Raise Refused for a path of so many metres a lap that no memory holds it."""
+    if lap * table.laps > LONGEST_PATH:
+        key = "path.laps" if table.laps > 1 else "path"
+        whole_km, most_km = lap * table.laps / 1000.0, LONGEST_PATH / 1000.0
+        raise Refused(key, f"{whole_km:.6g} km of road, allowed at most {most_km:g} km")
 
 
 def curvature(segment: SegmentTable) -> float:
@@ -187,6 +200,9 @@ def _recorded(
         raise Refused("speed.lead", 'given "recorded", allowed only for a trace with times')
     if table.closed:
         raise Refused("speed.lead", 'given "recorded", allowed only with path.closed = false')
+    if (span := max(table.time_s) - min(table.time_s)) > LONGEST:
+        where = f"path ({table.source})" if table.source else "path.time_s"
+        raise Refused(where, f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}")
     profile, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
     if not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
         times = f"{1.0 / ratio:.2f} times" if ratio > 0.0 else "not"

@@ -13,6 +13,9 @@ from pydantic import AwareDatetime, Field
 from scenarios.definition.schema.path import PathTable
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
 
+EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
+"""Between them instants fit into 64 bits of nanoseconds, of which a log's have no sign."""
+
 CONTROLLERS = {
     "slip_compensated": "vehicles.driver.steering.SlipCompensated",
     "feedforward_feedback": "vehicles.driver.steering.FeedforwardFeedback",
@@ -44,6 +47,11 @@ class ConvoyTable(Table):
     when_a_vehicle_dies: Literal["end", "go_on"] = "end"
     clock_offset_ms_max: float = Field(default=50.0, gt=0, le=60_000)
 
+    @property
+    def vehicle_names(self) -> tuple[str, ...]:
+        """Return the names given, or v1, v2, ..."""
+        return self.names or tuple(f"v{place}" for place in range(1, self.vehicles + 1))
+
 
 class GainsTable(Table):
     """Feedback gains of the steering law (paper, Section III-E); the nominal ones by default."""
@@ -74,7 +82,7 @@ class ControlTable(SteeringTable):
 class GnssTable(Table):
     """The emulated receiver: its rate and the standard deviations of its white noise."""
 
-    rate_hz: float = Field(default=20.0, gt=0, le=100)
+    rate_hz: float = Field(default=20.0, ge=0.01, le=100)
     position_noise_m: float = Field(default=0.02, ge=0, le=100)
     heading_noise_deg: float = Field(default=0.1, ge=0, le=45)
     speed_noise_mps: float = Field(default=0.03, ge=0, le=10)
@@ -130,7 +138,7 @@ class LinkTable(Table):
     latency_ms: float = Field(default=20.0, ge=0, le=60_000)
     jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
     loss_ratio: Ratio = 0.0
-    rate_hz: float | None = Field(default=None, gt=0, le=1000)
+    rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
 
 
 class LinkEntry(LinkTable):
@@ -230,7 +238,7 @@ class ScenarioTables(Table):
     description: str = ""
     duration_s: float | None = Field(default=None, gt=0, le=86_400)
     seed: int = Field(default=1, ge=0, le=2**63 - 1)
-    start_at: AwareDatetime = datetime(2026, 1, 1, tzinfo=UTC)
+    start_at: AwareDatetime = Field(default=datetime(2026, 1, 1, tzinfo=UTC), ge=EPOCH, lt=LATEST)
     origin: OriginTable | None = None
     convoy: ConvoyTable = ConvoyTable()
     control: ControlTable = ControlTable()

@@ -1,9 +1,10 @@
-"""A vehicle that cannot drive on, since its controller failed: who, when and why."""
+"""A vehicle that cannot drive on, by its controller or as a car: who, when and why."""
 
 from collections.abc import Callable
 
 from scenarios.runs.node.node import Node
 from transport.clock import Tick
+from vehicles.car.dynamics import OutOfModelError
 from vehicles.driver.steering import ControllerError
 from vehicles.schedule import SECOND
 
@@ -17,12 +18,12 @@ class VehicleFaultError(Exception):
 
 
 def stepping(node: Node, vehicle: str, start_at: int) -> Callable[[Tick], None]:
-    """Return `node.step` with a controller's fault as a VehicleFaultError with its instant."""
+    """Return `node.step` with a fault of controller or car as a VehicleFaultError, with when."""
 
     def step(tick: Tick) -> None:
         try:
             node.step(tick)
-        except ControllerError as error:
+        except (ControllerError, OutOfModelError) as error:
             after_s = (tick.at - start_at) / SECOND
             raise VehicleFaultError(vehicle, f"{error}, {after_s:.2f} s after the start") from error
 

@@ -50,6 +50,8 @@ class Outbox:
         if decision.fresh:
             self._add_truth(now, body)
             self._add_decision(now, decision)
+        for line in self._inbox.complaints():
+            self._add_text(now, line, "error")
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()

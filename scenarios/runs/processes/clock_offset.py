@@ -10,6 +10,8 @@ from vehicles.schedule import MILLISECOND
 ROUNDS = 5
 """The fastest of so many round trips counts: what delays one of them delays it unevenly."""
 TIMEOUT_S = 0.5
+LONGEST_ANSWER = 20
+"""Digits of an instant in nanoseconds; whoever answers with more has no clock."""
 
 Now = Callable[[], int]
 
@@ -42,13 +44,13 @@ def answer_for_clock(bus: Bus, vehicle: str, now: Now) -> None:
 
 
 def measure(bus: Bus, vehicle: str, now: Now) -> ClockOffset | None:
-    """Measure the offset of a vehicle's clock; None if it does not answer."""
+    """Measure the offset of a vehicle's clock; None if it does not answer with one."""
     found: list[ClockOffset] = []
     for _ in range(ROUNDS):
         asked_at = now()
         answer = bus.ask(clock_key(vehicle), TIMEOUT_S)
         trip = now() - asked_at
-        if answer is None or not answer.isdigit():
+        if answer is None or not answer.isdigit() or len(answer) > LONGEST_ANSWER:
             return None
         found.append(ClockOffset(vehicle, int(answer) - asked_at - trip // 2, trip - trip // 2))
     return min(found, key=lambda one: one.uncertainty)

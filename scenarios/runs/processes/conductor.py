@@ -3,19 +3,19 @@
 from collections.abc import Sequence
 from enum import Enum, auto
 
+from scenarios.runs.processes.router_watch import RouterWatch
 from vehicles.messages import Health, LogText, Message
 from vehicles.schedule import SECOND
 
 DEATH_AFTER_NS = SECOND // 2
-"""A vehicle is dead when its token has been gone for this long with the router in reach.
+"""A vehicle is dead when its token has been gone for this long with the router in reach."""
+LEFT_AFTER_NS = SECOND
+"""A vehicle that sent its final counters early has left when its token has been gone for this long.
 
-One that sends its final counters early counts as having left after the same time: what stopped it
-may stop this process, too, and give the reason.
+Until then what stopped it may stop this process, too, and give the reason: its own process ends
+after its token, and its launcher has to see that first. That is nothing to guess from when the
+counters came: a vehicle that is told to leave takes up to a second for its end on a busy machine.
 """
-ROUTER_LOST_AFTER_NS = 5 * SECOND
-"""The run ends when the router has been out of reach for this long."""
-LAST_MOMENT_NS = SECOND
-"""A run whose router was lost for good no earlier before its end than this is completed."""
 RETURN_NS = SECOND
 """How much later than the recorder a vehicle may find back to a router that was out of reach."""
 FINAL_COUNTERS_NS = 3 * SECOND
@@ -64,7 +64,7 @@ class Conductor:
         self._early: dict[str, int] = {}
         self._left: set[str] = set()
         self._faults: dict[str, str] = {}
-        self._router_lost_at: int | None = None
+        self._router = RouterWatch()
         self._patient_from = 0
         self._advanced_at: int | None = None
         self._waiting_said_at: int | None = None
@@ -78,7 +78,7 @@ class Conductor:
     @property
     def router_is_lost(self) -> bool:
         """Whether the router was out of reach at last."""
-        return self._router_lost_at is not None
+        return self._router.lost_at is not None
 
     def presence(self, vehicle: str, *, alive: bool, at: int) -> None:
         """A vehicle came or went."""
@@ -119,6 +119,18 @@ class Conductor:
             return self._run(now, connected=connected)
         return []
 
+    def stop_as_asked(self, reason: str, now: int, *, connected: bool) -> list[str]:
+        """End the run because somebody asks for it: completed, if its router was lost at last.
+
+        A launcher whose router has ended asks for it at once. Returns lines as `advance` does.
+        """
+        self._router.look(now, connected=connected)
+        if self.phase is Phase.RUNNING and self._router.was_lost_at_last(self.end_at):
+            self.stop("")
+            return [self._when_lost()]
+        self.stop(reason)
+        return []
+
     def stop(self, reason: str) -> None:
         """End the run now; the first reason stays."""
         if self.phase is not Phase.OVER:
@@ -146,18 +158,15 @@ class Conductor:
 
     def _run(self, now: int, *, connected: bool) -> list[str]:
         lines: list[str] = []
-        if not connected:
-            self._router_lost_at = self._router_lost_at or now
-            if now - self._router_lost_at > ROUTER_LOST_AFTER_NS:
-                before_end = self.end_at - self._router_lost_at
-                self.stop("the router is gone" if before_end > LAST_MOMENT_NS else "")
-                when = f"{abs(before_end) / SECOND:.1f} s {'after' if before_end < 0 else 'before'}"
-                lines.append(f"the router was lost {when} the end")
+        outage = self._router.look(now, connected=connected)
+        if self._router.lost_at is not None:
+            if self._router.is_lost_for_good(now):
+                completed = self._router.was_lost_at_last(self.end_at)
+                self.stop("" if completed else "the router is gone")
+                lines.append(self._when_lost())
             return lines
-        if self._router_lost_at is not None:
-            outage = (now - self._router_lost_at) / SECOND
-            lines.append(f"the router was out of reach for {outage:.1f} s")
-            self._router_lost_at = None
+        if outage:
+            lines.append(f"the router was out of reach for {outage / SECOND:.1f} s")
             self._patient_from = now
             self._gone_since = dict.fromkeys(self._gone_since, now + RETURN_NS)
         if not self._goes_on:
@@ -167,6 +176,11 @@ class Conductor:
         lines += self._count_the_early(now)
         self._end_if_over(now)
         return lines
+
+    def _when_lost(self) -> str:
+        before_end = self.end_at - (self._router.lost_at or 0)
+        when = f"{abs(before_end) / SECOND:.1f} s {'after' if before_end < 0 else 'before'}"
+        return f"the router was lost {when} the end"
 
     def _end_if_over(self, now: int) -> None:
         vehicles = set(self._vehicles)
@@ -196,7 +210,7 @@ class Conductor:
     def _count_the_early(self, now: int) -> list[str]:
         lines: list[str] = []
         for name, at in self._early.items():
-            if name in self._left or now - at <= DEATH_AFTER_NS:
+            if name in self._left or not self._has_left(name, at, now):
                 continue
             if self._goes_on:
                 self._left.add(name)
@@ -204,6 +218,13 @@ class Conductor:
             else:
                 self.stop(f"left before the end: {', '.join(sorted(self._early))}")
         return lines
+
+    def _has_left(self, name: str, finished_at: int, now: int) -> bool:
+        """Whether a vehicle whose final counters came early has left, or will never."""
+        gone_since = self._gone_since.get(name)
+        if gone_since is None:
+            return now - finished_at > FINAL_COUNTERS_NS
+        return now - gone_since > LEFT_AFTER_NS
 
     def _when(self, at: int) -> str:
         seconds = (at - self.start_at) / SECOND

@@ -17,7 +17,9 @@ from transport.log.records import LogError
 from transport.log.repair import repair
 
 WATCH_PERIOD_S = 0.05
-RECORDER = "recorder"
+ROUTER, RECORDER = "router", "recorder"
+SAID_BY_RECORDER = "the run failed"
+"""Reason of a run whose recorder has said the true one."""
 
 
 class ProcessSupervisor(Protocol):
@@ -67,12 +69,14 @@ class LaunchPlan:
 class RunOutcome:
     """How the run ended: exit code and, if not as planned, the line that says why.
 
-    `repaired` says that the recorder could not complete its log, and that the launcher did.
+    `repaired` says that the recorder could not complete its log, and that the launcher did;
+    `router_ended` that the run failed by that, unless its recorder knows better.
     """
 
     exit_code: int = 0
     reason: str = ""
     repaired: bool = False
+    router_ended: bool = False
 
     def fail(self, reason: str, exit_code: int = EXIT_FAILED) -> None:
         """End the run; the first failure decides."""
@@ -108,6 +112,8 @@ def launch(
         outcome.fail(f"{error}; the run ends")
     finally:
         _stop_all(plan, supervisor, outcome)
+    if outcome.router_ended and recorder.exit_code == 0:  # it was the last second of the run
+        outcome.reason, outcome.exit_code = "", 0
     return outcome
 
 
@@ -127,8 +133,9 @@ def _is_over(
         if child is recorder and child.exit_code == 0:
             return True
         if child is recorder and child.exit_code == EXIT_FAILED:
-            outcome.fail("the run failed, see above")
+            outcome.fail(SAID_BY_RECORDER)
         elif child.name not in vehicles or (child.exit_code != 0 and not goes_on):
+            outcome.router_ended = child.name == ROUTER and not outcome.reason
             outcome.fail(f"{describe(child)}; the run ends")
     return bool(outcome.reason)
 
@@ -139,7 +146,7 @@ def _stop_all(plan: LaunchPlan, supervisor: ProcessSupervisor, outcome: RunOutco
     names = [child.name for child in supervisor.children]
     supervisor.stop([name for name in names if name in plan.scenario.vehicle_names], grace_s=1.0)
     supervisor.stop([RECORDER], grace_s=2.5)
-    supervisor.stop(grace_s=0.5)
+    supervisor.stop(grace_s=0.2)  # the router, which has nothing to complete
     log = plan.folder / LOG_NAME
     with suppress(LogError):  # killed before it had begun its log
         outcome.repaired = log.exists() and repair(log)

@@ -9,6 +9,7 @@ from importlib.metadata import version
 
 from scenarios.definition.scenario import Scenario
 from transport.bus.bus import Bus, BusError, Member
+from transport.texts import printable
 from vehicles.schedule import SECOND
 
 RECORDER, VEHICLE = "recorder", "vehicle"
@@ -16,6 +17,8 @@ SETTLE_S = 0.2
 """Two that join at once see each other's announcement after this time."""
 LEFT_AFTER_NS = 2 * SECOND
 """The recorder has left when its token has been gone for this long with the router in reach."""
+LONGEST_SHOWN = 60
+"""Letters of what another process announces, in a line about it."""
 _RUN_NAME = re.compile(r"[A-Za-z0-9_-]{1,100}")
 
 
@@ -26,6 +29,12 @@ def checked_run_name(name: str) -> str:
             f"--run {name!r}: allowed are up to 100 letters, digits, underscores and hyphens"
         )
     return name
+
+
+def shown(text: str) -> str:
+    """Return what another process announced, which may be anything, fit for a line of ours."""
+    text = printable(text)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +68,7 @@ class Fingerprint:
         parts = chunk.split("~")
         if len(parts) != 4:
             return f"another version of the program, here it is {self.version}"
-        other = Fingerprint(*parts)
+        other = Fingerprint(*map(shown, parts))
         rows = (
             ("version", other.version, self.version),
             ("scenario", other.scenario, self.scenario),
@@ -120,7 +129,7 @@ class Membership:
     def _refuse(self, others: Iterable[Member]) -> None:
         # The recorder is the one to agree with; among vehicles any.
         for other in sorted(others, key=lambda one: (one.role, one.name, one.session)):
-            who = "the recorder" if other.role == RECORDER else other.name
+            who = "the recorder" if other.role == RECORDER else shown(other.name)
             if difference := self._fingerprint.difference(other.fingerprint):
                 raise BusError(f"run {self.run}: {who} has {difference}")
             if (other.role, other.name) == (self._role, self.name):

@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from queue import Empty, SimpleQueue
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
-from scenarios.runs.processes.clock_offset import measure
-from scenarios.runs.processes.conductor import RETURN_NS, ROUTER_LOST_AFTER_NS, Conductor, Phase
+from scenarios.runs.processes.arrivals import Arrivals
+from scenarios.runs.processes.clock_offset import answer_for_clock, measure
+from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
 from scenarios.runs.processes.membership import Membership
+from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
 from scenarios.runs.recorder import Listener
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
@@ -29,9 +31,10 @@ HEALTH = "/health"
 GATHER_S = 60.0
 CANCELLED_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
+LITTLE_PATIENCE_S = 0.2
+"""How long it waits for a router that has brought no answer in that time."""
 HEARD_NS = SECOND
 """How long the recorder of a completed run waits for the vehicles to end."""
-Arrival = tuple[int, str, bytes]
 
 
 class RecorderProcess:
@@ -45,6 +48,7 @@ class RecorderProcess:
         stop: Stop,
         membership: Membership,
         *,
+        metrics: Metrics | None = None,
         gather_s: float = GATHER_S,
         listeners: Sequence[Listener] = (),
     ) -> None:
@@ -67,13 +71,15 @@ class RecorderProcess:
             folder,
             clock="wall",
             run_id=folder.name,
+            metrics=metrics,
             listeners=(self._conductor.listen, *listeners),
         )
         self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
         self._flushing = Timer(FLUSH_NS)
         self._own: list[tuple[str, bytes]] = []
-        self._arrivals: SimpleQueue[Arrival] = SimpleQueue()
+        self._arrivals = Arrivals(self._run.recorder.keys)
         self._last_health: dict[str, bytes] = {}
+        answer_for_clock(bus, CONDUCTOR, self._clock.now)
         bus.subscribe(EVERYTHING, self._arrive)
 
     def record_until_over(self) -> RunSummary:
@@ -85,10 +91,11 @@ class RecorderProcess:
             except LogError as error:  # the disk is full, or the log was removed
                 self._conductor.stop(str(error))
         end = self._run.end(self._clock.now(), self._conductor.reason)
-        ending = self._own_message("end", end)
+        self._own_message("end", end)
         if self._conductor.reason:
-            self._bus.publish(*ending, urgent=True)
+            self._tell_end()
             self._await_final_counters()
+        self._run.recorder.rejected.update(self._arrivals.refusals())
         return self._run.close(self._clock.now())
 
     def announce_completion(self) -> None:
@@ -97,12 +104,20 @@ class RecorderProcess:
         That of a completed run is repeated until they have ended; a router that is away is waited
         for. Of a failed run they have been told before.
         """
-        self._bus.publish(*self._own[-1], urgent=True)
+        self._tell_end()
         if self._conductor.reason or self._conductor.router_is_lost:
             return
         begun = self._clock.now()
         self._settled_at = begun
         poll(lambda: self._stop.asked or self._is_heard(begun), every_s=POLL_S)
+
+    def _tell_end(self) -> None:
+        """Publish that the run is over.
+
+        Who was asked to stop with nobody there need not wait until a router has read this.
+        """
+        if self._membership.vehicles or not self._stop.asked:
+            self._bus.publish(*self._own[-1], urgent=True)
 
     def _is_heard(self, begun: int) -> bool:
         """Whether no vehicle is left that waits for the end, or none will hear of it."""
@@ -122,6 +137,10 @@ class RecorderProcess:
             with suppress(LogError):  # the run has a reason to end already
                 self._record_arrivals()
             self._note_presences(self._clock.now())
+        if (
+            self._conductor.awaits_final_counters()
+        ):  # perhaps the router hangs; whoever stops us waits
+            self._bus.patience_s = LITTLE_PATIENCE_S
 
     def _compare_clocks(self) -> None:
         """Write into the log how far the vehicles' clocks are off; too far ends the run."""
@@ -150,7 +169,7 @@ class RecorderProcess:
         return own
 
     def _arrive(self, key_expression: str, data: bytes) -> None:
-        self._arrivals.put((self._clock.now(), key_expression, data))
+        self._arrivals.put(self._clock.now(), key_expression, data)
 
     def _record_arrivals(self) -> None:
         """Record what has arrived; if nothing has, wait at most `POLL_S` for something.
@@ -158,11 +177,12 @@ class RecorderProcess:
         What arrives meanwhile is left for the next call: under a flood of messages this would not
         return, and the run has to be advanced and the log flushed.
         """
-        for _ in range(max(1, self._arrivals.qsize())):
-            try:
-                at, key_expression, data = self._arrivals.get(timeout=POLL_S)
-            except Empty:
+        self._run.recorder.rejected.update(self._arrivals.refusals())
+        for _ in range(max(1, len(self._arrivals))):
+            arrival = self._arrivals.take(POLL_S)
+            if arrival is None:
                 return
+            at, key_expression, data = arrival
             if (key_expression, data) not in self._own:
                 self._record(key_expression, data, at)
 
@@ -170,18 +190,14 @@ class RecorderProcess:
         """Record a message; a vehicle's last counters, which it repeats until heard, but once."""
         if self._last_health.get(key_expression) == data:
             return
-        before = self._run.recorder.recorded
-        self._run.recorder.accept(key_expression, data, at)
-        if key_expression.endswith(HEALTH) and self._run.recorder.recorded > before:
+        recorded = self._run.recorder.accept(key_expression, data, at)
+        if recorded and key_expression.endswith(HEALTH):
             self._last_health[key_expression] = data
 
     def _advance(self) -> None:
         now = self._clock.now()
         self._note_presences(now)
-        if self._stop.asked:
-            self._conductor.stop(self._stop.reason)
-        elif reason := self._run.must_end:
-            self._conductor.stop(reason)
+        self._note_requests(now)
         if self._conductor.phase is Phase.GATHERING and not self._conductor.missing():
             self._compare_clocks()
         now = self._clock.now()
@@ -196,3 +212,13 @@ class RecorderProcess:
                 self._run.recorder.report_health(now)
         if self._flushing.is_due(now):
             self._run.flush()
+
+    def _note_requests(self, now: int) -> None:
+        """End the run if somebody asks for it, or its limits do."""
+        if self._stop.asked:
+            # A launcher that was killed takes its router with it; that is no end of a run.
+            connected = self._stop.orphaned or self._bus.connected()
+            for line in self._conductor.stop_as_asked(self._stop.reason, now, connected=connected):
+                self._run.recorder.say(now, line)
+        elif reason := self._run.must_end:
+            self._conductor.stop(reason)

@@ -8,9 +8,9 @@ from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import ProcessProbe
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.processes.clock_offset import answer_for_clock
-from scenarios.runs.processes.conductor import LAST_MOMENT_NS, ROUTER_LOST_AFTER_NS
+from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
+from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
@@ -54,8 +54,9 @@ def run_vehicle(
             vehicle.await_start(say, wait_s)
             vehicle.drive(say)
     except VehicleFaultError as fault:
-        if not launched:  # else the recorder says it
-            complain(str(fault))
+        if launched:  # the recorder says it, if it lives
+            return 0 if vehicle.is_called_off else EXIT_FAILED
+        complain(str(fault))
         return EXIT_FAILED
     except RunOffError as error:
         if launched and error.announced:
@@ -103,24 +104,6 @@ class RunAnnouncements:
         return self.start is not None and end.end_at_ns == self.start.start_at_ns
 
 
-class RouterWatch:
-    """Notices how long the router has been out of reach, and when it came back."""
-
-    def __init__(self, bus: Bus) -> None:
-        self._bus = bus
-        self.lost_at: int | None = None
-        self.back_at = 0
-
-    def is_lost_for_good(self, now: int) -> bool:
-        """Whether the router has been out of reach for so long that the run is over."""
-        if not self._bus.connected():
-            self.lost_at = self.lost_at or now
-            return now - self.lost_at > ROUTER_LOST_AFTER_NS
-        if self.lost_at is not None:
-            self.lost_at, self.back_at = None, now
-        return False
-
-
 class VehicleProcess:
     """A vehicle from its joining to the end of the run."""
 
@@ -136,7 +119,7 @@ class VehicleProcess:
         self._joined_at = self._clock.now()
         self._announced = RunAnnouncements(bus)
         self._recorder = RecorderWatch(membership, bus)
-        self._router = RouterWatch(bus)
+        self._router = RouterWatch()
         self._watching = Timer(WATCH_NS)
         self._last_words: tuple[str, bytes] | None = None
         self.exit_code = 0
@@ -148,7 +131,8 @@ class VehicleProcess:
         return f"run {self._membership.run}"
 
     @property
-    def _is_called_off(self) -> bool:
+    def is_called_off(self) -> bool:
+        """Whether it was asked to stop, or the recorder has announced the end."""
         return self._stop.asked or self._announced.end is not None
 
     def await_start(self, say: Say, wait_s: float) -> None:
@@ -158,7 +142,7 @@ class VehicleProcess:
         came = poll(
             lambda: (
                 self._announced.start is not None
-                or self._is_called_off
+                or self.is_called_off
                 or self._recorder.has_left(self._clock.now())
             ),
             every_s=POLL_S,
@@ -171,11 +155,19 @@ class VehicleProcess:
             raise RunOffError(f"{self._run} did not start within {wait_s:g} s")
         if start is not None:
             if start.start_at_ns <= self._joined_at:
-                raise RunOffError(f"{self._run} had started before this vehicle joined")
+                raise RunOffError(self._why_not_in_time(self._joined_at - start.start_at_ns))
         elif end is not None:
             raise RunOffError(f"{self._run} is off: {end.reason or 'it is over'}", announced=True)
         else:
             raise RunOffError(f"{self._run} is off: its recorder has left")
+
+    def _why_not_in_time(self, late_ns: int) -> str:
+        """Say why the start lies `late_ns` before the instant at which this vehicle joined."""
+        clock = measure(self._bus, CONDUCTOR, self._clock.now)
+        if clock is not None and late_ns < -clock.offset:  # by the recorder's clock it was there
+            ahead = f"{-clock.offset / SECOND:.1f} s ahead of the recorder's"
+            return f"{self._run} is off for this vehicle: its clock is {ahead}"
+        return f"{self._run} had started before this vehicle joined"
 
     def drive(self, say: Say) -> None:
         """Drive from the start to the end of the run, send the final counters, wait for its end.
@@ -199,7 +191,7 @@ class VehicleProcess:
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
         finished = not self._stop.asked
         node.outbox.publish_health(min(self._clock.now(), end_at), final=True)
-        poll(lambda: self._is_called_off or self._has_waited(end_at), every_s=POLL_S)
+        poll(lambda: self.is_called_off or self._has_waited(end_at), every_s=POLL_S)
         if not finished:
             self.exit_code = self._stop.exit_code
             return
@@ -212,18 +204,19 @@ class VehicleProcess:
         step = stepping(node, self._builder.name, start_at)
         try:
             for tick in punctual(self._builder.ticks(start_at), self._clock, probe):
-                if self._is_called_off:
+                if self.is_called_off:
                     break
                 step(tick)
                 if self._watching.is_due(now := self._clock.now()):
                     self._check_company(now)
         except VehicleFaultError as fault:
             node.outbox.publish_fault(self._clock.now(), fault.text)
-            poll(lambda: self._is_called_off, every_s=POLL_S, at_most_s=END_NS / SECOND)
+            poll(lambda: self.is_called_off, every_s=POLL_S, at_most_s=END_NS / SECOND)
             raise
 
     def _check_company(self, now: int) -> None:
         """Raise RunOffError when the run cannot go on."""
+        self._router.look(now, connected=self._bus.connected())
         if self._router.is_lost_for_good(now):
             raise RunOffError(f"{self._run} failed: the router is gone")
         if self._recorder.has_left(now):
@@ -237,9 +230,9 @@ class VehicleProcess:
         now = self._clock.now()
         if not self._watching.is_due(now):
             return False
-        lost_for_good, lost_at = self._router.is_lost_for_good(now), self._router.lost_at
-        if lost_at is not None and lost_at >= end_at - LAST_MOMENT_NS:
-            return lost_for_good  # all was driven, and the recorder comes to the same result
+        self._router.look(now, connected=self._bus.connected())
+        if self._router.was_lost_at_last(end_at):  # the recorder comes to the same result
+            return self._router.is_lost_for_good(now)
         self._check_company(now)
         if now > max(end_at, self._router.back_at) + END_NS:
             raise RunOffError(f"{self._run} failed: no word of its end from the recorder")

@@ -104,15 +104,19 @@ def verdict(
     latency_ms: float = 20.0,
     dropped: str = "",
     heard_after_ms: float | None = None,
+    number: int | None = None,
 ) -> LinkVerdict:
-    """The link's word on pose `seq`; one `heard_after_ms` the measurement came late."""
+    """The link's word on pose `seq`; one `heard_after_ms` the measurement came late.
+
+    The message's own `number` is that of the pose unless given.
+    """
     outcome: Outcome = "dropped" if dropped else "delivered"
     measured_at = at(seq / 20)
     late = heard_after_ms is not None
     heard_after = latency_ms if heard_after_ms is None else heard_after_ms
     return LinkVerdict(
         vehicle=receiver,
-        seq=seq,
+        seq=seq if number is None else number,
         sender=sender,
         pose_seq=seq,
         measured_at_ns=measured_at,

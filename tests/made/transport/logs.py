@@ -9,6 +9,7 @@ from mcap.reader import make_reader
 
 from tests.made.transport import drive
 from transport.codec import encode
+from transport.log.scene import Scene
 from transport.log.writer import LogWriter
 from transport.picture import viewer_process
 from transport.topics import TOPIC_OF
@@ -17,9 +18,12 @@ from vehicles.messages import Message
 TICKS = 60
 
 
-def write(path: Path, ticks: int = TICKS) -> list[tuple[int, Message]]:
+def write(path: Path, ticks: int = TICKS, scene: Scene | None = None) -> list[tuple[int, Message]]:
+    """Write the log of a drive; with a scene there are true errors and gaps in it too."""
     messages = list(drive.drive(ticks))
-    with LogWriter(path, library="test") as log:
+    with LogWriter(path, library="test", scene=scene) as log:
+        for name in drive.VEHICLES[1:] if scene else ():
+            log.write_deviation(drive.START, name, drive.START, 0.1, drive.GAP)
         log.metadata("convoy", {"scenario": "circle", "seed": "1"})
         log.attach("scenario.toml", "application/toml", b"seed = 1\n")
         for at, message in messages:

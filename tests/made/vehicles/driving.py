@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.parameters import VehicleParameters
 
 TICK = 0.02
 
@@ -16,10 +17,11 @@ def drive(
     *,
     tick: float = TICK,
     substeps: int | None = None,
+    car: VehicleParameters = CAR,
 ) -> list[Body]:
     bodies = [body]
     for k in range(round(duration / tick)):
-        bodies.append(advance(bodies[-1], command(k * tick), tick, CAR, substeps=substeps))
+        bodies.append(advance(bodies[-1], command(k * tick), tick, car, substeps=substeps))
     return bodies
 
 

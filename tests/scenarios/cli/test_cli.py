@@ -1,4 +1,6 @@
+import errno
 import json
+import os
 import random
 import re
 import shlex
@@ -24,19 +26,7 @@ from vehicles.schedule import SECOND
 COMMANDS = sorted(cli.commands)
 SHORT = ("lane_change", "--clock", "virtual", "--set", "duration_s=2")
 
-OWN_CONTROLLER = """
-from vehicles.driver.steering import SteeringCommand
-
-class PurePursuit:
-    def __init__(self, parameters, gains):
-        self.wheelbase = parameters.wheelbase
-
-    def steer(self, errors, speed):
-        ahead = max(0.8 * speed, 4.0)
-        turn = 2 * (-errors.lateral - ahead * errors.heading) / ahead**2
-        feedforward, feedback = self.wheelbase * errors.curvature, self.wheelbase * turn
-        return SteeringCommand(feedforward + feedback, feedforward, feedback)
-"""
+README = Path(__file__).parents[3] / "README.md"
 
 
 @pytest.fixture(autouse=True)
@@ -266,7 +256,9 @@ def test_a_refused_number_is_shown_whole() -> None:
 
 
 def test_a_controller_in_the_working_folder_is_found(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(OWN_CONTROLLER, encoding="utf-8")
+    (own,) = re.findall(r"^```python\n(.*?)^```$", README.read_text(), re.DOTALL | re.MULTILINE)
+    assert len(own.splitlines()) <= 12
+    (tmp_path / "mine.py").write_text(own, encoding="utf-8")
     code = "import sys; sys.path[0] = '/'; from scenarios.cli.__main__ import main; main()"
     arguments = [*SHORT, "--quiet", "--out", "run", "--set", "control.controller=mine.PurePursuit"]
     ran = subprocess.run(
@@ -303,6 +295,42 @@ def test_a_viewer_without_a_display_is_refused_before_anything_is_started(
     assert "serve" in line
     assert "save=PATH" in line
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "missing", "extra"),
+    [
+        (["run", "--rerun", "spawn"], ("rerun",), "viewer"),
+        (["run", "--clock", "virtual", "--rerun", "save=run.rrd"], ("rerun",), "viewer"),
+        (["record", "--rerun", "serve"], ("rerun",), "viewer"),
+        (["review", "run.mcap"], ("rerun",), "viewer"),
+        (["gains"], ("matplotlib", "scipy"), "studies"),
+        (["reproduce"], ("scipy",), "studies"),
+    ],
+)
+def test_what_is_not_installed_is_named_before_anything_starts(
+    arguments: list[str],
+    missing: tuple[str, ...],
+    extra: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for package in missing:
+        monkeypatch.setitem(sys.modules, package, None)  # cannot be imported
+    line = refused(convoy(*arguments))
+    needed = f"needs {' and '.join(missing)}, not installed here"
+    assert line.endswith(f"{needed}: pip install 'convoy-emulator[{extra}]'")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_scipy_check_says_that_it_knows_nothing_of_the_certificate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    result = convoy("check", "lane_change")
+    assert result.exit_code == 0
+    assert "warning: certificate of the gains: needs scipy, not installed" in result.stdout
 
 
 @pytest.mark.parametrize("command", ["report", "review"])
@@ -344,7 +372,12 @@ def test_run_writes_a_log_and_a_summary(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "run"
     result = convoy("run", *SHORT, "--seed", "5", "--out", out)
     assert result.exit_code == 0
-    assert sorted(path.name for path in out.iterdir()) == ["run.mcap", "summary.json"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "foxglove.json",
+        "rerun.rbl",
+        "run.mcap",
+        "summary.json",
+    ]
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert (summary["outcome"], summary["seed"], summary["ran_s"]) == ("completed", 5, 2.0)
     assert not LogReader(out / "run.mcap").truncated
@@ -362,13 +395,13 @@ def test_a_log_is_never_overwritten(finished: Path) -> None:
     assert log.read_bytes() == before
 
 
-def test_without_a_folder_it_is_named_by_start_and_scenario(
+def test_without_a_folder_it_is_named_by_start_scenario_and_overrides(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert convoy("run", *SHORT, "--quiet").exit_code == 0
+    assert convoy("run", *SHORT, "--seed", "7", "--quiet").exit_code == 0
     (folder,) = (tmp_path / "runs").iterdir()
-    assert re.fullmatch(r"\d{8}-\d{6}-lane_change", folder.name)
+    assert re.fullmatch(r"\d{8}-\d{6}-lane_change-duration_s=2-seed=7", folder.name)
 
 
 def test_quiet_is_quiet(tmp_path: Path) -> None:
@@ -457,14 +490,16 @@ def test_a_log_that_breaks_off_is_reported_as_far_as_it_goes(
     run.close(scenario.start_at_ns)
 
 
+@pytest.mark.campaign(10, 300)
 def test_wherever_a_log_is_cut_it_is_reported_or_refused_in_one_line(
-    finished: Path, tmp_path: Path
+    finished: Path, tmp_path: Path, campaign: int
 ) -> None:
     whole = (finished / "run.mcap").read_bytes()
     cut = tmp_path / "run.mcap"
     summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
-    for part in range(40):
-        cut.write_bytes(whole[: len(whole) * part // 40])
+    chance = random.Random(12)
+    for length in (0, *(chance.randrange(len(whole)) for _ in range(campaign))):
+        cut.write_bytes(whole[:length])
         result = convoy("report", cut, "--json")
         if result.exit_code == 0:  # the summary lies near the end and may be whole
             found = json.loads(result.stdout)
@@ -496,13 +531,14 @@ def test_of_a_damaged_log_the_rest_is_reported_with_a_warning(
     assert line.startswith(f"warning: {log}: damaged, ")
 
 
+@pytest.mark.campaign(10, 500)
 def test_wherever_bits_are_flipped_a_log_is_reported_or_refused_in_one_line(
     finished: Path, tmp_path: Path, campaign: int
 ) -> None:
     whole = (finished / "run.mcap").read_bytes()
     log = tmp_path / "run.mcap"
     chance = random.Random(11)
-    for _ in range(max(campaign // 10, 10)):
+    for _ in range(campaign):
         content = bytearray(whole)
         for _ in range(chance.randrange(1, 4)):
             content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
@@ -614,3 +650,18 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     out = tmp_path / "file" / "run"
     assert refused(convoy("run", *SHORT, "--out", out)).startswith(str(tmp_path / "file"))
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.ENOSPC, errno.EROFS])
+@pytest.mark.parametrize("clock", ["wall", "virtual"])
+def test_a_place_that_cannot_be_written_to_is_no_bad_input_but_a_failed_run(
+    number: int, clock: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(**_: object) -> object:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("scenarios.runs.run_folder.TemporaryFile", full)
+    ended = convoy("run", *SHORT, "--clock", clock, "--out", tmp_path / "run")
+    assert ended.exit_code == 1
+    assert ended.stderr == f"{tmp_path / 'run'}: {os.strerror(number).lower()}\n"
+    assert not (tmp_path / "run").exists()

@@ -1,14 +1,39 @@
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
 from scenarios.cli import progress
 from scenarios.cli.progress import PLAIN_EVERY_S, REDRAW_S, Progress
+from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.bodies import BodySize
+from scenarios.results.events import EventDetector
+from scenarios.results.metrics import Metrics
 from tests.made.scenarios.messages import START, gps, health, start, text, tracking, truth, verdict
+from vehicles.messages import Message
 
 CONVOY = dict.fromkeys(("v1", "v2"), BodySize(5.0, 2.0, 0.0))
+
+
+class Shown:
+    """Progress beside the figures that it shows, which take each message first, as in a run."""
+
+    def __init__(self, metrics: Metrics, progress: Progress) -> None:
+        self._metrics = metrics
+        self._progress = progress
+
+    def listen(self, at: int, message: Message) -> None:
+        self._metrics.add(message)
+        self._progress.listen(at, message)
+
+
+@contextmanager
+def shown_for(duration_s: float) -> Iterator[Shown]:
+    links = {("v1", "v2"): LinkTable()}
+    metrics = Metrics(tuple(CONVOY), links, events=EventDetector(CONVOY))
+    with Progress(metrics, duration_s) as progress:
+        yield Shown(metrics, progress)
 
 
 class FakeTime:
@@ -29,27 +54,27 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
 
 
 @pytest.fixture
-def plain(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Progress]:
+def plain(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shown]:
     """Progress into a file or a pipe."""
     for name in ("FORCE_COLOR", "TTY_COMPATIBLE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("COLUMNS", "100")
     del clock
-    with Progress(CONVOY, 35.0) as shown:
+    with shown_for(35.0) as shown:
         yield shown
 
 
 @pytest.fixture
-def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Progress]:
+def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shown]:
     """Progress on a terminal."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "80")
     del clock
-    with Progress(CONVOY, 35.0) as shown:
+    with shown_for(35.0) as shown:
         yield shown
 
 
-def drive(shown: Progress, seconds: float = 12.0) -> None:
+def drive(shown: Shown, seconds: float = 12.0) -> None:
     """What two vehicles tell until `seconds` after the start."""
     seq = round(seconds * 50)
     for name, error, east in (("v1", 0.02, 0.0), ("v2", -0.2, -15.0)):
@@ -66,7 +91,7 @@ def drive(shown: Progress, seconds: float = 12.0) -> None:
 
 
 def test_nothing_is_shown_before_the_start(
-    plain: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+    plain: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive(plain)
     clock.now += 60.0
@@ -75,7 +100,7 @@ def test_nothing_is_shown_before_the_start(
 
 
 def test_without_a_terminal_a_plain_line_now_and_then(
-    plain: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+    plain: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plain.listen(START, start())
     assert capsys.readouterr().err == (
@@ -99,7 +124,7 @@ def test_without_a_terminal_a_plain_line_now_and_then(
 
 
 def test_the_time_shown_does_not_go_back(
-    plain: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+    plain: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plain.listen(START, start())
     plain.listen(START, truth("v1", 500, 0.0, 0.0))
@@ -109,7 +134,7 @@ def test_the_time_shown_does_not_go_back(
 
 
 def test_a_terminal_shows_a_row_for_each_vehicle(
-    live: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+    live: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:
     live.listen(START, start())
     drive(live)
@@ -127,7 +152,7 @@ def test_a_terminal_shows_a_row_for_each_vehicle(
 
 
 def test_the_live_table_fits_a_terminal_of_eighty_columns(
-    live: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+    live: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:
     live.listen(START, start())
     drive(live)
@@ -142,7 +167,7 @@ def test_the_live_table_fits_a_terminal_of_eighty_columns(
 
 
 def test_a_terminal_is_redrawn_at_most_so_often(
-    live: Progress, clock: FakeTime, capsys: pytest.CaptureFixture[str]
+    live: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:
     live.listen(START, start())
     capsys.readouterr()
@@ -153,7 +178,7 @@ def test_a_terminal_is_redrawn_at_most_so_often(
 
 
 def test_what_the_run_says_and_what_goes_wrong_is_printed(
-    plain: Progress, capsys: pytest.CaptureFixture[str]
+    plain: Shown, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plain.listen(START, text("run", 0, "all 2 vehicles are present"))
     plain.listen(START, text("run", 1, "the router was out of reach for 1.0 s", "warning"))
@@ -169,13 +194,13 @@ def test_what_the_run_says_and_what_goes_wrong_is_printed(
 
 @pytest.mark.parametrize("words", ["[/red] gone", "[bold]not bold", ":bomb:", "links[0]"])
 def test_texts_are_printed_as_they_are(
-    plain: Progress, capsys: pytest.CaptureFixture[str], words: str
+    plain: Shown, capsys: pytest.CaptureFixture[str], words: str
 ) -> None:
     plain.listen(START, text("v2", 0, words, "error"))
     assert capsys.readouterr().err == f"v2: {words}\n"
 
 
-def test_strangers_are_not_shown(plain: Progress, capsys: pytest.CaptureFixture[str]) -> None:
+def test_strangers_are_not_shown(plain: Shown, capsys: pytest.CaptureFixture[str]) -> None:
     plain.listen(START, start())
     capsys.readouterr()
     plain.listen(START, truth("v9", 1, 0.0, 0.0))

@@ -180,3 +180,8 @@ def test_a_path_is_printed_as_it_is(folder: str) -> None:
     text = printed(summary("stopped [/early]"), Path(folder) / "run.mcap")
     assert f"log: {folder}/run.mcap\n" in text
     assert "stopped [/early]" in text
+
+
+def test_what_was_warned_of_is_a_line() -> None:
+    line = "v2: 100 messages of v1 refused as future"
+    assert line in printed(replace(summary(), warnings=(line,))).splitlines()

@@ -28,13 +28,25 @@ BROKEN_BY_OVERRIDE = {
     "misspelt key": ("convoy.vehicels=3", "convoy.vehicels", "unknown", "convoy.vehicles?"),
     "key of another table": ("alpha_ratio=1", "alpha_ratio", "unknown", "control.alpha_ratio?"),
     "negative rate": ("control.rate_hz=-50", "control.rate_hz", "given -50", "5 to 500"),
-    "no rate": ("gnss.rate_hz=0", "gnss.rate_hz", "given 0", "more than 0, at most 100"),
+    "no rate": ("gnss.rate_hz=0", "gnss.rate_hz", "given 0", "0.01 to 100"),
     "too much loss": ("links.loss_ratio=1.5", "links.loss_ratio", "given 1.5", "0 to 1"),
     "negative latency": ("links.latency_ms=-1", "links.latency_ms", "given -1", "0 to 60000"),
     "not a number": ("speed.set_mps=nan", "speed.set_mps", "given nan", "a finite number"),
     "infinity": ("convoy.gap_m=inf", "convoy.gap_m", "given inf", "a finite number"),
     "unknown choice": ("control.fusion='both'", "control.fusion", '"both"', '"composite"'),
     "unknown path": ("path.kind='road'", "path.kind", 'given "road"', '"segments", "trace"'),
+    "antiquity": (
+        "start_at=0001-01-01T00:00:00Z",
+        "start_at",
+        "0001-01-01T",
+        "at least 1970-01-01",
+    ),
+    "too late": (
+        "start_at=2262-04-12T00:00:00Z",
+        "start_at",
+        "2262-04-12T",
+        "less than 2200-01-01",
+    ),
     "local time": ("start_at=2026-01-01T00:00:00", "start_at", "2026", "with its zone"),
     "empty road": ("path.segments=[]", "path.segments", "given []", "at least one entry"),
     "impossible name": ("convoy.names=['a/b']", "convoy.names[0]", '"a/b"', "a letter first"),
@@ -62,6 +74,25 @@ BROKEN_BY_OVERRIDE = {
     "unknown controller": ("control.controller='pid'", "control.controller", "pid", '"stanley"'),
     "not an override": ("seed", "seed", "given", "key=value"),
     "key below a value": ("duration_s.x=1", "duration_s", "is a value", "no key x"),
+    "too seldom": ("gnss.rate_hz=1e-320", "gnss.rate_hz", "given 1e-320", "0.01 to 100"),
+    "too stiff a car": (
+        "parameters.yaw_inertia_kgm2=11",
+        "parameters",
+        "7.27e+04 1/s",
+        "allowed up to 20000",
+    ),
+    "too long a road": (
+        "path={kind='segments', segments=[{length_m=90000.0}], laps=12}",
+        "path.laps",
+        "1080 km of road",
+        "at most 1000 km",
+    ),
+    "endless number": (
+        f"seed=0x{'f' * 5000}",
+        "seed",
+        "a number without end",
+        "0 to 9223372036854775807",
+    ),
     "entry too far": ("path.segments.7.length_m=1", "path.segments", "index 7", "0 to 1"),
 }
 
@@ -120,6 +151,18 @@ BROKEN_TEXT = {
         "path.file",
         "null byte",
     ),
+    "points that are none": (
+        "name = 'a'\n[path]\nkind = 'points'\neast_m = []\nnorth_m = []\n",
+        "path",
+        "point",
+    ),
+    "a record of ages": (
+        "name = 'a'\n[speed]\nlead = 'recorded'\n[path]\nkind = 'points'\n"
+        f"east_m = {[9 * k for k in range(9)]}\nnorth_m = {[0] * 9}\n"
+        f"time_s = {[-1e308, *[0.0] * 7, 1e308]}\n",
+        "path.time_s",
+        "recorded times span inf s, allowed at most 86400",
+    ),
     "trace with too long a name": (
         f"name = 'a'\n[path]\nkind = 'trace'\nfile = '{'x' * 300}.csv'\n",
         "path.file",
@@ -165,6 +208,11 @@ def test_no_value_of_any_key_gives_anything_but_a_scenario_or_clear_lines(
     except ScenarioError as error:
         lines = error.lines or ("",)
     assert all(line and line.isprintable() and len(line) < 300 for line in lines)
+
+
+def test_what_a_file_says_reaches_no_terminal_with_its_control_characters() -> None:
+    (line,) = refused("name = 'a'\n[path]\nkind = 'trace'\nfile = \"\\u001b[31m\\n\"\n")
+    assert "\\x1b[31m\\n: no such file" in line
 
 
 def test_every_problem_of_a_file_has_its_line() -> None:

@@ -28,6 +28,26 @@ def test_holes_are_the_numbers_that_are_not_there(numbers: list[int], expected: 
     assert all(first - 1 not in missing and last + 1 not in missing for first, last in holes)
 
 
+@given(numbers=st.lists(st.integers(0, 60), unique=True))
+def test_of_scattered_numbers_only_some_ranges_are_kept(numbers: list[int]) -> None:
+    known, least = RecordedNumbers(), RecordedNumbers(most_ranges=5)
+    for number in numbers:
+        for one in (known, least):
+            assert number not in one
+            one.add(number)
+    assert [n for n in range(61) if n in known] == sorted(numbers)
+    assert {n for n in range(61) if n in least} <= set(numbers)
+    assert len(list(least.missing(0))) <= 5
+
+
+def test_numbers_in_turn_are_one_range() -> None:
+    known = RecordedNumbers(most_ranges=1)
+    for number in range(1000):
+        known.add(number)
+    assert all(number in known for number in (0, 500, 999))
+    assert 1000 not in known
+
+
 @given(ran=st.integers(0, 3 * SECOND), rate_hz=st.sampled_from([7.0, 12.5, 20.0, 60.0]))
 def test_a_schedule_has_the_instants_before_its_end(ran: int, rate_hz: float) -> None:
     assert expected_poses(ran, rate_hz) == len(list(instants(0, ran, rate_hz)))
@@ -113,3 +133,22 @@ def test_beside_a_hole_in_the_lead_s_path_there_is_no_error() -> None:
     row = metrics.vehicle_summaries()[1]
     assert row.cross_track_error_m_max == pytest.approx(0.0, abs=0.01)
     assert metrics.events.events() == ()
+
+
+def test_true_poses_that_are_missing_alone_are_named_too() -> None:
+    """A router that drops what is not urgent keeps the poses; the figures lack those instants."""
+    kept = [truth("v1", seq, 0.6 * seq, 0.0) for seq in range(500) if seq not in {53, 54}]
+    row, holes = run_of([*poses(10.0), *kept, health("v1", seconds=10.0, final=True)], 10.0)
+    assert row.missing_poses == 0
+    lost = RecordHole(vehicle="v1", from_s=1.06, to_s=1.08, poses=2, kind="true pose")
+    assert [hole for hole in holes if hole.vehicle == "v1"] == [lost]
+    assert list(hole_lines([lost], 1)) == [
+        "not recorded: 2 true poses of v1, 1.06 to 1.08 s after the start"
+    ]
+
+
+def test_true_poses_that_are_missing_with_the_poses_are_not_named_twice() -> None:
+    kept = [truth("v1", seq, 0.6 * seq, 0.0) for seq in range(500) if not 100 <= seq < 338]
+    sent = [one for one in poses(10.0) if not 40 <= one.seq < 135]
+    _, holes = run_of([*sent, *kept, health("v1", seconds=10.0, final=True)], 10.0)
+    assert holes == [RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)]

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.tables import LinkTable
-from scenarios.results.metrics import Extremes, Metrics
+from scenarios.results.figures import Extremes
+from scenarios.results.metrics import Metrics
 from scenarios.results.summary import LinkSummary, VehicleSummary
 from tests.made.scenarios.messages import gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Message, TruePose
@@ -201,6 +202,11 @@ def test_health_is_the_last_one_and_memory_the_largest() -> None:
     assert (row.rejected_messages, row.finished) == (4, True)
     assert row.cpu_ratio == pytest.approx(0.3)
     assert not vehicle("v3", health("v3", 0)).finished
+
+
+def test_numbers_that_nobody_can_add_up_end_no_summary() -> None:
+    row = vehicle("v3", *(health("v3", seq, cpu_ratio=1e308) for seq in range(4)))
+    assert row.cpu_ratio == math.inf
 
 
 def test_strangers_and_the_conductor_count_for_nothing() -> None:

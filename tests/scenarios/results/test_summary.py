@@ -1,18 +1,21 @@
 import json
 import math
 import platform
-import re
 from dataclasses import fields, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
+from scenarios.cli.tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.tables import LinkTable
+from scenarios.results.encounters import EventKind
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.log_summary import LOG_NAME, scenario_in, summary_of
+from scenarios.results.meanings import MEANINGS
 from scenarios.results.summary import (
     PACKAGES,
     SCHEMA,
@@ -30,7 +33,6 @@ from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
-from transport.reasons import REASONS
 from transport.topics import TOPIC_OF, TOPICS, key
 from vehicles.messages import Message
 
@@ -180,43 +182,19 @@ def test_the_scenario_of_a_log_is_the_one_that_ran(scenario: Scenario, tmp_path:
     assert again.text == scenario.text
 
 
-def documented() -> dict[str, str]:
-    """What each field means, by the README; only the first one of a row names its list."""
-    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
-    section = readme.split("## The summary")[1].split("\n## ")[0]
-    found = {}
-    for names, meaning in re.findall(r"^\| (`.+?`) \| (.+) \|$", section, flags=re.MULTILINE):
-        first, *others = re.findall(r"`(.+?)`", names)
-        within = first[: first.rindex(".") + 1] if "[]." in first else ""
-        for name in (first, *(within + other for other in others)):
-            assert name not in found
-            found[name] = meaning
-    return found
-
-
-def test_the_readme_says_what_each_field_means() -> None:
+def test_each_field_has_its_meaning() -> None:
     identity = RunIdentity.here(load_scenario("lane_change"), "wall", "today").values()
-    names = {one.name for one in fields(RunSummary)} - {
-        *("identity", "vehicles", "links", "events", "holes")
-    }
-    vehicle = {f"vehicles[].{one.name}" for one in fields(VehicleSummary)}
-    link = {f"links[].{one.name}" for one in fields(LinkSummary)}
-    event = {f"events[].{one.name}" for one in fields(RunEvent)}
-    hole = {f"holes[].{one.name}" for one in fields(RecordHole)}
-    meaning = documented()
-    assert set(meaning) == {*identity, *names, *vehicle, *link, *event, *hole}
-    assert meaning["schema"] == f"`{SCHEMA}`"
+    lists = {
+        "vehicles": VehicleSummary, "links": LinkSummary, "events": RunEvent, "holes": RecordHole,
+    }  # fmt: skip
+    own = {one.name for one in fields(RunSummary)} - {"identity", *lists}
+    expected = {"": {*identity, *own}}
+    expected |= {name: {one.name for one in fields(kind)} for name, kind in lists.items()}
+    assert {group: set(meanings) for group, meanings in MEANINGS.items()} == expected
+    assert MEANINGS[""]["schema"] == SCHEMA
     for asked in LinkTable.model_fields:
-        assert f"`{asked}`" in meaning["links[].requested"]
-
-
-def test_the_readme_says_what_each_reason_means() -> None:
-    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
-    table = readme.split("| reason | who says so |")[1].split("\n\n")[0].splitlines()[2:]
-    expected = []
-    for word, reason in REASONS.items():
-        who = "dropped by the link" if reason.is_drop else "refused by the receiver"
-        counts = {"lost": reason.counts_as_loss, "late": reason.counts_as_late}
-        as_what = ", ".join(name for name, does in counts.items() if does)
-        expected.append(f"| `{word}` | {who} | {as_what} | {reason.meaning} |")
-    assert table == expected
+        assert asked in MEANINGS["links"]["requested"]
+    for kind in get_args(EventKind):
+        assert kind in MEANINGS["events"]["kind"]
+    for figure in FIGURES:
+        assert figure in MEANINGS["events"]["figures"]

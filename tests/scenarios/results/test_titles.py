@@ -1,9 +1,12 @@
 """Two runs of different settings never go by the same name."""
 
 import json
+import shutil
 from pathlib import Path
 
-from scenarios.definition.scenario import load_scenario
+import pytest
+
+from scenarios.definition.scenario import library, load_scenario, scenario_from_text
 from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SUMMARY_NAME
 from scenarios.results.summary import RunIdentity, from_json
 from scenarios.runs.stop import Stop
@@ -38,3 +41,31 @@ def test_other_settings_give_another_title_and_slug() -> None:
     found = [load_scenario("lane_change", [SHORT, *more], seed) for more, seed in ways]
     assert len({scenario.title for scenario in found}) == len(ways)
     assert len({scenario.slug for scenario in found}) == len(ways)
+    assert len({scenario.virtual_run_id for scenario in found}) == len(ways)
+
+
+def test_without_overrides_a_virtual_run_is_known_by_name_and_seed() -> None:
+    assert load_scenario("lane_change").virtual_run_id == "lane_change-1"
+
+
+def test_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    """Also those that have taken the name of a shipped scenario."""
+    files = []
+    for place, gap in enumerate((8, 9)):
+        files.append(tmp_path / str(place) / "lane_change.toml")
+        files[-1].parent.mkdir()
+        files[-1].write_text(f'extends = "lane_change"\nconvoy.gap_m = {gap}\n', encoding="utf-8")
+    shipped, *mine = load_scenario("lane_change"), *map(load_scenario, files)
+    assert len({scenario.name for scenario in (shipped, *mine)}) == 1
+    for known_by in ("title", "virtual_run_id"):
+        assert len({getattr(scenario, known_by) for scenario in (shipped, *mine)}) == 3
+    assert mine[0].title.startswith(f"lane_change ({mine[0].fingerprint}), seed 1")
+    again = load_scenario(Path(shutil.copy(files[0], tmp_path / "moved.toml")))
+    assert again.title == mine[0].title  # by what it says, not by where it is
+
+
+@pytest.mark.parametrize("name", library())
+def test_a_shipped_scenario_needs_no_fingerprint_also_when_read_from_a_log(name: str) -> None:
+    scenario = load_scenario(name, ["duration_s=2"], seed=3)
+    assert scenario.fingerprint == scenario_from_text(scenario.text).fingerprint == ""
+    assert scenario_from_text(scenario.text).title == scenario.title

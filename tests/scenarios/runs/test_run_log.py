@@ -1,17 +1,20 @@
+import errno
 from pathlib import Path
 
 import pytest
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SUMMARY_NAME
+from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SUMMARY_NAME, summary_of
+from scenarios.results.pictures.layouts import FOXGLOVE_NAME
 from scenarios.results.summary import to_json
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, tracking, truth, verdict
 from transport.codec import decode, encode
+from transport.log.fast_mcap import FastWriter
 from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, TOPICS, key
-from vehicles.messages import Health, Message, RunEnd, RunStart
+from vehicles.messages import Health, LogText, Message, RunEnd, RunStart
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +44,11 @@ def test_a_run_is_a_log_and_a_summary_that_say_the_same(scenario: Scenario, tmp_
     run = begun(scenario, folder)
     run.end(at(5.0), "")
     summary = run.close(at(5.1))
-    assert sorted(path.name for path in folder.iterdir()) == [LOG_NAME, SUMMARY_NAME]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        FOXGLOVE_NAME,
+        LOG_NAME,
+        SUMMARY_NAME,
+    ]
     assert (folder / SUMMARY_NAME).read_text(encoding="utf-8") == to_json(summary)
     reader = LogReader(folder / LOG_NAME)
     assert not reader.truncated
@@ -189,3 +196,38 @@ def test_one_message_heard_is_enough_for_a_link(scenario: Scenario, tmp_path: Pa
     take(run, verdict("v1", "v2", 0))
     run.end(at(5.0), "")
     assert run.close(at(5.1)).reason == ""
+
+
+def test_a_clock_that_cannot_be_right_is_said_at_once_and_in_the_summary(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    run = begun(scenario, tmp_path)
+    for seq in range(130):
+        take(run, truth("v2", 10_000 + seq, 0.0, 0.0), 20)  # 200 s ahead
+        said = [line for line in run.metrics.warnings if "clocks" in line]
+        assert bool(said) == (seq >= 99)
+    run.end(at(5.0), "")
+    summary = run.close(at(5.1))
+    assert summary.warnings == (
+        "run: 100 messages of v2 refused as future, measured more than 60 s ahead:"
+        " do the clocks agree?",
+    )
+    texts = [one for _, _, one in LogReader(tmp_path / LOG_NAME).messages({"log"})]
+    assert [text.level for text in texts if isinstance(text, LogText)] == ["error"]
+
+
+def test_when_only_the_last_bytes_cannot_be_written_the_log_does_not_say_completed(
+    scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_writer: FastWriter) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    run = begun(scenario, tmp_path)
+    run.end(at(5.0), "")
+    run.flush()
+    monkeypatch.setattr(FastWriter, "finish", fail)
+    summary = run.close(at(5.1))
+    assert (summary.outcome, summary.reason.endswith("No space left on device")) == ("failed", True)
+    found = summary_of(tmp_path / LOG_NAME)
+    assert (found.outcome, found.reason) == ("failed", "the log breaks off")
+    assert [row.poses for row in found.vehicles] == [10, 10]

@@ -133,17 +133,13 @@ def wait_for(file: Path, words: str) -> None:
         time.sleep(0.01)
 
 
-@pytest.mark.parametrize(("ignores", "code"), [(True, 0), (False, -signal.SIGTERM)])
-def test_a_signal_after_all_is_done_changes_the_exit_code_unless_ignored(
-    ignores: bool, code: int
-) -> None:
+def test_a_signal_after_all_is_done_changes_nothing() -> None:
     """A handler in Python is gone before the process is; whoever stops containers hits that."""
-    program = f"""
+    program = """
 from scenarios.runs.stop import ignore_signals, stop_on_signals
 
 stop_on_signals()
-if {ignores}:
-    ignore_signals()
+ignore_signals()
 print("done", flush=True)
 """
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as process:
@@ -151,4 +147,4 @@ print("done", flush=True)
         assert process.stdout.readline() == b"done\n"
         while process.poll() is None:
             process.send_signal(signal.SIGTERM)
-        assert process.returncode == code
+        assert process.returncode == 0

@@ -2,10 +2,13 @@
 
 import random
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from tests.made.scenarios.hostile_messages import Put, Stranger
 from tests.system.logs import (
     Run,
     agreement,
@@ -21,11 +24,16 @@ from transport.codec import encode
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking
 
-DURATION_S = 5.0
-ATTACK_S = 3.0
-PAUSE_S = 0.1
-SCENARIO = ("run", "lane_change", "--set=convoy.vehicles=3", f"--set=duration_s={DURATION_S}")
-Put = tuple[str, bytes]
+BURST, BREATH_S = 20, 0.005
+"""Messages put at once, and the pause after them: of more than its queue holds a router drops what
+is honest, too."""
+AROUND_S = 2.0
+"""So much longer than the attack is the run."""
+DRAWN = 100
+"""Messages drawn at random in each round, beside those that are known to be of interest."""
+LARGEST = 20_000
+"""Bytes of a message drawn; larger ones are among those of interest, a few a round."""
+VEHICLES = ("v1", "v2", "v3")
 
 
 def way_into(convoy: Process) -> ZenohOptions:
@@ -122,7 +130,7 @@ def conducting(others: dict[Topic, Message]) -> Iterator[Put]:
 
 def one_round(known: dict[str, dict[Topic, Message]]) -> Iterator[Put]:
     """Give everything once."""
-    for vehicle in ("v1", "v2", "v3"):
+    for vehicle in VEHICLES:
         for topic, message in known[vehicle].items():
             for data in spoilt(encode(message)):
                 yield key(vehicle, topic), data
@@ -131,7 +139,19 @@ def one_round(known: dict[str, dict[Topic, Message]]) -> Iterator[Put]:
     yield key("v1", TOPICS["gps"]), bytes(1_000_000)
 
 
-def attack(convoy: Process, bus: Bus, known: dict[str, dict[Topic, Message]]) -> int:
+def drawn(stranger: Stranger, heard: Sequence[Put]) -> Iterator[Put]:
+    """Give what a stranger draws from what it heard."""
+    honest = [put for put in heard if CONDUCTOR not in put[0].split("/")]
+    for _ in range(DRAWN if honest else 0):
+        where, data = stranger.refusable(honest)
+        # Zenoh itself refuses such a key, and of a flood drops what is honest, too.
+        if not where.endswith("/") and len(data) < LARGEST:
+            yield where, data
+
+
+def attack(
+    convoy: Process, bus: Bus, known: dict[str, dict[Topic, Message]], seconds: float
+) -> int:
     """Disturb a run before and after its start; returns how many messages were put after it."""
     heard: list[Put] = []
     bus.subscribe("convoy/*/*", lambda *put: heard.append(put))
@@ -140,18 +160,21 @@ def attack(convoy: Process, bus: Bus, known: dict[str, dict[Topic, Message]]) ->
         bus.publish(*put)
     convoy.await_start()
     time.sleep(0.7)
+    stranger = Stranger(random.Random(1), VEHICLES, time.time_ns())
     pose = known["v1"][TOPICS["gps"]]
     assert isinstance(pose, GpsPose)
     count = 0
-    until = time.monotonic() + ATTACK_S
+    until = time.monotonic() + seconds
     while time.monotonic() < until:
         assert convoy.exit_code is None, convoy.err
         theirs = [put for put in heard[-300:] if put not in mine]
-        for put in (*one_round(known), *absurd(pose), *repeated(theirs)):
+        for put in (*one_round(known), *absurd(pose), *repeated(theirs), *drawn(stranger, theirs)):
             bus.publish(*put)
             mine.add(put)
             count += 1
-        time.sleep(PAUSE_S)
+            if count % BURST == 0:
+                time.sleep(BREATH_S)
+        time.sleep(BREATH_S)
     return count
 
 
@@ -162,28 +185,32 @@ def repeated(heard: list[Put]) -> Iterator[Put]:
         yield (end_key if where == start_key else where), data
 
 
-def test_a_stranger_on_the_bus_changes_nothing_but_counters(tmp_path: Path) -> None:
-    twin = run_to_the_end(*SCENARIO, "--clock=virtual", "--out=virtual", folder=tmp_path)
+@pytest.mark.campaign(1, 30)
+def test_a_stranger_on_the_bus_changes_nothing_but_counters(tmp_path: Path, campaign: int) -> None:
+    """Disturbed for a second, or thirty."""
+    duration_s = campaign + AROUND_S
+    scenario = ("run", "lane_change", "--set=convoy.vehicles=3", f"--set=duration_s={duration_s}")
+    twin = run_to_the_end(*scenario, "--clock=virtual", "--out=virtual", folder=tmp_path)
     assert twin.exit_code == 0, twin.err
     virtual = Run(tmp_path / "virtual")
-    with start(*SCENARIO, "--out", tmp_path / "run", folder=tmp_path) as convoy:
+    with start(*scenario, "--out", tmp_path / "run", folder=tmp_path) as convoy:
         with open_bus(way_into(convoy)) as bus:
-            sent = attack(convoy, bus, examples(virtual))
+            sent = attack(convoy, bus, examples(virtual), campaign)
         assert convoy.wait() == 0, convoy.err
         assert "Traceback" not in convoy.err
     run = Run(tmp_path / "run")
     assert_sound(run.log)
-    assert_nothing_missing(run, DURATION_S)
+    assert_nothing_missing(run, duration_s)
     assert_summary_is_in_the_log(run)
     assert_equal_while_nothing_was_late(run, virtual, within_m=0.05)
-    assert agreement(run, virtual).compared == 3 * DURATION_S * 50
+    assert agreement(run, virtual).compared == 3 * duration_s * 50
     assert_same_kinds_of_text(run, virtual)
     assert_counted(run, sent)
 
 
 def assert_same_kinds_of_text(run: Run, virtual: Run) -> None:
     """Vehicles decided as always: nothing that came made one steer along something else."""
-    for name in ("v1", "v2", "v3"):
+    for name in VEHICLES:
         modes = [
             [m.mode for m in one.messages if isinstance(m, Tracking) and m.vehicle == name]
             for one in (run, virtual)
@@ -204,7 +231,7 @@ def assert_counted(run: Run, sent: int) -> None:
     assert sum(refused.values()) > 0.5 * sent  # a busy machine does not pass all of a flood on
     assert run.vehicle("v1")["rejected_messages"] == 0
     for name in ("v2", "v3"):
-        assert run.vehicle(name)["rejected_messages"] > 100
+        assert run.vehicle(name)["rejected_messages"] > 50
         reasons = {text.rpartition(" ")[2] for text in run.texts(name) if "refused" in text}
         assert reasons >= {
             "garbage",

@@ -69,15 +69,15 @@ def assert_ends_with_one_line(process: "subprocess.Popen[str]", number: signal.S
     assert "Traceback" not in complaint
 
 
-@pytest.mark.parametrize("after_s", [0.0, 0.3])
+@pytest.mark.parametrize(("number", "after_s"), [(signal.SIGINT, 0.0), (signal.SIGTERM, 0.15)])
 @pytest.mark.parametrize("arguments", COMMANDS, ids=lambda arguments: arguments[0])
 def test_a_command_ends_at_once_while_it_is_being_loaded(
-    arguments: Sequence[str], after_s: float, tmp_path: Path
+    arguments: Sequence[str], number: signal.Signals, after_s: float, tmp_path: Path
 ) -> None:
     with convoy(tmp_path, *arguments) as process:
         assert until(lambda: has_taken_the_signals(process))
         time.sleep(after_s)
-        assert_ends_with_one_line(process, signal.SIGINT)
+        assert_ends_with_one_line(process, number)
 
 
 @pytest.mark.parametrize("joined", [False, True], ids=["joining", "joined"])
@@ -85,15 +85,19 @@ def test_a_command_ends_at_once_while_it_is_being_loaded(
 def test_a_command_ends_although_its_router_is_frozen(
     command: str, joined: bool, tmp_path: Path
 ) -> None:
+    """Also a recorder with a vehicle that cannot answer any more."""
     own = {"vehicle": ["--name", "v1"], "record": ["--out", "run", "--quiet"]}[command]
     with convoy(tmp_path, "router", "-l", "tcp/127.0.0.1:0") as router:
         assert router.stdout is not None
         endpoint = router.stdout.readline().removeprefix(LISTENING).strip()
         if not joined:
             router.send_signal(signal.SIGSTOP)
-        with convoy(tmp_path, command, "lane_change", *own, "-e", endpoint) as process:
-            assert until(lambda: linked(process, endpoint))
-            time.sleep(1.0)  # it declares what it sends and receives
+        with (
+            convoy(tmp_path, "vehicle", "lane_change", "--name", "v2", "-e", endpoint) as other,
+            convoy(tmp_path, command, "lane_change", *own, "-e", endpoint) as process,
+        ):
+            assert until(lambda: linked(other, endpoint) and linked(process, endpoint))
+            time.sleep(0.8)  # they declare what they send and receive
             router.send_signal(signal.SIGSTOP)
             assert_ends_with_one_line(process, signal.SIGINT)
 
@@ -107,7 +111,8 @@ def linked(process: "subprocess.Popen[str]", endpoint: str) -> bool:
 
 @pytest.mark.parametrize("clock", ["wall", "virtual"])
 def test_a_run_goes_on_when_nobody_reads_what_it_prints(clock: str, tmp_path: Path) -> None:
-    arguments = ("run", "lane_change", "--clock", clock, "--set", "duration_s=2", "--out", "run")
+    short = ("--set=duration_s=1", "--set=convoy.vehicles=2")
+    arguments = ("run", "lane_change", "--clock", clock, *short, "--out", "run")
     with convoy(tmp_path, *arguments) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -117,7 +122,7 @@ def test_a_run_goes_on_when_nobody_reads_what_it_prints(clock: str, tmp_path: Pa
     run = Run(tmp_path / "run")
     assert_sound(run.log)
     assert run.summary["outcome"] == "completed"
-    assert run.summary["ran_s"] == 2.0
+    assert run.summary["ran_s"] == 1.0
 
 
 def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:

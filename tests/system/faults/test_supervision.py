@@ -20,6 +20,7 @@ from tests.system.logs import (
     assert_summary_is_in_the_log,
 )
 from tests.system.processes import Process, run_to_the_end, start, until
+from transport.topics import CONDUCTOR
 
 LONG_S = 35.0
 """No run of these tests comes to such an end by itself."""
@@ -59,12 +60,10 @@ def kill(process: psutil.Process) -> int:
     return time.time_ns()
 
 
-@pytest.mark.parametrize(
-    ("victim", "after_s"), [("v2", 1.1), ("v1", 0.7), ("recorder", 1.6), ("router", 1.3)]
-)
-def test_a_part_that_is_killed_ends_the_run(victim: str, after_s: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize("victim", ["v2", "recorder", "router"])
+def test_a_part_that_is_killed_ends_the_run(victim: str, tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
-        convoy.drive(after_s)
+        convoy.drive(0.6)
         killed_at = kill(convoy.part(victim))
         assert convoy.is_gone_in_time()
         assert convoy.wait() == 1
@@ -76,9 +75,25 @@ def test_a_part_that_is_killed_ends_the_run(victim: str, after_s: float, tmp_pat
     assert run.summary["reason"]
 
 
+def test_a_router_that_is_killed_in_the_last_second_leaves_a_completed_run(tmp_path: Path) -> None:
+    duration_s = 2.0
+    with start(*three(tmp_path, duration_s=duration_s), folder=tmp_path) as convoy:
+        router = convoy.part("router")
+        convoy.drive(duration_s - 0.5)
+        kill(router)
+        assert convoy.wait() == 0, convoy.err
+        assert not convoy.everyone()
+    run = Run(tmp_path / "run")
+    assert_sound(run.log)
+    assert_summary_is_in_the_log(run)
+    assert run.summary["outcome"] == "completed"
+    lost = any("the router was lost" in text for text in run.texts(CONDUCTOR))
+    assert lost or all(row["finished"] for row in run.summary["vehicles"])  # a machine too slow
+
+
 def test_when_the_launcher_is_killed_all_follow(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
-        convoy.drive(1.0)
+        convoy.drive(0.6)
         assert len(convoy.everyone()) == len(CONVOY) + 3
         killed_at = kill(convoy.part("launcher"))
         assert convoy.is_gone_in_time()
@@ -98,32 +113,31 @@ def test_a_launcher_that_is_killed_before_the_start_leaves_nothing(tmp_path: Pat
         assert "Traceback" not in convoy.err
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_run_stops_when_asked_to(number: signal.Signals, tmp_path: Path) -> None:
+def test_a_run_stops_when_asked_to(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
-        convoy.drive(0.8)
-        convoy.popen.send_signal(number)
+        convoy.drive(0.3)
+        convoy.popen.send_signal(signal.SIGINT)
         asked_at = time.time_ns()
         assert convoy.is_gone_in_time()
-        assert convoy.wait() == 128 + number
-        assert_one_clear_line(convoy, f"stopped by {number.name}")
-        assert f"ended early: stopped by {number.name}" in convoy.out
+        assert convoy.wait() == 130
+        assert_one_clear_line(convoy, "stopped by SIGINT")
+        assert "ended early: stopped by SIGINT" in convoy.out
     run = Run(tmp_path / "run")
     assert_log_reaches(run, asked_at)
     assert_summary_is_in_the_log(run)
-    assert run.summary["reason"] == f"stopped by {number.name}"
+    assert run.summary["reason"] == "stopped by SIGINT"
     assert all(row["finished"] for row in run.summary["vehicles"])
 
 
 def test_a_vehicle_that_is_held_up_makes_good_every_tick(tmp_path: Path) -> None:
-    duration_s, held_s = 4.0, 1.0
+    duration_s, held_s = 2.5, 1.0
     arguments = three(tmp_path, duration_s=duration_s)
     twin_arguments = (*arguments[:-1], "virtual", "--clock=virtual")
     with (
         start(*arguments, folder=tmp_path) as convoy,
         start(*twin_arguments, folder=tmp_path) as twin,
     ):
-        convoy.drive(1.0)
+        convoy.drive(0.4)
         convoy.part("v2").suspend()
         time.sleep(held_s)
         convoy.part("v2").resume()
@@ -157,7 +171,7 @@ def test_a_vehicle_that_hangs_for_good_ends_the_run(tmp_path: Path) -> None:
 
 def test_a_vehicle_that_is_told_to_leave_ends_the_run(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
-        convoy.drive(1.0)
+        convoy.drive(0.3)
         convoy.part("v2").terminate()
         assert convoy.is_gone_in_time()
         assert convoy.wait() == 1
@@ -168,33 +182,35 @@ def test_a_vehicle_that_is_told_to_leave_ends_the_run(tmp_path: Path) -> None:
     assert run.summary["reason"] == "v2 ended with exit code 143; the run ends"
 
 
-@pytest.mark.parametrize(
-    ("number", "fate"), [(signal.SIGKILL, "died"), (signal.SIGTERM, "left")], ids=["dies", "leaves"]
-)
-def test_a_convoy_may_go_on_without_one(number: signal.Signals, fate: str, tmp_path: Path) -> None:
-    duration_s = 4.0
-    arguments = three(tmp_path, 'convoy.when_a_vehicle_dies="go_on"', duration_s=duration_s)
-    with start(*arguments, folder=tmp_path) as convoy:
-        convoy.drive(1.0)
-        convoy.part("v2").send_signal(number)
+def test_a_convoy_may_go_on_without_some(tmp_path: Path) -> None:
+    """One dies, another is told to leave; the first and the last drive to the end."""
+    duration_s = 2.5
+    goes_on = ("--set=convoy.vehicles=4", '--set=convoy.when_a_vehicle_dies="go_on"')
+    with start(*three(tmp_path, duration_s=duration_s), *goes_on, folder=tmp_path) as convoy:
+        convoy.drive(0.4)
+        convoy.part("v2").send_signal(signal.SIGKILL)
+        convoy.part("v3").send_signal(signal.SIGTERM)
         assert convoy.wait() == 0, convoy.err
         assert not convoy.everyone()
-        said = [line for line in convoy.lines() if "v2" in line]
-    assert len(said) == 1
-    assert said[0].startswith(f"run: v2 {fate} ")
-    assert said[0].endswith("after the start; the convoy goes on without it")
+        said = sorted(line for line in convoy.lines() if " after the start; " in line)
+    assert len(said) == 2
+    for line, name, fate in zip(said, ("v2", "v3"), ("died", "left"), strict=True):
+        assert line.startswith(f"run: {name} {fate} ")
+        assert line.endswith("after the start; the convoy goes on without it")
     run = Run(tmp_path / "run")
     assert_sound(run.log)
     assert run.summary["outcome"] == "completed"
-    assert [row["finished"] for row in run.summary["vehicles"]] == [True, fate == "left", True]
-    assert run.vehicle("v2")["poses"] < duration_s * 20 - 20
-    for name in ("v1", "v3"):
+    finished = [row["finished"] for row in run.summary["vehicles"]]
+    assert finished == [True, False, True, True]
+    for name in ("v2", "v3"):
+        assert run.vehicle(name)["poses"] < duration_s * 20 - 20
+    for name in ("v1", "v4"):
         assert len(run.truths[name]) == duration_s * 50
         assert run.vehicle(name)["poses"] == duration_s * 20
 
 
 def test_the_parts_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
-    duration_s = 3.0
+    duration_s = 1.0
     scenario = ("lane_change", "--set=convoy.vehicles=2", f"--set=duration_s={duration_s}")
     with ExitStack() as stack:
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.made.scenarios.messages import START, at, gps
 from transport.codec import RefusedMessageError, encode
-from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES, PoseGate
+from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
 from transport.reasons import REASONS
 from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
 from vehicles.messages import GpsPose
@@ -111,3 +111,22 @@ def test_too_many_bytes_are_refused_unread() -> None:
     with pytest.raises(RefusedMessageError) as refused:
         GATE.admit(bytes(LONGEST_POSE_BYTES + 1), START)
     assert refused.value.reason == "oversized"
+
+
+def test_many_refused_for_their_stamps_are_said_once_and_then_at_ten_times_as_many() -> None:
+    counted = MisdatedCount()
+    said = [line for _ in range(12_000) if (line := counted.count("v1", "future"))]
+    assert [line.split()[0] for line in said] == ["100", "1000", "10000"]
+    assert said[0] == (
+        "100 messages of v1 refused as future, measured more than 60 s ahead: do the clocks agree?"
+    )
+    assert not any(counted.count("v2", "future") for _ in range(99))
+    assert not any(counted.count("v1", "past") for _ in range(99))
+    assert counted.count("v1", "past")
+    assert counted.count("v2", "future")
+
+
+@pytest.mark.parametrize("reason", ["garbage", "early", "duplicate", "overflow"])
+def test_other_reasons_do_not_blame_the_clocks(reason: str) -> None:
+    counted = MisdatedCount()
+    assert not any(counted.count("v1", reason) for _ in range(1000))

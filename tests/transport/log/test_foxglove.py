@@ -1,16 +1,21 @@
 """The standard messages of a log, read by its own schemas."""
 
+import json
 import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
 from tests.made.transport import drive
 from tests.made.transport.logs import rows, write
+from transport.colours import colour_of
+from transport.log.foxglove_layout import foxglove_layout
+from transport.log.scene import Scene
 
 
 def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None:
@@ -58,3 +63,57 @@ def test_preview_poses_lie_on_the_arc(tmp_path: Path) -> None:
                 yaw = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
                 tangent = math.atan2(pose.position.y, pose.position.x) + math.pi / 2
                 assert math.remainder(yaw - tangent, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+SCENE = Scene({"v1": (4.9, 1.9, -0.2), "v2": (6.0, 2.0, 0.0)}, ([0.0, 50.0], [0.0, 0.0]), 3.5)
+
+
+def updates(path: Path, topic: str) -> list[SceneUpdate]:
+    with path.open("rb") as file:
+        records = make_reader(file).iter_messages(topics=[topic])
+        return [SceneUpdate.FromString(record.data) for _, _, record in records]
+
+
+def test_a_car_is_a_box_that_moves_with_its_frame(tmp_path: Path) -> None:
+    write(tmp_path / "run.mcap", scene=SCENE)
+    (update,) = updates(tmp_path / "run.mcap", "/convoy/v2/box")
+    (entity,) = update.entities
+    assert (entity.frame_id, entity.frame_locked, entity.id) == ("v2", True, "car")
+    (box,), (name,) = entity.cubes, entity.texts
+    assert (box.size.x, box.size.y) == (6.0, 2.0)
+    assert box.pose.position.z == box.size.z / 2.0  # it stands on the ground
+    assert [round(255 * part) for part in (box.color.r, box.color.g, box.color.b)] == [
+        *colour_of(1)
+    ]
+    assert name.text == "v2"
+    (ahead,) = updates(tmp_path / "run.mcap", "/convoy/v1/box")
+    assert ahead.entities[0].cubes[0].pose.position.x == -0.2
+
+
+def test_the_road_is_the_lead_s_path_between_the_edges_of_its_lane(tmp_path: Path) -> None:
+    write(tmp_path / "run.mcap", scene=SCENE)
+    (update,) = updates(tmp_path / "run.mcap", "/convoy/run/road")
+    lines = [[(p.x, p.y) for p in line.points] for line in update.entities[0].lines]
+    assert update.entities[0].frame_id == "map"
+    assert [line[0] for line in lines] == [(0.0, 0.0), (0.0, 1.75), (0.0, -1.75)]
+    assert [line[-1] for line in lines] == [(50.0, 0.0), (50.0, 1.75), (50.0, -1.75)]
+
+
+def test_the_layout_shows_what_the_log_holds(tmp_path: Path) -> None:
+    """Every topic and every field that the layout names is in the log, by the schemas in it."""
+    write(tmp_path / "run.mcap", scene=SCENE)
+    schemas = {channel.topic: schema for schema, channel, _ in rows(tmp_path / "run.mcap")}
+    panels = json.loads(foxglove_layout(drive.VEHICLES))["configById"]
+    shown = set(panels["3D!scene"]["topics"])
+    assert {f"/convoy/{name}/box" for name in drive.VEHICLES} | {"/convoy/run/road"} <= shown
+    assert shown <= {*schemas, "/convoy/v1/preview"}  # the lead has none
+    assert panels["RosOut!text"]["topicToRender"] in schemas
+    plotted = {path["value"] for panel in panels.values() for path in panel.get("paths", ())}
+    assert "/convoy/v2/deviation.true_gap_m" in plotted
+    for value in plotted:
+        topic, _, field = value.partition(".")
+        files = descriptor_pb2.FileDescriptorSet.FromString(schemas[topic].data).file
+        pool = descriptor_pool.DescriptorPool()
+        for file in files:
+            pool.Add(file)
+        assert field in pool.FindMessageTypeByName(schemas[topic].name).fields_by_name

@@ -14,8 +14,9 @@ from mcap.writer import Writer
 from tests.made.transport import drive
 from tests.made.transport.logs import TICKS, put, rows, write
 from transport.codec import encode
+from transport.log.mcap_file import McapFile
 from transport.log.reader import LogReader
-from transport.log.records import LogError
+from transport.log.records import MESSAGE_INDEX, LogError
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF
@@ -125,11 +126,26 @@ def test_a_damaged_length_costs_one_record(tmp_path: Path) -> None:
     assert f"at byte {second - 9 - 32}" in log.damage
 
 
+def test_a_chunk_whose_indices_name_one_channel_twice_is_repaired(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    written = write_chunks(path)
+    content = path.read_bytes()
+    log = McapFile(path)
+    indices = [one for one in log.layout.records if one.opcode == MESSAGE_INDEX]
+    second = next(at for at in range(1, 99) if indices[at].start != indices[at - 1].end)
+    one, other = (index.content.start for index in indices[second : second + 2])
+    wrong = content[:other] + content[one : one + 2] + content[other + 2 :]
+    path.write_bytes(wrong[: indices[-1].end])
+    assert repair(path)
+    assert [(at, message) for at, _, message in LogReader(path).messages()] == written
+
+
 def test_a_sound_log_has_no_damage(tmp_path: Path) -> None:
     write_chunks(tmp_path / "run.mcap")
     assert not LogReader(tmp_path / "run.mcap").damage
 
 
+@pytest.mark.campaign(20, 5000)
 def test_whatever_is_damaged_the_rest_is_read_or_the_log_refused(
     tmp_path: Path, campaign: int
 ) -> None:

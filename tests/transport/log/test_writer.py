@@ -10,6 +10,7 @@ import pytest
 from tests.made.transport import drive
 from tests.made.transport.logs import TICKS, put, rerun_accepts, rows, write
 from transport.codec import encode
+from transport.convoy_pb2 import Deviation
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.log.repair import repair
@@ -51,6 +52,23 @@ def test_log_times_never_go_back(tmp_path: Path) -> None:
     assert [at for at, _ in recorded] == sorted(at for at, _ in recorded)
     own = [at - drive.START for at, channel in recorded if channel.topic == "/convoy/v1/truth"]
     assert own == [5, 5, 9, 9, 9, 10]
+
+
+def test_true_errors_stand_beside_the_messages_and_are_none(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "run.mcap") as log:
+        put(log, drive.START + 5, drive.truth("v2", 0))
+        log.write_deviation(drive.START + 3, "v2", drive.START, 0.25, math.nan)
+        log.write_deviation(drive.START + 9, "v2", drive.START + 4, -0.5, 7.5)
+    found = [row for row in rows(tmp_path / "run.mcap") if row[1].topic == "/convoy/v2/deviation"]
+    assert [(r.log_time, r.publish_time, r.sequence) for _, _, r in found] == [
+        (drive.START + 5, drive.START, 0),
+        (drive.START + 9, drive.START + 4, 1),
+    ]
+    first, second = (Deviation.FromString(record.data) for _, _, record in found)
+    assert (first.vehicle, first.cross_track_error_m) == ("v2", 0.25)
+    assert math.isnan(first.true_gap_m)
+    assert (second.true_at_ns, second.true_gap_m) == (drive.START + 4, 7.5)
+    assert len(list(LogReader(tmp_path / "run.mcap").messages())) == 1
 
 
 def test_messages_of_strangers_are_logged_as_they_are(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.transport import drive
-from transport.picture.blueprint import COLOURS, STATES
+from transport.colours import COLOURS
+from transport.picture.blueprint import STATES
 from transport.picture.link_states import (
     LOSSES,
     MARGIN_NS,

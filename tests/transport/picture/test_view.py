@@ -17,6 +17,8 @@ import pytest
 from tests.made.scenarios import messages as made
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
+from transport.colours import colour_of
+from transport.picture.blueprint import EVENTS, MARKED_PLOTS, Reach
 from transport.picture.option import RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
@@ -222,9 +224,83 @@ def test_the_vehicle_furthest_off_is_marked(tmp_path: Path) -> None:
                 pose = made.truth(name, seq, 0.6 * seq - behind, left)
                 yield pose.true_at_ns, pose
 
-    labels = picture(tmp_path / "run.rrd", messages())["/world/worst"]["Points2D:labels"]
+    table = picture(tmp_path / "run.rrd", messages())
+    labels = table["/world/cars/v3/worst/name"]["Points2D:labels"]
     assert labels[0] == ["v3 +0.50 m"]
     assert not labels[-1]
+    rings = table["/world/cars/v3/worst"]["Points2D:positions"]
+    assert rings[0] == [[0.0, 0.0]]  # in the car's own frame, so it moves with it
+    assert not rings[-1]
+    assert "/world/cars/v2/worst" not in table
+
+
+FAR = 400.0
+
+
+@pytest.mark.parametrize("lead", ["ahead", "aside"])
+def test_the_lead_is_in_the_view_that_moves_along(tmp_path: Path, lead: str) -> None:
+    """However far away it is: then the view shows more."""
+    option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
+    reach = Reach.of(3, 15.0, None)
+    with RerunView(option, run_id="x", vehicles=("v1", "v2", "v3"), gap_m=15.0) as view:
+        for seq in range(20):
+            far = FAR if seq >= 10 else 30.0
+            first = (far, 0.0) if lead == "ahead" else (30.0, far - 30.0)
+            for name, (x, left) in {"v1": first, "v2": (15.0, 0.0), "v3": (0.0, 0.0)}.items():
+                pose = made.truth(name, seq, x + 0.4 * seq, left)
+                view.draw(pose.true_at_ns, pose)
+    table = columns(tmp_path / "run.rrd")
+    convoy, car = table["/world/convoy"], table["/world/cars/v1"]
+    for row in range(len(convoy["run_time"])):
+        east, north, _ = car["Transform3D:translation"][row][0]
+        right, down = seen_from(convoy, row, east, north)
+        assert -reach.behind < right < reach.ahead
+        assert abs(down) < reach.aside
+
+
+def test_a_car_is_drawn_in_its_size(tmp_path: Path) -> None:
+    option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
+    with RerunView(option, run_id="x", vehicles=("v1",), cars={"v1": (6.0, 2.0, 0.5)}):
+        pass
+    body = columns(tmp_path / "run.rrd")["/world/cars/v1/body"]
+    *lines, _screen = body["LineStrips2D:strips"][0]
+    radius = body["LineStrips2D:radii"][0][0]
+    x, y = ([point[axis] for line in lines for point in line] for axis in (0, 1))
+    outline = (min(x) - radius, max(x) + radius, min(y) - radius, max(y) + radius)
+    assert outline == pytest.approx((-2.5, 3.5, -1.0, 1.0))
+
+
+def test_a_mark_stands_at_its_place_and_at_its_instant(tmp_path: Path) -> None:
+    """Also where it was found out only later."""
+    option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
+    with RerunView(option, run_id="x", vehicles=("v1", "v2")) as view:
+        for seq in range(50):
+            pose = made.truth("v1", seq, 0.4 * seq, 0.0)
+            view.draw(pose.true_at_ns, pose)
+        at = made.truth("v1", 20, 0.0, 0.0).true_at_ns
+        view.mark("near_miss", at, (8.0, 1.0), ("v1", "v2"))
+    table = columns(tmp_path / "run.rrd")
+    spot, name = table["/world/events/near_miss"], table["/world/events/near_miss/name"]
+    assert spot["run_time"] == name["run_time"] == [400_000_000]
+    assert spot["Points2D:positions"] == [[[8.0, 1.0]]]
+    assert name["Points2D:labels"] == [["near miss v2 v1"]]
+    assert name["Points2D:positions"][0][0][1] < 0.0  # to the right, off the road
+    for plot in MARKED_PLOTS:
+        curve = table[f"/plots/{plot}/events/near_miss"]
+        shown = [
+            (at, value)
+            for at, value in zip(curve["run_time"], curve["Scalars:scalars"], strict=True)
+            if value
+        ]
+        assert shown == [(400_000_000, [0.0])]
+
+
+def test_colours_of_events_are_those_of_no_car() -> None:
+    for colour, _, _ in EVENTS.values():
+        for place in range(20):
+            apart = [abs(one - other) for one, other in zip(colour, colour_of(place), strict=True)]
+            assert sum(apart) > 120
+    assert len({shape for _, shape, _ in EVENTS.values()}) == len(EVENTS)
 
 
 def test_lane_edges_lie_half_a_lane_beside_the_path(tmp_path: Path) -> None:

@@ -41,6 +41,13 @@ def test_steady_cornering_runs_round_a_circle(speed: float) -> None:
     assert bodies[-1].distance - settled.distance == pytest.approx(2 * math.pi * radius, rel=1e-6)
 
 
+def test_an_overdamped_steering_is_integrated_finely_enough() -> None:
+    slow = replace(CAR, steering_frequency=100.0, steering_damping=10.0)
+    body = drive(Body(0.0, 0.0, 0.0, 20.0), steer(0.05), 3.0, car=slow)[-1]
+    assert body.steering == pytest.approx(0.05, abs=1e-5)
+    assert abs(body.steering_rate) < 1e-4
+
+
 @given(yaw=st.floats(-10.0, 10.0), speed=st.floats(0.0, 40.0), acceleration=st.floats(-3.0, 2.0))
 def test_unsteered_it_goes_straight(yaw: float, speed: float, acceleration: float) -> None:
     body = advance(Body(5.0, -7.0, yaw, speed), Actuation(0.0, acceleration), 0.5, CAR)

@@ -433,3 +433,47 @@ def nearest(pose: TruePose, path: Sequence[TruePose]) -> float:
         if math.hypot(one.east_m - pose.east_m, one.north_m - pose.north_m) < 5.0
         for share in (k / 100 for k in range(101))
     )
+
+
+@pytest.mark.parametrize("road", SELF_MEETING)
+def test_what_all_followers_have_passed_is_forgotten_and_nothing_changes(
+    road: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vehicles.geometry.driven_path.FORGET_EVERY", 50)
+    path = path_from_segments(SELF_MEETING[road])
+    lead = driven(path, every(STEP, 0.0, path.length))
+    late, later = (driven(path, every(STEP, 0.0, path.length), vehicle=n) for n in ("v2", "v3"))
+    keeping, forgetting = CrossTrackError("v1"), CrossTrackError("v1", None, ["v2", "v3"])
+    most = 0
+    for k, pose in enumerate(lead):
+        poses = [
+            pose,
+            *late[max(k - 30, 0) : max(k - 29, 0)],
+            *later[max(k - 60, 0) : max(k - 59, 0)],
+        ]
+        for one in poses:
+            assert forgetting.add(one) == keeping.add(one)
+        most = max(most, len(forgetting._chords))
+    assert most < 60 + 2 * 50 < len(keeping._chords)
+
+
+def test_nobody_who_stays_behind_keeps_the_whole_path_known(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("vehicles.geometry.driven_path.FORGET_EVERY", 50)
+    monkeypatch.setattr("vehicles.geometry.driven_path.MOST_CHORDS", 200)
+    path = path_from_segments([Segment(1000.0, 0.0)])
+    lead = driven(path, every(1.0, 0.0, 1000.0))
+    follower = driven(path, every(1.0, 0.0, 1000.0), lambda _: 0.3, "v2")
+    stands = driven(path, every(1.0, 0.0, 1000.0), lambda _: -0.2, "v3")
+    error = CrossTrackError("v1", None, ["v2", "v3"])
+    feet: list[CrossTrack] = []
+    for k, pose in enumerate(lead):
+        feet += error.add(pose)
+        feet += error.add(follower[max(k - 20, 0)])
+        feet += error.add(stands[min(k, 100)])
+        assert len(error._chords) <= 200 + 50
+    assert {round(foot.lateral, 9) for foot in feet if foot.vehicle == "v2"} == {0.3}
+    # Where v3 stands is known for 200 to 250 chords, and then no more rather than wrong.
+    assert {round(foot.lateral, 9) for foot in feet if foot.vehicle == "v3"} == {-0.2}
+    assert 300 <= sum(foot.vehicle == "v3" for foot in feet) < 400

@@ -8,9 +8,11 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual import run_virtual
+from transport.log.reader import LogReader
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.driver.steering import FeedforwardFeedback, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
+from vehicles.messages import LogText
 
 
 class Failing(FeedforwardFeedback):
@@ -63,6 +65,27 @@ def test_a_controller_that_fails_in_mid_run_fails_the_run(
     assert (summary.outcome, summary.reason) == ("failed", expected)
     assert stop.exit_code == EXIT_FAILED
     assert summary.ran_s == pytest.approx(0.98)
+
+
+def test_of_a_convoy_that_goes_on_the_last_vehicle_still_fails_the_run(tmp_path: Path) -> None:
+    own = f"control.controller={__name__}.Failing"
+    asked = ["duration_s=2", "convoy.vehicles=2", own, "convoy.when_a_vehicle_dies=go_on"]
+    summary = run_virtual(load_scenario("lane_change", asked), tmp_path, Stop())
+    assert summary.outcome == "failed"
+    assert summary.reason.startswith(f"v2: controller '{__name__}.Failing': steer() raised")
+    texts = LogReader(tmp_path / "run.mcap").messages(topics=("log",))
+    said = [message.text for _, _, message in texts if isinstance(message, LogText)]
+    assert "v1 left 1.0 s after the start; the convoy goes on without it" in said
+
+
+def test_a_car_that_spins_ever_faster_fails_the_run(tmp_path: Path) -> None:
+    unstable = [
+        *("duration_s=60", "convoy.vehicles=2", "control.rate_hz=10", "gnss.rate_hz=5"),
+        "vehicle.v2.parameters.rear_cornering_stiffness_n_per_rad=20000",
+    ]
+    summary = run_virtual(load_scenario("lane_change", unstable[1:]), tmp_path, Stop())
+    assert summary.outcome == "failed"
+    assert summary.reason.startswith("v2: the car spins: it is unstable at 30.0 m/s, ")
 
 
 @pytest.mark.parametrize(

@@ -279,3 +279,15 @@ def test_refused_messages_are_told_once_by_reason_and_counted() -> None:
     ]
     healths = [one for one in bus.of(Health) if isinstance(one, Health)]
     assert [one.rejected_messages for one in healths] == [0, 3]
+
+
+def test_a_hundred_poses_with_wrong_stamps_are_told_at_the_very_tick() -> None:
+    bus, inbox = UrgentBus(), receiving_inbox()
+    box = outbox(bus, inbox)
+    for seq in range(150):
+        inbox.on_bytes("convoy/v1/gps", encode(gps("v1", seq + 5000)))
+        inbox.take(at(seq * 0.02))
+        box.publish(at(seq * 0.02), BODY, None, DECISION)
+    told = [one for one in bus.of(LogText) if isinstance(one, LogText) and "clocks" in one.text]
+    assert [(one.level, one.logged_at_ns) for one in told] == [("error", at(99 * 0.02))]
+    assert told[0].text.startswith("100 messages of v1 refused as future")

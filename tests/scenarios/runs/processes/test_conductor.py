@@ -10,11 +10,12 @@ from scenarios.runs.processes.conductor import (
     DEATH_AFTER_NS,
     FINAL_COUNTERS_NS,
     LEAD_TIME_NS,
+    LEFT_AFTER_NS,
     RETURN_NS,
-    ROUTER_LOST_AFTER_NS,
     Conductor,
     Phase,
 )
+from scenarios.runs.processes.router_watch import LAST_MOMENT_NS, ROUTER_LOST_AFTER_NS
 from tests.made.scenarios.messages import START, at, health, tracking
 from vehicles.schedule import SECOND
 
@@ -24,6 +25,7 @@ GATHER_S = 10.0
 LEAD_TIME_S = LEAD_TIME_NS / SECOND
 RETURN_S = RETURN_NS / SECOND
 DEATH_S = DEATH_AFTER_NS / SECOND
+LEFT_S = LEFT_AFTER_NS / SECOND
 CONVOY = ("v1", "v2", "v3")
 ALL_COME = [(1.0, "v1 comes"), (1.2, "v2 comes"), (2.0, "v3 comes")]
 STARTED = 2.0 + LEAD_TIME_S
@@ -148,10 +150,25 @@ def test_a_vehicle_without_last_words_is_named() -> None:
 
 
 def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
-    told = play(*ALL_COME, (10.0, "v3 finishes"), (10.0, "v2 finishes"))
-    assert told.over == pytest.approx(10.0 + DEATH_S, abs=0.1)
+    leave = [(10.0, "v3 finishes"), (10.0, "v2 finishes"), (10.4, "v3 goes"), (10.5, "v2 goes")]
+    told = play(*ALL_COME, *leave)
+    assert told.over == pytest.approx(10.4 + LEFT_S, abs=0.1)
     assert told.reason == "left before the end: v2, v3"
     assert told.conductor.awaits_final_counters()  # v1 has not said anything yet
+
+
+def test_what_told_a_vehicle_to_leave_has_time_to_say_why() -> None:
+    """Its launcher speaks when its process has ended, which comes after its token has gone."""
+    told = play(*ALL_COME, (10.0, "v2 finishes"), (10.7, "v2 goes"), until=10.7 + 0.9 * LEFT_S)
+    assert told.over is None
+    told.conductor.stop("v2 ended with exit code 143; the run ends")
+    assert told.reason == "v2 ended with exit code 143; the run ends"
+
+
+def test_one_that_finishes_early_and_stays_is_not_waited_for_longer_than_for_last_words() -> None:
+    told = play(*ALL_COME, (10.0, "v2 finishes"))
+    assert told.reason == "left before the end: v2"
+    assert told.over == pytest.approx(10.0 + FINAL_COUNTERS_NS / SECOND, abs=0.1)
 
 
 def test_the_convoy_goes_on_without_those_that_left_early_if_it_should() -> None:
@@ -164,12 +181,13 @@ def test_the_convoy_goes_on_without_those_that_left_early_if_it_should() -> None
 
 def test_one_that_leaves_at_the_very_end_delays_it_by_a_moment() -> None:
     almost = ENDED - 0.1
-    told = play(*ALL_COME, *ALL_FINISH[:2], (almost, "v3 finishes"), goes_on=True)
+    leaves = [(almost, "v3 finishes"), (almost + 0.1, "v3 goes")]
+    told = play(*ALL_COME, *ALL_FINISH[:2], *leaves, goes_on=True)
     assert told.lines[1:] == [
         f"v3 left {almost - STARTED:.1f} s after the start; the convoy goes on without it"
     ]
     assert told.reason == ""
-    assert told.over == pytest.approx(almost + DEATH_S, abs=0.11)
+    assert told.over == pytest.approx(almost + 0.1 + LEFT_S, abs=0.11)
 
 
 def test_one_that_leaves_before_the_start_is_told_as_such() -> None:
@@ -177,12 +195,15 @@ def test_one_that_leaves_before_the_start_is_told_as_such() -> None:
     assert told.lines[1:] == ["v3 left before the start; the convoy goes on without it"]
 
 
-@pytest.mark.parametrize("last", ["goes", "finishes"])
-def test_a_convoy_that_all_left_or_died_in_does_not_go_on(last: str) -> None:
+@pytest.mark.parametrize(
+    ("last", "after_s"), [("goes", DEATH_S), ("finishes", FINAL_COUNTERS_NS / SECOND)]
+)
+def test_a_convoy_that_all_left_or_died_in_does_not_go_on(last: str, after_s: float) -> None:
     history = [(10.0, "v1 finishes"), (12.0, "v2 finishes"), (14.0, f"v3 {last}")]
+    history += [(10.2, "v1 goes"), (12.2, "v2 goes")]
     told = play(*ALL_COME, *history, goes_on=True)
     assert told.reason == "all vehicles died or left"
-    assert told.over == pytest.approx(14.0 + DEATH_S, abs=0.11)
+    assert told.over == pytest.approx(14.0 + after_s, abs=0.11)
 
 
 # ---- Dying
@@ -320,6 +341,31 @@ def test_a_router_lost_at_the_very_end_leaves_a_completed_run(lost_s: float, lin
     assert told.reason == ""
     assert told.lines[1:] == [line]
     assert told.over == pytest.approx(lost_s + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
+
+
+@pytest.mark.parametrize(
+    ("before_end_s", "connected", "reason"),
+    [
+        (0.5 * LAST_MOMENT_NS / SECOND, False, ""),
+        (1.5 * LAST_MOMENT_NS / SECOND, False, "router was killed"),
+        (0.5 * LAST_MOMENT_NS / SECOND, True, "router was killed"),
+    ],
+)
+def test_a_launcher_whose_router_died_at_the_very_end_leaves_a_completed_run(
+    before_end_s: float, connected: bool, reason: str
+) -> None:
+    told = play(*ALL_COME, until=ENDED - before_end_s)
+    now = at(ENDED - before_end_s)
+    lines = told.conductor.stop_as_asked("router was killed", now, connected=connected)
+    assert lines == ([] if reason else ["the router was lost 0.5 s before the end"])
+    assert told.conductor.phase is Phase.OVER
+    assert told.reason == reason
+
+
+def test_before_the_start_there_is_no_last_moment() -> None:
+    told = play(*ALL_COME[:2], until=5.0)
+    told.conductor.stop_as_asked("router was killed", at(5.0), connected=False)
+    assert told.reason == "router was killed"
 
 
 def test_a_recorder_that_was_held_up_over_the_end_reads_what_came_meanwhile() -> None:

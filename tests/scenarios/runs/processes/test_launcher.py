@@ -9,7 +9,13 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.log_summary import LOG_NAME
-from scenarios.runs.processes.launcher import WATCH_PERIOD_S, LaunchPlan, RunOutcome, launch
+from scenarios.runs.processes.launcher import (
+    SAID_BY_RECORDER,
+    WATCH_PERIOD_S,
+    LaunchPlan,
+    RunOutcome,
+    launch,
+)
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from tests.made.scenarios.messages import START
@@ -36,6 +42,7 @@ class FakeSupervisor:
     """Starts nothing: children end as their history says, and all calls are kept."""
 
     router_starts: bool = True
+    recorder_ends_with: int = 1
     children: list[FakeChild] = field(default_factory=list)
     started: list[FakeChild] = field(default_factory=list)
     calls: list[tuple[str, ...]] = field(default_factory=list)
@@ -64,6 +71,9 @@ class FakeSupervisor:
         assert 0.0 < grace_s <= 3.0
         chosen = [child.name for child in self.children if names is None or child.name in names]
         self.calls.append(("stop", *chosen))
+        for child in self.children:
+            if child.name == "recorder" and child.name in chosen:
+                child.exit_code = self.recorder_ends_with
         self.children = [child for child in self.children if child.name not in chosen]
 
 
@@ -92,9 +102,14 @@ def scenario(*, goes_on: bool = False) -> Scenario:
     )
 
 
-def play(folder: Path, *history: Event, goes_on: bool = False) -> Launched:
-    """Launch a convoy whose processes live through `history`, in no time."""
-    supervisor, stop = FakeSupervisor(), Stop()
+def play(
+    folder: Path, *history: Event, goes_on: bool = False, recorder_ends_with: int = 1
+) -> Launched:
+    """Launch a convoy whose processes live through `history`, in no time.
+
+    A recorder that is asked to end does so with the exit code given.
+    """
+    supervisor, stop = FakeSupervisor(recorder_ends_with=recorder_ends_with), Stop()
     waiting, now = sorted(history), 0.0
 
     def sleep(seconds: float) -> None:
@@ -199,10 +214,25 @@ def test_without_its_router_no_run_goes_on(folder: Path, *, goes_on: bool) -> No
     assert launched.over == pytest.approx(5.0, abs=2 * WATCH_PERIOD_S)
 
 
+def test_a_recorder_that_completed_its_run_decides_over_the_router(folder: Path) -> None:
+    launched = play(folder, (19.5, "router", -9), recorder_ends_with=0)
+    assert launched.ending == (0, "")
+    reason = "router was killed by signal 9; the run ends"
+    assert ("tell", "recorder", reason) in launched.supervisor.calls
+    launched = play(folder, (20.0, "router", -9), (20.0, "recorder", 0))
+    assert launched.ending == (0, "")
+
+
+def test_a_recorder_that_completed_its_run_decides_over_nothing_else(folder: Path) -> None:
+    for who in ("v2", "SIGINT"):
+        launched = play(folder, (19.5, who, -9), (19.5, "router", -9), recorder_ends_with=0)
+        assert launched.ending[0] != 0
+
+
 @pytest.mark.parametrize("goes_on", [False, True])
 def test_a_recorder_that_failed_has_said_why_itself(folder: Path, *, goes_on: bool) -> None:
     launched = play(folder, (5.0, "recorder", 1), goes_on=goes_on)
-    assert launched.ending == (1, "the run failed, see above")
+    assert launched.ending == (1, SAID_BY_RECORDER)
 
 
 @pytest.mark.parametrize("goes_on", [False, True])

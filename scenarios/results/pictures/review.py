@@ -1,6 +1,7 @@
 """`convoy review`: shows a recorded run in Rerun, drawn as it was drawn live."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import click
@@ -8,39 +9,16 @@ import click
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME
+from scenarios.results.metrics import Metrics
+from scenarios.results.pictures.drawing import RunDrawing, open_drawing
+from scenarios.results.pictures.layouts import rerun_layout
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
 from transport.topics import CONDUCTOR
 from vehicles.messages import RunStart
-
-USUAL_GAP_M = 15.0
-
-
-def open_view(option: RerunOption, scenario: Scenario, run_id: str) -> RerunView:
-    """Open the picture of a run of `scenario`, live or reviewed; its `draw` is a listener."""
-    path = scenario.route.path
-    return RerunView(
-        option,
-        run_id=run_id,
-        vehicles=scenario.vehicle_names,
-        gap_m=widest_gap(scenario),
-        path=(path.east.tolist(), path.north.tolist()),
-        road_yaw=scenario.route.start_yaw,
-        lane_m=scenario.tables.events.lane_width_m,
-        title=scenario.title,
-    )
-
-
-def widest_gap(scenario: Scenario) -> float:
-    """Return the largest gap (m) between two vehicles, as started with or kept at top speed."""
-    gaps = [*scenario.route.gaps[1:], 0.0]
-    if scenario.tables.speed.followers == "gap":
-        profile = scenario.route.profile
-        top = max(profile.at(float(second))[0] for second in range(int(scenario.duration_s) + 2))
-        gaps.append(scenario.gap_policy.desired(top))
-    return max(gaps) or USUAL_GAP_M
 
 
 def _to_stderr(line: str) -> None:
@@ -65,7 +43,8 @@ def review(
         warn(f"{log}: breaks off; what was written before is shown")
     if reader.damage:
         warn(reader.damage)
-    with _open(reader, option, warn) as view:
+    scenario = _scenario_in(reader, warn)
+    with _layout(log, scenario), _open(reader, option, scenario) as view:
         count = 0
         for now, _, message in reader.messages():
             view.draw(now, message)
@@ -75,19 +54,32 @@ def review(
     return count
 
 
-def _open(reader: LogReader, option: RerunOption, warn: Callable[[str], None]) -> RerunView:
+def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
+    """The scenario in a log, if there is one that can be read."""
+    text = reader.attachments().get(ATTACHED_AS)
+    if text is None:
+        return None
+    try:
+        return scenario_from_text(text.decode(), label="scenario")
+    except (ScenarioError, UnicodeDecodeError) as error:  # damaged, or of another version
+        warn(f"{reader.path}: the road is left out: {error}")
+        return None
+
+
+def _layout(log: Path, scenario: Scenario | None) -> AbstractContextManager[None]:
+    """Write the layout that a run in virtual time has not written, if it is the folder of a run."""
+    is_run = log.name == LOG_NAME and (log.parent / SUMMARY_NAME).is_file()
+    return rerun_layout(log.parent, scenario) if scenario and is_run else nullcontext()
+
+
+def _open(reader: LogReader, option: RerunOption, scenario: Scenario | None) -> RunDrawing:
     starts = (message for _, _, message in reader.messages(topics=("start",)))
     run_id = next((m.run_id for m in starts if isinstance(m, RunStart)), reader.path.stem)
-    text = reader.attachments().get(ATTACHED_AS)
-    if text is not None:
-        try:
-            return open_view(option, scenario_from_text(text.decode(), label="scenario"), run_id)
-        except (
-            ScenarioError,
-            UnicodeDecodeError,
-        ) as error:  # damaged, or written by another version: its road is unknown
-            warn(f"{reader.path}: the road is left out: {error}")
-    return RerunView(option, run_id=run_id, vehicles=_in_order(reader))
+    if scenario is not None:
+        return open_drawing(option, scenario, run_id)
+    names = _in_order(reader)
+    view = RerunView(option, run_id=run_id, vehicles=names)
+    return RunDrawing(view, Metrics(names, {}), gathered=False)
 
 
 def _in_order(reader: LogReader) -> list[str]:

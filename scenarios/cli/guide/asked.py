@@ -1,0 +1,126 @@
+"""What a scenario asks for, and the figures of its planned run, as a table of `convoy check`."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from scenarios.definition.check.report import CheckReport
+
+Row = tuple[str, str]
+"""What, and how much of it."""
+
+
+def print_report(report: CheckReport, console: Console) -> None:
+    """Print all that a scenario asks for, a row each."""
+    title = f"{report.name}: {report.description}" if report.description else report.name
+    console.print(Text(title, style="bold"), highlight=False)
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for part in (_convoy, _road, _drivers, _links, _ends):
+        for what, figure in part(report):
+            table.add_row(what, escape(figure))
+    console.print(table)
+
+
+def _convoy(report: CheckReport) -> Iterator[Row]:
+    yield "vehicles", ", ".join(report.vehicles)
+    if report.gaps_m:  # a vehicle alone has none
+        yield "gaps at the start", ", ".join(f"{gap:.4g}" for gap in report.gaps_m) + " m"
+    for name, offset in report.offsets.items():
+        turn = f"turned {offset['heading_offset_deg']:g}°"
+        yield "start off the path", f"{name}: {offset['lateral_offset_m']:g} m left, {turn}"
+    yield "duration, seed", f"{report.duration_s:.1f} s, {report.seed}"
+
+
+def _road(report: CheckReport) -> Iterator[Row]:
+    yield "path, driven of it", f"{report.path_length_m:.0f} m, {report.driven_m:.0f} m"
+    yield "tightest radius", f"{report.radius_m_min:.1f} m" if report.radius_m_min else "straight"
+    if report.deviation_m_rms is not None and report.deviation_m_max is not None:
+        rms, largest = report.deviation_m_rms * 100, report.deviation_m_max * 100
+        yield "off the recorded points", f"{rms:.1f} cm rms, {largest:.1f} cm at most"
+    speeds = f"{report.speed_mps_min:.1f} to {report.speed_mps_max:.1f} m/s"
+    yield "speed of the lead", f"{speeds} ({report.lead_speed})"
+    accelerations = report.acceleration_mps2_max, report.braking_mps2_max
+    yield "acceleration, braking", "{:.1f}, {:.1f} m/s²".format(*accelerations)
+    yield "lateral acceleration", f"{report.lateral_acceleration_mps2_max:.1f} m/s²"
+    if len(report.vehicles) > 1:
+        yield "followers drive", _followers(report.gap_policy)
+
+
+def _followers(gap: Mapping[str, float] | None) -> str:
+    if gap is None:
+        return "the lead's speed at the same time"
+    limits = f"{gap['acceleration_mps2_max']:g}, braking {gap['braking_mps2_max']:g} m/s²"
+    return f"a gap of {gap['standstill_m']:g} m + {gap['headway_s']:g} s · speed, at most {limits}"
+
+
+def _drivers(report: CheckReport) -> Iterator[Row]:
+    followers = dict(list(report.control.items())[1:])
+    yield "control", f"at {report.control_rate_hz:g} Hz"
+    yield from _of_some("controller", report.control, _controller)
+    yield from _of_some("fusion", followers, _fusion)
+    yield from _of_some("GNSS", report.gnss, _receiver)
+    yield from _of_some("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
+
+
+def _controller(asked: Mapping[str, Any]) -> str:
+    gains = ", ".join(f"{gain:g}" for gain in asked["gains"].values())
+    load = "knows" if asked["knows_loading"] else "does not know"
+    return f"{asked['controller']}, gains {gains}, {load} the load"
+
+
+def _fusion(asked: Mapping[str, Any]) -> str:
+    sight = f"preview {asked['preview_s']:g} s, tolerance {asked['tolerance_m']:g} m"
+    return f"{asked['fusion']}, α {asked['alpha_ratio']:g}, {sight}"
+
+
+def _receiver(asked: Mapping[str, float]) -> str:
+    noise = (
+        f"{asked['position_noise_m']:g} m, {asked['heading_noise_deg']:g}°, "
+        f"{asked['speed_noise_mps']:g} m/s, {asked['yaw_rate_noise_radps']:g} rad/s"
+    )
+    return f"{asked['rate_hz']:g} Hz, noise {noise}"
+
+
+def _links(report: CheckReport) -> Iterator[Row]:
+    yield from _of_some("links", report.links, _link, all_named=True)
+
+
+def _link(asked: Mapping[str, float | None]) -> str:
+    rate = "every message" if asked["rate_hz"] is None else f"{asked['rate_hz']:g} Hz"
+    delay = f"{asked['latency_ms']:g} ms, jitter {asked['jitter_ms']:g} ms"
+    return f"{delay}, loss {asked['loss_ratio']:g}, {rate}"
+
+
+def _ends(report: CheckReport) -> Iterator[Row]:
+    dies = report.when_a_vehicle_dies.replace("_", " ")
+    yield "when a vehicle dies", dies if dies != "end" else "the run ends"
+    yield "clocks", f"at most {report.clock_offset_ms_max:g} ms apart"
+    events = report.events
+    yield "lane", f"{events['lane_width_m']:g} m wide"
+    near = f"below {events['near_miss_gap_m']:g} m or {events['near_miss_time_s']:g} s"
+    yield "near miss", f"{near} to a collision"
+    yield "path lost", f"after {events['path_lost_s']:g} s without one"
+    limits = {name: value for name, value in report.limits.items() if value is not None}
+    said = ", ".join(f"{name} = {value}" for name, value in limits.items())
+    yield "limits that fail the run", said or "none"
+
+
+def _of_some(
+    what: str, asked: Mapping[str, Any], words: Any, *, all_named: bool = False
+) -> Iterator[Row]:
+    """Give a row for each thing that is asked for, with the names of those that it is asked of.
+
+    What is asked of all needs no names, unless `all_named`.
+    """
+    distinct: dict[str, list[str]] = {}
+    for name, values in asked.items():
+        distinct.setdefault(words(values), []).append(name)
+    for text, names in distinct.items():
+        named = all_named or len(distinct) > 1
+        yield what, f"{text}: {', '.join(names)}" if named else text

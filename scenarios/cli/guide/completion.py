@@ -1,0 +1,145 @@
+"""What a shell offers when Tab is pressed: scenarios, keys of `--set`, vehicles, viewers.
+
+Click makes the scripts for bash, zsh and fish. Each press starts a process, so nothing is loaded
+here before it is needed, and never what drives.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from os import environ
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+from click import Context, Parameter
+from click.shell_completion import (
+    BashComplete,
+    CompletionItem,
+    add_completion_class,
+    split_arg_string,
+)
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+    from pydantic.fields import FieldInfo
+
+RERUN = ("off", "spawn", "serve", "connect=", "save=")
+FILES_ONLY = {"extends", "overrides"}
+"""Keys that `--set` does not take, or that are set by it."""
+
+
+@add_completion_class
+class BashWithEquals(BashComplete):
+    """Bash, to which `links.loss_ratio=0` is three words; it has the last one completed."""
+
+    def get_completion_args(self) -> tuple[list[str], str]:
+        """Return the words before the one that was begun, and that one, whole."""
+        place = int(environ["COMP_CWORD"])
+        words = split_arg_string(environ["COMP_WORDS"])[: place + 1]
+        words += [""] * (place + 1 - len(words))
+        whole: list[str] = []
+        for word in words:
+            if whole and (word == "=" or whole[-1].endswith("=")):
+                whole[-1] += word
+            else:
+                whole.append(word)
+        return whole[1:-1], whole[-1]
+
+    def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem]:
+        """Return what replaces the last word: without what stands before its last `=`."""
+        found = super().get_completions(args, incomplete)
+        option, equals, value = incomplete.partition("=")
+        begun = value if equals and option.startswith("-") else incomplete
+        there = begun[: begun.rfind("=") + 1]
+        for item in found:
+            item.value = item.value.removeprefix(there)
+        return found
+
+
+def scenarios(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+    """Offer shipped scenarios and the TOML files here; elsewhere the shell's own files."""
+    from scenarios.definition.library import library
+
+    known = [*library(), *sorted(path.name for path in Path().glob("*.toml"))]
+    return _matching(known, begun) or [CompletionItem(begun, type="file")]
+
+
+def rerun(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+    """Offer where the picture can go."""
+    return _matching(RERUN, begun)
+
+
+def vehicles(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+    """Offer the vehicles of the scenario that is named before, or of the default one."""
+    return _matching(_vehicles(context), begun)
+
+
+def settings(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+    """Offer the keys of a scenario, and the values of a key that is whole.
+
+    The last key that is left is offered with its values: a shell would put a space behind it.
+    """
+    keys = {f"{key}=": values for key, values in _keys(_vehicles(context)).items()}
+    left = [key for key in keys if key.startswith(begun) or begun.startswith(key)]
+    whole = [f"{left[0]}{value}" for value in keys[left[0]]] if len(left) == 1 else []
+    return _matching(whole or left, begun)
+
+
+def _matching(known: Iterable[str], begun: str) -> list[CompletionItem]:
+    return [CompletionItem(one) for one in known if one.startswith(begun)]
+
+
+def _vehicles(context: Context) -> tuple[str, ...]:
+    """Names of the vehicles, where the file and what is set can be read that far; else none."""
+    from scenarios.definition.errors import ScenarioError
+    from scenarios.definition.extends import merged
+    from scenarios.definition.library import read_file
+    from scenarios.definition.schema.tables import ConvoyTable
+
+    # Behind an option without its value, as here, click leaves the arguments where they are.
+    file = next(iter(context.args), context.params.get("scenario", ""))
+    try:
+        given = merged(read_file(file), context.params.get("overrides") or ())
+        return ConvoyTable.model_validate(given.raw.get("convoy", {})).vehicle_names
+    except (ScenarioError, ValueError):
+        return ()
+
+
+def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
+    """Dotted keys of a scenario, each with values that it takes."""
+    from scenarios.definition.schema.tables import ScenarioTables
+
+    found = dict(_keys_of(ScenarioTables, "", vehicles))
+    return {key: values for key, values in found.items() if key not in FILES_ONLY}
+
+
+def _keys_of(
+    table: "type[BaseModel]", inside: str, vehicles: Sequence[str]
+) -> Iterator[tuple[str, list[str]]]:
+    from scenarios.definition.refusal import models_of
+
+    for name, field in table.model_fields.items():
+        kind, tables = str(field.annotation), list(models_of(field.annotation))
+        if not tables:
+            yield f"{inside}{name}", _values(name, field)
+            continue
+        # A list of tables is begun with its first one; vehicles' tables are by name.
+        places = [".0"] if "tuple" in kind else [""]
+        if kind.startswith("dict"):
+            places = [f".{vehicle}" for vehicle in vehicles]
+        for place in places:
+            for inner in tables:
+                yield from _keys_of(inner, f"{inside}{name}{place}.", vehicles)
+
+
+def _values(name: str, field: "FieldInfo") -> list[str]:
+    """Values to offer for a key: the words that it takes, or the number that it has."""
+    from scenarios.definition.schema.tables import CONTROLLERS
+
+    parts = (field.annotation, *get_args(field.annotation))
+    words = [word for part in parts for word in get_args(part) if isinstance(word, str)]
+    if name == "controller":
+        words = list(CONTROLLERS)
+    if isinstance(field.default, bool):
+        words = ["true", "false"]
+    elif isinstance(field.default, int | float):
+        words = [str(field.default)]
+    return words or [""]

@@ -1,0 +1,80 @@
+"""True errors and true gaps ten times a second, for whoever plots a log without this project."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import nan
+from typing import NamedTuple
+
+from vehicles.schedule import MILLISECOND, SECOND
+
+PERIOD_NS = 100 * MILLISECOND
+PATIENCE_NS = SECOND
+"""So long the pose of the vehicle ahead is waited for, or the lead's that gets to the place."""
+
+
+class TrueDeviation(NamedTuple):
+    """How far a follower is off the lead's path and from the body ahead (m); NaN if not known."""
+
+    vehicle: str
+    at_ns: int
+    error: float
+    gap: float
+
+
+@dataclass(slots=True)
+class _Values:
+    """The period of the last value that was taken, and those that wait for the other of a pair."""
+
+    period: int = -1
+    waiting: dict[int, float] = field(default_factory=dict)
+
+    def is_next(self, at: int) -> bool:
+        """Whether this is the first value in its period."""
+        before, self.period = self.period, at // PERIOD_NS
+        return self.period != before
+
+
+class Deviations:
+    """Puts error and gap of equal instants together, whichever is known first.
+
+    The first instant in each period of a vehicle is taken, so what is found does not depend on the
+    order in which the messages of different vehicles came. What waits for too long is told alone.
+    """
+
+    def __init__(self, followers: Iterable[str]) -> None:
+        self._of = {name: (_Values(), _Values()) for name in followers}
+        self._ready: list[TrueDeviation] = []
+
+    def add_error(self, vehicle: str, at: int, error: float) -> None:
+        """Take an error (m) of a follower at instant `at` (ns)."""
+        errors, gaps = self._of[vehicle]
+        if errors.is_next(at):
+            if at in gaps.waiting:
+                self._ready.append(TrueDeviation(vehicle, at, error, gaps.waiting.pop(at)))
+            else:
+                errors.waiting[at] = error
+            self._tell_old(vehicle, at)
+
+    def add_gap(self, vehicle: str, at: int, gap: float) -> None:
+        """Take a gap (m) of a follower at instant `at` (ns)."""
+        errors, gaps = self._of[vehicle]
+        if gaps.is_next(at):
+            if at in errors.waiting:
+                self._ready.append(TrueDeviation(vehicle, at, errors.waiting.pop(at), gap))
+            else:
+                gaps.waiting[at] = gap
+            self._tell_old(vehicle, at)
+
+    def _tell_old(self, vehicle: str, now: int) -> None:
+        errors, gaps = self._of[vehicle]
+        for at in [at for at in errors.waiting if now - at > PATIENCE_NS]:
+            self._ready.append(TrueDeviation(vehicle, at, errors.waiting.pop(at), nan))
+        for at in [at for at in gaps.waiting if now - at > PATIENCE_NS]:
+            self._ready.append(TrueDeviation(vehicle, at, nan, gaps.waiting.pop(at)))
+
+    def news(self) -> list[TrueDeviation]:
+        """What is known since the last call."""
+        if not self._ready:
+            return []
+        ready, self._ready = self._ready, []
+        return ready

@@ -1,0 +1,101 @@
+"""What is kept of one vehicle and of one link while a run goes on."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from math import inf, sqrt
+
+from scenarios.results.holes import MOST_RANGES, RecordedNumbers
+from vehicles.geometry.driven_path import MOST_WAITING
+from vehicles.messages import Health
+
+
+@dataclass(slots=True)
+class Extremes:
+    """Latest value, largest magnitude and root mean square of a signal, value by value."""
+
+    latest: float = 0.0
+    largest: float = 0.0
+    largest_at: int = 0
+    squares: float = 0.0
+    count: int = 0
+
+    def add(self, value: float, at: int = 0) -> None:
+        """Take one value, and its instant (ns) where that is asked for."""
+        self.latest = value
+        if value > self.largest:
+            self.largest, self.largest_at = value, at
+        elif -value > self.largest:
+            self.largest, self.largest_at = -value, at
+        self.squares += value * value
+        self.count += 1
+
+    @property
+    def rms(self) -> float:
+        """Root mean square, 0 without values."""
+        return sqrt(self.squares / self.count) if self.count else 0.0
+
+
+@dataclass(slots=True)
+class LinkFigures:
+    """What one directed link did."""
+
+    heard: int = 0
+    late: int = 0
+    dropped: Counter[str] = field(default_factory=Counter)
+    latency_ns_sum: int = 0
+    latency_ns_max: int = 0
+
+
+@dataclass(slots=True)
+class BelievedErrors:
+    """Lateral errors as a vehicle believes them beside the true ones, at equal instants."""
+
+    off: Extremes = field(default_factory=Extremes)
+    believed: dict[int, float] = field(default_factory=dict)
+    true: dict[int, float] = field(default_factory=dict)
+
+    def add_believed(self, at: int, error: float) -> None:
+        """Take what the vehicle believes at instant `at` (ns)."""
+        if at in self.true:
+            self.off.add(error - self.true.pop(at), at)
+        else:
+            self._keep(self.believed, at, error)
+
+    def add_true(self, at: int, error: float) -> None:
+        """Take the true error at instant `at` (ns)."""
+        if at in self.believed:
+            self.off.add(self.believed.pop(at) - error, at)
+        else:
+            self._keep(self.true, at, error)
+
+    def _keep(self, waiting: dict[int, float], at: int, error: float) -> None:
+        waiting[at] = error
+        if len(waiting) > MOST_WAITING:
+            del waiting[next(iter(waiting))]
+
+
+@dataclass(slots=True)
+class VehicleFigures:
+    """What one vehicle did."""
+
+    numbers: RecordedNumbers = field(default_factory=RecordedNumbers)
+    true_numbers: RecordedNumbers = field(default_factory=lambda: RecordedNumbers(MOST_RANGES))
+    last_at: int = 0
+    distance: float = 0.0
+    speed: float = 0.0
+    mode: str = ""
+    lateral_error: Extremes = field(default_factory=Extremes)
+    heading_error: Extremes = field(default_factory=Extremes)
+    cross_track_error: Extremes = field(default_factory=Extremes)
+    belief: BelievedErrors = field(default_factory=BelievedErrors)
+    gap_min: float = inf
+    modes: Counter[str] = field(default_factory=Counter)
+    health: Health | None = None
+    memory_max: int = 0
+    cpu_sum: float = 0.0
+    cpu_count: int = 0
+
+    @property
+    def poses(self) -> int:
+        """GPS poses recorded."""
+        return self.numbers.count

@@ -1,0 +1,93 @@
+"""What the fields of `summary.json` mean, as a table that `convoy reference fields` prints.
+
+Fields are grouped by the list whose entries have them; those of the summary itself are in "".
+"""
+
+from collections.abc import Mapping
+
+MEANINGS: Mapping[str, Mapping[str, str]] = {
+    "": {
+        "schema": "convoy.summary/1",
+        "scenario": "its name",
+        "title": "name, seed, weight of the predecessor, loss and overrides: what tells runs apart;"
+        " behind the name of a scenario that does not ship, a fingerprint of all that it says",
+        "overrides": "what was laid over the file by --set and --seed",
+        "seed": "the seed that was used",
+        "clock": "wall or virtual",
+        "run_id": "the run's folder; in virtual time made of scenario, overrides and seed",
+        "python": "version that drove",
+        "convoy-emulator": "version that drove",
+        "eclipse-zenoh": "version that drove",
+        "mcap": "version that drove",
+        "numpy": "version that drove",
+        "protobuf": "version that drove",
+        "pymap3d": "version that drove",
+        "outcome": "completed or failed",
+        "reason": "why it failed",
+        "duration_s": "asked for",
+        "ran_s": "driven",
+        "recorder_rejected_messages": "what the recorder refused, by reason",
+        "warnings": "who refused a hundred messages of whom, or ten times as many, because of their"
+        " stamps",
+    },
+    "vehicles": {
+        "name": "of the vehicle, in the order of the convoy",
+        "role": "lead, the first, or follower",
+        "poses": "GPS poses in the log",
+        "missing_poses": "those of the schedule that are not in the log, until the end or the"
+        " vehicle's own",
+        "silent_from_s": "since when nothing of it was recorded though the run went on: it died,"
+        " left, or was not heard; else null",
+        "lateral_error_m_max": "largest error against the trajectory it steers along, as it"
+        " believes it",
+        "lateral_error_m_rms": "the same, root mean square",
+        "heading_error_rad_max": "the same for the heading, largest",
+        "cross_track_error_m_max": "largest true distance from the path the lead drove, with the"
+        " road behind its start; null for the lead",
+        "cross_track_error_m_rms": "the same, root mean square",
+        "cross_track_error_max_at_s": "when that was largest",
+        "believed_minus_true_error_m_max": "largest difference between the error that it believes"
+        " and the true one, once it has a trajectory",
+        "true_gap_m_min": "smallest true distance between its body and that of the vehicle ahead, 0"
+        " in a collision",
+        "true_gap_min_at_s": "when that was smallest",
+        "gap_m_min": "smallest gap to the vehicle ahead as it believes it, between centres of mass"
+        " along the path",
+        "distance_m": "distance driven",
+        "ticks_by_mode": "how often it steered along what: composite, one source, coast, ...",
+        "ticks": "instants of its schedule, for control or GNSS, that it went through",
+        "late_ticks": "ticks that began more than half a control period late",
+        "lateness_ms_max": "the worst of them",
+        "rejected_messages": "messages that the vehicle received and refused",
+        "memory_bytes_max": "of the process; 0 in virtual time",
+        "cpu_ratio": "of the process, of one core on average; 0 in virtual time",
+        "finished": "whether its final counters were received",
+    },
+    "links": {
+        "sender": "each link has a direction",
+        "receiver": "the vehicle that judges the messages of the link",
+        "requested": "what was asked for: latency_ms, jitter_ms, loss_ratio, rate_hz (null: any)",
+        "sent": "messages of the sender",
+        "judged": "messages that came to the link",
+        "heard": "messages delivered",
+        "dropped": "messages dropped, by reason",
+        "late": "messages received after the tick that needed them",
+        "loss_ratio": "achieved",
+        "latency_ms_mean": "achieved",
+        "latency_ms_max": "achieved",
+    },
+    "events": {
+        "kind": "collision, near_miss, lane_departure or path_lost",
+        "at_s": "when it began",
+        "vehicles": "who, in the order of the convoy",
+        "figures": "closing_speed_mps; gap_m_min, time_to_collision_s_min; excess_m_max,"
+        " duration_s",
+    },
+    "holes": {
+        "vehicle": "whose poses were sent and not recorded; all figures are of what was recorded",
+        "from_s": "the first of them",
+        "to_s": "the last of them",
+        "poses": "how many",
+        "kind": "pose, or true pose where poses were recorded meanwhile",
+    },
+}

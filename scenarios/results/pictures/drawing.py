@@ -1,0 +1,105 @@
+"""Draws a run with its events and true gaps, the same live and from its log."""
+
+from itertools import pairwise
+from types import TracebackType
+from typing import Self
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.events import sizes_of
+from scenarios.results.metrics import Metrics
+from transport.picture.option import RerunOption
+from transport.picture.view import RerunView
+from vehicles.messages import Message, TruePose
+
+USUAL_GAP_M = 15.0
+
+
+class RunDrawing:
+    """The picture of a run, with what its figures tell; `draw` is a listener of a recorder.
+
+    `where` tells the user where it is shown.
+    """
+
+    def __init__(self, view: RerunView, metrics: Metrics, *, gathered: bool) -> None:
+        """Draw into `view`. If `metrics` are not `gathered` by the recorder, `draw` does it."""
+        self.where = view.where
+        self._view = view
+        self._events = metrics.events
+        self._gathers = None if gathered else metrics
+        self._marked = 0
+        names = list(metrics.vehicles)
+        self._behind = dict(pairwise(names))
+        self._drawn_at = dict.fromkeys(names, 0)
+
+    def draw(self, now: int, message: Message) -> None:
+        """Draw a message that was recorded at instant `now` (ns)."""
+        if not self._view.drawn:
+            return
+        if self._gathers:
+            self._gathers.add(message)
+        self._view.draw(now, message)
+        if isinstance(message, TruePose):
+            for name in (message.vehicle, self._behind.get(message.vehicle, "")):
+                self._draw_gap(name)
+        self._draw_marks()
+
+    def _draw_gap(self, name: str) -> None:
+        gap = self._events.encounters.gaps.get(name)
+        if gap is not None and gap.now_at_ns > self._drawn_at[name]:
+            self._drawn_at[name] = gap.now_at_ns
+            self._view.gap(name, gap.now_at_ns, gap.now_m)
+
+    def _draw_marks(self) -> None:
+        for one in self._events.episodes(self._marked):
+            self._view.mark(one.kind, one.at_ns, one.place, one.vehicles)
+            self._marked += 1
+
+    def close(self) -> None:
+        """Draw what had not ended when the run did, and end the picture."""
+        if self._view.drawn:
+            self._events.finish()
+            self._draw_marks()
+        self._view.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def open_drawing(
+    option: RerunOption, scenario: Scenario, run_id: str, metrics: Metrics | None = None
+) -> RunDrawing:
+    """Open the picture of a run of `scenario`, whose figures `metrics` are gathered elsewhere.
+
+    Without `metrics` they are worked out from what is drawn. Raises ViewerError.
+    """
+    path = scenario.route.path
+    view = RerunView(
+        option,
+        run_id=run_id,
+        vehicles=scenario.vehicle_names,
+        gap_m=widest_gap(scenario),
+        cars=sizes_of(scenario),
+        path=(path.east.tolist(), path.north.tolist()),
+        road_yaw=scenario.route.start_yaw,
+        lane_m=scenario.tables.events.lane_width_m,
+        title=scenario.title,
+    )
+    return RunDrawing(view, metrics or Metrics.of(scenario), gathered=metrics is not None)
+
+
+def widest_gap(scenario: Scenario) -> float:
+    """Return the largest gap (m) between two vehicles, as started with or kept at top speed."""
+    gaps = [*scenario.route.gaps[1:], 0.0]
+    if scenario.tables.speed.followers == "gap":
+        profile = scenario.route.profile
+        top = max(profile.at(float(second))[0] for second in range(int(scenario.duration_s) + 2))
+        gaps.append(scenario.gap_policy.desired(top))
+    return max(gaps) or USUAL_GAP_M

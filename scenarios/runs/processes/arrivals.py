@@ -1,0 +1,72 @@
+"""What has come for the recorder and waits to be recorded: bounded, whoever sends it."""
+
+from collections import Counter
+from collections.abc import Iterable
+from queue import Empty, Queue
+from threading import Lock
+
+from transport.codec import MAX_BYTES
+from transport.reasons import RefusalReason
+
+MOST_BYTES = 32 * 2**20
+"""What may wait of all keys together, four minutes of what four vehicles send; each key may fill
+its share of it even then. So a flood under some keys pushes out nothing under the others."""
+OVERHEAD_BYTES = 160
+"""What a message takes in the queue beside its bytes."""
+Arrival = tuple[int, str, bytes]
+"""Instant of arrival (ns), key and bytes."""
+
+
+class Arrivals:
+    """A queue from the bus's thread to the recorder's; what it refuses it counts, by reason."""
+
+    def __init__(self, keys: Iterable[str], most_bytes: int = MOST_BYTES) -> None:
+        """Take nothing but what comes under `keys`."""
+        self._keys = {key: key for key in keys}
+        self._most = most_bytes
+        self._share = most_bytes // len(self._keys)
+        self._held: Counter[str] = Counter()
+        self._total = 0
+        # Not a SimpleQueue: of a signal that comes while it waits, and is handled for longer than
+        # is left of the time to wait, it makes a wait without end (CPython 3.11 and 3.12).
+        self._queue: Queue[Arrival] = Queue()
+        self._refused: Counter[RefusalReason] = Counter()
+        self._lock = Lock()
+
+    def __len__(self) -> int:
+        return self._queue.qsize()
+
+    def put(self, at: int, key_expression: str, data: bytes) -> None:
+        """Take what has come at instant `at` (ns), if there is room; called on any thread."""
+        key = self._keys.get(key_expression)  # always the same string, not one for each message
+        size = len(data) + OVERHEAD_BYTES
+        with self._lock:
+            if key is None:
+                self._refused["unknown"] += 1
+            elif len(data) > MAX_BYTES:
+                self._refused["oversized"] += 1
+            elif self._total + size > self._most and self._held[key] + size > self._share:
+                self._refused["overflow"] += 1
+            else:
+                self._held[key] += size
+                self._total += size
+                self._queue.put((at, key, data))
+
+    def take(self, timeout_s: float) -> Arrival | None:
+        """Return what came first; None if nothing is there or comes within `timeout_s`."""
+        try:
+            arrival = self._queue.get(timeout=timeout_s)
+        except Empty:
+            return None
+        _, key, data = arrival
+        size = len(data) + OVERHEAD_BYTES
+        with self._lock:
+            self._held[key] -= size
+            self._total -= size
+        return arrival
+
+    def refusals(self) -> Counter[RefusalReason]:
+        """Return what was refused since the last call, by reason."""
+        with self._lock:
+            refused, self._refused = self._refused, Counter()
+        return refused

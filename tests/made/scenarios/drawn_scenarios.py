@@ -1,0 +1,350 @@
+"""Whole scenarios drawn at random over the schema: every key that it has, its limits included.
+
+What is drawn is meant to be run: gaps are longer than the cars, paths longer than the drive, and no
+run costs more than some hundred steps.
+"""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import timedelta
+from pathlib import Path
+from random import Random
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import tomli_w
+
+from scenarios.definition.schema.table import Table
+from scenarios.definition.schema.tables import (
+    CONTROLLERS,
+    EPOCH,
+    LATEST,
+    ConvoyTable,
+    EventsTable,
+    GapTable,
+    GnssTable,
+    LimitsTable,
+    LinkEntry,
+    LinkTable,
+    LoadingTable,
+    OriginTable,
+    ParametersTable,
+    SpeedTable,
+    SteeringTable,
+)
+from vehicles.car.parameters import LINCOLN_MKZ
+
+Raw = dict[str, Any]
+MOST_VEHICLES = 8
+STEPS = 200
+"""Of all vehicles of a run together, control and GNSS: what one costs of time."""
+CAR = {
+    "mass_kg": LINCOLN_MKZ.mass,
+    "yaw_inertia_kgm2": LINCOLN_MKZ.yaw_inertia,
+    "front_cornering_stiffness_n_per_rad": LINCOLN_MKZ.front_cornering_stiffness,
+    "rear_cornering_stiffness_n_per_rad": LINCOLN_MKZ.rear_cornering_stiffness,
+    "front_axle_distance_m": LINCOLN_MKZ.front_axle_distance,
+    "rear_axle_distance_m": LINCOLN_MKZ.rear_axle_distance,
+}
+"""What has to fit together for a car to be one."""
+SHARES = (0.0, 0.0, 0.2, 0.5, 1.0)
+"""Of a table's keys so many are given."""
+
+
+@dataclass(frozen=True)
+class DrawnScenario:
+    """A scenario file, the files that it names, and what is given beside it on the command line."""
+
+    tables: Raw
+    files: Mapping[str, str] = field(default_factory=dict)
+    overrides: Sequence[str] = ()
+
+    def write(self, folder: Path) -> Path:
+        """Write it into `folder`; returns the scenario's file."""
+        for name, text in self.files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        path = folder / "drawn.toml"
+        path.write_text(tomli_w.dumps(self.tables), encoding="utf-8")
+        return path
+
+    @property
+    def settings(self) -> list[str]:
+        """Its overrides as arguments."""
+        return [f"--set={one}" for one in self.overrides]
+
+
+def drawn_scenario(chance: Random) -> DrawnScenario:
+    """Draw a scenario."""
+    names = _names(chance)
+    tables: Raw = {"name": chance.choice(["drawn", "A", "a-b_c" * 6])}
+    files: dict[str, str] = {}
+    followers = {name: _vehicle(chance, lead=name == names[0]) for name in names}
+    _put(tables, "vehicle", {name: own for name, own in followers.items() if own})
+    _put(tables, "parameters", _car(chance))
+    _put(tables, "loading", drawn_table(chance, LoadingTable))
+    _put(tables, "links", drawn_table(chance, LinkTable))
+    if len(names) > 1:
+        _put(tables, "link", [_link(chance, names) for _ in range(chance.choice([0, 0, 1, 3]))])
+    _put(tables, "events", drawn_table(chance, EventsTable))
+    _put(tables, "limits", drawn_table(chance, LimitsTable))
+    _put(tables, "origin", drawn_table(chance, OriginTable))
+    _put(tables, "gnss", drawn_table(chance, GnssTable))
+    tables["control"] = _steering(chance)
+    if chance.random() < 0.5:
+        tables["control"]["rate_hz"] = chance.choice([5.0, 500.0, chance.uniform(5.0, 200.0)])
+    if chance.random() < 0.5:
+        tables["seed"] = chance.choice([0, 2**63 - 1, chance.getrandbits(40)])
+    if chance.random() < 0.3:
+        tables["start_at"] = chance.choice([EPOCH, LATEST - timedelta(seconds=1)])
+    tables["convoy"] = _convoy(chance, names, _longest_car(tables))
+    tables["speed"] = _speed(chance, _longest_car(tables))
+    tables["duration_s"] = _duration_s(chance, tables, names)
+    tables["path"] = _path(chance, tables, files)
+    return _spread(chance, tables, files)
+
+
+# ---- Values of the schema
+
+
+def drawn_table(
+    chance: Random, table: type[Table], leave_out: Collection[str] = (), share: float | None = None
+) -> Raw:
+    """Draw some keys of a table, each with a value that it allows."""
+    share = chance.choice(SHARES) if share is None else share
+    return {
+        name: value
+        for name, info in table.model_fields.items()
+        if name not in leave_out and chance.random() < share
+        if (value := _value(chance, info.annotation, info.metadata, info.default)) is not None
+    }
+
+
+def _value(chance: Random, kind: Any, rules: Sequence[object], usual: object) -> object:
+    """Draw a value of an annotation; None where it has no numbers or words of its own."""
+    origin = get_origin(kind)
+    if origin is Annotated:
+        inner, *more = get_args(kind)
+        rules = [*rules, *(rule for one in more for rule in getattr(one, "metadata", [one]))]
+        return _value(chance, inner, rules, usual)
+    if origin in {Union, UnionType}:
+        return _value(chance, get_args(kind)[0], rules, usual)
+    if origin is Literal or kind is bool:
+        return chance.choice(get_args(kind) or (False, True))
+    if kind in {int, float}:
+        drawn = number(chance, *limits_of(rules, whole=kind is int), usual)
+        return round(drawn) if kind is int else float(drawn)
+    if isinstance(kind, type) and issubclass(kind, Table):
+        return drawn_table(chance, kind)
+    return None
+
+
+def limits_of(rules: Sequence[object], *, whole: bool) -> tuple[float, float]:
+    """Return the least and the greatest number that rules of a schema allow."""
+    least, most = -math.inf, math.inf
+    for rule in rules:
+        if (bound := getattr(rule, "ge", None)) is not None:
+            least = bound
+        if (bound := getattr(rule, "le", None)) is not None:
+            most = bound
+        if (bound := getattr(rule, "gt", None)) is not None:
+            least = bound + 1 if whole else math.nextafter(bound, math.inf)
+        if (bound := getattr(rule, "lt", None)) is not None:
+            most = bound - 1 if whole else math.nextafter(bound, -math.inf)
+    return least, most
+
+
+def number(chance: Random, least: float, most: float, usual: object) -> float:
+    """Draw a number: at a limit, about the usual one, or any between the limits."""
+    about = usual if isinstance(usual, int | float) and usual else 1.0
+    most = most if math.isfinite(most) else max(10.0 * about, 3)
+    least = least if math.isfinite(least) else -most
+    drawn: float = chance.choice(
+        [
+            least,
+            most,
+            about * 2.0 ** chance.uniform(-2.0, 2.0),
+            about * 1.0,
+            chance.uniform(least, most),
+        ]
+    )
+    return min(max(drawn, least), most)
+
+
+# ---- The tables whose keys have to fit one another
+
+
+def _put(tables: Raw, key: str, value: object) -> None:
+    if value:
+        tables[key] = value
+
+
+def _names(chance: Random) -> list[str]:
+    """Names of the convoy, usual ones or others."""
+    count = chance.randint(1, MOST_VEHICLES)
+    if chance.random() < 0.7:
+        return [f"v{place}" for place in range(1, count + 1)]
+    return [f"{chance.choice('aZx')}{'_-9'[place % 3] * (place + 1)}" for place in range(count)]
+
+
+def _convoy(chance: Random, names: Sequence[str], longest_m: float) -> Raw:
+    usual = list(names) == [f"v{place}" for place in range(1, len(names) + 1)]
+    table: Raw = {"vehicles": len(names)} if usual else {"names": list(names)}
+    if longest_m > 14.9 or chance.random() < 0.7:
+        table["gap_m"] = longest_m + chance.choice([0.01, 1.0, 10.0, chance.uniform(0.1, 100.0)])
+    return table | drawn_table(chance, ConvoyTable, ("vehicles", "names", "gap_m"))
+
+
+def _longest_car(tables: Raw) -> float:
+    """Length (m) of the longest car of the convoy."""
+    own = [vehicle.get("parameters", {}) for vehicle in tables.get("vehicle", {}).values()]
+    lengths: list[float] = [
+        table.get("length_m", LINCOLN_MKZ.length) for table in (tables.get("parameters", {}), *own)
+    ]
+    return max(lengths)
+
+
+def _vehicle(chance: Random, *, lead: bool) -> Raw:
+    """What is different about one vehicle: nothing, most often."""
+    table: Raw = {}
+    if chance.random() < 0.7:
+        return table
+    _put(table, "gnss", drawn_table(chance, GnssTable, ("rate_hz",)))
+    _put(table, "parameters", _car(chance, ("length_m",)))
+    _put(table, "loading", drawn_table(chance, LoadingTable))
+    if chance.random() < 0.5:
+        table["control"] = _steering(chance)
+    if chance.random() < 0.5:
+        table["lateral_offset_m"] = chance.choice([-20.0, 20.0, chance.uniform(-2.0, 2.0)])
+        table["heading_offset_deg"] = chance.choice([-90.0, 90.0, chance.uniform(-5.0, 5.0)])
+    if not lead and chance.random() < 0.3:
+        table["gap_m"] = chance.choice([51.0, 1000.0])
+    return table
+
+
+def _car(chance: Random, leave_out: Collection[str] = ()) -> Raw:
+    """Parameters of a car: of any at all, which is most often none, or of one like the usual."""
+    table = drawn_table(chance, ParametersTable, leave_out)
+    if chance.random() < 0.9:
+        table |= {
+            key: value * 2.0 ** chance.uniform(-1.0, 1.0)
+            for key, value in CAR.items()
+            if key in table
+        }
+    return table
+
+
+def _steering(chance: Random) -> Raw:
+    table = drawn_table(chance, SteeringTable)
+    if chance.random() < 0.5:
+        table["controller"] = chance.choice([*CONTROLLERS, *CONTROLLERS.values()])
+    return table
+
+
+def _link(chance: Random, names: Sequence[str]) -> Raw:
+    """An entry for a link that is there, in any of its forms."""
+    receiver = chance.randrange(1, len(names))
+    sender = chance.choice([names[0], names[receiver - 1], "*"])
+    entry = {"sender": sender, "receiver": chance.choice([names[receiver], names[receiver], "*"])}
+    return entry | drawn_table(chance, LinkEntry, ("sender", "receiver"))
+
+
+def _speed(chance: Random, longest_m: float) -> Raw:
+    table = drawn_table(chance, SpeedTable, ("lead", "profile", "gap"))
+    table["lead"] = chance.choice(["set", "set", "profile", "recorded"])
+    if table["lead"] == "profile":
+        times = sorted({round(chance.uniform(0.0, 3.0), 3) for _ in range(chance.randint(1, 4))})
+        table["profile"] = [
+            {"at_s": at, "speed_mps": chance.choice([0.0, 100.0, chance.uniform(0.0, 30.0)])}
+            for at in times
+        ]
+    gap = drawn_table(chance, GapTable)
+    if gap.get("standstill_m", 8.0) <= longest_m:
+        gap["standstill_m"] = longest_m + 1.0
+    _put(table, "gap", gap)
+    return table
+
+
+def _duration_s(chance: Random, tables: Raw, names: Sequence[str]) -> float:
+    """From one to three seconds, and less where that would be too many steps."""
+    rates = tables["control"].get("rate_hz", 50.0) + tables.get("gnss", {}).get("rate_hz", 20.0)
+    affordable: float = STEPS / (rates * len(names))
+    return round(max(min(chance.choice([1.0, 2.0, 3.0]), affordable), 0.02), 3)
+
+
+def _path(chance: Random, tables: Raw, files: dict[str, str]) -> Raw:
+    """Draw a path of one of the kinds, longer than the lead drives in the time."""
+    speed = tables["speed"]
+    fastest = max(
+        speed.get("set_mps", 20.0), *(p["speed_mps"] for p in speed.get("profile", [])), 1.0
+    )
+    length_m = fastest * tables["duration_s"] * chance.uniform(1.01, 3.0) + 5.0
+    if speed["lead"] != "recorded" and chance.random() < 0.5:
+        return _segments(chance, length_m)
+    if chance.random() < 0.2 and "origin" not in tables:
+        if speed["lead"] == "recorded":
+            return {"kind": "trace", "file": "i280_highway.csv"}
+        closed = {"closed": True, "laps": chance.randint(1, 3)} if chance.random() < 0.5 else {}
+        return {"kind": "trace", "file": "mkz_church_lot.csv", **closed}
+    timed = speed["lead"] == "recorded" or chance.random() < 0.5
+    return _points(chance, tables["duration_s"], length_m, files, timed=timed)
+
+
+def _segments(chance: Random, length_m: float) -> Raw:
+    count = chance.randint(1, 4)
+    laps = chance.choice([1, 1, 3, 1000])
+    pieces = [_segment(chance, max(length_m / count / laps, 0.1)) for _ in range(count)]
+    table: Raw = {"kind": "segments", "segments": pieces, "laps": laps}
+    if chance.random() < 0.5:
+        table["heading_deg"] = chance.choice(
+            [0.0, math.nextafter(360.0, 0.0), chance.uniform(0, 359)]
+        )
+    return table
+
+
+def _segment(chance: Random, length_m: float) -> Raw:
+    piece: Raw = {"length_m": length_m}
+    form = chance.randrange(3)
+    if form == 1:
+        piece["curvature_per_m"] = chance.choice([-1.0, 1.0, 0.0, chance.uniform(-0.05, 0.05)])
+    elif form == 2:
+        piece["turn"] = chance.choice(["left", "right"])
+        piece["radius_m"] = chance.choice([1.0, 1e6, chance.uniform(5.0, 500.0)])
+    return piece
+
+
+def _points(
+    chance: Random, duration_s: float, length_m: float, files: dict[str, str], *, timed: bool
+) -> Raw:
+    """A swinging drive as points, in the scenario itself or in a file."""
+    count = chance.randint(20, 200)
+    step = max(length_m / count, 0.5)
+    swing, way = chance.uniform(0.0, 3.0), chance.uniform(20.0, 100.0)
+    east = [k * step for k in range(count + 1)]
+    north = [swing * math.sin(x / way) for x in east]
+    time = [k * 2.0 * duration_s / count for k in range(count + 1)] if timed else []
+    smoothing = {} if chance.random() < 0.5 else {"smoothing_m": chance.uniform(1.0, 20.0)}
+    if chance.random() < 0.5:
+        times = {"time_s": time} if timed else {}
+        return {"kind": "points", "east_m": east, "north_m": north, **times, **smoothing}
+    rows = ["x_m,y_m" + (",t_s" if timed else "")]
+    rows += [
+        ",".join(map(repr, row))
+        for row in zip(east, north, *([time] if timed else []), strict=True)
+    ]
+    files["drive.csv"] = "\n".join(rows) + "\n"
+    return {"kind": "trace", "file": "drive.csv", **smoothing}
+
+
+def _spread(chance: Random, tables: Raw, files: dict[str, str]) -> DrawnScenario:
+    """Give some of it by a file that it extends, and some by overrides."""
+    overrides: list[str] = []
+    if chance.random() < 0.3:
+        given = [key for key in ("seed", "duration_s") if key in tables]
+        overrides = [f"{key}={tables.pop(key)!r}" for key in given]
+        overrides += [f"links.{key}={value!r}" for key, value in tables.pop("links", {}).items()]
+    if chance.random() < 0.3:
+        below = {key: tables.pop(key) for key in list(tables) if chance.random() < 0.5}
+        files["base.toml"] = tomli_w.dumps(below | {"description": "that of the base"})
+        tables["extends"] = "base.toml"
+    return DrawnScenario(tables, files, overrides)

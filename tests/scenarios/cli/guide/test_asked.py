@@ -1,0 +1,92 @@
+"""What `convoy check` says that a scenario asks for."""
+
+import json
+import re
+
+import pytest
+from click.testing import CliRunner
+
+from scenarios.cli.main import cli
+from scenarios.definition.scenario import library
+
+ASKED = {
+    "links.loss_ratio=0.2": ("links", "loss 0.2"),
+    "links.latency_ms=70": ("links", "70 ms"),
+    "links.jitter_ms=11": ("links", "jitter 11 ms"),
+    "links.rate_hz=7": ("links", "7 Hz"),
+    'link=[{sender="v1",receiver="v3",loss_ratio=0.3}]': ("links", "loss 0.3, .*: v1 → v3"),
+    "gnss.rate_hz=5": ("GNSS", "5 Hz"),
+    "vehicle.v3.gnss.position_noise_m=0.5": ("GNSS", "0.5 m, .*: v3"),
+    "control.controller=stanley": ("controller", "stanley"),
+    "control.gains.heading_rad_per_rad=0.7": ("controller", "0.06, 0.7, 0.08"),
+    "control.knows_loading=true": ("controller", "knows the load"),
+    "control.rate_hz=40": ("control", "at 40 Hz"),
+    "control.fusion=blend": ("fusion", "blend"),
+    "control.alpha_ratio=0.9": ("fusion", "α 0.9"),
+    "vehicle.v3.control.alpha_ratio=0.8": ("fusion", "α 0.8, .*: v3"),
+    "control.preview_s=1.1": ("fusion", "preview 1.1 s"),
+    "speed.followers=gap": ("followers drive", r"a gap of 8 m \+ 0.5 s · speed"),
+    "vehicle.v2.lateral_offset_m=0.4": ("start off the path", "v2: 0.4 m left"),
+    "convoy.when_a_vehicle_dies=go_on": ("when a vehicle dies", "go on"),
+    "convoy.clock_offset_ms_max=9": ("clocks", "9 ms"),
+    "events.lane_width_m=3.1": ("lane", "3.1 m"),
+    "events.near_miss_gap_m=0.7": ("near miss", "0.7 m"),
+    "events.near_miss_time_s=0.8": ("near miss", "0.8 s"),
+    "events.path_lost_s=0.6": ("path lost", "0.6 s"),
+    "limits.collisions_max=2": ("limits that fail the run", "collisions_max = 2"),
+    "limits.after_collision=go_on": ("limits that fail the run", "after_collision = go_on"),
+    "loading.rear_passengers=0": ("mass", "2016 kg"),
+}
+"""Settings, and the row in which each of them is said."""
+
+
+def checked(*arguments: str) -> str:
+    """Output of `convoy check` where it is 80 columns wide."""
+    result = CliRunner().invoke(cli, ["check", *arguments], env={"COLUMNS": "80"})
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def rows(text: str) -> list[tuple[str, str]]:
+    """What stands on the left, and what on the right; a row may take several lines."""
+    found: list[tuple[str, str]] = []
+    for line in text.splitlines()[1:]:
+        what, figure = line[:26].strip(), line[26:].strip()
+        if what or not found:
+            found.append((what, figure))
+        else:
+            found[-1] = found[-1][0], f"{found[-1][1]} {figure}"
+    return found
+
+
+@pytest.mark.parametrize("setting", ASKED)
+def test_a_setting_is_said_in_its_row(setting: str) -> None:
+    what, expected = ASKED[setting]
+    found = rows(checked("lane_change", "--set", setting))
+    said = [figure for row, figure in found if row == what]
+    assert any(re.search(expected, figure) for figure in said), found
+
+
+def test_without_limits_that_is_said() -> None:
+    assert ("limits that fail the run", "none") in rows(checked("lane_change"))
+
+
+@pytest.mark.parametrize("name", library())
+def test_no_line_is_empty_or_wider_than_a_terminal(name: str) -> None:
+    lines = checked(name).splitlines()
+    assert all(line.strip() for line in lines)
+    assert max(map(len, lines)) <= 80 or lines[-1].startswith("warning: ")
+
+
+def test_a_vehicle_alone_has_neither_gaps_nor_links() -> None:
+    found = {what for what, _ in rows(checked("lane_change", "--set", "convoy.vehicles=1"))}
+    assert not found & {"gaps at the start", "links", "fusion", "followers drive"}
+
+
+def test_the_same_is_there_for_machines() -> None:
+    figures = json.loads(checked("church_lot", "--json", "--set", "limits.near_misses_max=3"))
+    assert figures["gap_policy"]["standstill_m"] == 7.0
+    assert figures["control"]["v4"]["controller"] == "slip_compensated"
+    assert figures["gnss"]["v1"]["rate_hz"] == 20.0
+    assert figures["limits"]["near_misses_max"] == 3
+    assert figures["events"]["path_lost_s"] == 1.0

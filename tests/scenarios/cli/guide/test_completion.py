@@ -1,0 +1,129 @@
+"""What Tab offers in a shell, and that it comes quickly."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.shell_completion import ShellComplete
+
+from scenarios.cli.main import EXAMPLES, cli
+from scenarios.definition.overrides import parse_override
+from scenarios.definition.scenario import library, load_scenario, template
+
+MINE = 'extends = "lane_change"\nname = "mine"\n[convoy]\nnames = ["ann", "bob"]\n'
+
+
+def offered(*words: str) -> list[str]:
+    """What is offered for the last of the words behind `convoy`."""
+    *before, begun = words
+    shell = ShellComplete(cli, {}, "convoy", "_CONVOY_COMPLETE")
+    return [item.value for item in shell.get_completions(before, begun) if item.type == "plain"]
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Press Tab in a folder with one scenario in it."""
+    (tmp_path / "mine.toml").write_text(MINE, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("command", ["run", "check", "record", "vehicle"])
+def test_scenarios_that_ship_and_files_are_offered(command: str) -> None:
+    assert offered(command, "") == [*library(), "mine.toml"]
+    assert offered(command, "lo") == ["lossy_lane_change"]
+
+
+def test_vehicles_are_those_of_the_scenario_named_before() -> None:
+    assert offered("vehicle", "--name", "") == ["v1", "v2", "v3", "v4"]
+    assert offered("vehicle", "mine.toml", "--name", "a") == ["ann"]
+    assert offered("vehicle", "--set", "convoy.vehicles=2", "--name", "") == ["v1", "v2"]
+    assert offered("vehicle", "nowhere.toml", "--name", "") == []
+
+
+def test_keys_of_a_scenario_are_offered_for_set() -> None:
+    keys = offered("run", "--set", "")
+    assert {"seed=", "links.loss_ratio=", "limits.collisions_max=", "path.laps="} <= {*keys}
+    assert "vehicle.v3.control.gains.yaw_rate_s=" in keys
+    assert "link.0.sender=" in keys
+    assert offered("check", "--set", "convoy.g") == ["convoy.gap_m="]
+    assert offered("run", "--set", "vehicle.b") == []
+    assert "vehicle.bob.gap_m=" in offered("run", "mine.toml", "--set", "vehicle.b")
+
+
+def test_every_commented_key_of_the_template_is_offered() -> None:
+    """The tables without which a scenario cannot be written."""
+    keys = {key.rstrip("=") for key in offered("run", "--set", "")}
+    for table in ("convoy", "speed", "control", "gnss", "links", "events", "limits", "loading"):
+        assert f"[{table}]" in template()
+        assert any(key.startswith(f"{table}.") for key in keys)
+
+
+def test_a_key_that_is_whole_is_offered_with_its_values() -> None:
+    fusions = ["composite", "predecessor", "blend"]
+    assert offered("run", "--set", "control.fu") == [f"control.fusion={one}" for one in fusions]
+    assert offered("run", "--set", "control.fusion=b") == ["control.fusion=blend"]
+    assert offered("run", "--set", "links.loss") == ["links.loss_ratio=0.0"]
+    assert "control.controller=stanley" in offered("run", "--set", "control.controller=")
+
+
+def test_values_that_are_offered_are_taken() -> None:
+    for begun in ("control.fu", "links.loss", "control.knows", "gnss.rate", "events.path"):
+        for setting in offered("run", "--set", begun):
+            parse_override(setting)
+            load_scenario("lane_change", [setting])
+
+
+def test_where_the_picture_can_go_is_offered() -> None:
+    assert offered("run", "--rerun", "s") == ["spawn", "serve", "save="]
+
+
+BASH = """
+{line}
+press() {{ COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=(); _convoy_completion convoy; }}
+press convoy run --set links.l; echo "${{COMPREPLY[@]}}"
+press convoy run --set control.fusion = b; echo "${{COMPREPLY[@]}}"
+press convoy run --set = convoy.when; echo "${{COMPREPLY[@]}}"
+press convoy run --set = links.loss_ratio = 0.1 lo; echo "${{COMPREPLY[@]}}"
+"""
+"""Bash makes words of their own of what stands beside `=`, and completes the last one."""
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
+def test_bash_completes_with_the_line_of_the_help(tmp_path: Path) -> None:
+    (line,) = re.findall(r"^ +(eval .*bash_source.*?)  ", EXAMPLES, re.MULTILINE)
+    command = tmp_path / "convoy"
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m scenarios.cli "$@"\n')
+    command.chmod(0o755)
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", BASH.format(line=line)],
+        env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.stdout.splitlines() == [
+        "links.latency_ms= links.loss_ratio=",
+        "blend",
+        "convoy.when_a_vehicle_dies=end convoy.when_a_vehicle_dies=go_on",
+        "lossy_lane_change",
+    ], done.stderr
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_of_a_shell_loads_nothing_that_drives(shell: str) -> None:
+    code = "import sys; from scenarios.cli.main import cli\ntry: cli(prog_name='convoy')\n"
+    code += "finally: print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {
+            "_CONVOY_COMPLETE": f"{shell}_complete",
+            "COMP_WORDS": "convoy run --set links.loss",
+            "COMP_CWORD": "links.loss" if shell == "fish" else "3",
+        },
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "links.loss_ratio=0.0" in done.stdout, done.stderr
+    loaded = {name.split(".")[0] for name in done.stderr.split()}
+    assert not {"numpy", "scipy", "zenoh", "rerun", "mcap", "rich", "psutil"} & loaded

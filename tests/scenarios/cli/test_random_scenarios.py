@@ -1,0 +1,193 @@
+"""Scenarios drawn at random are run to their end or refused in clear lines, and told truthfully.
+
+`pytest --campaign` draws some hundred of each kind.
+"""
+
+import json
+from collections import Counter, defaultdict
+from math import isfinite
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
+from scenarios.definition.scenario import Scenario, load_scenario
+from tests.made.scenarios.broken_scenarios import ODD_TRACES, broken
+from tests.made.scenarios.drawn_scenarios import DrawnScenario, drawn_scenario
+from transport.log.reader import LogReader
+from vehicles.messages import GpsPose, LinkVerdict, LogText, Message, RunEnd, TruePose
+from vehicles.schedule import SECOND
+
+TWICE = 6
+"""Each so many-th scenario is run twice."""
+COUNTED = {
+    "collisions_max": "collision",
+    "lane_departures_max": "lane_departure",
+    "near_misses_max": "near_miss",
+    "paths_lost_max": "path_lost",
+}
+
+
+def convoy(*arguments: str | Path) -> Result:
+    """Run a command in this process; it may fail, but only in words."""
+    result = CliRunner().invoke(cli, list(map(str, arguments)))
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
+    assert result.exit_code in {0, 1, 2}
+    assert "Traceback" not in result.stderr
+    assert all(line and line.isprintable() for line in result.stderr.splitlines()), result.stderr
+    return result
+
+
+def strict(text: str) -> Any:
+    """Read JSON without the numbers that only Python knows."""
+
+    def refuse(word: str) -> None:
+        raise AssertionError(word)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def run(file: Path, drawn: DrawnScenario, folder: Path) -> Result:
+    return convoy("run", file, *drawn.settings, "--clock=virtual", "--quiet", f"--out={folder}")
+
+
+@pytest.mark.campaign(24, 300)
+def test_a_drawn_scenario_is_run_and_told_truthfully(case: int, tmp_path: Path) -> None:
+    drawn = drawn_scenario(Random(case))
+    file = drawn.write(tmp_path)
+    checked = convoy("check", file, *drawn.settings, "--json")
+    ran = run(file, drawn, tmp_path / "run")
+    if checked.exit_code == 2:
+        assert ran.stderr == checked.stderr
+        assert_refused(ran, tmp_path)
+        return
+    strict(checked.stdout)
+    summary = strict((tmp_path / "run" / "summary.json").read_text())
+    assert ran.exit_code == (summary["outcome"] == "failed")
+    assert convoy("report", tmp_path / "run", "--json").stdout == (
+        (tmp_path / "run" / "summary.json").read_text()
+    )
+    scenario = load_scenario(file, drawn.overrides)
+    log = LogReader(tmp_path / "run" / "run.mcap")
+    assert not log.truncated
+    assert not log.damage
+    messages = [message for _, _, message in log.messages()]
+    assert len(messages) == sum(log.counts.values())
+    assert_accounted(scenario, summary, messages)
+    assert_events(scenario, summary, messages)
+    if case % TWICE == 0:
+        run(file, drawn, tmp_path / "again")
+        assert (tmp_path / "again" / "run.mcap").read_bytes() == log.path.read_bytes()
+
+
+def test_most_of_what_is_drawn_can_be_run(tmp_path: Path) -> None:
+    refused = Counter(
+        convoy("check", drawn.write(tmp_path), *drawn.settings).exit_code
+        for drawn in map(drawn_scenario, map(Random, range(12)))
+    )
+    assert refused[2] < 0.3 * refused.total()
+
+
+def assert_refused(result: Result, folder: Path) -> None:
+    """Each line names where something is wrong, and there is nothing else."""
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert lines
+    for line in lines:
+        assert line.startswith((str(folder), "--set", "drawn.toml", "base.toml", "broken.toml")), (
+            line
+        )
+    assert not (folder / "run").exists()
+
+
+def assert_accounted(scenario: Scenario, summary: Any, messages: list[Message]) -> None:
+    """What was sent on a link was delivered, dropped for a reason, refused, or is on its way."""
+    sent: defaultdict[str, dict[int, int]] = defaultdict(dict)
+    judged: defaultdict[tuple[str, str], dict[int, LinkVerdict]] = defaultdict(dict)
+    last: dict[str, int] = {}
+    for message in messages:
+        if isinstance(message, GpsPose):
+            sent[message.vehicle][message.seq] = message.measured_at_ns
+        elif isinstance(message, LinkVerdict):
+            assert message.pose_seq not in judged[message.sender, message.vehicle]
+            judged[message.sender, message.vehicle][message.pose_seq] = message
+        elif isinstance(message, TruePose):
+            last[message.vehicle] = message.true_at_ns
+    refused: Counter[str] = Counter()
+    for row in summary["links"]:
+        pair = (row["sender"], row["receiver"])
+        verdicts = judged[pair]
+        dropped = Counter(one.reason for one in verdicts.values() if one.outcome == "dropped")
+        assert (row["sent"], row["judged"]) == (len(sent[pair[0]]), len(verdicts))
+        assert row["dropped"] == dict(dropped)
+        assert row["heard"] == len(verdicts) - dropped.total()
+        asked = scenario.links[pair]
+        longest = round((asked.latency_ms + asked.jitter_ms) * SECOND / 1000)
+        due = [seq for seq, at in sent[pair[0]].items() if at + longest < last.get(pair[1], 0)]
+        refused[pair[1]] += len([seq for seq in due if seq not in verdicts])
+        assert verdicts.keys() <= sent[pair[0]].keys()
+    for row in summary["vehicles"]:
+        assert row["rejected_messages"] >= refused[row["name"]]
+        if not refused[row["name"]]:
+            continue
+        texts = [m.text for m in messages if isinstance(m, LogText) and m.vehicle == row["name"]]
+        assert any("refused" in text for text in texts)
+    assert all(row["missing_poses"] == 0 for row in summary["vehicles"])
+    assert summary["recorder_rejected_messages"] == {}
+
+
+def assert_events(scenario: Scenario, summary: Any, messages: list[Message]) -> None:
+    """Each event has its instant, its vehicles and its line; limits are kept or broken."""
+    names, events = list(scenario.vehicle_names), summary["events"]
+    lines = [m.text for m in messages if isinstance(m, LogText) and m.level in {"warning", "error"}]
+    assert [event["at_s"] for event in events] == sorted(event["at_s"] for event in events)
+    for event in events:
+        assert 0.0 <= event["at_s"] <= summary["ran_s"]
+        assert event["vehicles"] == sorted(event["vehicles"], key=names.index)
+        assert len(event["vehicles"]) == (2 if event["kind"] in {"collision", "near_miss"} else 1)
+        assert all(isfinite(value) for value in event["figures"].values())
+        what = event["kind"].replace("_", " ")
+        assert any(
+            line.startswith(what) and all(name in line for name in event["vehicles"])
+            for line in lines
+        ), event
+    rows = {row["name"]: row for row in summary["vehicles"]}
+    for event in events:
+        places = list(map(names.index, event["vehicles"]))
+        if event["kind"] == "collision" and places[1] == places[0] + 1:
+            assert rows[event["vehicles"][1]]["true_gap_m_min"] == 0.0
+    (end,) = (message for message in messages if isinstance(message, RunEnd))
+    assert end.reason == summary["reason"]
+    counts = Counter(event["kind"] for event in events)
+    for limit, kind in COUNTED.items():
+        most = getattr(scenario.tables.limits, limit)
+        broken_now = most is not None and counts[kind] > most
+        assert broken_now == (f"limits.{limit} =" in summary["reason"]), limit
+    if not summary["reason"]:
+        assert summary["ran_s"] == pytest.approx(scenario.duration_s)
+
+
+@pytest.mark.campaign(60, 1000)
+def test_a_broken_scenario_is_refused_in_words(case: int, tmp_path: Path) -> None:
+    chance = Random(case)
+    content, settings = broken(chance, drawn_scenario(chance))
+    file = tmp_path / "broken.toml"
+    file.write_bytes(content)
+    (tmp_path / "odd.csv").write_text(chance.choice(ODD_TRACES), encoding="utf-8")
+    checked = convoy("check", file, *settings, "--json")
+    if checked.exit_code == 0:  # what was broken was not needed, and may have kept the run short
+        settings = [*settings, "--set=duration_s=0.1"]
+        checked = convoy("check", file, *settings, "--json")
+    out = tmp_path / "run"
+    again = convoy("run", file, *settings, "--clock=virtual", "--quiet", "--out", out)
+    if checked.exit_code == 0:
+        strict(checked.stdout)
+        strict((out / "summary.json").read_text())
+        return
+    assert_refused(checked, tmp_path)
+    assert again.stderr == checked.stderr
+    assert_refused(again, tmp_path)

@@ -1,0 +1,332 @@
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import hypot, isnan
+from pathlib import Path
+from statistics import fmean
+from typing import get_args
+
+import pytest
+from mcap.reader import make_reader
+from rerun.chunk import McapReader, RrdReader
+
+from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.bodies import BodySize
+from scenarios.results.encounters import EventKind
+from scenarios.results.metrics import Metrics
+from scenarios.results.pictures.drawing import open_drawing, widest_gap
+from scenarios.results.pictures.review import review
+from scenarios.results.summary import RunSummary
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
+from tests.made.transport import drive
+from tests.made.transport.recording import Table, columns
+from transport.codec import encode
+from transport.convoy_pb2 import Deviation
+from transport.log.records import LogError
+from transport.log.writer import LogWriter
+from transport.picture.blueprint import EVENTS, MARKED_PLOTS
+from transport.picture.option import parse_rerun_option
+from transport.topics import TOPIC_OF
+from vehicles.messages import Message
+
+SCENARIO = """
+name = "circle"
+duration_s = 2.0
+[convoy]
+vehicles = 3
+gap_m = 12.0
+[speed]
+set_mps = 10.0
+[path]
+kind = "segments"
+heading_deg = 0.0
+segments = [{ length_m = 60.0 }, { length_m = 60.0, radius_m = 50.0, turn = "left" }]
+"""
+
+
+def scenario(extra: str = "") -> Scenario:
+    return scenario_from_text(SCENARIO.replace("[path]", extra + "[path]"))
+
+
+def recorded() -> Iterator[tuple[int, Message]]:
+    return drive.drive(100)
+
+
+def write_log(path: Path, *, attached: bytes | None) -> None:
+    with LogWriter(path) as log:
+        if attached is not None:
+            log.attach("scenario.toml", "application/toml", attached)
+        for at, message in recorded():
+            log.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at, None, message)
+
+
+def reviewed(log: Path, warnings: list[str] | None = None) -> Table:
+    recording = log.with_suffix(".rrd")
+    option = parse_rerun_option(f"save={recording}")
+    heard: list[str] = [] if warnings is None else warnings
+    count = review(log, option, wait=lambda _: pytest.fail("waits"), warn=heard.append)
+    assert count > 0
+    return columns(recording)
+
+
+def without_start_time(table: Table) -> Table:
+    return {entity: rows for entity, rows in table.items() if entity != "/__properties"}
+
+
+def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
+    live = tmp_path / "live.rrd"
+    with open_drawing(parse_rerun_option(f"save={live}"), scenario(), "circle") as view:
+        for now, message in recorded():
+            view.draw(now, message)
+    write_log(tmp_path / "run.mcap", attached=scenario().text.encode())
+    again = reviewed(tmp_path / "run.mcap")
+    assert without_start_time(again) == without_start_time(columns(live))
+    assert "/world/road/path" in again
+    assert len(again["/world/cars/v3"]["run_time"]) == 50
+
+
+def test_the_picture_has_the_title_of_the_run(tmp_path: Path) -> None:
+    """So that two runs of other settings can be told apart in the viewer."""
+    asked = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=8"], seed=7)
+    write_log(tmp_path / "run.mcap", attached=asked.text.encode())
+    said = str(reviewed(tmp_path / "run.mcap")["/__properties"])
+    assert f"circle ({asked.fingerprint}), seed 7, α 0.5, loss 0 %, convoy.gap_m=8" in said
+
+
+@pytest.mark.parametrize("attached", [None, b'name = "written by a later version"\nx = 1\n'])
+def test_without_a_scenario_only_the_road_is_missing(
+    tmp_path: Path, attached: bytes | None
+) -> None:
+    write_log(tmp_path / "with.mcap", attached=scenario().text.encode())
+    write_log(tmp_path / "without.mcap", attached=attached)
+    warnings: list[str] = []
+    road = {"/world/road/path", "/world/road/marks", "/world/road/lane"}
+    whole = without_start_time(reviewed(tmp_path / "with.mcap"))
+    rest = without_start_time(reviewed(tmp_path / "without.mcap", warnings))
+    assert {entity: rows for entity, rows in whole.items() if entity not in road} == rest
+    assert len(warnings) == (attached is not None)
+    assert all("the road is left out" in line for line in warnings)
+
+
+def values(table: Table, quantity: str, vehicle: str) -> list[float]:
+    """All values of a vehicle's curve; none if it has none."""
+    rows = table.get(f"/plots/{quantity}/{vehicle}", {}).get("Scalars:scalars", [])
+    return [value[0] for value in rows if value]
+
+
+def largest(values: list[float]) -> float | None:
+    return max(map(abs, values), default=None)
+
+
+ASKEW = "[vehicle.v1]\nheading_offset_deg = 3.0\n"
+BRAKING = """
+name = "braking"
+duration_s = 6.0
+[convoy]
+gap_m = 10.0
+vehicles = 3
+[path]
+kind = "segments"
+segments = [{ length_m = 300.0 }, { length_m = 40.0, radius_m = 40.0, turn = "left" }]
+[speed]
+lead = "profile"
+followers = "gap"
+profile = [{ at_s = 0.0, speed_mps = 25.0 }, { at_s = 3.0, speed_mps = 5.0 }]
+[links]
+loss_ratio = 0.95
+[vehicle.v1]
+heading_offset_deg = 3.0
+[vehicle.v2]
+parameters.length_m = 5.6
+"""
+DRIVEN = {
+    "lossy": SCENARIO.replace("[path]", "[links]\nloss_ratio = 0.5\n" + ASKEW + "[path]"),
+    "braking": BRAKING,
+}
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A run, and its picture as drawn live and again from its log."""
+
+    folder: Path
+    scenario: Scenario
+    summary: RunSummary
+    tables: tuple[Table, Table]
+
+
+@pytest.fixture(scope="module", params=list(DRIVEN.values()), ids=list(DRIVEN))
+def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Drawn:
+    folder = tmp_path_factory.mktemp("drawn")
+    driven = scenario_from_text(request.param)
+    option = parse_rerun_option(f"save={folder / 'live.rrd'}")
+    metrics = Metrics.of(driven)
+    with open_drawing(option, driven, "run", metrics) as view:
+        summary = run_virtual(driven, folder, Stop(), metrics=metrics, listeners=[view.draw])
+    again = reviewed(folder / "run.mcap")
+    return Drawn(folder, driven, summary, (columns(folder / "live.rrd"), again))
+
+
+def test_the_largest_value_drawn_is_the_table_s(drawn: Drawn) -> None:
+    """Live and reviewed: whoever reads a curve finds the number of the table there."""
+    for table in drawn.tables:
+        for row in drawn.summary.vehicles:
+            name = row.name
+            assert largest(values(table, "cross_track", name)) == row.cross_track_error_m_max
+            assert largest(values(table, "tracking", name)) == row.lateral_error_m_max
+            assert min(values(table, "true_gap", name), default=None) == row.true_gap_m_min
+            assert min(values(table, "gap", name), default=None) == row.gap_m_min
+            assert (row.cross_track_error_m_max is None) == (name == "v1")
+            assert (row.true_gap_m_min is None) == (name == "v1")
+
+
+def test_a_largest_value_is_drawn_when_the_table_says(drawn: Drawn) -> None:
+    for table in drawn.tables:
+        for row in drawn.summary.vehicles[1:]:
+            for quantity, at_s, value in (
+                ("cross_track", row.cross_track_error_max_at_s, row.cross_track_error_m_max),
+                ("true_gap", row.true_gap_min_at_s, row.true_gap_m_min),
+            ):
+                curve = table[f"/plots/{quantity}/{row.name}"]
+                rows = zip(curve["run_time"], curve["Scalars:scalars"], strict=True)
+                at = [ns / 1e9 for ns, one in rows if one and abs(one[0]) == value]
+                assert at_s in at
+
+
+def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
+    """For whoever plots the log without this project: ten times a second, of each follower."""
+    with (drawn.folder / "run.mcap").open("rb") as file:
+        records = [
+            Deviation.FromString(record.data)
+            for _, channel, record in make_reader(file).iter_messages()
+            if channel.topic.endswith("/deviation")
+        ]
+    for name in drawn.scenario.vehicle_names[1:]:
+        told = [
+            (one.true_at_ns - drawn.scenario.start_at_ns, one)
+            for one in records
+            if one.vehicle == name
+        ]
+        assert 8.0 < len(told) / drawn.scenario.duration_s < 11.0
+        for quantity, field in (("cross_track", "cross_track_error_m"), ("true_gap", "true_gap_m")):
+            curve = drawn.tables[0][f"/plots/{quantity}/{name}"]
+            at = {
+                ns: one[0]
+                for ns, one in zip(curve["run_time"], curve["Scalars:scalars"], strict=True)
+                if one
+            }
+            known = {ns: getattr(one, field) for ns, one in told if not isnan(getattr(one, field))}
+            assert known.items() <= at.items()
+            assert len(known) > 0.8 * min(len(at) / 5, len(told))
+
+
+def test_layouts_lie_beside_the_log_of_a_run(drawn: Drawn) -> None:
+    """That of Rerun from the first review on: it names what is in the log."""
+    layout = drawn.folder / "rerun.rbl"
+    (store,) = RrdReader(str(layout)).blueprints()
+    assert store.application_id == "run"  # by this Rerun finds the log it is for
+    assert sorted(path.name for path in drawn.folder.iterdir()) == [
+        *("foxglove.json", "live.rrd", "rerun.rbl", "run.mcap", "run.rrd", "summary.json"),
+    ]
+    named = layout.read_bytes()
+    in_log = {chunk.entity_path for chunk in McapReader(str(drawn.folder / "run.mcap")).stream()}
+    for topic in ("v1/pose", "v2/pose", "v2/deviation", "v2/tracking", "run/path"):
+        assert f"/convoy/{topic}" in in_log
+        assert f"convoy/{topic}".encode() in named
+
+
+def test_loss_shares_drawn_add_up_to_the_table_s(drawn: Drawn) -> None:
+    """The table has the mean of all messages, the picture that of each half second."""
+    for table in drawn.tables:
+        for link in drawn.summary.links:
+            shares = values(table, "loss", f"{link.receiver}/from_{link.sender}")
+            assert min(shares) <= 100.0 * link.loss_ratio <= max(shares) or link.judged < 30
+
+
+def test_every_event_is_marked_at_its_instant(drawn: Drawn) -> None:
+    for table in drawn.tables:
+        expected: dict[str, list[int]] = {}
+        for event in drawn.summary.events:
+            expected.setdefault(event.kind, []).append(round(event.at_s * 1e9))
+        for kind in EVENTS:
+            marks = table.get(f"/world/events/{kind}", {}).get("run_time", [])
+            assert marks == sorted(expected.get(kind, []))
+            for plot in MARKED_PLOTS:
+                plotted = table[f"/plots/{plot}/events/{kind}"]["run_time"]
+                assert [at for at in plotted if at >= 0] == marks
+
+
+def place_of(table: Table, vehicle: str, at: int) -> tuple[float, float]:
+    """Where a vehicle is drawn next to an instant (ns)."""
+    car = table[f"/world/cars/{vehicle}"]
+    near = min(range(len(car["run_time"])), key=lambda row: abs(car["run_time"][row] - at))
+    east, north, _ = car["Transform3D:translation"][near][0]
+    return east, north
+
+
+def test_an_event_is_marked_where_it_happened(drawn: Drawn) -> None:
+    """At the vehicle, or in the middle between both."""
+    for table in drawn.tables:
+        for kind in EVENTS:
+            marks = table.get(f"/world/events/{kind}", {"run_time": []})
+            for number, at in enumerate(marks["run_time"]):
+                label = table[f"/world/events/{kind}/name"]["Points2D:labels"][number][0]
+                names = [name for name in drawn.scenario.vehicle_names if name in label.split()]
+                places = [place_of(table, name, at) for name in names]
+                east, north = (fmean(place[axis] for place in places) for axis in (0, 1))
+                marked = marks["Points2D:positions"][number][0]
+                assert hypot(marked[0] - east, marked[1] - north) < 1.0
+
+
+def test_events_of_every_kind_are_there_to_be_marked() -> None:
+    assert set(EVENTS) == set(get_args(EventKind))
+
+
+def test_cars_are_drawn_as_large_as_they_collide(drawn: Drawn) -> None:
+    """The outline of a car in the picture is that of its body in the figures."""
+    for table in drawn.tables:
+        for name in drawn.scenario.vehicle_names:
+            body = table[f"/world/cars/{name}/body"]
+            *lines, _screen = body["LineStrips2D:strips"][0]
+            radius = body["LineStrips2D:radii"][0][0]
+            x, y = ([point[axis] for line in lines for point in line] for axis in (0, 1))
+            outline = (min(x) - radius, max(x) + radius, min(y) - radius, max(y) + radius)
+            length, width, forward = BodySize.of(drawn.scenario.vehicle(name).parameters)
+            assert outline == pytest.approx(
+                (forward - length / 2, forward + length / 2, -width / 2, width / 2), abs=1e-5
+            )
+
+
+def test_a_log_that_breaks_off_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mcap"
+    write_log(whole, attached=None)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[:-3000])
+    warnings: list[str] = []
+    assert "/world/cars/v1" in reviewed(cut, warnings)
+    assert len(warnings) == 1
+    assert "breaks off" in warnings[0]
+
+
+def test_served_pictures_wait_until_nobody_looks(tmp_path: Path) -> None:
+    write_log(tmp_path / "run.mcap", attached=None)
+    asked: list[str] = []
+    review(tmp_path / "run.mcap", parse_rerun_option("serve"), wait=asked.append)
+    assert len(asked) == 1
+    assert asked[0].startswith("http://127.0.0.1:")
+
+
+def test_a_log_without_vehicles_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with LogWriter(path) as log:
+        start = next(message for _, message in recorded())
+        log.write(TOPIC_OF[type(start)], "run", encode(start), 0, None, start)
+    with pytest.raises(LogError, match="no vehicle's messages"):
+        review(path, parse_rerun_option("off"), wait=lambda _: None)
+
+
+def test_the_view_leaves_room_for_the_widest_gap() -> None:
+    assert widest_gap(scenario()) == 12.0
+    keeping = 'followers = "gap"\ngap = { standstill_m = 8.0, headway_s = 0.5 }\n'
+    assert widest_gap(scenario(keeping)) == pytest.approx(8.0 + 0.5 * 10.0, abs=0.2)
+    assert widest_gap(scenario_from_text(SCENARIO.replace("vehicles = 3", "vehicles = 1"))) > 0

@@ -1,0 +1,87 @@
+import os
+import signal
+import time
+from collections import Counter
+from threading import Timer
+
+from scenarios.runs.processes.arrivals import MOST_BYTES, OVERHEAD_BYTES, Arrivals
+from transport.codec import MAX_BYTES
+
+KEYS = [f"convoy/v{vehicle}/{topic}" for vehicle in range(20) for topic in "abcdefghij"]
+
+
+def drained(arrivals: Arrivals) -> list[tuple[int, str, bytes]]:
+    """All that waits, in turn."""
+    return [one for _ in range(len(arrivals)) if (one := arrivals.take(0.0)) is not None]
+
+
+def test_what_came_is_taken_in_turn() -> None:
+    arrivals = Arrivals(KEYS)
+    assert arrivals.take(0.0) is None
+    for at, name in enumerate(KEYS):
+        arrivals.put(at, name, name.encode())
+    assert drained(arrivals) == [(at, name, name.encode()) for at, name in enumerate(KEYS)]
+    assert not arrivals.refusals()
+
+
+def test_a_recorder_of_twenty_that_is_held_up_for_five_seconds_loses_nothing() -> None:
+    arrivals = Arrivals(KEYS)
+    count = 0
+    for tick in range(5 * 50):
+        for name in KEYS[::2]:  # five topics of each at 50 Hz, of 200 bytes
+            arrivals.put(tick, name, bytes(200))
+            count += 1
+    assert not arrivals.refusals()
+    assert len(drained(arrivals)) == count
+
+
+def test_a_flood_is_refused_and_pushes_out_nothing_of_others() -> None:
+    forged, honest = KEYS[0], KEYS[1:]
+    arrivals = Arrivals(KEYS, most_bytes=1_000_000)
+    size = 240 + OVERHEAD_BYTES
+    for at in range(10_000):
+        arrivals.put(at, forged, bytes(240))
+    assert arrivals.refusals() == {"overflow": 10_000 - 1_000_000 // size}
+    for at in range(12):
+        for name in honest:
+            arrivals.put(at, name, bytes(240))
+    assert not arrivals.refusals()
+    counts = Counter(name for _, name, _ in drained(arrivals))
+    assert all(counts[name] == 12 for name in honest)
+    arrivals.put(0, forged, bytes(240))  # there is room again
+    assert not arrivals.refusals()
+    assert len(arrivals) == 1
+
+
+def test_under_a_flood_of_all_keys_twice_the_limit_waits_at_most() -> None:
+    arrivals = Arrivals(KEYS, most_bytes=1_000_000)
+    for at in range(100):
+        for name in KEYS:
+            arrivals.put(at, name, bytes(840))
+    assert sum(len(data) + OVERHEAD_BYTES for _, _, data in drained(arrivals)) <= 2_000_000
+    assert MOST_BYTES <= 64 * 2**20
+
+
+def test_what_no_recorder_takes_does_not_wait() -> None:
+    arrivals = Arrivals(KEYS)
+    for _ in range(3):
+        arrivals.put(0, "convoy/ghost/a", b"boo")
+        arrivals.put(0, KEYS[0], bytes(MAX_BYTES + 1))
+    arrivals.put(0, KEYS[0], bytes(MAX_BYTES))
+    assert arrivals.refusals() == {"unknown": 3, "oversized": 3}
+    assert not arrivals.refusals()
+    assert len(arrivals) == 1
+
+
+def test_a_signal_that_is_handled_for_long_does_not_make_a_wait_without_end() -> None:
+    """Ctrl-C while the router is frozen, on a busy machine: nothing comes any more."""
+    arrivals = Arrivals(KEYS)
+    before = signal.signal(signal.SIGUSR1, lambda *_: time.sleep(0.1))
+    rescue = Timer(5.0, arrivals.put, (0, KEYS[0], b"rescue"))
+    rescue.start()
+    try:
+        Timer(0.02, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+        assert arrivals.take(0.05) is None
+    finally:
+        rescue.cancel()
+        signal.signal(signal.SIGUSR1, before)

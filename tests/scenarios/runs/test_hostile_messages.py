@@ -1,0 +1,277 @@
+"""A stranger talks on the bus of a convoy: everything it says is counted, and nothing else changes.
+
+`pytest --campaign` lets it say a hundred thousand things.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from scenarios.cli.running import listeners
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.metrics import Metrics
+from scenarios.results.summary import RunSummary, from_json, to_json
+from scenarios.runs.node.node import Node
+from scenarios.runs.node.sink import BusSink
+from scenarios.runs.processes.clock_offset import measure
+from scenarios.runs.processes.conductor import Conductor, Phase
+from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
+from scenarios.runs.processes.vehicle import RunAnnouncements
+from scenarios.runs.recorder import Listener
+from scenarios.runs.run_log import RunLog
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import VirtualConvoy
+from tests.made.scenarios.hostile_messages import TEXTS, Put, Stranger
+from transport.bus.bus import Bus, BusError
+from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.codec import encode
+from transport.log.reader import LogReader
+from transport.reasons import REASONS
+from transport.topics import CONDUCTOR, TOPICS, clock_key, key
+from vehicles.messages import Health, LogText, Message
+from vehicles.schedule import SECOND, nanoseconds
+
+VEHICLES = ("v1", "v2", "v3")
+DURATION_S = 1.5
+EVERYTHING = "convoy/**"
+KEPT = 40
+"""Of what it hears a stranger remembers the last."""
+
+
+@dataclass(frozen=True)
+class Attacked:
+    """A run that was recorded off its bus, and what was put there by somebody else."""
+
+    folder: Path
+    summary: RunSummary
+    nodes: dict[str, Node]
+    honest: Counter[str]
+    """Messages of the vehicles by key."""
+    hostile: Counter[str]
+    recorded: int
+    announced: RunAnnouncements
+    conductor: Conductor
+
+    @property
+    def messages(self) -> list[Message]:
+        """All messages of its log."""
+        return [message for _, _, message in LogReader(self.folder / "run.mcap").messages()]
+
+
+def trial() -> Scenario:
+    """Return the run that is disturbed."""
+    short = f"duration_s={DURATION_S}"
+    return load_scenario("lane_change", ["convoy.vehicles=3", short, "links.loss_ratio=0.2"])
+
+
+class AttackedSink(BusSink):
+    """Publishes what a vehicle sends, and then calls whoever disturbs."""
+
+    def __init__(self, vehicle: str, bus: Bus, disturb: Callable[[], None]) -> None:
+        super().__init__(vehicle, bus)
+        self._disturb = disturb
+
+    def flush(self) -> None:
+        super().flush()
+        self._disturb()
+
+
+def drive(
+    folder: Path,
+    draw: Callable[[Stranger, Sequence[Put]], Put],
+    count: int,
+    metrics: Metrics | None = None,
+    watchers: Sequence[Listener] = (),
+) -> Attacked:
+    """Run a short convoy whose recorder listens to its bus, with `count` messages of a stranger."""
+    scenario = trial()
+    convoy = VirtualConvoy(scenario)
+    bus, clock = convoy.bus, convoy.clock
+    end_at = clock.now() + nanoseconds(DURATION_S)
+    conductor = Conductor(
+        VEHICLES,
+        duration_ns=end_at - clock.now(),
+        goes_on_without_the_dead=False,
+        gather_until=end_at,
+    )
+    for name in VEHICLES:
+        conductor.presence(name, alive=True, at=clock.now())
+    conductor.advance(clock.now() - SECOND // 2, connected=True)
+    own: Counter[str] = Counter()
+    run = RunLog(
+        scenario,
+        folder,
+        clock="virtual",
+        run_id="x",
+        metrics=metrics,
+        listeners=(conductor.listen, lambda _, message: own.update([message.vehicle]), *watchers),
+    )
+    announced = RunAnnouncements(bus)
+    bus.publish(key(CONDUCTOR, TOPICS["start"]), run.start(clock.now(), clock.now()))
+    own.clear()
+    before = run.recorder.recorded
+    honest: Counter[str] = Counter()
+    hostile: Counter[str] = Counter()
+    heard: list[Put] = []
+    stranger = Stranger(Random(7), VEHICLES, clock.now())
+    flushes = 3 * 90  # at 75 instants of control and 30 of GNSS, of which 15 are both
+    each, left = -(-count // flushes), count
+
+    def take(where: str, data: bytes) -> None:
+        run.recorder.accept(where, data, clock.now())
+
+    def hear(where: str, data: bytes) -> None:
+        if not disturbing:
+            honest[where] += 1
+            heard.append((where, data))
+            del heard[:-KEPT]
+
+    disturbing: list[bool] = []
+
+    def disturb() -> None:
+        nonlocal left
+        disturbing.append(True)
+        for _ in range(min(each, left)):
+            where, data = draw(stranger, heard)
+            hostile[where] += 1
+            bus.publish(where, data)
+        left -= min(each, left)
+        disturbing.clear()
+        conductor.advance(clock.now(), connected=True)
+
+    bus.subscribe(EVERYTHING, take)
+    bus.subscribe(EVERYTHING, hear)
+    nodes = convoy.build(lambda name: AttackedSink(name, bus, disturb))
+    convoy.run(Stop())
+    for node in nodes.values():
+        node.outbox.publish_health(clock.now(), final=True)
+        node.inbox.take(clock.now() + 120 * SECOND)  # so that nothing is waiting any more
+    conductor.advance(clock.now(), connected=True)
+    # Without what the recorder itself said of the stranger.
+    recorded = run.recorder.recorded - before - own[CONDUCTOR]
+    run.end(clock.now(), "")
+    summary = run.close(clock.now())
+    return Attacked(folder, summary, nodes, honest, hostile, recorded, announced, conductor)
+
+
+@pytest.fixture(scope="module")
+def calm(tmp_path_factory: pytest.TempPathFactory) -> Attacked:
+    """The run without a stranger."""
+    return drive(tmp_path_factory.mktemp("calm"), Stranger.refusable, 0)
+
+
+@pytest.mark.campaign(3_000, 100_000)
+def test_what_belongs_to_no_run_changes_nothing_but_counters(
+    calm: Attacked, tmp_path: Path, campaign: int
+) -> None:
+    run = drive(tmp_path, Stranger.refusable, campaign)
+    assert run.hostile.total() == campaign
+    assert run.recorded == run.honest.total()
+    refused = run.summary.recorder_rejected_messages
+    assert sum(refused.values()) == campaign
+    assert set(refused) <= set(REASONS)
+    assert_inboxes_add_up(run)
+    for name, node in run.nodes.items():
+        asked = run.hostile[key("v1", TOPICS["gps"])] if name != "v1" else 0
+        asked += run.hostile[key("v2", TOPICS["gps"])] if name == "v3" else 0
+        assert node.inbox.rejected.total() == asked
+        assert node.inbox.heard == calm.nodes[name].inbox.heard
+    assert said(run) == said(calm)
+    assert figures(run) == figures(calm)
+    assert (run.conductor.phase, run.conductor.reason) == (Phase.OVER, "")
+    assert run.announced.start is not None
+    assert run.announced.end is None
+
+
+def assert_inboxes_add_up(run: Attacked) -> None:
+    """What came under the keys that a vehicle listens to was judged or refused, each once."""
+    for node in run.nodes.values():
+        came = sum(run.honest[where] + run.hostile[where] for where in node.inbox.keys)
+        assert node.inbox.heard + node.inbox.dropped + node.inbox.rejected.total() == came
+        assert set(node.inbox.rejected) <= set(REASONS)
+
+
+def said(run: Attacked) -> list[bytes]:
+    """What vehicles said, but for counters and for the texts that tell of refusals."""
+    return [encode(m) for m in run.messages if not isinstance(m, Health | LogText)]
+
+
+def figures(run: Attacked) -> list[object]:
+    """Figures of the summary that nothing refused may change."""
+    vehicles = [
+        {name: getattr(row, name) for name in row.__slots__ if name != "rejected_messages"}
+        for row in run.summary.vehicles
+    ]
+    return [vehicles, run.summary.links, run.summary.events, run.summary.outcome]
+
+
+@pytest.mark.campaign(3_000, 100_000)
+def test_what_may_be_a_vehicle_s_own_is_used_or_counted(tmp_path: Path, campaign: int) -> None:
+    def anything(stranger: Stranger, heard: Sequence[Put]) -> Put:
+        drawn = stranger.plausible(heard)
+        return drawn if len(drawn[1]) % 2 else stranger.refusable(heard)
+
+    metrics, picture = Metrics.of(trial()), f"save={tmp_path / 'run.rrd'}"
+    with listeners(trial(), metrics, picture, run_id="x", quiet=False) as watchers:
+        run = drive(tmp_path, anything, campaign, metrics, watchers)
+    came = run.honest.total() + run.hostile.total()
+    assert run.recorded + sum(run.summary.recorder_rejected_messages.values()) == came
+    assert run.recorded >= 0.9 * run.honest.total()
+    assert_inboxes_add_up(run)
+    log = LogReader(run.folder / "run.mcap")
+    assert (log.damage, log.truncated) == ("", False)
+    texts = [message.text for message in run.messages if isinstance(message, LogText)]
+    assert all(text.isprintable() for text in texts)
+    assert from_json((run.folder / "summary.json").read_text()) == from_json(to_json(run.summary))
+
+
+ODD_ANSWERS = (
+    *(b"", b"-1", b"nan", b"1e400", b"9" * 400, b"9" * 5000, b"\xff", "٣".encode(), b"0" * 10**6),
+)
+
+
+@pytest.mark.parametrize("answer", ODD_ANSWERS, ids=range(len(ODD_ANSWERS)))
+def test_a_clock_that_answers_nonsense_is_none(answer: bytes) -> None:
+    bus = MemoryBus()
+    bus.answer(clock_key("v1"), lambda: answer)
+    assert measure(bus, "v1", lambda: 5) is None
+
+
+def test_members_that_nobody_knows_are_passed_over_or_named_in_one_line() -> None:
+    chance, scenario = Random(3), load_scenario("lane_change")
+    own = Fingerprint.of(scenario)
+    odd = [
+        *TEXTS,
+        "~",
+        "~~~",
+        "a~b~c~d~e",
+        own.chunk,
+        own.chunk[:-1],
+        "\x1b[31m~1~0.1~x",
+        "x" * 5000,
+    ]
+    for _ in range(300):
+        network = MemoryNetwork()
+        member = Membership(MemoryBus(network), "run", VEHICLE, "v1", own)
+        member.join(sleep=lambda _: None)
+        role = chance.choice(["recorder", "vehicle", *TEXTS])
+        name, fingerprint = chance.choice(["v2", "v1", *odd]), chance.choice(odd)
+        MemoryBus(network).announce(role, name, fingerprint)
+        expected = {name} if (role, fingerprint) == ("vehicle", own.chunk) else set()
+        assert member.vehicles == expected
+        line = refusal(Membership(MemoryBus(network), "run", VEHICLE, "v3", own))
+        assert line.isprintable()
+        assert len(line) < 500
+
+
+def refusal(member: Membership) -> str:
+    """Say why a member may not join; nothing if it may."""
+    try:
+        member.join(sleep=lambda _: None)
+    except BusError as error:
+        return str(error)
+    return ""

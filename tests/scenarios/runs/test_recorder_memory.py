@@ -1,0 +1,82 @@
+"""What a recorder keeps of a run does not grow with it."""
+
+import gc
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.runs.run_log import RunLog
+from tests.made.scenarios.long_drive import TENTH_S, sent_in
+from tests.made.scenarios.messages import START, STRAIGHT, at, verdict
+from transport.codec import encode
+from transport.topics import TOPIC_OF, key
+from vehicles.messages import Message
+from vehicles.schedule import SECOND
+
+LATER = 40
+"""Tenths of a second between two looks, after as many to begin with."""
+GROWTH_BYTES = 25
+"""Of each message; with sets of numbers and unpacked indices and paths it was 150."""
+
+
+def open_run(folder: Path) -> RunLog:
+    scenario = scenario_from_text(f"{STRAIGHT}\n[convoy]\nvehicles = 2\n", label="test")
+    run = RunLog(scenario, folder, clock="wall", run_id="test")
+    run.start(START - SECOND, START)
+    return run
+
+
+def accept(run: RunLog, message: Message, now: int) -> None:
+    run.recorder.accept(key(message.vehicle, TOPIC_OF[type(message)]), encode(message), now)
+
+
+def record(run: RunLog, first: int, last: int) -> int:
+    """Record some tenths of a second; returns how many messages these were."""
+    count = 0
+    for tenth in range(first, last):
+        for message in sent_in(tenth, vehicles=2):
+            accept(run, message, at((tenth + 1) * TENTH_S))
+            count += 1
+        if tenth % 4 == 0:
+            run.flush()
+    return count
+
+
+def test_what_is_kept_of_each_message_is_next_to_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vehicles.geometry.driven_path.FORGET_EVERY", 100)  # to see it forget
+    run = open_run(tmp_path / "run")
+    tracemalloc.start()
+    try:
+        record(run, 0, LATER)
+        run.flush()
+        gc.collect()
+        before, _ = tracemalloc.get_traced_memory()
+        count = record(run, LATER, 2 * LATER)
+        run.flush()
+        gc.collect()
+        after, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert not run.recorder.rejected
+    print(f"{(after - before) / count:.1f} bytes of each of {count} messages")
+    assert after - before < GROWTH_BYTES * count
+    run.end(START + SECOND, "")
+    run.close(START + SECOND)
+
+
+def test_forged_verdicts_make_no_links_and_few_reasons(tmp_path: Path) -> None:
+    run = open_run(tmp_path / "run")
+    for number in range(200):
+        accept(run, verdict(f"ghost{number}", "v2", 0, number=2 * number), START)
+        forged = verdict("v1", "v2", 0, number=2 * number + 1, dropped=f"because {number}")
+        accept(run, forged, START)
+    assert set(run.metrics.links) == {("v1", "v2")}
+    dropped = run.metrics.links["v1", "v2"].dropped
+    assert len(dropped) <= 51
+    assert dropped.total() == 200
+    run.end(START + SECOND, "")
+    run.close(START + SECOND)

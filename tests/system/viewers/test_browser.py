@@ -1,0 +1,70 @@
+"""The page that `--rerun serve` serves, looked at in a real browser: live, after, and reviewed."""
+
+import re
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.system.processes import Process, start, until
+from tests.system.viewers.browser import CHROMIUM, Browser, browser
+from transport.colours import colour_of
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here to look with")
+
+VEHICLES = 3
+SCENARIO = f"""
+name = "long"
+duration_s = 120.0
+[convoy]
+vehicles = {VEHICLES}
+[path]
+kind = "segments"
+segments = [{{ length_m = 3000.0 }}]
+[speed]
+set_mps = 20.0
+"""
+"""Long enough for a slow machine to load the page in."""
+FEWEST_PIXELS = 60
+"""A car of 35 by 13 pixels has more in its very colour, a curve alone has fewer."""
+PATIENCE_S = 60.0
+
+
+def shows_cars(page: Browser) -> bool:
+    """Say whether every car fills some pixels of the page with its colour."""
+    colours = {colour: count for count, colour in page.picture().getcolors(maxcolors=2**24)}
+    return all(colours.get(colour_of(place), 0) > FEWEST_PIXELS for place in range(VEHICLES))
+
+
+def where(process: Process) -> str:
+    """Return the address that a command says, as soon as it does."""
+
+    def said() -> list[str]:
+        return re.findall(r"http://127\.0\.0\.1:\S+", process.err + process.out)
+
+    assert until(lambda: bool(said()) or process.exit_code is not None)
+    assert process.exit_code is None, process.err
+    return f"{said()[0]}&renderer=webgl"  # the only one that needs no graphics card
+
+
+def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) -> None:
+    (tmp_path / "long.toml").write_text(SCENARIO)
+    with browser() as page:
+        page.open("data:text/html,nothing here yet")
+        assert not shows_cars(page)
+        with start("run", "long.toml", "--rerun=serve", "--out=run", folder=tmp_path) as run:
+            address = where(run)
+            run.await_start()
+            page.open(address)
+            assert until(lambda: shows_cars(page), PATIENCE_S)
+            assert run.exit_code is None  # it was live
+            run.popen.send_signal(signal.SIGINT)
+            assert run.wait() == 130
+            assert shows_cars(page)  # what was loaded stays
+        page.open("data:text/html,nothing here any more")
+        assert until(lambda: not shows_cars(page), PATIENCE_S)
+        with start("review", "run", "--rerun=serve", folder=tmp_path) as reviewing:
+            page.open(where(reviewing))
+            assert until(lambda: shows_cars(page), PATIENCE_S)
+            reviewing.popen.send_signal(signal.SIGINT)
+            assert reviewing.wait() == 130

@@ -1,0 +1,67 @@
+"""Marks of what must not pass unseen: at its place in the plans, at its instant in the plots."""
+
+import math
+from dataclasses import dataclass
+
+import rerun as rr
+
+from transport.picture.blueprint import EVENTS, MARKED_PLOTS
+
+NAMES_FROM_M, ROW_M = 2.0, 2.2
+"""Where the rows of names begin beside the road, and how far they are apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Something that happened at instant `at_ns` and place (east, north) in metres."""
+
+    kind: str
+    at_ns: int
+    place: tuple[float, float]
+    vehicles: tuple[str, ...]
+
+    @property
+    def label(self) -> str:
+        """What it is, and of whom."""
+        return f"{self.kind.replace('_', ' ')} {' '.join(reversed(self.vehicles))}"
+
+
+class Marks:
+    """Draws marks; all of one kind have one colour and one shape."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        """Log the styles, so that the legend has them."""
+        self._recording = recording
+        for kind, (colour, shape, size) in EVENTS.items():
+            style = rr.SeriesPoints(
+                colors=[colour],
+                markers=[shape],
+                names=[kind.replace("_", " ")],
+                marker_sizes=[size],
+            )
+            for plot in MARKED_PLOTS:
+                recording.log(f"plots/{plot}/events/{kind}", style, static=True)
+
+    def draw(self, mark: Mark, yaw: float) -> None:
+        """Draw a mark at the recording's present time, on a road in direction `yaw` (rad).
+
+        Its name stands to the right of the road, that of each kind in a row of its own.
+        """
+        colour, _, _ = EVENTS[mark.kind]
+        spot = rr.Points2D(
+            [mark.place], colors=[colour], radii=rr.Radius.ui_points(6.0), draw_order=40
+        )
+        aside = NAMES_FROM_M + ROW_M * list(EVENTS).index(mark.kind)
+        (east, north), right = mark.place, (math.sin(yaw), -math.cos(yaw))
+        name = rr.Points2D(
+            [[east + aside * right[0], north + aside * right[1]]],
+            colors=[colour],
+            radii=0.0,
+            labels=[mark.label],
+            show_labels=True,
+            draw_order=41,
+        )
+        self._recording.log(f"world/events/{mark.kind}", spot)
+        self._recording.log(f"world/events/{mark.kind}/name", name)
+        for plot in MARKED_PLOTS:  # on the zero line
+            self._recording.log(f"plots/{plot}/events/{mark.kind}", rr.Scalars(0.0))

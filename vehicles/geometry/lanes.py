@@ -1,0 +1,35 @@
+"""The edges of a lane along a path, and paths with fewer points, for pictures."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Points = NDArray[np.float64]
+"""East and north (m), a row per point."""
+
+
+def thinned(east: ArrayLike, north: ArrayLike, turn: float = 0.05, most: float = 20.0) -> Points:
+    """Leave out points of a path (m) between which it turns less than `turn` (rad).
+
+    No two of those that remain are further apart than `most` (m), unless the path's own are.
+    """
+    points = np.column_stack([east, north]).astype(np.float64)
+    if len(points) < 3:
+        return points
+    steps = np.diff(points, axis=0)
+    yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])).tolist()
+    length = np.hypot(steps[:, 0], steps[:, 1]).tolist()
+    kept, way = [0], 0.0
+    for k in range(1, len(points) - 1):
+        way += length[k - 1]
+        if way + length[k] > most or abs(yaw[k] - yaw[kept[-1]]) > turn:
+            kept.append(k)
+            way = 0.0
+    return points[[*kept, len(points) - 1]]
+
+
+def lane_edges(points: Points, width: float) -> tuple[Points, Points]:
+    """Left and right edge of a lane of `width` (m) about a path."""
+    along = np.gradient(points, axis=0)
+    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+    left = 0.5 * width * np.column_stack([-along[:, 1], along[:, 0]])
+    return points + left, points - left
