@@ -3,6 +3,7 @@
 Rerun itself (90 MB, half a second) is loaded only when a picture is wanted.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -69,7 +70,7 @@ class RerunView:
             recording_id=run_id,
             batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_TICK_S),
         )
-        self._recording.set_sinks(self._open(rr, option))
+        self._open(rr, option)
         if title:
             self._recording.send_recording_name(title)
         self._picture = Picture(
@@ -104,41 +105,44 @@ class RerunView:
 
             self._picture.mark(Mark(kind, at, place, vehicles))
 
-    def _open(self, rr: Any, option: RerunOption) -> Any:
+    def _open(self, rr: Any, option: RerunOption) -> None:
         match option.sink:
             case "save":
                 self.where = option.target
                 refuse_foreign_file(option)
-                return _save(rr, option.target)
+                self._recording.set_sinks(_save(rr, option.target))
             case "connect":
                 self.where = option.target
-                return _connect(rr, option.target)
+                self._recording.set_sinks(_connect(rr, option.target))
             case "spawn":
                 port = viewer_process.free_port(LOOPBACK, DATA_PORT)
                 viewer_process.start_native_viewer(port)
                 self.where = "Rerun's viewer"
-                return rr.GrpcSink(f"rerun+http://{LOOPBACK}:{port}/proxy")
+                self._recording.set_sinks(rr.GrpcSink(f"rerun+http://{LOOPBACK}:{port}/proxy"))
             case _:
-                return self._serve(rr, option)
+                self._serve(rr, option)
 
-    def _serve(self, rr: Any, option: RerunOption) -> Any:
-        ports = []
-        for given, usual in ((option.page_port, PAGE_PORT), (option.data_port, DATA_PORT)):
-            if given:
-                ports.append(viewer_process.take_port(option.address, given))
-            else:
-                ports.append(viewer_process.free_port(option.address, usual))
-        page_port, data_port = ports
-        sink = rr.GrpcServerSink(
-            bind_ip=option.address, port=data_port, server_memory_limit=MEMORY_LIMIT
-        )
-        host = viewer_process.reachable(option.address)
+    def _serve(self, rr: Any, option: RerunOption) -> None:
+        address = option.address
+        host = viewer_process.reachable(address)
+
+        def serve_data(port: int) -> bool:
+            self._recording.set_sinks(
+                rr.GrpcServerSink(bind_ip=address, port=port, server_memory_limit=MEMORY_LIMIT)
+            )
+            return viewer_process.await_listening(os.getpid(), address, port)
+
+        data_port = viewer_process.listen(address, option.data_port, DATA_PORT, serve_data)
         data_url = f"rerun+http://{host}:{data_port}/proxy"
-        self._page = viewer_process.start_web_page(
-            address=option.address, port=page_port, data_url=data_url
-        )
+
+        def serve_page(port: int) -> bool:
+            self._page = viewer_process.start_web_page(
+                address=address, port=port, data_url=data_url
+            )
+            return self._page is not None
+
+        page_port = viewer_process.listen(address, option.page_port, PAGE_PORT, serve_page)
         self.where = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
-        return sink
 
     def close(self) -> None:
         """Send everything drawn so far and end the programs started for the picture."""

@@ -6,8 +6,11 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+
+import psutil
 
 from transport.clock import poll
 
@@ -15,6 +18,8 @@ START_S = 20.0
 """A program that does not listen after this time (s) has failed."""
 STOP_S = 2.0
 POLL_S = 0.05
+TRIES = 5
+"""Ports that are tried, one after the other, if other programs take them at the same moment."""
 _END_WITH_PARENT = """
 import ctypes, os, sys
 libc = ctypes.CDLL(None)
@@ -42,16 +47,20 @@ def program() -> Path:
     raise ViewerError("Rerun's viewer is not installed here: save=PATH writes a recording instead")
 
 
-def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Popen[bytes]":
+def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Popen[bytes] | None":
     """Serve the page that shows `data_url` on `address`; it ends when this process does.
 
     That holds for SIGKILL as well. Call it from a thread that lives as long as the page is wanted,
-    as the main thread does.
+    as the main thread does. Returns None if another program listens on the port.
     """
     flags = ["--serve-web", "--bind", address, "--web-viewer-port", str(port), data_url]
     page = _start([*_ending_with_us(), str(program()), *flags])
-    _await(page, address, port)
-    return page
+    if await_listening(page.pid, address, port):
+        return page
+    stop(page)
+    if is_listening(address, port):
+        return None
+    raise _did_not_start(page)
 
 
 def start_log_layout(
@@ -87,8 +96,10 @@ def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
     require_display()
     flags = ["--port", str(port), "--bind", "127.0.0.1", "--expect-data-soon"]
     viewer = _start([str(program()), *flags])
-    _await(viewer, "127.0.0.1", port)
-    return viewer
+    if await_listening(viewer.pid, "127.0.0.1", port):
+        return viewer
+    stop(viewer)
+    raise _did_not_start(viewer)
 
 
 def stop(process: "subprocess.Popen[bytes]") -> None:
@@ -111,7 +122,20 @@ def free_port(address: str, preferred: int) -> int:
     raise ViewerError(f"no free port on {address}")
 
 
-def take_port(address: str, port: int) -> int:
+def listen(address: str, given: int, usual: int, serve: Callable[[int], bool]) -> int:
+    """Have `serve` listen on the port `given`, or if that is 0 on the usual one or another.
+
+    `serve` says whether it does: another program can take a port after it was found free, so that
+    is tried again. Returns the port; raises ViewerError if there is none.
+    """
+    for _ in range(1 if given else TRIES):
+        port = _take_port(address, given) if given else free_port(address, usual)
+        if serve(port):
+            return port
+    raise ViewerError(f"{address}:{port} cannot be listened on: another program has taken it")
+
+
+def _take_port(address: str, port: int) -> int:
     """Return the requested `port`; raises ViewerError if it is taken."""
     try:
         return _bound(address, port)
@@ -152,18 +176,36 @@ def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
     )
 
 
-def _await(process: "subprocess.Popen[bytes]", address: str, port: int) -> None:
-    """Wait until a program listens; raises ViewerError if it does not."""
-    poll(
-        lambda: process.poll() is not None or is_listening(address, port),
-        every_s=POLL_S,
-        at_most_s=START_S,
-    )
-    if process.poll() is None and is_listening(address, port):
-        return
-    stop(process)
-    raise ViewerError(
-        f"Rerun's viewer did not start (exit code {process.returncode}): save=PATH writes a "
+def await_listening(pid: int, address: str, port: int) -> bool:
+    """Wait until process `pid` listens; False if it ends, or another process does so instead."""
+
+    def settled() -> bool:
+        return _has_ended(pid) or is_listening(address, port)
+
+    poll(settled, every_s=POLL_S, at_most_s=START_S)
+    return _listens(pid, port)
+
+
+def _has_ended(pid: int) -> bool:
+    try:
+        ended: bool = psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+    return ended
+
+
+def _listens(pid: int, port: int) -> bool:
+    with suppress(psutil.Error):
+        return any(
+            connection.status == psutil.CONN_LISTEN and connection.laddr.port == port
+            for connection in psutil.Process(pid).net_connections("tcp")
+        )
+    return False
+
+
+def _did_not_start(viewer: "subprocess.Popen[bytes]") -> ViewerError:
+    return ViewerError(
+        f"Rerun's viewer did not start (exit code {viewer.returncode}): save=PATH writes a "
         "recording instead"
     )
 

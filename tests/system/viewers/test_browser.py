@@ -36,6 +36,12 @@ def shows_cars(page: Browser) -> bool:
     return all(colours.get(colour_of(place), 0) > FEWEST_PIXELS for place in range(VEHICLES))
 
 
+def told(page: Browser, process: Process) -> str:
+    """Return what there is to know of a page that does not show the cars."""
+    colours = sorted(page.picture().getcolors(maxcolors=2**24), reverse=True)[:10]
+    return f"{colours=}\n{process.exit_code=}\n{process.out}\n{process.err}"
+
+
 def where(process: Process) -> str:
     """Return the address that a command says, as soon as it does."""
 
@@ -56,7 +62,7 @@ def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) 
             address = where(run)
             run.await_start()
             page.open(address)
-            assert until(lambda: shows_cars(page), PATIENCE_S)
+            assert until(lambda: shows_cars(page), PATIENCE_S), told(page, run)
             assert run.exit_code is None  # it was live
             run.popen.send_signal(signal.SIGINT)
             assert run.wait() == 130
@@ -65,6 +71,6 @@ def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) 
         assert until(lambda: not shows_cars(page), PATIENCE_S)
         with start("review", "run", "--rerun=serve", folder=tmp_path) as reviewing:
             page.open(where(reviewing))
-            assert until(lambda: shows_cars(page), PATIENCE_S)
+            assert until(lambda: shows_cars(page), PATIENCE_S), told(page, reviewing)
             reviewing.popen.send_signal(signal.SIGINT)
             assert reviewing.wait() == 130

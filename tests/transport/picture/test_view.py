@@ -1,14 +1,17 @@
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import numpy as np
 import psutil
@@ -18,8 +21,9 @@ from tests.made.scenarios import messages as made
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.colours import colour_of
+from transport.picture import viewer_process
 from transport.picture.blueprint import EVENTS, MARKED_PLOTS, Reach
-from transport.picture.option import RerunOption, parse_rerun_option
+from transport.picture.option import DATA_PORT, PAGE_PORT, RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
 from vehicles.messages import LogText, Message
@@ -372,6 +376,54 @@ for now, message in drive.drive(20):
 print(view.where, flush=True)
 time.sleep(60)
 """
+
+
+TAKEN = """
+import socket, sys, time
+taken = socket.create_server(("127.0.0.1", 0))
+print(taken.getsockname()[1], flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def taken_port() -> Iterator[int]:
+    """Yield a port that another program listens on."""
+    program = subprocess.Popen([sys.executable, "-c", TAKEN], stdout=subprocess.PIPE, text=True)
+    try:
+        assert program.stdout
+        yield int(program.stdout.readline())
+    finally:
+        program.kill()
+        program.communicate()
+
+
+def test_a_port_that_is_taken_after_it_was_found_free(
+    taken_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free, asked = viewer_process.free_port, Counter[int]()
+
+    def outrun(address: str, preferred: int) -> int:
+        asked[preferred] += 1
+        return taken_port if asked[preferred] == 1 else free(address, 0)
+
+    monkeypatch.setattr(viewer_process, "free_port", outrun)
+    with RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES) as view:
+        assert asked == {PAGE_PORT: 2, DATA_PORT: 2}
+        assert str(taken_port) not in view.where
+        page, data = (int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", view.where))
+        listening = {c.laddr.port for c in psutil.Process().net_connections("tcp") if not c.raddr}
+        assert data in listening
+        assert urlopen(f"http://127.0.0.1:{page}", timeout=5.0).status == 200
+
+
+def test_a_port_that_was_asked_for_and_is_taken_later(
+    taken_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(viewer_process, "_bound", lambda _address, port: port)
+    option = parse_rerun_option(f"serve=127.0.0.1:0:{taken_port}")
+    with pytest.raises(ViewerError, match=f"{taken_port} cannot be listened on: another program"):
+        RerunView(option, run_id="x", vehicles=drive.VEHICLES)
 
 
 def test_the_web_page_stays_on_this_machine_and_dies_with_us() -> None:
