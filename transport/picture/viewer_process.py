@@ -1,4 +1,7 @@
-"""Rerun's own programs as processes of this machine: the web page and the native viewer."""
+"""Rerun's own programs as processes of this machine: the web page and the native viewer.
+
+The options of every command come from here too, so that what only a viewer needs is loaded late.
+"""
 
 import importlib.util
 import json
@@ -9,8 +12,6 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-
-import psutil
 
 from transport.clock import poll
 
@@ -187,6 +188,8 @@ def await_listening(pid: int, address: str, port: int) -> bool:
 
 
 def _has_ended(pid: int) -> bool:
+    import psutil  # noqa: PLC0415 - see above
+
     try:
         ended: bool = psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -195,6 +198,8 @@ def _has_ended(pid: int) -> bool:
 
 
 def _listens(pid: int, port: int) -> bool:
+    import psutil  # noqa: PLC0415 - see above
+
     with suppress(psutil.Error):
         return any(
             connection.status == psutil.CONN_LISTEN and connection.laddr.port == port

@@ -228,10 +228,11 @@ def assert_counted(run: Run, sent: int) -> None:
         *("garbage", "oversized", "unknown", "foreign", "reserved", "duplicate"),
         *("early", "future", "sequence", "absurd"),
     }
-    assert sum(refused.values()) > 0.5 * sent  # a busy machine does not pass all of a flood on
+    # A busy machine puts less in the same time, and does not pass all of a flood on.
+    assert sum(refused.values()) > 0.5 * sent
     assert run.vehicle("v1")["rejected_messages"] == 0
     for name in ("v2", "v3"):
-        assert run.vehicle(name)["rejected_messages"] > 50
+        assert run.vehicle(name)["rejected_messages"] > 0.02 * sent  # one in 25 without load
         reasons = {text.rpartition(" ")[2] for text in run.texts(name) if "refused" in text}
         assert reasons >= {
             "garbage",
