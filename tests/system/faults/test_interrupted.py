@@ -92,14 +92,14 @@ def test_a_command_ends_although_its_router_is_frozen(
         endpoint = router.stdout.readline().removeprefix(LISTENING).strip()
         if not joined:
             router.send_signal(signal.SIGSTOP)
-        with (
-            convoy(tmp_path, "vehicle", "lane_change", "--name", "v2", "-e", endpoint) as other,
-            convoy(tmp_path, command, "lane_change", *own, "-e", endpoint) as process,
-        ):
-            assert until(lambda: linked(other, endpoint) and linked(process, endpoint))
-            time.sleep(0.8)  # they declare what they send and receive
-            router.send_signal(signal.SIGSTOP)
-            assert_ends_with_one_line(process, signal.SIGINT)
+        with convoy(tmp_path, "vehicle", "lane_change", "--name", "v2", "-e", endpoint) as other:
+            # One after the other: a frozen router's connection is given up after a while.
+            assert until(lambda: linked(other, endpoint))
+            with convoy(tmp_path, command, "lane_change", *own, "-e", endpoint) as process:
+                assert until(lambda: linked(process, endpoint))
+                time.sleep(0.8)  # they declare what they send and receive
+                router.send_signal(signal.SIGSTOP)
+                assert_ends_with_one_line(process, signal.SIGINT)
 
 
 def linked(process: "subprocess.Popen[str]", endpoint: str) -> bool:
