@@ -2,7 +2,8 @@
 
 decision         what a driver is and what it decides at a control instant
 own_state        what is known of the own car; exact knowledge
-pose_estimator   where the car is now, from its sensors
+pose_estimator   where the car is now, from its sensors: a Kalman filter
+covariance       how wrong that may be
 tracking         errors against the trajectory
 steering         from errors to a steering command: the paper's law and others
 speed            from gaps and profiles to an acceleration

@@ -45,7 +45,10 @@ class VehicleBuilder:
         self._route = scenario.route
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
-        self.rates_hz = (scenario.control_rate_hz, self._setup.gnss.rate_hz)
+        rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate_hz]
+        if not self._setup.knows_itself:
+            rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
+        self.rates_hz = tuple(dict.fromkeys(rates_hz))
 
     def ticks(self, start_at: int) -> Iterator[Tick]:
         """The vehicle's schedule from `start_at` (ns) to the end of the run."""
@@ -97,29 +100,43 @@ class VehicleBuilder:
         )
 
     def _receiver(self, start_at: int) -> GnssReceiver:
+        # A stream for each receiver: its noise does not depend on the number of vehicles.
+        random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
+        return GnssReceiver(self._gnss_noise(), self._setup.gnss.rate_hz, start_at, random)
+
+    def _gnss_noise(self) -> GnssNoise:
         table = self._setup.gnss
-        noise = GnssNoise(
+        return GnssNoise(
             position=table.position_noise_m,
             heading=radians(table.heading_noise_deg),
             speed=table.speed_noise_mps,
             yaw_rate=table.yaw_rate_noise_radps,
         )
-        # A stream for each receiver: its noise does not depend on the number of vehicles.
-        random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
-        return GnssReceiver(noise, table.rate_hz, start_at, random)
 
     def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
-        if self._setup.steering.own_state == "exact":
+        if self._setup.knows_itself:
             return ExactSensor()
         # A stream apart from the receiver's, whose noise is the same with and without this sensor.
         words = [self._scenario.seed, self._setup.place, INERTIAL]
         random = np.random.Generator(np.random.PCG64(words))
-        return InertialSensor(InertialNoise(), self.control_rate_hz, start_at, random)
+        return InertialSensor(self._imu_noise(), self._setup.imu_rate_hz, start_at, random)
+
+    def _imu_noise(self) -> InertialNoise:
+        table = self._setup.imu
+        return InertialNoise(
+            speed=table.speed_noise_mps,
+            yaw_rate=table.yaw_rate_noise_radps,
+            speed_bias=table.speed_bias_mps,
+            yaw_rate_bias=table.yaw_rate_bias_radps,
+        )
 
     def _own_state(self) -> OwnState:
-        if self._setup.steering.own_state == "exact":
+        setup = self._setup
+        if setup.knows_itself:
             return KnownState()
-        return PoseEstimator(self._setup.assumed_parameters)
+        return PoseEstimator(
+            setup.assumed_parameters, self._gnss_noise(), self._imu_noise(), setup.imu_rate_hz
+        )
 
     def _driver(self, start_at: int) -> Driver:
         setup = self._setup
