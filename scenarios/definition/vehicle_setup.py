@@ -9,6 +9,7 @@ from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
     GnssTable,
+    ImuTable,
     LoadingTable,
     ParametersTable,
     ScenarioTables,
@@ -24,7 +25,8 @@ class VehicleSetup:
     `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
     estimator, without the load unless the scenario says that they know it. `senders` are the
     vehicles whose poses it uses: lead and predecessor, none for the lead itself. `controller` is
-    the dotted name of the class that steers.
+    the dotted name of the class that steers. `imu_rate_hz` is the inertial sensor's own rate, or
+    else that of control.
     """
 
     name: str
@@ -39,6 +41,13 @@ class VehicleSetup:
     controller: str
     steering: SteeringTable
     gnss: GnssTable
+    imu: ImuTable
+    imu_rate_hz: float
+
+    @property
+    def knows_itself(self) -> bool:
+        """Whether its own state is exact, without the errors of sensors."""
+        return self.steering.own_state == "exact"
 
     @property
     def gains(self) -> Gains:
@@ -55,6 +64,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
     empty = _car(overlay(tables.parameters, own and own.parameters))
     full = loaded(empty, _loading(overlay(tables.loading, own and own.loading)))
     predecessor = names[place - 1] if place else None
+    imu = overlay(tables.imu, own and own.imu)
     return VehicleSetup(
         name=name,
         place=place,
@@ -68,6 +78,8 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         controller=CONTROLLERS.get(steering.controller, steering.controller),
         steering=steering,
         gnss=overlay(tables.gnss, own and own.gnss),
+        imu=imu,
+        imu_rate_hz=imu.rate_hz or tables.control.rate_hz,
     )
 
 

@@ -8,5 +8,6 @@ constant_speed     stability proven at every speed between two
 varying_speed      certified accelerations
 propagation        transfer functions from car to car
 simulated_chain    the same in time
+sampled_loop       the loop as it is run: rates, hold, filter; lowest stable rates
 string_stability   norms, bands and weights of the propagation
 """

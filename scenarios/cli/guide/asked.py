@@ -65,6 +65,7 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield from _of_some("controller", report.control, _controller)
     yield from _of_some("fusion", followers, _fusion)
     yield from _of_some("GNSS", report.gnss, _receiver)
+    yield from _of_some("own state", report.imu, _own_state)
     yield from _of_some("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
 
 
@@ -85,6 +86,16 @@ def _receiver(asked: Mapping[str, float]) -> str:
         f"{asked['speed_noise_mps']:g} m/s, {asked['yaw_rate_noise_radps']:g} rad/s"
     )
     return f"{asked['rate_hz']:g} Hz, noise {noise}"
+
+
+def _own_state(asked: Mapping[str, float] | None) -> str:
+    if asked is None:
+        return "exact"
+    return (
+        f"estimated from GNSS and an inertial sensor at {asked['rate_hz']:g} Hz, noise "
+        f"{asked['speed_noise_mps']:g} m/s, {asked['yaw_rate_noise_radps']:g} rad/s, bias "
+        f"{asked['speed_bias_mps']:g} m/s, {asked['yaw_rate_bias_radps']:g} rad/s"
+    )
 
 
 def _links(report: CheckReport) -> Iterator[Row]:

@@ -11,6 +11,7 @@ from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.definition.schema.tables import LinkTable, ScenarioTables, SteeringTable
+from scenarios.definition.vehicle_setup import VehicleSetup
 
 USUAL_GNSS_RATE = 20.0
 """Receivers for driving measure at most this often (Hz; paper, Section III-A)."""
@@ -26,10 +27,11 @@ STEP = 0.05
 class CheckReport:
     """What a valid scenario asks for, and figures of the lead's planned run.
 
-    `control`, `gnss` and `masses_kg` (with the load) are by vehicle, as are the `offsets` from the
-    path of those that start with one. `gap_policy` is None where followers drive the lead's speed,
-    `radius_m_min` on a straight road. `deviation_m_rms` and `deviation_m_max` say how far the path
-    lies from the recorded points, None where it is made of segments.
+    `control`, `gnss`, `imu` (None with exact own state) and `masses_kg` (with the load) are by
+    vehicle, as are the `offsets` from the path of those that start with one. `gap_policy` is None
+    where followers drive the lead's speed, `radius_m_min` on a straight road. `deviation_m_rms` and
+    `deviation_m_max` say how far the path lies from the recorded points, None where it is made of
+    segments.
     """
 
     name: str
@@ -43,6 +45,7 @@ class CheckReport:
     control_rate_hz: float
     control: dict[str, dict[str, Any]]
     gnss: dict[str, dict[str, float]]
+    imu: dict[str, dict[str, float] | None]
     masses_kg: dict[str, float]
     offsets: dict[str, dict[str, float]]
     links: dict[str, dict[str, float | None]]
@@ -104,6 +107,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         control_rate_hz=scenario.control_rate_hz,
         control={name: _steering(car.steering) for name, car in cars.items()},
         gnss={name: car.gnss.model_dump() for name, car in cars.items()},
+        imu={name: _imu(car) for name, car in cars.items()},
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
         offsets=_offsets(tables),
         when_a_vehicle_dies=tables.convoy.when_a_vehicle_dies,
@@ -133,6 +137,11 @@ def report_of(scenario: Scenario) -> CheckReport:
 def _steering(table: SteeringTable) -> dict[str, Any]:
     """What one vehicle is asked for; the rate of control is the convoy's."""
     return table.model_dump(include=set(SteeringTable.model_fields))
+
+
+def _imu(setup: VehicleSetup) -> dict[str, float] | None:
+    """The inertial sensor of one vehicle, with the rate that it has."""
+    return None if setup.knows_itself else setup.imu.model_dump() | {"rate_hz": setup.imu_rate_hz}
 
 
 def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:

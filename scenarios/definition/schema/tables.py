@@ -62,7 +62,10 @@ class GainsTable(Table):
 
 
 class SteeringTable(Table):
-    """How a vehicle makes its trajectory from the poses received, and steers along it."""
+    """How a vehicle makes its trajectory from the poses received, and steers along it.
+
+    With own_state = "exact" it knows its own true state; what it broadcasts is measured anyway.
+    """
 
     controller: str = "slip_compensated"
     fusion: Literal["composite", "predecessor", "blend"] = "composite"
@@ -70,6 +73,7 @@ class SteeringTable(Table):
     preview_s: float = Field(default=0.8, ge=0.1, le=10)
     tolerance_m: float = Field(default=0.1, gt=0, le=10)
     knows_loading: bool = False
+    own_state: Literal["estimated", "exact"] = "estimated"
     gains: GainsTable = GainsTable()
 
 
@@ -87,6 +91,20 @@ class GnssTable(Table):
     heading_noise_deg: float = Field(default=0.1, ge=0, le=45)
     speed_noise_mps: float = Field(default=0.03, ge=0, le=10)
     yaw_rate_noise_radps: float = Field(default=0.00175, ge=0, le=1)
+
+
+class ImuTable(Table):
+    """The emulated inertial sensor of a vehicle: gyroscope and speed of the wheels.
+
+    Rate, without which it is that of control; standard deviations of its white noise, and of the
+    constant biases that are drawn for each vehicle.
+    """
+
+    rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
+    speed_noise_mps: float = Field(default=0.03, ge=0, le=10)
+    speed_bias_mps: float = Field(default=0.1, ge=0, le=10)
+    yaw_rate_noise_radps: float = Field(default=0.00175, ge=0, le=1)
+    yaw_rate_bias_radps: float = Field(default=0.00175, ge=0, le=1)
 
 
 class ProfilePoint(Table):
@@ -220,6 +238,7 @@ class VehicleTable(Table):
     heading_offset_deg: float = Field(default=0.0, ge=-90, le=90)
     control: SteeringTable | None = None
     gnss: GnssTable | None = None
+    imu: ImuTable | None = None
     parameters: ParametersTable | None = None
     loading: LoadingTable | None = None
 
@@ -243,6 +262,7 @@ class ScenarioTables(Table):
     convoy: ConvoyTable = ConvoyTable()
     control: ControlTable = ControlTable()
     gnss: GnssTable = GnssTable()
+    imu: ImuTable = ImuTable()
     speed: SpeedTable = SpeedTable()
     path: PathTable
     links: LinkTable = LinkTable()

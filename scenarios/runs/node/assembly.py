@@ -17,15 +17,20 @@ from transport.links.inbox import Inbox, IncomingLink
 from transport.links.link import Link
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssNoise, GnssReceiver
+from vehicles.car.imu import ExactSensor, InertialNoise, InertialSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
+from vehicles.driver.own_state import KnownState, OwnState
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import FitSettings
 from vehicles.schedule import SECOND, Cadence
+
+INERTIAL = 1
+"""Tells the random stream of a vehicle's inertial sensor from that of its receiver."""
 
 
 class VehicleBuilder:
@@ -40,7 +45,10 @@ class VehicleBuilder:
         self._route = scenario.route
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
-        self.rates_hz = (scenario.control_rate_hz, self._setup.gnss.rate_hz)
+        rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate_hz]
+        if not self._setup.knows_itself:
+            rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
+        self.rates_hz = tuple(dict.fromkeys(rates_hz))
 
     def ticks(self, start_at: int) -> Iterator[Tick]:
         """The vehicle's schedule from `start_at` (ns) to the end of the run."""
@@ -56,6 +64,7 @@ class VehicleBuilder:
             body=self._body(),
             parameters=setup.parameters,
             gnss=self._receiver(start_at),
+            imu=self._imu(start_at),
             driver=self._driver(start_at),
             inbox=inbox,
             outbox=Outbox(
@@ -91,24 +100,51 @@ class VehicleBuilder:
         )
 
     def _receiver(self, start_at: int) -> GnssReceiver:
+        # A stream for each receiver: its noise does not depend on the number of vehicles.
+        random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
+        return GnssReceiver(self._gnss_noise(), self._setup.gnss.rate_hz, start_at, random)
+
+    def _gnss_noise(self) -> GnssNoise:
         table = self._setup.gnss
-        noise = GnssNoise(
+        return GnssNoise(
             position=table.position_noise_m,
             heading=radians(table.heading_noise_deg),
             speed=table.speed_noise_mps,
             yaw_rate=table.yaw_rate_noise_radps,
         )
-        # A stream for each receiver: its noise does not depend on the number of vehicles.
-        random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
-        return GnssReceiver(noise, table.rate_hz, start_at, random)
+
+    def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
+        if self._setup.knows_itself:
+            return ExactSensor()
+        # A stream apart from the receiver's, whose noise is the same with and without this sensor.
+        words = [self._scenario.seed, self._setup.place, INERTIAL]
+        random = np.random.Generator(np.random.PCG64(words))
+        return InertialSensor(self._imu_noise(), self._setup.imu_rate_hz, start_at, random)
+
+    def _imu_noise(self) -> InertialNoise:
+        table = self._setup.imu
+        return InertialNoise(
+            speed=table.speed_noise_mps,
+            yaw_rate=table.yaw_rate_noise_radps,
+            speed_bias=table.speed_bias_mps,
+            yaw_rate_bias=table.yaw_rate_bias_radps,
+        )
+
+    def _own_state(self) -> OwnState:
+        setup = self._setup
+        if setup.knows_itself:
+            return KnownState()
+        return PoseEstimator(
+            setup.assumed_parameters, self._gnss_noise(), self._imu_noise(), setup.imu_rate_hz
+        )
 
     def _driver(self, start_at: int) -> Driver:
         setup = self._setup
         control = Cadence(start_at, self.control_rate_hz)
-        estimator = PoseEstimator(setup.assumed_parameters)
+        own_state = self._own_state()
         if setup.predecessor is None:
             return Leader(
-                estimator=estimator,
+                own_state=own_state,
                 controller=self._controller(),
                 speed_law=self._profile(start_at),
                 control=control,
@@ -117,7 +153,7 @@ class VehicleBuilder:
             )
         steering = setup.steering
         return Follower(
-            estimator=estimator,
+            own_state=own_state,
             controller=self._controller(),
             speed_law=self._speed_law(start_at),
             control=control,

@@ -24,6 +24,7 @@ from scenarios.definition.schema.tables import (
     EventsTable,
     GapTable,
     GnssTable,
+    ImuTable,
     LimitsTable,
     LinkEntry,
     LinkTable,
@@ -90,6 +91,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "limits", drawn_table(chance, LimitsTable))
     _put(tables, "origin", drawn_table(chance, OriginTable))
     _put(tables, "gnss", drawn_table(chance, GnssTable))
+    _put(tables, "imu", drawn_table(chance, ImuTable))
     tables["control"] = _steering(chance)
     if chance.random() < 0.5:
         tables["control"]["rate_hz"] = chance.choice([5.0, 500.0, chance.uniform(5.0, 200.0)])
@@ -210,6 +212,7 @@ def _vehicle(chance: Random, *, lead: bool) -> Raw:
     if chance.random() < 0.7:
         return table
     _put(table, "gnss", drawn_table(chance, GnssTable, ("rate_hz",)))
+    _put(table, "imu", drawn_table(chance, ImuTable, ("rate_hz",)))
     _put(table, "parameters", _car(chance, ("length_m",)))
     _put(table, "loading", drawn_table(chance, LoadingTable))
     if chance.random() < 0.5:
@@ -268,6 +271,7 @@ def _speed(chance: Random, longest_m: float) -> Raw:
 def _duration_s(chance: Random, tables: Raw, names: Sequence[str]) -> float:
     """From one to three seconds, and less where that would be too many steps."""
     rates = tables["control"].get("rate_hz", 50.0) + tables.get("gnss", {}).get("rate_hz", 20.0)
+    rates += tables.get("imu", {}).get("rate_hz", 0.0)
     affordable: float = STEPS / (rates * len(names))
     return round(max(min(chance.choice([1.0, 2.0, 3.0]), affordable), 0.02), 3)
 

@@ -12,6 +12,7 @@ from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
 from transport.bus.memory_bus import MemoryBus
 from vehicles.car.gnss import Fix
+from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, loaded
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
@@ -91,6 +92,19 @@ def test_the_schedule_is_that_of_control_and_receiver() -> None:
     assert len(fixes(made, "v2")) == 10
 
 
+def test_the_inertial_sensor_measures_with_control_unless_it_has_a_rate() -> None:
+    made = scenario("vehicle.v2.imu.rate_hz=100", "vehicle.v3.imu.rate_hz=4", "duration_s=1")
+    exact = scenario("vehicle.v2.imu.rate_hz=100", "control.own_state=exact", "duration_s=1")
+    assert len(list(VehicleBuilder(made, "v1").ticks(START))) == 50 + 20 - 10
+    assert len(list(VehicleBuilder(made, "v2").ticks(START))) == 100
+    assert len(list(VehicleBuilder(made, "v3").ticks(START))) == 50 + 20 - 10 + 4 - 4
+    assert len(list(VehicleBuilder(exact, "v2").ticks(START))) == 50 + 20 - 10
+    for name, rate_hz in (("v1", 50), ("v2", 100), ("v3", 4)):
+        one = node(made, name)
+        ticks = VehicleBuilder(made, name).ticks(START)
+        assert sum(one.imu.measure(one.body, tick.at) is not None for tick in ticks) == rate_hz
+
+
 def test_noise_depends_on_seed_and_place_alone() -> None:
     alone = fixes(scenario("convoy.vehicles=2"), "v2")
     assert fixes(scenario("convoy.vehicles=4"), "v2") == alone
@@ -125,13 +139,33 @@ def first_steering(made: Scenario, name: str = "v1") -> float:
     """What a lead beside its path decides first."""
     one = node(made, name)
     fix = one.gnss.measure(one.body, START)
-    return one.driver.step(START, fix, []).actuation.steering
+    motion = one.imu.measure(one.body, START)
+    return one.driver.step(START, fix, motion, []).actuation.steering
+
+
+def test_with_exact_own_state_the_car_knows_where_it_is_and_broadcasts_what_is_measured() -> None:
+    settings = ("gnss.position_noise_m=5", "gnss.heading_noise_deg=5")
+    beside = "vehicle.v1.lateral_offset_m=0.5"
+    exact = scenario(*settings, beside, "control.own_state=exact")
+    one = node(exact, "v1")
+    motion = one.imu.measure(one.body, START)
+    decision = one.driver.step(START, one.gnss.measure(one.body, START), motion, [])
+    assert decision.errors.lateral == pytest.approx(0.5, abs=1e-12)
+    assert decision.errors.heading == pytest.approx(0.0, abs=1e-12)
+    assert fixes(exact, "v1") == fixes(scenario(*settings, beside), "v1")
+    noisy = scenario("imu.speed_bias_mps=1")
+    assert fixes(noisy, "v1") == fixes(scenario(), "v1")
+    some = scenario(*settings, "vehicle.v2.control.own_state=exact")
+    assert isinstance(node(some, "v2").imu, ExactSensor)
+    assert isinstance(node(some, "v3").imu, InertialSensor)
 
 
 def test_controller_and_gains_are_those_of_the_scenario() -> None:
     quiet = [
         "gnss.position_noise_m=0", "gnss.heading_noise_deg=0", "gnss.speed_noise_mps=0",
         "gnss.yaw_rate_noise_radps=0", "vehicle.v1.lateral_offset_m=0.5",
+        "imu.speed_noise_mps=0", "imu.speed_bias_mps=0",
+        "imu.yaw_rate_noise_radps=0", "imu.yaw_rate_bias_radps=0",
     ]  # fmt: skip
     plain = scenario(*quiet, "control.controller=feedforward_feedback")
     assert first_steering(plain) == pytest.approx(-0.06 * 0.5)

@@ -1,0 +1,202 @@
+"""The sampled loop against the continuous one, the filter itself, and the car that is driven."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.gnss import Fix, GnssNoise
+from vehicles.car.imu import InertialNoise, Motion
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.parameters import NOMINAL_GAINS, Loading, VehicleParameters, loaded
+from vehicles.driver.own_state import Pose
+from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.steering import FeedforwardFeedback
+from vehicles.driver.tracking import TrackingErrors
+from vehicles.schedule import SECOND, Cadence, instants
+from vehicles.theory.linear_model import closed_loop_at
+from vehicles.theory.sampled_loop import (
+    SampledLoop,
+    lowest_stable_rate,
+    sampled_stability,
+    stationary_gains,
+)
+
+FULL = loaded(CAR, Loading(front_passengers=1, rear_passengers=3))
+UNBIASED = InertialNoise(speed_bias=0.0, yaw_rate_bias=0.0)
+LOOP = SampledLoop(CAR, CAR, NOMINAL_GAINS, imu=UNBIASED)
+END = 101 * SECOND
+OLD = (0.25, 0.1)
+"""Gains of a filter that has no inertial sensor."""
+
+
+@pytest.mark.parametrize("speed", [5.0, 15.0, 30.0, 36.0])
+@pytest.mark.parametrize("car", [CAR, FULL], ids=["empty", "full"])
+def test_sampled_ever_faster_it_becomes_the_continuous_loop(
+    speed: float, car: VehicleParameters
+) -> None:
+    continuous = -float(np.max(np.linalg.eigvals(closed_loop_at(car, NOMINAL_GAINS, speed)).real))
+    errors = []
+    for rate in (200.0, 400.0, 800.0):
+        loop = replace(LOOP, parameters=car, imu_hz=None, control_hz=rate)
+        errors.append(abs(sampled_stability(loop, speed).decay - continuous))
+    assert errors[2] < 0.05
+    assert errors[0] > 1.8 * errors[1] > 3.2 * errors[2]  # a hold is a delay of half a period
+
+
+@pytest.mark.parametrize("noise", [GnssNoise(), GnssNoise(position=0.3, heading=0.01)])
+@pytest.mark.parametrize(("speed", "gnss_hz"), [(30.0, 20.0), (8.0, 20.0), (30.0, 2.0)])
+def test_stationary_gains_are_those_of_the_filter(
+    speed: float, gnss_hz: float, noise: GnssNoise
+) -> None:
+    """Kalman's equation solved at once, against the filter of a vehicle that has settled."""
+    gains = stationary_gains(replace(LOOP, gnss_hz=gnss_hz, gnss=noise), speed)
+    for column, (aside, turned) in enumerate(((0.01, 0.0), (0.0, 0.001))):
+        estimator = PoseEstimator(CAR, noise, UNBIASED)
+        last = round(100 * gnss_hz)
+        for k, at in enumerate(
+            sorted({*instants(0, 101 * SECOND, 50), *instants(0, 101 * SECOND, gnss_hz)})
+        ):
+            if k % 1 == 0 and Cadence(0, 50.0).due(at):
+                estimator.move(at, speed, 0.0)
+            seq = Cadence(0, gnss_hz).index(at)
+            if seq is None:
+                continue
+            shift = seq == last
+            place, yaw = (aside, turned) if shift else (0.0, 0.0)
+            estimator.correct(Fix(seq, at, speed * at / SECOND, place, yaw, speed, 0.0))
+            if shift:
+                break
+        pose = estimator.at(at)
+        told = (aside, turned)[column]
+        assert [pose.north / told, pose.yaw / told] == pytest.approx(
+            gains[:, column].tolist(), rel=0.01
+        )
+
+
+@dataclass
+class Driven:
+    """A car on the x axis with the paper's law, seen through its sensors without errors."""
+
+    loop: SampledLoop
+    speed: float
+
+    def decay(self, seconds: float) -> float:
+        """Rate (1/s) at which a small offset dies out, from the second half of the time."""
+        loop, settling = self.loop, 20 * SECOND
+        body = Body(0.0, 0.0, 0.0, self.speed)
+        law = FeedforwardFeedback(loop.assumed, loop.gains)
+        estimator = PoseEstimator(loop.assumed, loop.gnss, loop.imu, loop.imu_hz or 1.0)
+        control, imu = Cadence(0, loop.control_hz), Cadence(0, loop.imu_hz or 1.0)
+        gnss = Cadence(0, loop.gnss_hz)
+        end = settling + round(seconds * SECOND)
+        rates = (loop.control_hz, loop.imu_hz or loop.control_hz, loop.gnss_hz)
+        ticks = sorted({at for rate in rates for at in instants(0, end, rate)})
+        steering, places = 0.0, []
+        for now, after in zip(ticks, [*ticks[1:], end], strict=True):
+            if now == settling:
+                body.north += 1e-6
+            motion = Motion(body.speed, body.yaw_rate) if imu.due(now) else None
+            seq = gnss.index(now)
+            fix = None
+            if seq is not None:
+                fix = Fix(seq, now, body.east, body.north, body.yaw, self.speed, body.yaw_rate)
+            estimator.update(now, fix, motion)
+            if control.due(now):
+                pose = estimator.at(now) if loop.imu_hz else exactly(body)
+                errors = TrackingErrors(pose.north, pose.yaw, pose.yaw_rate, 0.0)
+                steering = law.steer(errors, self.speed).steering
+            places.append((now - settling, abs(body.north)))
+            body = advance(body, Actuation(steering, 0.0), (after - now) / SECOND, CAR)
+        thirds = [
+            max(place for at, place in places if first <= at / SECOND / seconds < first + 0.3)
+            for first in (0.35, 0.7)
+        ]
+        return -math.log(thirds[1] / thirds[0]) / (0.35 * seconds)
+
+
+def exactly(body: Body) -> Pose:
+    return Pose(body.east, body.north, body.yaw, body.speed, body.yaw_rate)
+
+
+@pytest.mark.parametrize(
+    ("speed", "control_hz", "imu_hz", "gnss_hz", "seconds"),
+    [
+        (10.0, 50.0, 50.0, 20.0, 24),
+        (30.0, 50.0, 50.0, 20.0, 16),
+        (30.0, 50.0, 50.0, 1.0, 24),
+        (30.0, 50.0, None, 20.0, 9),
+        (30.0, 50.0, 12.5, 12.5, 16),
+        (30.0, 50.0, 10.0, 10.0, 16),  # unstable, from here on
+        (30.0, 50.0, 8.0, 8.0, 12),
+        (30.0, 50.0, 11.0, 11.0, 12),
+        (36.0, 50.0, 12.0, 20.0, 12),
+        (15.0, 50.0, 4.0, 4.0, 4),
+        (60.0, 10.0, None, 20.0, 12),
+    ],
+)
+def test_a_car_that_is_driven_decays_and_diverges_as_computed(
+    speed: float, control_hz: float, imu_hz: float | None, gnss_hz: float, seconds: float
+) -> None:
+    """The nonlinear car, the filter of a vehicle and its law, on both sides of the boundary."""
+    loop = replace(LOOP, control_hz=control_hz, imu_hz=imu_hz, gnss_hz=gnss_hz)
+    computed = sampled_stability(loop, speed)
+    driven = Driven(loop, speed).decay(seconds)
+    assert driven == pytest.approx(computed.decay, rel=0.2, abs=0.1)
+    assert computed.stable == (driven > 0.0)
+
+
+def test_own_state_at_the_rate_of_fixes_is_as_unstable_as_it_was() -> None:
+    """What was seen of convoys whose yaw rate came with their fixes, at those very rates."""
+
+    def stable(rate: float, speed: float) -> bool:
+        loop = replace(LOOP, imu_hz=rate, gnss_hz=rate, filter_gains=OLD)
+        return sampled_stability(loop, speed).stable
+
+    assert stable(6.0, 15.0)
+    assert not stable(5.0, 15.0)
+    assert stable(12.5, 30.0)
+    assert not any(stable(rate, 30.0) for rate in (7.0, 8.0, 9.0))
+    assert stable(20.0, 36.0)
+    assert not any(stable(rate, 36.0) for rate in (8.0, 10.0, 12.5))
+
+
+@pytest.mark.parametrize("speed", [4.0, 10.0, 20.0, 30.0, 36.0])
+@pytest.mark.parametrize("car", [CAR, FULL], ids=["empty", "full"])
+def test_with_an_inertial_sensor_at_the_rate_of_control_any_receiver_will_do(
+    speed: float, car: VehicleParameters
+) -> None:
+    for gnss_hz in (1.0, 2.0, 5.0, 10.0, 20.0):
+        assert sampled_stability(replace(LOOP, parameters=car, gnss_hz=gnss_hz), speed).stable
+
+
+def test_from_the_lowest_stable_rate_on_every_rate_is_stable() -> None:
+    def at(rate: float) -> SampledLoop:
+        return replace(LOOP, imu_hz=rate)
+
+    lowest = lowest_stable_rate(at, 30.0, 50)
+    assert lowest is not None
+    assert not sampled_stability(at(lowest - 1), 30.0).stable
+    for rate in np.linspace(lowest, 50.0, 9):
+        assert sampled_stability(at(round(float(rate))), 30.0).stable
+    assert (
+        lowest_stable_rate(lambda rate: replace(LOOP, control_hz=rate, imu_hz=None), 60.0, 9)
+        is None
+    )
+
+
+def test_faster_cars_need_faster_sensors() -> None:
+    rates = [
+        lowest_stable_rate(lambda rate: replace(LOOP, imu_hz=rate), speed, 50) or 99
+        for speed in (15.0, 30.0)
+    ]
+    assert rates == sorted(rates)
+    assert rates[0] < rates[-1]
+
+
+def test_rates_that_hardly_nest_have_a_period_all_the_same() -> None:
+    stability = sampled_stability(replace(LOOP, gnss_hz=19.9), 20.0)
+    assert stability.period == pytest.approx(10.0)
+    assert stability.decay == pytest.approx(sampled_stability(LOOP, 20.0).decay, abs=0.25)

@@ -1,0 +1,122 @@
+"""Covariance of a pose estimate, and how it grows and shrinks: two small Kalman filters.
+
+In the frame of the body, errors along it and across it are estimated apart from one another: the
+position error is alike in both to begin with, and what they have in common afterwards (a turn of
+the body by half a radian while an error lasts) is left out. All formulas are written out; an error
+is true value minus estimate.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class AlongCovariance:
+    """Of the place along the body (a, m) and the speed's bias (s, m/s); a' = -s (Kalman)."""
+
+    aa: float
+    ss: float
+    sa: float = 0.0
+
+    def grow(self, span: float, density: float) -> None:
+        """Predict over `span` (s), with a random walk of `density` (m²/s) (Kalman)."""
+        self.aa += span * (density + span * self.ss - 2.0 * self.sa)
+        self.sa -= span * self.ss
+
+    def by_place(self, innovation: float, variance: float) -> tuple[float, float]:
+        """Correct by a measured place; returns the corrections of place and bias (Kalman)."""
+        gain, bias_gain = share(self.aa, variance), share(self.sa, variance, self.aa)
+        self.ss = max(self.ss - bias_gain * self.sa, 0.0)
+        self.sa *= 1.0 - gain
+        self.aa *= 1.0 - gain
+        return gain * innovation, bias_gain * innovation
+
+    def by_bias(self, innovation: float, variance: float) -> tuple[float, float]:
+        """Correct by a measured bias; returns the corrections of place and bias (Kalman)."""
+        gain, place_gain = share(self.ss, variance), share(self.sa, variance, self.ss)
+        self.aa = max(self.aa - place_gain * self.sa, 0.0)
+        self.sa *= 1.0 - gain
+        self.ss *= 1.0 - gain
+        return place_gain * innovation, gain * innovation
+
+
+@dataclass(slots=True)
+class AcrossCovariance:
+    """Of the place across the body (c, m), heading (h, rad) and the gyroscope's bias (g, rad/s).
+
+    c' = v h + l h', h' = -g with the speed v and the steady slip per yaw rate l (Kalman).
+    """
+
+    cc: float
+    hh: float
+    gg: float
+    hc: float = 0.0
+    gc: float = 0.0
+    gh: float = 0.0
+
+    def grow(
+        self, span: float, distance: float, slip: float, densities: tuple[float, float]
+    ) -> None:
+        """Predict over `span` (s) and `distance` (m), at `slip` l (m) (Kalman).
+
+        `densities` of the random walks across (m²/s) and of heading (rad²/s).
+        """
+        across, heading = densities[0] * span, densities[1] * span
+        g, gh = -span * (0.5 * distance + slip), self.gh
+        hc = self.hc + distance * self.hh + g * gh
+        gc = self.gc + distance * gh + g * self.gg
+        self.cc += (
+            distance * (self.hc + hc) + g * (self.gc + gc) + across + distance**2 * heading / 3.0
+        )
+        self.hc = hc - span * gc + 0.5 * distance * heading
+        self.gc = gc
+        self.hh += span * (span * self.gg - 2.0 * gh) + heading
+        self.gh = gh - span * self.gg
+
+    def by_place(self, innovation: float, variance: float) -> tuple[float, float, float]:
+        """Correct by a measured place; returns the corrections of place, heading, bias (Kalman)."""
+        c = share(self.cc, variance)
+        h, g = share(self.hc, variance, self.cc), share(self.gc, variance, self.cc)
+        self.hh = max(self.hh - h * self.hc, 0.0)
+        self.gh -= h * self.gc
+        self.gg = max(self.gg - g * self.gc, 0.0)
+        self.hc *= 1.0 - c
+        self.gc *= 1.0 - c
+        self.cc *= 1.0 - c
+        return c * innovation, h * innovation, g * innovation
+
+    def by_heading(self, innovation: float, variance: float) -> tuple[float, float, float]:
+        """Correct by a measured heading; returns as `by_place` (Kalman)."""
+        h = share(self.hh, variance)
+        c, g = share(self.hc, variance, self.hh), share(self.gh, variance, self.hh)
+        self.cc = max(self.cc - c * self.hc, 0.0)
+        self.gc -= c * self.gh
+        self.gg = max(self.gg - g * self.gh, 0.0)
+        self.hc *= 1.0 - h
+        self.gh *= 1.0 - h
+        self.hh *= 1.0 - h
+        return c * innovation, h * innovation, g * innovation
+
+    def by_bias(self, innovation: float, variance: float) -> tuple[float, float, float]:
+        """Correct by a measured bias of the gyroscope; returns as `by_place` (Kalman)."""
+        g = share(self.gg, variance)
+        c, h = share(self.gc, variance, self.gg), share(self.gh, variance, self.gg)
+        self.cc = max(self.cc - c * self.gc, 0.0)
+        self.hc -= c * self.gh
+        self.hh = max(self.hh - h * self.gh, 0.0)
+        self.gc *= 1.0 - g
+        self.gh *= 1.0 - g
+        self.gg *= 1.0 - g
+        return c * innovation, h * innovation, g * innovation
+
+
+def share(covariance: float, noise: float, variance: float | None = None) -> float:
+    """Gain of Kalman's filter: of the innovation of a state with `variance`, measured with `noise`.
+
+    `covariance` is that of the measured state with the one to correct; without `variance` these are
+    one. A measurement without noise of a state that is known exactly is taken over as it is.
+    """
+    own = covariance if variance is None else variance
+    total = own + noise
+    if total > 0.0:
+        return covariance / total
+    return 1.0 if variance is None else 0.0

@@ -1,0 +1,243 @@
+"""Stability of the steered car as it is run: sampled, held, and seen through its filter.
+
+The theory of the paper is continuous: the law knows the state at every instant. A vehicle decides
+at the rate of control and holds the command; its yaw rate comes at the rate of its inertial sensor,
+its place and heading at that of its receiver, and a filter joins them. On a straight at constant
+speed all of this is linear and repeats after a common period of the three rates, so the loop is
+stable exactly if the eigenvalues of its map over that period lie inside the unit circle.
+
+What a follower hears enters nowhere: it says where the path is, not where the car is. A late or
+rare message may bend the path, but cannot make the loop around it unstable.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from math import gcd, inf, log
+
+import numpy as np
+from scipy.linalg import expm, solve_discrete_are
+
+from vehicles.car.dead_reckoning import DriftModel, SlipModel
+from vehicles.car.gnss import GnssNoise
+from vehicles.car.imu import InertialNoise
+from vehicles.car.parameters import Gains, VehicleParameters
+from vehicles.theory.linear_model import Array, open_loop, steering_input
+
+FINEST = 100
+"""Rates are taken to 1/FINEST Hz, so that a common period exists."""
+
+LEAST_NOISE = 1e-6
+"""Noise (m, rad) of a receiver that has none; its fixes are taken over nearly as they are."""
+
+CAR, COMMAND, PLACE, HEADING, SLIP, READING = slice(0, 6), 6, 7, 8, 9, 10
+"""The state: z of `linear_model`, command, and what the filter holds: e_lat, theta~, v_y, and the
+last reading of the yaw rate. Its biases are known by then, and no part of the loop."""
+SIZE = 11
+
+
+@dataclass(frozen=True, slots=True)
+class SampledLoop:
+    """A loop as it is run (Section V-D): rates (Hz) and noises; `imu_hz` None for exact own state.
+
+    `parameters` are the car's, `assumed` those of its estimator. `filter_gains` in place of the
+    stationary ones of Kalman's filter are the shares of place and heading that a fix corrects.
+    """
+
+    parameters: VehicleParameters
+    assumed: VehicleParameters
+    gains: Gains
+    control_hz: float = 50.0
+    imu_hz: float | None = 50.0
+    gnss_hz: float = 20.0
+    gnss: GnssNoise = GnssNoise()  # noqa: RUF009 - frozen
+    imu: InertialNoise = InertialNoise()  # noqa: RUF009 - frozen
+    filter_gains: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SampledStability:
+    """Spectral radius of the map over the common period (s): stable below 1 (Section III-F)."""
+
+    radius: float
+    period: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether errors die out."""
+        return self.radius < 1.0
+
+    @property
+    def decay(self) -> float:
+        """Rate (1/s) at which errors die out, negative where they grow (elementary algebra)."""
+        return -log(self.radius) / self.period if self.radius > 0.0 else inf
+
+
+def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
+    """Spectral radius of the sampled closed loop, eqs. (3), (4), (7), at `speed` (m/s)."""
+    steps = _Steps(loop, speed)
+    total = np.eye(SIZE)
+    for step in steps.over_a_period():
+        total = step @ total
+    if loop.imu_hz is None:
+        total = total[:PLACE, :PLACE]  # there is no filter
+    radius = float(np.max(np.abs(np.linalg.eigvals(total))))
+    return SampledStability(radius, float(steps.period))
+
+
+def lowest_stable_rate(
+    loop_at: Callable[[float], SampledLoop], speed: float, most: int
+) -> int | None:
+    """Lowest whole rate (Hz) such that `loop_at(rate)` is stable from there up to `most`.
+
+    Stability of eqs. (3), (4), (7) as run. It is sought downwards, since below an unstable rate
+    there are others that are stable because all readings happen to come just before a decision.
+    None if the loop is not stable at `most`.
+    """
+    unstable = (
+        rate for rate in range(most, 0, -1) if not sampled_stability(loop_at(rate), speed).stable
+    )
+    lowest = next(unstable, 0) + 1
+    return lowest if lowest <= most else None
+
+
+def stationary_gains(loop: SampledLoop, speed: float) -> Array:
+    """Gains of Kalman's filter on a straight, once biases are known; shape (2, 2).
+
+    Of place (m) and heading (rad), rows, from the innovations of both, columns. Between two fixes
+    errors walk with the densities of `DriftModel`.
+    """
+    if loop.filter_gains is not None:
+        return np.diag(loop.filter_gains)
+    return _stationary_gains(loop.assumed, loop.imu_hz, loop.gnss_hz, loop.gnss, loop.imu, speed)
+
+
+@lru_cache(maxsize=4096)
+def _stationary_gains(  # noqa: PLR0917 - all that they depend on
+    assumed: VehicleParameters,
+    imu_hz: float | None,
+    gnss_hz: float,
+    gnss: GnssNoise,
+    imu: InertialNoise,
+    speed: float,
+) -> Array:
+    if imu_hz is None:
+        return np.eye(2)
+    drift = DriftModel(SlipModel(assumed), imu, imu_hz).at(speed, 0.0)
+    span = 1.0 / gnss_hz
+    distance = speed * span
+    moved = np.array([[1.0, distance], [0.0, 1.0]])
+    across = drift.across + distance**2 * drift.heading / 3.0
+    walk = span * np.array(
+        [[across, 0.5 * distance * drift.heading], [0.5 * distance * drift.heading, drift.heading]]
+    )
+    noise = np.diag([max(gnss.position, LEAST_NOISE) ** 2, max(gnss.heading, LEAST_NOISE) ** 2])
+    predicted = solve_discrete_are(moved.T, np.eye(2), walk, noise)
+    return np.asarray(predicted @ np.linalg.inv(predicted + noise), dtype=np.float64)
+
+
+class _Steps:
+    """The linear maps of one loop at one speed, in the order of a common period."""
+
+    def __init__(self, loop: SampledLoop, speed: float) -> None:
+        self._loop, self._speed = loop, speed
+        rates = [loop.control_hz]
+        if loop.imu_hz is not None:
+            rates += [loop.imu_hz, loop.gnss_hz]
+        self._rates = [
+            max(Fraction(rate).limit_denominator(FINEST), Fraction(1, FINEST)) for rate in rates
+        ]
+        self.period = 1 / _common(self._rates)
+        self._slip = SlipModel(loop.assumed)
+        constant, inverse_speed = open_loop(loop.parameters)
+        self._motion = np.zeros((7, 7))
+        self._motion[CAR, CAR] = constant + inverse_speed / speed
+        self._motion[CAR, COMMAND] = steering_input(loop.parameters)
+        self._flows: dict[Fraction, Array] = {}
+
+    def over_a_period(self) -> Iterator[Array]:
+        """Give the maps of the events and of the time between them, in their order."""
+        instants = sorted(
+            {k / rate for rate in self._rates for k in range(round(self.period * rate))}
+        )
+        # A period ends as it begins, with a reading, so the filter has to come to its first instant
+        # from the last one at which it was moved.
+        estimated_at = self._last_estimated() - self.period
+        for now, after in zip(instants, [*instants[1:], self.period], strict=True):
+            kinds = [(now * rate).denominator == 1 for rate in self._rates]
+            if len(kinds) > 1:
+                if kinds[1] or kinds[2]:
+                    yield self._moved(float(now - estimated_at), read=kinds[1])
+                    estimated_at = now
+                if kinds[2]:
+                    yield self._fixed()
+            if kinds[0]:
+                yield self._decided(float(now - estimated_at))
+            yield self._flow(after - now)
+
+    def _last_estimated(self) -> Fraction:
+        """The last instant of a period at which the filter is told something."""
+        return max((self.period - 1 / rate for rate in self._rates[1:]), default=Fraction(0))
+
+    def _flow(self, span: Fraction) -> Array:
+        if span not in self._flows:
+            flow = np.eye(SIZE)
+            flow[:7, :7] = expm(self._motion * float(span))
+            self._flows[span] = flow
+        return self._flows[span]
+
+    def _moved(self, span: float, *, read: bool) -> Array:
+        """Dead reckoning over `span`, up to a reading or by the last one."""
+        step = np.eye(SIZE)
+        if read:
+            step[READING] = 0.0
+            step[READING, 3] = 1.0
+        if span <= 0.0:
+            return step
+        slip, speed = self._slip, self._speed
+        now = 3 if read else READING
+        turn = np.zeros(SIZE)
+        turn[READING] += 0.5
+        turn[now] += 0.5
+        after = np.zeros(SIZE)
+        after[SLIP] = slip.after(span, speed, (0.0, 0.0), 1.0)
+        after[READING] += slip.after(span, speed, (1.0, 0.0), 0.0)
+        after[now] += slip.after(span, speed, (0.0, 1.0), 0.0)
+        step[SLIP] = after
+        step[HEADING] += span * turn
+        step[PLACE] += 0.5 * speed * span * span * turn + 0.5 * span * after
+        step[PLACE, HEADING] += speed * span
+        step[PLACE, SLIP] += 0.5 * span
+        return step
+
+    def _fixed(self) -> Array:
+        """Correction by a fix."""
+        step, gains = np.eye(SIZE), stationary_gains(self._loop, self._speed)
+        for row, gain in zip((PLACE, HEADING), gains, strict=True):
+            step[row, [PLACE, HEADING]] -= gain
+            step[row, :2] += gain
+        return step
+
+    def _decided(self, span: float) -> Array:
+        """The command from the estimate, or from the state itself."""
+        step, gains = np.eye(SIZE), self._loop.gains
+        row = np.zeros(SIZE)
+        if self._loop.imu_hz is None:
+            row[:4] = gains.lateral, gains.heading, 0.0, gains.yaw_rate
+        else:
+            row[[PLACE, HEADING, READING]] = gains
+            row = row @ self._moved(span, read=False)
+        step[COMMAND] = -row
+        return step
+
+
+def _common(rates: Sequence[Fraction]) -> Fraction:
+    """Greatest rate that divides all of them."""
+    common = rates[0]
+    for rate in rates[1:]:
+        common = Fraction(
+            gcd(common.numerator * rate.denominator, rate.numerator * common.denominator),
+            common.denominator * rate.denominator,
+        )
+    return common
