@@ -4,6 +4,7 @@ decision         what a driver is and what it decides at a control instant
 pose_estimator   where the car is now, from its fixes
 tracking         errors against the trajectory
 steering         from errors to a steering command: the paper's law and others
+command_limit    no command that the wheels cannot follow
 speed            from gaps and profiles to an acceleration
 leader           the lead
 follower         a follower: what it knows of lead and predecessor, and what it makes of it

@@ -6,6 +6,7 @@ from math import isnan, nan
 
 from vehicles.car.dynamics import Actuation
 from vehicles.car.gnss import Fix, from_message
+from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.pose_estimator import Pose, PoseEstimator
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
@@ -44,8 +45,12 @@ class Follower:
         alpha: float,
         fusion: Fusion,
         settings: FitSettings,
+        limit: CommandLimit | None = None,
     ) -> None:
-        """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead."""
+        """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
+
+        `limit` is that of the steering command, if there is one.
+        """
         self._estimator = estimator
         self._controller = controller
         self._speed_law = speed_law
@@ -57,6 +62,7 @@ class Follower:
         # The first follower's predecessor is the lead: one source, whatever the fusion.
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
         self._settings = settings
+        self._limit = limit or CommandLimit()
         self._traces = {name: Trace() for name in (lead, predecessor)}
         self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
         self._along: tuple[tuple[float, Fit], ...] = ()
@@ -94,7 +100,8 @@ class Follower:
         if refit:
             self._mode, self._reason = self._choose_trajectory(now, pose)
             self._gap, self._gap_at = self._measured_gap(now, pose), now
-        errors, steering = self._steer(pose)
+        errors, asked = self._steer(pose)
+        steering = self._limit.held_back(asked)
         ahead = self._vehicles_ahead(now, pose)
         speed = self._speed_law.command(now, pose, ahead)
         return Decision(

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from vehicles.car.dynamics import Actuation
 from vehicles.car.gnss import Fix
+from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.pose_estimator import Pose, PoseEstimator
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
@@ -28,14 +29,16 @@ class Leader:
         control: Cadence,
         path: Path,
         station: float,
+        limit: CommandLimit | None = None,
     ) -> None:
-        """`station` is the arc length at which the lead starts."""
+        """`station` is the arc length at which the lead starts; `limit` that of its steering."""
         self._estimator = estimator
         self._controller = controller
         self._speed_law = speed_law
         self._control = control
         self._path = path
         self._near = station
+        self._limit = limit or CommandLimit()
         self._decision: Decision | None = None
 
     def step(self, now: int, fix: Fix | None, received: Sequence[GpsPose]) -> Decision:  # noqa: ARG002
@@ -49,7 +52,7 @@ class Leader:
             return replace(self._decision, fresh=False)
         pose = self._estimator.at(now)
         errors = self._track(pose)
-        steering = self._controller.steer(errors, pose.speed)
+        steering = self._limit.held_back(self._controller.steer(errors, pose.speed))
         speed = self._speed_law.command(now, pose, VehiclesAhead())
         self._decision = Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
