@@ -115,6 +115,10 @@ class TruePose(_message.Message):
     YAW_RATE_RADPS_FIELD_NUMBER: _builtins.int
     STEERING_RAD_FIELD_NUMBER: _builtins.int
     DISTANCE_M_FIELD_NUMBER: _builtins.int
+    LATERAL_ACCELERATION_MPS2_FIELD_NUMBER: _builtins.int
+    FRONT_SLIP_RAD_FIELD_NUMBER: _builtins.int
+    REAR_SLIP_RAD_FIELD_NUMBER: _builtins.int
+    FRICTION_RATIO_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     true_at_ns: _builtins.int
@@ -126,6 +130,10 @@ class TruePose(_message.Message):
     yaw_rate_radps: _builtins.float
     steering_rad: _builtins.float
     distance_m: _builtins.float
+    lateral_acceleration_mps2: _builtins.float
+    front_slip_rad: _builtins.float
+    rear_slip_rad: _builtins.float
+    friction_ratio: _builtins.float
     def __init__(
         self,
         *,
@@ -140,19 +148,31 @@ class TruePose(_message.Message):
         yaw_rate_radps: _builtins.float | None = ...,
         steering_rad: _builtins.float | None = ...,
         distance_m: _builtins.float | None = ...,
+        lateral_acceleration_mps2: _builtins.float | None = ...,
+        front_slip_rad: _builtins.float | None = ...,
+        rear_slip_rad: _builtins.float | None = ...,
+        friction_ratio: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_distance_m", b"_distance_m", "_east_m", b"_east_m", "_lateral_speed_mps", b"_lateral_speed_mps", "_north_m", b"_north_m", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_steering_rad", b"_steering_rad", "_true_at_ns", b"_true_at_ns", "_vehicle", b"_vehicle", "_yaw_rad", b"_yaw_rad", "_yaw_rate_radps", b"_yaw_rate_radps", "distance_m", b"distance_m", "east_m", b"east_m", "lateral_speed_mps", b"lateral_speed_mps", "north_m", b"north_m", "seq", b"seq", "speed_mps", b"speed_mps", "steering_rad", b"steering_rad", "true_at_ns", b"true_at_ns", "vehicle", b"vehicle", "yaw_rad", b"yaw_rad", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_distance_m", b"_distance_m", "_east_m", b"_east_m", "_friction_ratio", b"_friction_ratio", "_front_slip_rad", b"_front_slip_rad", "_lateral_acceleration_mps2", b"_lateral_acceleration_mps2", "_lateral_speed_mps", b"_lateral_speed_mps", "_north_m", b"_north_m", "_rear_slip_rad", b"_rear_slip_rad", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_steering_rad", b"_steering_rad", "_true_at_ns", b"_true_at_ns", "_vehicle", b"_vehicle", "_yaw_rad", b"_yaw_rad", "_yaw_rate_radps", b"_yaw_rate_radps", "distance_m", b"distance_m", "east_m", b"east_m", "friction_ratio", b"friction_ratio", "front_slip_rad", b"front_slip_rad", "lateral_acceleration_mps2", b"lateral_acceleration_mps2", "lateral_speed_mps", b"lateral_speed_mps", "north_m", b"north_m", "rear_slip_rad", b"rear_slip_rad", "seq", b"seq", "speed_mps", b"speed_mps", "steering_rad", b"steering_rad", "true_at_ns", b"true_at_ns", "vehicle", b"vehicle", "yaw_rad", b"yaw_rad", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_distance_m", b"_distance_m", "_east_m", b"_east_m", "_lateral_speed_mps", b"_lateral_speed_mps", "_north_m", b"_north_m", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_steering_rad", b"_steering_rad", "_true_at_ns", b"_true_at_ns", "_vehicle", b"_vehicle", "_yaw_rad", b"_yaw_rad", "_yaw_rate_radps", b"_yaw_rate_radps", "distance_m", b"distance_m", "east_m", b"east_m", "lateral_speed_mps", b"lateral_speed_mps", "north_m", b"north_m", "seq", b"seq", "speed_mps", b"speed_mps", "steering_rad", b"steering_rad", "true_at_ns", b"true_at_ns", "vehicle", b"vehicle", "yaw_rad", b"yaw_rad", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_distance_m", b"_distance_m", "_east_m", b"_east_m", "_friction_ratio", b"_friction_ratio", "_front_slip_rad", b"_front_slip_rad", "_lateral_acceleration_mps2", b"_lateral_acceleration_mps2", "_lateral_speed_mps", b"_lateral_speed_mps", "_north_m", b"_north_m", "_rear_slip_rad", b"_rear_slip_rad", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_steering_rad", b"_steering_rad", "_true_at_ns", b"_true_at_ns", "_vehicle", b"_vehicle", "_yaw_rad", b"_yaw_rad", "_yaw_rate_radps", b"_yaw_rate_radps", "distance_m", b"distance_m", "east_m", b"east_m", "friction_ratio", b"friction_ratio", "front_slip_rad", b"front_slip_rad", "lateral_acceleration_mps2", b"lateral_acceleration_mps2", "lateral_speed_mps", b"lateral_speed_mps", "north_m", b"north_m", "rear_slip_rad", b"rear_slip_rad", "seq", b"seq", "speed_mps", b"speed_mps", "steering_rad", b"steering_rad", "true_at_ns", b"true_at_ns", "vehicle", b"vehicle", "yaw_rad", b"yaw_rad", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__distance_m: _TypeAlias = _typing.Literal["distance_m"]  # noqa: Y015
     _WhichOneofArgType__distance_m: _TypeAlias = _typing.Literal["_distance_m", b"_distance_m"]  # noqa: Y015
     _WhichOneofReturnType__east_m: _TypeAlias = _typing.Literal["east_m"]  # noqa: Y015
     _WhichOneofArgType__east_m: _TypeAlias = _typing.Literal["_east_m", b"_east_m"]  # noqa: Y015
+    _WhichOneofReturnType__friction_ratio: _TypeAlias = _typing.Literal["friction_ratio"]  # noqa: Y015
+    _WhichOneofArgType__friction_ratio: _TypeAlias = _typing.Literal["_friction_ratio", b"_friction_ratio"]  # noqa: Y015
+    _WhichOneofReturnType__front_slip_rad: _TypeAlias = _typing.Literal["front_slip_rad"]  # noqa: Y015
+    _WhichOneofArgType__front_slip_rad: _TypeAlias = _typing.Literal["_front_slip_rad", b"_front_slip_rad"]  # noqa: Y015
+    _WhichOneofReturnType__lateral_acceleration_mps2: _TypeAlias = _typing.Literal["lateral_acceleration_mps2"]  # noqa: Y015
+    _WhichOneofArgType__lateral_acceleration_mps2: _TypeAlias = _typing.Literal["_lateral_acceleration_mps2", b"_lateral_acceleration_mps2"]  # noqa: Y015
     _WhichOneofReturnType__lateral_speed_mps: _TypeAlias = _typing.Literal["lateral_speed_mps"]  # noqa: Y015
     _WhichOneofArgType__lateral_speed_mps: _TypeAlias = _typing.Literal["_lateral_speed_mps", b"_lateral_speed_mps"]  # noqa: Y015
     _WhichOneofReturnType__north_m: _TypeAlias = _typing.Literal["north_m"]  # noqa: Y015
     _WhichOneofArgType__north_m: _TypeAlias = _typing.Literal["_north_m", b"_north_m"]  # noqa: Y015
+    _WhichOneofReturnType__rear_slip_rad: _TypeAlias = _typing.Literal["rear_slip_rad"]  # noqa: Y015
+    _WhichOneofArgType__rear_slip_rad: _TypeAlias = _typing.Literal["_rear_slip_rad", b"_rear_slip_rad"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__speed_mps: _TypeAlias = _typing.Literal["speed_mps"]  # noqa: Y015
@@ -172,9 +192,17 @@ class TruePose(_message.Message):
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__east_m) -> _WhichOneofReturnType__east_m | None: ...
     @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__friction_ratio) -> _WhichOneofReturnType__friction_ratio | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__front_slip_rad) -> _WhichOneofReturnType__front_slip_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lateral_acceleration_mps2) -> _WhichOneofReturnType__lateral_acceleration_mps2 | None: ...
+    @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__lateral_speed_mps) -> _WhichOneofReturnType__lateral_speed_mps | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__north_m) -> _WhichOneofReturnType__north_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__rear_slip_rad) -> _WhichOneofReturnType__rear_slip_rad | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload

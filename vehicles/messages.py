@@ -39,7 +39,12 @@ class GpsPose:
 
 @dataclass(slots=True, kw_only=True)
 class TruePose:
-    """The state of the simulated car, which only the log and the viewer may see."""
+    """The state of the simulated car, which only the log and the viewer may see.
+
+    What its tyres do follows from the state and the acceleration asked for: slip angles of the
+    axles, negative in a left turn, and the share of the friction that the busier axle uses, which
+    only linear tyres carry beyond 1.
+    """
 
     vehicle: str
     seq: int
@@ -52,6 +57,10 @@ class TruePose:
     yaw_rate_radps: float
     steering_rad: float
     distance_m: float
+    lateral_acceleration_mps2: float
+    front_slip_rad: float
+    rear_slip_rad: float
+    friction_ratio: float
 
 
 @dataclass(slots=True, kw_only=True)

@@ -28,6 +28,7 @@ NAMES: dict[EventKind, tuple[str, str]] = {
     "near_miss": ("near miss", "near misses"),
     "lane_departure": ("lane departure", "lane departures"),
     "path_lost": ("path lost", "paths lost"),
+    "slide": ("slide", "slides"),
 }
 """Kinds of events, one and several."""
 FIGURES = {
@@ -35,6 +36,8 @@ FIGURES = {
     "gap_m_min": "gap {:.2f} m",
     "time_to_collision_s_min": "{:.1f} s from a collision",
     "excess_m_max": "at most {:.2f} m beyond the edge",
+    "friction_ratio_max": "{:.2f} of the friction",
+    "slip_rad_max": "slip up to {:.2f} rad",
     "duration_s": "for {:.1f} s",
 }
 """Figures of events in words."""
@@ -77,6 +80,7 @@ def vehicle_table(summary: RunSummary) -> Table:
         "believed\nerror cm\nmax / rms",
         "difference\nof errors\ncm, max",
         "believed\ngap m\nmin",
+        "sideways\nm/s², % of\nfriction",
     ):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in summary.vehicles:
@@ -87,8 +91,13 @@ def vehicle_table(summary: RunSummary) -> Table:
             _pair_cm(row.lateral_error_m_max, row.lateral_error_m_rms),
             _figure(row.believed_minus_true_error_m_max, 100.0),
             _figure(row.gap_m_min),
+            _grip(row.lateral_acceleration_mps2_max, row.friction_ratio_max),
         )
     return table
+
+
+def _grip(across: float | None, share: float | None) -> str:
+    return "-" if across is None or share is None else f"{across:.1f} / {share * 100:.0f}"
 
 
 def process_table(summary: RunSummary) -> Table:

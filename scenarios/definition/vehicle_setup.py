@@ -84,7 +84,10 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
 
 
 def _car(table: ParametersTable) -> VehicleParameters:
-    """Return the empty car: the paper's, with the keys that the scenario gives."""
+    """Return the empty car: the paper's, with the keys that the scenario gives.
+
+    Its tyres and its steering rate are the scenario's in any case.
+    """
     given = {
         "mass": table.mass_kg,
         "yaw_inertia": table.yaw_inertia_kgm2,
@@ -98,7 +101,14 @@ def _car(table: ParametersTable) -> VehicleParameters:
         "length": table.length_m,
         "width": table.width_m,
     }
-    return replace(LINCOLN_MKZ, **{key: value for key, value in given.items() if value is not None})
+    rate = table.steering_rate_limit_radps
+    return replace(
+        LINCOLN_MKZ,
+        steering_rate_limit=math.inf if rate == "none" else rate,
+        tyres=table.tyres,
+        friction=table.friction_ratio,
+        **{key: value for key, value in given.items() if value is not None},
+    )
 
 
 def _loading(table: LoadingTable) -> Loading:

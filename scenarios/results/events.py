@@ -1,8 +1,8 @@
 """What happened on the road that must not pass unseen, from the true poses and the modes.
 
-A collision, a near miss, a departure from the lane, a path lost: found message by message, live, in
-virtual time or from a log. The messages of each vehicle come in order; how those of different
-vehicles are mixed does not matter.
+A collision, a near miss, a departure from the lane, a path lost, a slide: found message by
+message, live, in virtual time or from a log. The messages of each vehicle come in order; how those
+of different vehicles are mixed does not matter.
 """
 
 from collections import defaultdict
@@ -14,6 +14,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import EventsTable
 from scenarios.results.bodies import BodySize, body_of, corners
 from scenarios.results.encounters import Encounters, Episode, EventKind
+from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING, CrossTrackError
 from vehicles.messages import Level, Tracking, TruePose
 from vehicles.schedule import SECOND, nanoseconds
@@ -70,11 +71,16 @@ def _path_lost(event: RunEvent) -> str:
     return f"path lost: {event.vehicles[0]} receives too little to steer along"
 
 
+def _slide(event: RunEvent) -> str:
+    return f"slide: {event.vehicles[0]} has no more friction to steer by"
+
+
 WHAT: Mapping[EventKind, Callable[[RunEvent], str]] = {
     "collision": _collision,
     "near_miss": _near_miss,
     "lane_departure": _lane_departure,
     "path_lost": _path_lost,
+    "slide": _slide,
 }
 
 
@@ -175,6 +181,28 @@ class PathWatch:
             yield episode
 
 
+class SlideWatch:
+    """Vehicles an axle of which uses all the friction that there is, or with linear tyres more."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, Episode] = {}
+
+    def add(self, pose: TruePose) -> Iterator[Episode]:
+        """Take a pose; gives each slide as it begins."""
+        if pose.friction_ratio < SLIDING_SHARE:
+            return
+        name, at = pose.vehicle, pose.true_at_ns
+        episode = self._open.get(name)
+        if episode is None or episode.is_over(at):
+            place = (pose.east_m, pose.north_m)
+            episode = self._open[name] = Episode("slide", (name,), at, at, place=place)
+            yield episode
+        episode.until_ns = at
+        episode.most("slip_rad_max", max(abs(pose.front_slip_rad), abs(pose.rear_slip_rad)))
+        episode.most("friction_ratio_max", pose.friction_ratio)
+        episode.most("duration_s", (at - episode.at_ns) / SECOND)
+
+
 class EventDetector:
     """Finds the events of a run; `encounters` holds the true gaps beside.
 
@@ -194,6 +222,7 @@ class EventDetector:
         )
         self._lane = LaneWatch(sizes, rules.lane_width_m, road_yaw)
         self._path = PathWatch(rules.path_lost_s)
+        self._slide = SlideWatch()
         self._found: list[Episode] = []
         self._told = 0
         self._places: dict[str, tuple[float, float]] = {}
@@ -212,6 +241,7 @@ class EventDetector:
         if met := self.encounters.add(pose):
             self.collisions += sum(episode.kind == "collision" for episode in met)
             self._found += met
+        self._found += self._slide.add(pose)
         for episode in self._lane.add(pose):  # as it begins
             episode.place = self._places[episode.vehicles[0]]
             self._found.append(episode)

@@ -86,6 +86,11 @@ class VehicleFigures:
     mode: str = ""
     lateral_error: Extremes = field(default_factory=Extremes)
     heading_error: Extremes = field(default_factory=Extremes)
+    lateral_acceleration: Extremes = field(default_factory=Extremes)
+    front_slip: Extremes = field(default_factory=Extremes)
+    rear_slip: Extremes = field(default_factory=Extremes)
+    friction: Extremes = field(default_factory=Extremes)
+    sliding: int = 0
     cross_track_error: Extremes = field(default_factory=Extremes)
     belief: BelievedErrors = field(default_factory=BelievedErrors)
     gap_min: float = inf

@@ -28,7 +28,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "ran_s": "driven",
         "recorder_rejected_messages": "what the recorder refused, by reason",
         "warnings": "who refused a hundred messages of whom, or ten times as many, because of their"
-        " stamps",
+        " stamps; whose tyres left their linear range, first when",
     },
     "vehicles": {
         "name": "of the vehicle, in the order of the convoy",
@@ -54,6 +54,12 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "gap_m_min": "smallest gap to the vehicle ahead as it believes it, between centres of mass"
         " along the path",
         "distance_m": "distance driven",
+        "lateral_acceleration_mps2_max": "largest, across the body, to either side",
+        "front_slip_rad_max": "largest slip angle of the front axle, to either side",
+        "rear_slip_rad_max": "largest slip angle of the rear axle, to either side",
+        "friction_ratio_max": "largest share of the friction that an axle used; linear tyres carry"
+        " more than 1",
+        "sliding_s": "how long an axle used all of it, or more",
         "ticks_by_mode": "how often it steered along what: composite, one source, coast, ...",
         "ticks": "instants of its schedule, for control or GNSS, that it went through",
         "late_ticks": "ticks that began more than half a control period late",
@@ -77,11 +83,11 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "latency_ms_max": "achieved",
     },
     "events": {
-        "kind": "collision, near_miss, lane_departure or path_lost",
+        "kind": "collision, near_miss, lane_departure, path_lost or slide",
         "at_s": "when it began",
         "vehicles": "who, in the order of the convoy",
         "figures": "closing_speed_mps; gap_m_min, time_to_collision_s_min; excess_m_max,"
-        " duration_s",
+        " duration_s; friction_ratio_max, slip_rad_max, duration_s",
     },
     "holes": {
         "vehicle": "whose poses were sent and not recorded; all figures are of what was recorded",

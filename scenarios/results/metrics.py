@@ -11,13 +11,14 @@ from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.bodies import BodySize
 from scenarios.results.deviations import Deviations
 from scenarios.results.events import EventDetector, detector_of
-from scenarios.results.figures import LinkFigures, VehicleFigures
+from scenarios.results.figures import Extremes, LinkFigures, VehicleFigures
 from scenarios.results.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.summary import LinkSummary, VehicleSummary
 from transport.links.gate import CLOCKS_DIFFER
 from transport.reasons import counts_as_loss
 from transport.topics import TOPIC_OF, valid_at
 from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.car.tyres import SLIDING_SHARE, linear_range
 from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.messages import (
     GpsPose,
@@ -54,12 +55,14 @@ class Metrics:
         rates_hz: Mapping[str, float] | None = None,
         control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
         duration_ns: int = 0,
+        linear_slips: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
 
         `road_yaw` (rad) is the direction of the road on which the convoy starts; `rates_hz` are
-        those of the receivers, `duration_ns` is as planned. Without a detector of events, usual
-        cars and thresholds.
+        those of the receivers, `duration_ns` is as planned; `linear_slips` are the slip angles
+        (rad) of front and rear axle up to which each vehicle's tyres are linear. Without a detector
+        of events, usual cars and thresholds.
         """
         self._names = list(vehicles)
         self._requested = requested
@@ -71,6 +74,9 @@ class Metrics:
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
         )
         self.warnings: list[str] = []
+        self.out_of_linear: dict[str, str] = {}
+        self._told_of_linear = 0
+        self._linear_slips = linear_slips or dict.fromkeys(vehicles, linear_range(LINCOLN_MKZ))
         self.vehicles = {name: VehicleFigures() for name in vehicles}
         self.links: defaultdict[tuple[str, str], LinkFigures] = defaultdict(LinkFigures)
         self._cross_track_error = CrossTrackError(self._names[0], road_yaw, self._names[1:])
@@ -95,6 +101,10 @@ class Metrics:
             rates_hz={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},
             control_rate_hz=scenario.control_rate_hz,
             duration_ns=nanoseconds(scenario.duration_s),
+            linear_slips={
+                name: linear_range(scenario.vehicle(name).parameters)
+                for name in scenario.vehicle_names
+            },
         )
 
     @property
@@ -122,6 +132,7 @@ class Metrics:
     def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
         figures.distance, figures.speed = pose.distance_m, pose.speed_mps
         figures.true_numbers.add(pose.seq)
+        self._add_tyres(figures, pose)
         for foot in self._cross_track_error.add(pose):
             self._add_foot(self.vehicles[foot.vehicle], foot)
         self.events.add_truth(pose)
@@ -130,6 +141,32 @@ class Metrics:
             gap = gaps.get(name)
             if gap is not None and gap.now_at_ns == pose.true_at_ns:
                 self.deviations.add_gap(name, gap.now_at_ns, gap.now_m)
+
+    def _add_tyres(self, figures: VehicleFigures, pose: TruePose) -> None:
+        figures.lateral_acceleration.add(pose.lateral_acceleration_mps2)
+        figures.front_slip.add(pose.front_slip_rad)
+        figures.rear_slip.add(pose.rear_slip_rad)
+        figures.friction.add(pose.friction_ratio)
+        figures.sliding += pose.friction_ratio >= SLIDING_SHARE
+        name, (front, rear) = pose.vehicle, self._linear_slips[pose.vehicle]
+        left = abs(pose.front_slip_rad) > front or abs(pose.rear_slip_rad) > rear
+        if left and name not in self.out_of_linear:
+            self.out_of_linear[name] = self._out_of_linear(pose, front, rear)
+
+    def _out_of_linear(self, pose: TruePose, front: float, rear: float) -> str:
+        after_s = self.events.seconds(pose.true_at_ns)
+        return (
+            f"{pose.vehicle}: its tyres left their linear range, up to {front:.4f} rad of slip in "
+            f"front and {rear:.4f} rad behind, {after_s:.2f} s after the start"
+        )
+
+    def news(self) -> list[str]:
+        """Lines about tyres that left their linear range since the last call."""
+        if self._told_of_linear == len(self.out_of_linear):
+            return []
+        new = list(self.out_of_linear.values())[self._told_of_linear :]
+        self._told_of_linear = len(self.out_of_linear)
+        return new
 
     def _add_foot(self, figures: VehicleFigures, foot: CrossTrack) -> None:
         figures.cross_track_error.add(foot.lateral, foot.at_ns)
@@ -252,6 +289,11 @@ class Metrics:
             true_gap_min_at_s=seconds(gap.min_at_ns) if gap and known else None,
             gap_m_min=figures.gap_min if isfinite(figures.gap_min) else None,
             distance_m=figures.distance,
+            lateral_acceleration_mps2_max=_largest(figures.lateral_acceleration),
+            front_slip_rad_max=_largest(figures.front_slip),
+            rear_slip_rad_max=_largest(figures.rear_slip),
+            friction_ratio_max=_largest(figures.friction),
+            sliding_s=figures.sliding / self._control_rate_hz if figures.friction.count else None,
             ticks_by_mode=dict(sorted(figures.modes.items())),
             ticks=health.ticks if health else 0,
             late_ticks=health.late_ticks if health else 0,
@@ -282,3 +324,8 @@ class Metrics:
             else 0.0,
             latency_ms_max=figures.latency_ns_max / MILLISECOND,
         )
+
+
+def _largest(values: Extremes) -> float | None:
+    """Largest magnitude, None where nothing was recorded."""
+    return values.largest if values.count else None

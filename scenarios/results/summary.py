@@ -107,6 +107,11 @@ class VehicleSummary:
     true_gap_min_at_s: float | None = None
     gap_m_min: float | None
     distance_m: float
+    lateral_acceleration_mps2_max: float | None = None
+    front_slip_rad_max: float | None = None
+    rear_slip_rad_max: float | None = None
+    friction_ratio_max: float | None = None
+    sliding_s: float | None = None
     ticks_by_mode: Mapping[str, int]
     ticks: int
     late_ticks: int

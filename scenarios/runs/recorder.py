@@ -179,6 +179,8 @@ class Recorder:
         self.say_news(at)
 
     def say_news(self, at: int) -> None:
-        """Write a line for each event on the road that has been found since."""
+        """Write a line for each event on the road, and each warning, that has been found since."""
+        for line in self._metrics.news():
+            self.say(at, line, "warning")
         for event in self._metrics.events.news():
             self.say(at, event.line, event.level)

@@ -26,7 +26,7 @@ from rerun.blueprint import encodings
 from transport.colours import Colour
 from transport.picture.link_states import LATE, LOSSES, OK, SILENT
 
-Shape = Literal["Asterisk", "Diamond", "Square", "Up"]
+Shape = Literal["Asterisk", "Diamond", "Down", "Square", "Up"]
 Road = tuple[Sequence[float], Sequence[float]]
 """East and north of the lead's path, m."""
 TIMELINE = "run_time"
@@ -74,6 +74,7 @@ STATES = {
 """Colours of states: of a link over half a second, of its single messages, and of what a vehicle
 steers along. They are dark, and so apart from the colours of the cars."""
 EVENTS: dict[str, tuple[Colour, Shape, float]] = {
+    "slide": ((0x00, 0xFF, 0xFF), "Down", 5.0),
     "path_lost": ((0x00, 0xFF, 0x00), "Square", 4.0),
     "lane_departure": ((0xFF, 0x00, 0xFF), "Up", 7.0),
     "near_miss": ((0xFF, 0xFF, 0x00), "Diamond", 7.0),

@@ -1,6 +1,9 @@
 """The car: what it is made of, how it moves, and how it measures itself.
 
 parameters       masses, tyres, axles, steering; load; feedback gains
+tyres            slip angles, forces that saturate, the share of friction in use
+integration      what the motions on both kinds of tyres share
+brush_motion     the single-track model on tyres that saturate: a car that can slide
 dynamics         the single-track model with steering actuation, integrated
 gnss             the GNSS receiver, and its fixes as messages and back
 imu              gyroscope and wheel speed, or exact knowledge of the car

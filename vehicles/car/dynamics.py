@@ -2,13 +2,14 @@
 
 Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
 second-order actuation of eq. (4), position by integrating the body's velocity. World frame:
-east-north, yaw counter-clockwise from east; left is positive. SI units.
+east-north, yaw counter-clockwise from east; left is positive. SI units. So with linear tyres; on
+such as saturate the car moves as `brush_motion` says.
 
 Integration: Runge-Kutta of order 4 with the command held over the span, in sub-steps h with
 h * rate <= STEP_PER_RATE, where `rate` is the fastest of the tyres' and the steering's. Stated
 tolerance: over an emergency lane change in spans of 20 ms the path stays within 0.005 mm of the
 exact solution; after a steering step of 0.05 rad lateral speed (m/s) and yaw rate (rad/s) are
-within 4e-4 of it.
+within 4e-4 of it. While the steering turns as fast as it can its angle is within 1e-4 rad.
 
 Below WALKING_PACE the tyres' 1/v would make the equations arbitrarily stiff. There the lateral
 speed and yaw rate relax, as fast as they do at WALKING_PACE (some 5 ms), to the steady state that
@@ -19,18 +20,22 @@ single-track model. The right-hand side is continuous in v, so nothing jumps at 
 import math
 from dataclasses import dataclass
 
+from vehicles.car import brush_motion
+from vehicles.car.integration import (
+    STEP_PER_RATE,
+    Four,
+    actuator,
+    is_at_rate_limit,
+    moved,
+    steps_for_steering,
+    stopped_at_limits,
+)
 from vehicles.car.parameters import VehicleParameters
-
-WALKING_PACE = 2.0
-"""Speed (m/s) below which the quasi-steady limit holds."""
+from vehicles.car.tyres import WALKING_PACE
 
 FASTEST_SLIDE = 1000.0
 """Lateral speed (m/s) beyond which the linear tyres of an unstable car have long lost all sense."""
 
-STEP_PER_RATE = 0.45
-"""Longest sub-step in units of the fastest time constant."""
-
-_Four = tuple[float, float, float, float]
 _Lateral = tuple[float, float, float, float, float, float]
 _Tyres = tuple[float, float, float, float, float, float]
 
@@ -94,11 +99,36 @@ def advance(
     acceleration = actuation.acceleration
     command = min(max(actuation.steering, -parameters.steering_limit), parameters.steering_limit)
     final_speed = body.speed + acceleration * span
+    if parameters.tyres == "brush":
+        held = Actuation(command, acceleration)
+        return _advance_on_brushes(body, held, span, parameters, substeps)
     if final_speed >= 0.0:
         return _integrate(body, command, final_speed, span, parameters, substeps=substeps)
     rolling = -body.speed / acceleration
     stopped = _integrate(body, command, 0.0, rolling, parameters, substeps=substeps)
     return _integrate(stopped, command, 0.0, span - rolling, parameters, substeps=substeps)
+
+
+def _advance_on_brushes(
+    body: Body, held: Actuation, span: float, p: VehicleParameters, substeps: int | None
+) -> Body:
+    """Advance on tyres that saturate."""
+    if span <= 0.0:
+        return body
+    # A slide changes the speed by the turn of the body as well.
+    gained = span * (held.acceleration + body.yaw_rate * body.lateral_speed)
+    slowest = max(min(body.speed, body.speed + gained), WALKING_PACE)
+    place, state = brush_motion.move(
+        (body.east, body.north, body.yaw, body.distance),
+        (body.speed, body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate),
+        command=held.steering,
+        acceleration=held.acceleration,
+        span=span,
+        parameters=p,
+        fastest=_fastest_rate(slowest, _tyres(p), p),
+        substeps=substeps,
+    )
+    return Body(place[0], place[1], place[2], *state, place[3])
 
 
 def _tyres(p: VehicleParameters) -> _Tyres:
@@ -167,7 +197,10 @@ def _integrate(
     if span <= 0.0:
         return body
     tyres = _tyres(p)
-    count = substeps or _substeps(min(body.speed, final_speed), span, tyres, p)
+    near_limit = steps_for_steering(span, command - body.steering, body.steering_rate, p)
+    slowest = min(body.speed, final_speed)
+    count = substeps or max(_substeps(slowest, span, tyres, p), near_limit)
+    free = actuator(p)
     place = (body.east, body.north, body.yaw, body.distance)
     state = (body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate)
     speed, change = body.speed, (final_speed - body.speed) / count
@@ -178,11 +211,13 @@ def _integrate(
         if change != 0.0:
             middle = _lateral_rates(speeds[1], tyres, p)
             after = _lateral_rates(faster, tyres, p)
+        held = near_limit and is_at_rate_limit(command - state[2], state[3], p)
         place, state = _step(
-            place, state, speeds, (before, middle, after), command=command, h=span / count, p=p
-        )
-        if abs(state[2]) > p.steering_limit:  # the rack's end stop
-            state = (state[0], state[1], math.copysign(p.steering_limit, state[2]), 0.0)
+            place, state, speeds, (before, middle, after), command=command, h=span / count,
+            actuation=(0.0, 0.0) if held else free,
+        )  # fmt: skip
+        if abs(state[2]) > p.steering_limit or abs(state[3]) > p.steering_rate_limit:
+            state = (state[0], state[1], *stopped_at_limits(state[2], state[3], p))
         speed, before = faster, after
     if not abs(state[0]) < FASTEST_SLIDE:
         raise OutOfModelError(f"the car spins: it is unstable at {final_speed:.1f} m/s")
@@ -190,23 +225,22 @@ def _integrate(
 
 
 def _step(
-    place: _Four,
-    state: _Four,
+    place: Four,
+    state: Four,
     speeds: tuple[float, float, float],
     rates: tuple[_Lateral, _Lateral, _Lateral],
     *,
     command: float,
     h: float,
-    p: VehicleParameters,
-) -> tuple[_Four, _Four]:
+    actuation: tuple[float, float],
+) -> tuple[Four, Four]:
     """One Runge-Kutta step, written out because every run spends its time here.
 
     `place` is (east, north, yaw, distance), `state` is (lateral speed, yaw rate, steering,
     steering rate); speeds and rates are those at the start, the middle and the end of the step.
     The derivative of the four state variables at stage i is (ai, bi, wi, di).
     """
-    square = p.steering_frequency * p.steering_frequency
-    damping = 2.0 * p.steering_damping * p.steering_frequency
+    square, damping = actuation
     (y1, r1, s1, w1), half = state, 0.5 * h
 
     vv, vr, vs, rv, rr, rs = rates[0]
@@ -228,35 +262,10 @@ def _step(
     d4 = square * (command - s4) - damping * w4
 
     sixth = h / 6.0
-    moved = _move(place, speeds, (y1, y2, y3, y4), (r1, r2, r3, r4), h)
-    return moved, (
+    (v1, v2, v4) = speeds
+    return moved(place, (v1, v2, v2, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
         y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
         r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
         s1 + sixth * (w1 + 2.0 * (w2 + w3) + w4),
         w1 + sixth * (d1 + 2.0 * (d2 + d3) + d4),
-    )
-
-
-def _move(
-    place: _Four, speeds: tuple[float, float, float], sideways: _Four, turning: _Four, h: float
-) -> _Four:
-    """Move the place on by one step, from the stages of lateral speed and yaw rate."""
-    east, north, yaw, distance = place
-    (v1, v2, v4), (y1, y2, y3, y4), (r1, r2, r3, r4) = speeds, sideways, turning
-    cos, sin, sqrt, half = math.cos, math.sin, math.sqrt, 0.5 * h
-    q2, q3, q4 = yaw + half * r1, yaw + half * r2, yaw + h * r3
-    k1, k2, k3, k4 = cos(yaw), cos(q2), cos(q3), cos(q4)
-    z1, z2, z3, z4 = sin(yaw), sin(q2), sin(q3), sin(q4)
-    sixth = h / 6.0
-    eastward = (v1 * k1 - y1 * z1) + (v4 * k4 - y4 * z4)
-    eastward += 2.0 * ((v2 * k2 - y2 * z2) + (v2 * k3 - y3 * z3))
-    northward = (v1 * z1 + y1 * k1) + (v4 * z4 + y4 * k4)
-    northward += 2.0 * ((v2 * z2 + y2 * k2) + (v2 * z3 + y3 * k3))
-    along = sqrt(v1 * v1 + y1 * y1) + sqrt(v4 * v4 + y4 * y4)
-    along += 2.0 * (sqrt(v2 * v2 + y2 * y2) + sqrt(v2 * v2 + y3 * y3))
-    return (
-        east + sixth * eastward,
-        north + sixth * northward,
-        yaw + sixth * (r1 + 2.0 * (r2 + r3) + r4),
-        distance + sixth * along,
     )

@@ -6,7 +6,10 @@ an axle into one, so a cornering stiffness is that of a whole axle.
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
+
+TyreModel = Literal["linear", "brush"]
+"""The paper's linear tyres, or such as saturate; see `tyres`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +19,9 @@ class VehicleParameters:
     mass (kg) and yaw_inertia (kg m²) of the whole car; cornering stiffnesses (N/rad) per axle;
     axle distances (m) from the centre of mass; steering_frequency (rad/s) and steering_damping
     (ratio) of the second-order actuation, paper eq. (4); steering_limit (rad) at the road wheels;
-    length and width (m) of the body, for gaps and pictures only.
+    length and width (m) of the body, for gaps and pictures only; steering_rate_limit (rad/s) at the
+    road wheels, which may be infinite; the tyre model and the friction coefficient (ratio) between
+    tyres and road, which the linear model does without.
     """
 
     mass: float
@@ -30,11 +35,19 @@ class VehicleParameters:
     steering_limit: float
     length: float
     width: float
+    steering_rate_limit: float = math.inf
+    tyres: TyreModel = "linear"
+    friction: float = 0.9
 
     def __post_init__(self) -> None:
+        if self.tyres not in get_args(TyreModel):
+            raise ValueError(f"tyres must be one of {get_args(TyreModel)}, not {self.tyres!r}")
         for field in fields(self):
+            if field.name == "tyres":
+                continue
             value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0.0):
+            endless = field.name == "steering_rate_limit" and value == math.inf
+            if not (endless or (math.isfinite(value) and value > 0.0)):
                 raise ValueError(f"{field.name} must be a positive number, not {value}")
 
     @property
@@ -77,8 +90,9 @@ LINCOLN_MKZ = VehicleParameters(
     length=4.93,
     width=1.86,
 )
-"""The paper's Table I. The steering limit (8 rad at the wheel over a ratio of 14.8) and the body's
-size are not in the paper: they are those of the production car."""
+"""The paper's Table I, with its linear tyres and no limit of the steering rate. The steering limit
+(8 rad at the wheel over a ratio of 14.8) and the body's size are not in the paper: they are those
+of the production car."""
 
 
 class Gains(NamedTuple):

@@ -6,6 +6,7 @@ pose_estimator   where the car is now, from its sensors: a Kalman filter
 covariance       how wrong that may be
 tracking         errors against the trajectory
 steering         from errors to a steering command: the paper's law and others
+command_limit    no command that the wheels cannot follow
 speed            from gaps and profiles to an acceleration
 leader           the lead
 follower         a follower: what it knows of lead and predecessor, and what it makes of it

@@ -7,6 +7,7 @@ from math import isnan, nan
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, from_message
 from vehicles.car.imu import Motion
+from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
@@ -45,8 +46,12 @@ class Follower:
         alpha: float,
         fusion: Fusion,
         settings: FitSettings,
+        limit: CommandLimit | None = None,
     ) -> None:
-        """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead."""
+        """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
+
+        `limit` is that of the steering command, if there is one.
+        """
         self._own_state = own_state
         self._controller = controller
         self._speed_law = speed_law
@@ -58,6 +63,7 @@ class Follower:
         # The first follower's predecessor is the lead: one source, whatever the fusion.
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
         self._settings = settings
+        self._limit = limit or CommandLimit()
         self._traces = {name: Trace() for name in (lead, predecessor)}
         self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
         self._along: tuple[tuple[float, Fit], ...] = ()
@@ -100,7 +106,8 @@ class Follower:
         if refit:
             self._mode, self._reason = self._choose_trajectory(now, pose)
             self._gap, self._gap_at = self._measured_gap(now, pose), now
-        errors, steering = self._steer(pose)
+        errors, asked = self._steer(pose)
+        steering = self._limit.held_back(asked)
         ahead = self._vehicles_ahead(now, pose)
         speed = self._speed_law.command(now, pose, ahead)
         return Decision(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
+from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
@@ -29,14 +30,16 @@ class Leader:
         control: Cadence,
         path: Path,
         station: float,
+        limit: CommandLimit | None = None,
     ) -> None:
-        """`station` is the arc length at which the lead starts."""
+        """`station` is the arc length at which the lead starts; `limit` that of its steering."""
         self._own_state = own_state
         self._controller = controller
         self._speed_law = speed_law
         self._control = control
         self._path = path
         self._near = station
+        self._limit = limit or CommandLimit()
         self._decision: Decision | None = None
 
     def step(
@@ -55,7 +58,7 @@ class Leader:
             return replace(self._decision, fresh=False)
         pose = self._own_state.at(now)
         errors = self._track(pose)
-        steering = self._controller.steer(errors, pose.speed)
+        steering = self._limit.held_back(self._controller.steer(errors, pose.speed))
         speed = self._speed_law.command(now, pose, VehiclesAhead())
         self._decision = Decision(
             actuation=Actuation(steering.steering, speed.acceleration),

@@ -18,6 +18,7 @@ from transport.links.link import Link
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssNoise, GnssReceiver
 from vehicles.car.imu import ExactSensor, InertialNoise, InertialSensor
+from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
@@ -71,6 +72,7 @@ class VehicleBuilder:
                 vehicle=self.name,
                 sink=sink,
                 plane=self._plane,
+                parameters=setup.parameters,
                 inbox=inbox,
                 probe=probe,
                 start_at=start_at,
@@ -150,6 +152,7 @@ class VehicleBuilder:
                 control=control,
                 path=self._route.path,
                 station=self._route.start_station(0),
+                limit=self._command_limit(),
             )
         steering = setup.steering
         return Follower(
@@ -163,7 +166,12 @@ class VehicleBuilder:
             alpha=steering.alpha_ratio,
             fusion=steering.fusion,
             settings=self._fit_settings(),
+            limit=self._command_limit(),
         )
+
+    def _command_limit(self) -> CommandLimit:
+        car = self._setup.parameters
+        return CommandLimit(car.steering_rate_limit, 1.0 / self.control_rate_hz, car.steering_limit)
 
     def _fit_settings(self) -> FitSettings:
         """The fit assumes the largest noise of the receivers received from, at least that of RTK.

@@ -8,6 +8,8 @@ from transport.links.inbox import Inbox
 from vehicles import messages
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, to_message
+from vehicles.car.parameters import VehicleParameters
+from vehicles.car.tyres import tyre_use
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import Message
@@ -23,14 +25,19 @@ class Outbox:
         vehicle: str,
         sink: Sink,
         plane: LocalPlane,
+        parameters: VehicleParameters,
         inbox: Inbox,
         probe: Probe,
         start_at: int,
     ) -> None:
-        """`probe` measures the process; health is sent once a second from `start_at` (ns) on."""
+        """`parameters` are those of the car, whose tyres are told about.
+
+        `probe` measures the process; health is sent once a second from `start_at` (ns) on.
+        """
         self._vehicle = vehicle
         self._sink = sink
         self._plane = plane
+        self._parameters = parameters
         self._inbox = inbox
         self._probe = probe
         # Steady, because not every schedule has a tick at each whole second.
@@ -48,7 +55,7 @@ class Outbox:
         for verdict in self._inbox.verdicts():
             self._add(verdict)
         if decision.fresh:
-            self._add_truth(now, body)
+            self._add_truth(now, body, decision.actuation.acceleration)
             self._add_decision(now, decision)
         for line in self._inbox.complaints():
             self._add_text(now, line, "error")
@@ -107,7 +114,8 @@ class Outbox:
             )
         )
 
-    def _add_truth(self, now: int, body: Body) -> None:
+    def _add_truth(self, now: int, body: Body, acceleration: float) -> None:
+        tyres = tyre_use(body, acceleration, self._parameters)
         self._add(
             messages.TruePose(
                 vehicle=self._vehicle,
@@ -121,6 +129,10 @@ class Outbox:
                 yaw_rate_radps=body.yaw_rate,
                 steering_rad=body.steering,
                 distance_m=body.distance,
+                lateral_acceleration_mps2=tyres.lateral_acceleration,
+                front_slip_rad=tyres.front_slip,
+                rear_slip_rad=tyres.rear_slip,
+                friction_ratio=tyres.friction_share,
             )
         )
 

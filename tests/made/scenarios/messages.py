@@ -62,6 +62,10 @@ def truth(
         yaw_rate_radps=0.0,
         steering_rad=0.0,
         distance_m=distance,
+        lateral_acceleration_mps2=0.0,
+        front_slip_rad=0.0,
+        rear_slip_rad=0.0,
+        friction_ratio=0.0,
     )
 
 

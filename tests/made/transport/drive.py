@@ -51,6 +51,10 @@ def truth(vehicle: str, tick: int) -> TruePose:
         yaw_rate_radps=SPEED / RADIUS,
         steering_rad=0.06,
         distance_m=SPEED * tick * TICK * 1e-9,
+        lateral_acceleration_mps2=SPEED**2 / RADIUS,
+        front_slip_rad=-0.005,
+        rear_slip_rad=-0.004,
+        friction_ratio=SPEED**2 / RADIUS / 8.8,
     )
 
 

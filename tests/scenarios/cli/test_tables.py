@@ -75,13 +75,13 @@ def test_a_vehicle_s_row_tells_what_is_true_then_what_it_believed() -> None:
     assert "trial, seed 11, wall clock, 1.0 s" in text
     assert row(text, "v2 ") == [
         *("v2", "12.5", "/", "12.5", "10.1"),
-        *("9.0", "/", "9.0", "21.5", "14.0"),
+        *("9.0", "/", "9.0", "21.5", "14.0", "0.0", "/", "0"),
     ]
     headings = [re.split(r"  +", line.strip()) for line in text.splitlines()[2:5]]
     assert headings == [
-        ["true", "true", "believed", "difference", "believed"],
-        ["error cm", "gap m", "error cm", "of errors", "gap m"],
-        ["vehicle", "max / rms", "min", "max / rms", "cm, max", "min"],
+        ["true", "true", "believed", "difference", "believed", "sideways"],
+        ["error cm", "gap m", "error cm", "of errors", "gap m", "m/s², % of"],
+        ["vehicle", "max / rms", "min", "max / rms", "cm, max", "min", "friction"],
     ]
 
 
@@ -91,12 +91,12 @@ def test_a_second_row_tells_poses_and_how_the_process_did() -> None:
 
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
     text = printed(summary())
-    assert row(text, "v1 ") == ["v1", "-", "-", *NO_ERROR, "-", "-"]
+    assert row(text, "v1 ") == ["v1", "-", "-", *NO_ERROR, "-", "-", "0.0", "/", "0"]
     assert row(text, "v1 ", 1) == ["v1", "21", "0", "0", "0"]
 
 
 def test_nor_has_a_follower_that_was_never_on_the_road() -> None:
-    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", *NO_ERROR, "-", "-"]
+    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", *NO_ERROR, "-", "-", "-"]
 
 
 def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:

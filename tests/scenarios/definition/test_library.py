@@ -1,7 +1,9 @@
 """The scenarios that ship, and the commented one that a new scenario starts from."""
 
+import math
 import re
 import tomllib
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -12,6 +14,7 @@ from scenarios.definition.scenario import library, load_scenario, scenario_from_
 from scenarios.definition.schema.path import PathTable
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.vehicle_setup import vehicle_setup
 from vehicles.car.parameters import LINCOLN_MKZ
 
 MEANT_AS_EXAMPLES = {"name", "path"}
@@ -76,7 +79,9 @@ def test_the_lane_change_is_the_paper_s() -> None:
     for name in report.vehicles:  # one passenger in front, three in the rear: 4 x (70 + 50) kg
         setup = scenario.vehicle(name)
         assert setup.parameters.mass == LINCOLN_MKZ.mass + 480.0
-        assert setup.assumed_parameters == LINCOLN_MKZ
+        assert setup.assumed_parameters == replace(
+            LINCOLN_MKZ, tyres="brush", steering_rate_limit=1.18
+        )
         assert setup.steering.alpha_ratio == 0.5
 
     def aside(seconds: float) -> float:
@@ -147,9 +152,20 @@ def test_what_the_template_sets_is_the_default() -> None:
     defaults = ScenarioTables.model_validate({k: given[k] for k in MEANT_AS_EXAMPLES})
     empty_car = {f"{k}": v for k, v in given.pop("parameters").items()}
     assert tables.model_copy(update={"parameters": defaults.parameters}) == defaults
+    default_car = vehicle_setup(defaults, "v1").parameters
     assert list(empty_car.values()) == [
-        getattr(LINCOLN_MKZ, name) for name in LINCOLN_MKZ.__dataclass_fields__
+        getattr(default_car, name) for name in default_car.__dataclass_fields__
     ]
+    on_paper = replace(default_car, steering_rate_limit=math.inf, tyres="linear")
+    assert on_paper == LINCOLN_MKZ
+
+
+@pytest.mark.parametrize("name", [one for one in library() if one.startswith("paper_")])
+def test_the_paper_s_scenarios_drive_the_paper_s_car(name: str) -> None:
+    scenario = load_scenario(name)
+    for vehicle in scenario.vehicle_names:
+        assert scenario.vehicle(vehicle).assumed_parameters == LINCOLN_MKZ
+        assert scenario.vehicle(vehicle).parameters.tyres == "linear"
 
 
 def test_what_the_template_comments_out_is_valid_too() -> None:

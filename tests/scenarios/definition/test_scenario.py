@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from scenarios.definition.check.report import warnings
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from tests.made.scenarios.messages import STRAIGHT
 from vehicles.car.parameters import LINCOLN_MKZ, Gains
+
+DEFAULT_CAR = replace(LINCOLN_MKZ, tyres="brush", steering_rate_limit=1.18)
 
 COORDINATES = "t_s,x_m,y_m\n" + "".join(f"{k},{10 * k},0\n" for k in range(20))
 
@@ -30,7 +33,7 @@ def test_defaults_are_the_paper_s() -> None:
         0.08,
     )
     assert (steering.alpha_ratio, steering.preview_s, steering.tolerance_m) == (0.5, 0.8, 0.1)
-    assert scenario.vehicle("v4").parameters == LINCOLN_MKZ
+    assert scenario.vehicle("v4").parameters == DEFAULT_CAR
     assert scenario.start_at_ns == 1_767_225_600 * 10**9  # 2026-01-01, counted in days from 1970
 
 
@@ -93,7 +96,7 @@ position_noise_m = 0.5
     assert own.parameters.mass == 2000.0 + 3 * 120.0
     assert own.assumed_parameters == own.parameters
     assert other.parameters.mass == LINCOLN_MKZ.mass + 2 * 120.0
-    assert other.assumed_parameters == LINCOLN_MKZ
+    assert other.assumed_parameters == DEFAULT_CAR
     assert (own.gnss.position_noise_m, other.gnss.position_noise_m) == (0.5, 0.02)
     assert own.gnss.rate_hz == 20.0
 

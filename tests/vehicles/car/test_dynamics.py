@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.made.vehicles.driving import TICK, apart, drive, steer
-from vehicles.car.dynamics import WALKING_PACE, Actuation, Body, advance
+from tests.made.vehicles.driving import TICK, apart, drive, lane_change, steer
+from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.parameters import TyreModel
+from vehicles.car.tyres import WALKING_PACE
 
 
 def steady_yaw_rate(speed: float, steering: float) -> float:
@@ -214,3 +216,31 @@ def test_no_time_no_change() -> None:
 def test_nonsense_is_refused(command: Actuation, span: float) -> None:
     with pytest.raises(ValueError, match="must be finite"):
         advance(Body(0.0, 0.0, 0.0, 10.0), command, span, CAR)
+
+
+@pytest.mark.parametrize("tyres", ["linear", "brush"])
+@pytest.mark.parametrize("speed", [0.0, 4.0, 25.0])
+def test_the_steering_turns_no_faster_than_it_can(tyres: TyreModel, speed: float) -> None:
+    slow = replace(CAR, tyres=tyres, steering_rate_limit=0.4)
+    bodies = drive(Body(0.0, 0.0, 0.0, speed), steer(0.3), 1.5, car=slow)
+    assert max(abs(body.steering_rate) for body in bodies) == 0.4
+    steps = [after.steering - before.steering for before, after in pairwise(bodies)]
+    assert max(map(abs, steps)) < 0.4 * TICK * 1.01
+    assert bodies[-1].steering == pytest.approx(0.3, abs=0.002)
+
+
+def test_a_limit_that_is_never_reached_changes_no_bit() -> None:
+    """An infinite one never is; this one neither, in a lane change."""
+    free = drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0)
+    limited = replace(CAR, steering_rate_limit=5.0)
+    assert drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0, car=limited) == free
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.99, 2.0, 10.0, 30.0])
+def test_on_both_kinds_of_tyres_gentle_driving_is_the_same(speed: float) -> None:
+    brush = replace(CAR, tyres="brush")
+    linear = drive(Body(0.0, 0.0, 0.0, speed), steer(0.002), 3.0)[-1]
+    other = drive(Body(0.0, 0.0, 0.0, speed), steer(0.002), 3.0, car=brush)[-1]
+    assert apart(linear, other) < 0.005 * linear.distance * linear.yaw + 1e-6
+    assert other.yaw_rate == pytest.approx(linear.yaw_rate, rel=0.01)
+    assert other.lateral_speed == pytest.approx(linear.lateral_speed, abs=2e-3)

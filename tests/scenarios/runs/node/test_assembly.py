@@ -1,5 +1,5 @@
 import math
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from itertools import pairwise
 
 import pytest
@@ -166,6 +166,7 @@ def test_controller_and_gains_are_those_of_the_scenario() -> None:
         "gnss.yaw_rate_noise_radps=0", "vehicle.v1.lateral_offset_m=0.5",
         "imu.speed_noise_mps=0", "imu.speed_bias_mps=0",
         "imu.yaw_rate_noise_radps=0", "imu.yaw_rate_bias_radps=0",
+        'parameters.steering_rate_limit_radps="none"',
     ]  # fmt: skip
     plain = scenario(*quiet, "control.controller=feedforward_feedback")
     assert first_steering(plain) == pytest.approx(-0.06 * 0.5)
@@ -183,11 +184,12 @@ def test_controller_and_gains_are_those_of_the_scenario() -> None:
 
 
 def test_the_car_is_the_loaded_one_whatever_its_controller_knows() -> None:
-    full = loaded(LINCOLN_MKZ, Loading(front_passengers=1, rear_passengers=3))
+    empty = replace(LINCOLN_MKZ, tyres="brush", steering_rate_limit=1.18)
+    full = loaded(empty, Loading(front_passengers=1, rear_passengers=3))
     for knows in ("true", "false"):
         made = scenario(f"control.knows_loading={knows}")  # lane_change is driven with passengers
         assert astuple(node(made, "v2").parameters) == astuple(full)
-    assert made.vehicle("v2").assumed_parameters == LINCOLN_MKZ
+    assert made.vehicle("v2").assumed_parameters == empty
 
 
 def test_followers_keep_the_profile_or_a_gap() -> None:

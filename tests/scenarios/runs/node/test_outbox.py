@@ -15,6 +15,8 @@ from transport.links.inbox import Inbox
 from transport.topics import TOPIC_OF, TOPICS, Topic, key
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, from_message
+from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.car.tyres import tyre_use
 from vehicles.driver.decision import Decision
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
@@ -38,6 +40,7 @@ DECISION = Decision(
     lead_age=0.02,
     predecessor_age=0.04,
 )
+TYRES = tyre_use(BODY, 0.5, LINCOLN_MKZ)
 HELD = replace(DECISION, fresh=False)
 
 
@@ -80,6 +83,7 @@ def outbox(bus: MemoryBus, inbox: Inbox | None = None, probe: Probe | None = Non
         vehicle="v3",
         sink=BusSink("v3", bus),
         plane=PLANE,
+        parameters=LINCOLN_MKZ,
         inbox=inbox or receiving_inbox(),
         probe=probe or NoProbe(),
         start_at=START,
@@ -98,7 +102,9 @@ def test_a_tick_tells_fix_truth_and_decision() -> None:
         TruePose(
             vehicle="v3", seq=0, true_at_ns=at(0.1), east_m=10.0, north_m=-20.0, yaw_rad=0.5,
             speed_mps=15.0, lateral_speed_mps=0.1, yaw_rate_radps=0.02, steering_rad=0.01,
-            distance_m=33.0,
+            distance_m=33.0, lateral_acceleration_mps2=TYRES.lateral_acceleration,
+            front_slip_rad=TYRES.front_slip, rear_slip_rad=TYRES.rear_slip,
+            friction_ratio=TYRES.friction_share,
         )
     ]  # fmt: skip
     told = DECISION.messages("v3", 0, at(0.1))
@@ -252,6 +258,7 @@ def test_on_sent_is_given_what_the_bus_carries() -> None:
         vehicle="v3",
         sink=BusSink("v3", bus, lambda topic, data, message: seen.append((topic, data, message))),
         plane=PLANE,
+        parameters=LINCOLN_MKZ,
         inbox=receiving_inbox(),
         probe=NoProbe(),
         start_at=START,

@@ -1,0 +1,280 @@
+"""The car on tyres that saturate, against closed forms, energy and a second integrator."""
+
+import math
+from collections.abc import Callable
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from tests.made.vehicles.driving import TICK, drive, steer
+from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
+from vehicles.car.tyres import (
+    GRAVITY,
+    WALKING_PACE,
+    TyreUse,
+    axle_loads,
+    tyre_use,
+)
+
+CAR = replace(LINCOLN_MKZ, tyres="brush", steering_rate_limit=0.59)
+MOST = CAR.friction * GRAVITY
+"""Acceleration (m/s²) that friction allows in any direction."""
+COMMANDS = st.lists(
+    st.tuples(st.floats(-0.54, 0.54), st.floats(-10.0, 5.0)), min_size=1, max_size=60
+)
+
+
+def use(body: Body, acceleration: float = 0.0, car: VehicleParameters = CAR) -> TyreUse:
+    return tyre_use(body, acceleration, car)
+
+
+def energy(body: Body) -> float:
+    """Energy of motion per mass, with the inertia's part."""
+    turning = CAR.yaw_inertia / CAR.mass * body.yaw_rate**2
+    return 0.5 * (body.speed**2 + body.lateral_speed**2 + turning)
+
+
+def steady(speed: float, share: float) -> tuple[Body, float]:
+    """Closed form of steady cornering at a share of the friction: body, and steering angle (rad).
+
+    F = capacity (1 - (1 - x)³), so s = 3 capacity (1 - (1 - share)^(1/3)) / C on either axle, since
+    both use the same share of their load.
+    """
+    yaw_rate = share * MOST / speed
+    loads = axle_loads(CAR)
+    x = 1.0 - (1.0 - share) ** (1.0 / 3.0)
+    front = 3.0 * CAR.friction * loads[0] * x / CAR.front_cornering_stiffness
+    rear = 3.0 * CAR.friction * loads[1] * x / CAR.rear_cornering_stiffness
+    lateral = CAR.rear_axle_distance * yaw_rate - rear * speed
+    steering = (lateral + CAR.front_axle_distance * yaw_rate) / speed + front
+    body = Body(0.0, 0.0, 0.0, speed, lateral, yaw_rate, steering)
+    return body, steering
+
+
+@pytest.mark.parametrize("speed", [5.0, 15.0, 30.0])
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.9, 0.99])
+def test_steady_cornering_up_to_the_limit_is_the_brush_s_closed_form(
+    speed: float, share: float
+) -> None:
+    body, steering = steady(speed, share)
+    told = use(body)
+    assert told.friction_share == pytest.approx(share, rel=1e-9)
+    assert told.lateral_acceleration == pytest.approx(share * MOST, rel=1e-9)
+    # What the slip costs of the speed has to be driven, or the car would slow down.
+    lost = (
+        -body.yaw_rate * body.lateral_speed
+        + told.lateral_acceleration * (CAR.rear_axle_distance / CAR.wheelbase) * steering
+    )
+    assert 0.0 < lost < 0.1 * MOST
+    after = advance(
+        body, Actuation(steering, 0.0), 1e-4, replace(CAR, steering_rate_limit=math.inf)
+    )
+    assert (after.speed - speed) / 1e-4 == pytest.approx(-lost, abs=0.01)
+    assert after.lateral_speed == pytest.approx(body.lateral_speed, abs=2e-6)
+    assert after.yaw_rate == pytest.approx(body.yaw_rate, abs=2e-6)
+
+
+@pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
+def test_understeer_at_small_lateral_acceleration_is_that_of_the_linear_tyre(speed: float) -> None:
+    """δ = L κ + K_sg v² κ of eq. (6), as the curvature goes to zero."""
+    off = []
+    for share in (1e-3, 1e-4):
+        body, steering = steady(speed, share)
+        curvature = body.yaw_rate / speed
+        gradient = (steering / curvature - CAR.wheelbase) / speed**2
+        off.append(abs(gradient / CAR.steer_gradient - 1.0))
+    assert off[1] < 1e-3
+    assert off[1] == pytest.approx(off[0] / 10.0, rel=0.2)
+
+
+def test_it_settles_where_the_closed_form_says() -> None:
+    body, steering = steady(15.0, 0.7)
+    settled = drive(replace(body, lateral_speed=0.0, yaw_rate=0.0), steer(steering), 3.0, car=CAR)[
+        -1
+    ]
+    again = steady(settled.speed, settled.yaw_rate * settled.speed / MOST)
+    # It has slowed down a little, which keeps it from being quite steady.
+    assert again[1] == pytest.approx(steering, rel=0.02)
+    assert settled.lateral_speed == pytest.approx(again[0].lateral_speed, abs=0.02)
+
+
+def test_no_steering_gives_more_than_friction_and_the_most_is_reached() -> None:
+    most = 0.0
+    for steering in (0.05, 0.1, 0.2, 0.54):
+        for body in drive(Body(0.0, 0.0, 0.0, 20.0), steer(steering), 2.0, car=CAR):
+            most = max(most, abs(use(body).lateral_acceleration))
+    assert 0.97 * MOST < most <= MOST * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("braking", [0.0, 3.0, 6.0, 8.0])
+def test_braking_in_a_turn_shares_the_friction(braking: float) -> None:
+    sliding = Body(0.0, 0.0, 0.0, 20.0, steering=0.5)
+    told = use(sliding, -braking)
+    front = axle_loads(CAR)[0] / (CAR.mass * GRAVITY)
+    assert told.lateral_acceleration == pytest.approx(front * math.sqrt(MOST**2 - braking**2))
+    assert told.friction_share == pytest.approx(1.0)
+
+
+def test_brakes_give_what_friction_allows_and_no_more() -> None:
+    for asked in (5.0, 8.0, 12.0, 30.0):
+        bodies = drive(Body(0.0, 0.0, 0.0, 20.0), steer(0.0, -asked), 1.0, car=CAR)
+        assert 20.0 - bodies[-1].speed == pytest.approx(min(asked, MOST), rel=1e-9)
+        assert use(bodies[-1], -asked).friction_share == pytest.approx(min(asked / MOST, 1.0))
+
+
+@given(commands=COMMANDS, speed=st.floats(0.0, 40.0), lateral=st.floats(-5.0, 5.0),
+       yaw_rate=st.floats(-2.0, 2.0))  # fmt: skip
+@settings(max_examples=60)
+def test_friction_is_never_exceeded_whatever_is_asked(
+    commands: list[tuple[float, float]], speed: float, lateral: float, yaw_rate: float
+) -> None:
+    body = Body(0.0, 0.0, 0.0, speed, lateral, yaw_rate)
+    for steering, acceleration in commands:
+        after = advance(body, Actuation(steering, acceleration), TICK, CAR)
+        gain = np.subtract(ground_velocity(after), ground_velocity(body))
+        # In the small angles of the model the front's force has a part along the body besides.
+        assert np.hypot(*gain) <= MOST * TICK * 1.15
+        assert use(after, acceleration).friction_share <= 1.0 + 1e-12
+        assert abs(use(after, acceleration).lateral_acceleration) <= MOST * (1.0 + 1e-12)
+        assert after.speed >= 0.0
+        assert abs(after.steering_rate) <= CAR.steering_rate_limit
+        assert abs(after.steering) <= CAR.steering_limit
+        body = after
+
+
+def ground_velocity(body: Body) -> tuple[float, float]:
+    cos, sin = math.cos(body.yaw), math.sin(body.yaw)
+    return (
+        body.speed * cos - body.lateral_speed * sin, body.speed * sin + body.lateral_speed * cos
+    )  # fmt: skip
+
+
+@given(speed=st.floats(0.0, 40.0), lateral=st.floats(-20.0, 20.0), yaw_rate=st.floats(-4.0, 4.0),
+       commands=COMMANDS)  # fmt: skip
+@settings(max_examples=60)
+def test_without_drive_the_energy_never_grows(
+    speed: float, lateral: float, yaw_rate: float, commands: list[tuple[float, float]]
+) -> None:
+    body = Body(0.0, 0.0, 0.0, speed, lateral, yaw_rate)
+    for steering, acceleration in commands:
+        after = advance(body, Actuation(steering, min(acceleration, 0.0)), TICK, CAR)
+        assert energy(after) <= energy(body) * (1.0 + 1e-4) + 1e-4
+        body = after
+
+
+def test_a_car_that_spins_comes_to_rest() -> None:
+    bodies = drive(Body(0.0, 0.0, 0.0, 25.0, 0.0, 4.0), steer(0.3, -3.0), 8.0, car=CAR)
+    assert max(abs(body.yaw) for body in bodies) > math.pi / 2
+    assert all(body.speed >= 0.0 for body in bodies)
+    assert energy(bodies[-1]) < 1e-6
+
+
+@given(commands=COMMANDS, speed=st.floats(0.0, 40.0))
+@settings(max_examples=40)
+def test_left_and_right_are_mirror_images(
+    commands: list[tuple[float, float]], speed: float
+) -> None:
+    left = right = Body(0.0, 0.0, 0.0, speed)
+    for steering, acceleration in commands:
+        left = advance(left, Actuation(steering, acceleration), TICK, CAR)
+        right = advance(right, Actuation(-steering, acceleration), TICK, CAR)
+    mirrored = replace(
+        right, north=-right.north, yaw=-right.yaw, lateral_speed=-right.lateral_speed,
+        yaw_rate=-right.yaw_rate, steering=-right.steering, steering_rate=-right.steering_rate,
+    )  # fmt: skip
+    assert astuple(mirrored) == pytest.approx(astuple(left), abs=1e-9)
+
+
+def slope(_: float, state: np.ndarray, command: Actuation, held: bool) -> list[float]:
+    """The equations once more, written apart from the product's; `held` at the rate's limit."""
+    _, _, yaw, v, y, r, s, w, _ = state
+    asked = command.acceleration
+    given_ = float(np.clip(asked, -MOST, MOST)) if v > 0.0 or asked > 0.0 else 0.0
+    left = math.sqrt(max(CAR.friction**2 - (given_ / GRAVITY) ** 2, 0.0))
+    rolling = max(v, WALKING_PACE)
+    front_slip = (y + CAR.front_axle_distance * r - v * s) / rolling
+    rear_slip = (y - CAR.rear_axle_distance * r) / rolling
+    loads = axle_loads(CAR)
+    front = cubic(front_slip, CAR.front_cornering_stiffness, left * loads[0])
+    rear = cubic(rear_slip, CAR.rear_cornering_stiffness, left * loads[1])
+    turn = CAR.front_axle_distance * front - CAR.rear_axle_distance * rear
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return [
+        *(v * cos - y * sin, v * sin + y * cos, r),
+        *(given_ + r * y - front * s / CAR.mass, (front + rear) / CAR.mass - r * v),
+        *(turn / CAR.yaw_inertia, w, 0.0 if held else wanted(state, command), math.hypot(v, y)),
+    ]
+
+
+def cubic(slip: float, stiffness: float, top: float) -> float:
+    """The brush's force in its other form, top (1 - (1 - x)³)."""
+    x = min(stiffness * abs(slip) / (3.0 * top), 1.0) if top > 0.0 else 1.0
+    return -math.copysign(top * (1.0 - (1.0 - x) ** 3), slip)
+
+
+def wanted(state: np.ndarray, command: Actuation) -> float:
+    """Change of the steering rate by eq. (4)."""
+    frequency, damping = CAR.steering_frequency, CAR.steering_damping
+    return float(frequency * (frequency * (command.steering - state[6]) - 2.0 * damping * state[7]))
+
+
+def exactly(body: Body, command: Actuation) -> np.ndarray:
+    """One span by an adaptive solver, stopped where the steering rate comes to its limit."""
+    state = np.array([
+        *(body.east, body.north, body.yaw, body.speed, body.lateral_speed, body.yaw_rate),
+        *(body.steering, body.steering_rate, body.distance),
+    ])  # fmt: skip
+    now, limit = 0.0, CAR.steering_rate_limit
+    while now < TICK - 1e-12:
+        held = abs(state[7]) >= limit - 1e-9 and wanted(state, command) * state[7] > 0.0
+        side = math.copysign(1.0, state[7])
+
+        def change(
+            _: float, at: np.ndarray, *_args: object, side: float = side, held: bool = held
+        ) -> float:
+            return side * wanted(at, command) if held else abs(at[7]) - limit
+
+        change.terminal = True  # type: ignore[attr-defined]
+        change.direction = -1.0 if held else 1.0  # type: ignore[attr-defined]
+        done = solve_ivp(
+            slope, (now, TICK), state, "RK45", args=(command, held), rtol=1e-8, atol=1e-9,
+            events=change,
+        )  # fmt: skip
+        now, state = done.t[-1], done.y[:, -1]
+    return state
+
+
+def hard_lane_change(t: float) -> Actuation:
+    return Actuation(0.25 * math.copysign(1.0, math.sin(3.0 * t)), -4.0 * (t > 1.0))
+
+
+def wheels_turned_and_brakes(t: float) -> Actuation:
+    return Actuation(0.4, -8.0 if t > 0.5 else 2.0)
+
+
+def sweeping(t: float) -> Actuation:
+    return Actuation(0.12 * math.sin(4.0 * t), 2.0 * math.cos(t))
+
+
+@pytest.mark.parametrize("manoeuvre", [hard_lane_change, wheels_turned_and_brakes, sweeping])
+@pytest.mark.parametrize("speed", [35.0, 12.0])
+def test_every_span_agrees_with_an_adaptive_solver(
+    manoeuvre: Callable[[float], Actuation], speed: float
+) -> None:
+    body = Body(0.0, 0.0, 0.3, speed)
+    for k in range(50):
+        command = manoeuvre(k * 2 * TICK)
+        exact = exactly(body, command)
+        body = advance(body, command, TICK, CAR)
+        if exact[3] < 0.2:
+            break  # at rest the solver would roll backwards
+        assert math.dist((body.east, body.north), exact[:2]) < 1e-4
+        assert body.yaw == pytest.approx(exact[2], abs=1e-4)
+        moving = (body.speed, body.lateral_speed, body.yaw_rate)
+        assert moving == pytest.approx(tuple(exact[3:6]), abs=0.01)
+        assert body.steering == pytest.approx(exact[6], abs=5e-4)

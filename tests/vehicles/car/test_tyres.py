@@ -1,0 +1,98 @@
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicles.car.dynamics import Body
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.tyres import GRAVITY, axle_loads, brush_force, linear_range, tyre_use
+
+STIFFNESS, CAPACITY = 400_000.0, 9_000.0
+SLIPS = st.floats(-1.0, 1.0)
+
+
+@given(slip=SLIPS)
+def test_a_brush_never_gives_more_than_its_capacity_nor_than_the_linear_tyre(slip: float) -> None:
+    force = brush_force(slip, STIFFNESS, CAPACITY)
+    assert abs(force) <= CAPACITY
+    assert abs(force) <= STIFFNESS * abs(slip)
+    assert force * slip <= 0.0
+    assert brush_force(-slip, STIFFNESS, CAPACITY) == -force
+
+
+@given(slip=SLIPS, further=st.floats(0.0, 0.5))
+def test_more_slip_never_gives_less_force(slip: float, further: float) -> None:
+    more = brush_force(slip + further, STIFFNESS, CAPACITY)
+    assert more <= brush_force(slip, STIFFNESS, CAPACITY) + 1e-9
+
+
+def test_at_small_slip_it_is_the_linear_tyre_to_first_order() -> None:
+    for slip in (1e-4, 1e-5):
+        x = STIFFNESS * slip / (3.0 * CAPACITY)
+        assert brush_force(slip, STIFFNESS, CAPACITY) == pytest.approx(
+            -STIFFNESS * slip, rel=1.1 * x
+        )
+
+
+def test_it_slides_fully_without_a_kink() -> None:
+    full = 3.0 * CAPACITY / STIFFNESS
+    assert brush_force(full, STIFFNESS, CAPACITY) == pytest.approx(-CAPACITY)
+    assert brush_force(full * 0.999, STIFFNESS, CAPACITY) == pytest.approx(-CAPACITY, rel=2e-9)
+
+
+def test_without_any_capacity_there_is_no_force() -> None:
+    assert brush_force(0.1, STIFFNESS, 0.0) == 0.0
+    assert brush_force(0.0, STIFFNESS, 0.0) == 0.0
+
+
+def test_the_axles_carry_the_car_about_its_centre_of_mass() -> None:
+    front, rear = axle_loads(CAR)
+    assert front + rear == pytest.approx(CAR.mass * GRAVITY)
+    assert front * CAR.front_axle_distance == pytest.approx(rear * CAR.rear_axle_distance)
+
+
+def test_the_linear_range_ends_where_a_fifth_of_the_force_is_missing() -> None:
+    for slip, stiffness, load in zip(
+        linear_range(CAR), (CAR.front_cornering_stiffness, CAR.rear_cornering_stiffness),
+        axle_loads(CAR), strict=True,
+    ):  # fmt: skip
+        force = brush_force(slip, stiffness, CAR.friction * load)
+        assert force == pytest.approx(-0.8 * stiffness * slip)
+        assert abs(force) / (CAR.friction * load) == pytest.approx(0.517, abs=1e-3)
+
+
+def test_linear_tyres_may_use_more_than_there_is() -> None:
+    """90 m/s² sideways, which the linear model carries, is ten times what a road gives."""
+    yaw_rate = 3.0
+    told = tyre_use(Body(0.0, 0.0, 0.0, 30.0, 0.0, yaw_rate, 0.0), 0.0, CAR)
+    assert told.friction_share > 5.0
+    brush = tyre_use(
+        Body(0.0, 0.0, 0.0, 30.0, 0.0, yaw_rate, 0.0), 0.0, replace(CAR, tyres="brush")
+    )
+    assert brush.friction_share == pytest.approx(1.0)
+    assert (brush.front_slip, brush.rear_slip) == (told.front_slip, told.rear_slip)
+
+
+def test_a_standing_car_uses_no_friction_however_hard_it_brakes() -> None:
+    assert tyre_use(Body(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3), -6.0, CAR).friction_share == 0.0
+    driving_off = tyre_use(Body(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3), 2.0, CAR)
+    assert driving_off.friction_share == pytest.approx(2.0 / GRAVITY / CAR.friction)
+
+
+def test_a_left_turn_has_negative_slip_and_accelerates_to_the_left() -> None:
+    curvature, speed = 0.01, 20.0
+    yaw_rate = speed * curvature
+    lateral = CAR.steady_slip_per_curvature(speed) * yaw_rate
+    steering = (CAR.wheelbase + CAR.steer_gradient * speed * speed) * curvature
+    told = tyre_use(Body(0.0, 0.0, 0.0, speed, lateral, yaw_rate, steering), 0.0, CAR)
+    assert told.lateral_acceleration == pytest.approx(speed * yaw_rate, rel=1e-9)
+    assert told.front_slip < 0.0
+    assert told.rear_slip < 0.0
+    assert math.isclose(told.friction_share, speed * yaw_rate / GRAVITY / CAR.friction)
+
+
+def test_a_car_that_slides_broadside_has_a_slip_angle_near_a_right_one() -> None:
+    told = tyre_use(Body(0.0, 0.0, 0.0, 0.0, 15.0), 0.0, replace(CAR, tyres="brush"))
+    assert 1.4 < told.rear_slip < math.pi / 2

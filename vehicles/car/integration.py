@@ -1,0 +1,83 @@
+"""What the motions on both kinds of tyres share: place, and length of the steps.
+
+World frame: east-north, yaw counter-clockwise from east. SI units.
+"""
+
+import math
+
+from vehicles.car.parameters import VehicleParameters
+
+STEP_PER_RATE = 0.45
+"""Longest sub-step in units of the fastest time constant."""
+
+RATE_LIMITED_STEP = 0.0025
+"""Longest sub-step (s) where the steering may reach the limit of its rate."""
+
+Four = tuple[float, float, float, float]
+
+
+def moved(place: Four, speeds: Four, sideways: Four, turning: Four, h: float) -> Four:
+    """Move (east, north, yaw, distance) on by one step h (s), by the classical Runge–Kutta method.
+
+    From the speeds along and across the body (m/s) and the yaw rate (rad/s) of its four stages.
+    """
+    east, north, yaw, distance = place
+    (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4) = speeds, sideways, turning
+    cos, sin, sqrt, half = math.cos, math.sin, math.sqrt, 0.5 * h
+    q2, q3, q4 = yaw + half * r1, yaw + half * r2, yaw + h * r3
+    k1, k2, k3, k4 = cos(yaw), cos(q2), cos(q3), cos(q4)
+    z1, z2, z3, z4 = sin(yaw), sin(q2), sin(q3), sin(q4)
+    sixth = h / 6.0
+    eastward = (v1 * k1 - y1 * z1) + (v4 * k4 - y4 * z4)
+    eastward += 2.0 * ((v2 * k2 - y2 * z2) + (v3 * k3 - y3 * z3))
+    northward = (v1 * z1 + y1 * k1) + (v4 * z4 + y4 * k4)
+    northward += 2.0 * ((v2 * z2 + y2 * k2) + (v3 * z3 + y3 * k3))
+    along = sqrt(v1 * v1 + y1 * y1) + sqrt(v4 * v4 + y4 * y4)
+    along += 2.0 * (sqrt(v2 * v2 + y2 * y2) + sqrt(v3 * v3 + y3 * y3))
+    return (
+        east + sixth * eastward,
+        north + sixth * northward,
+        yaw + sixth * (r1 + 2.0 * (r2 + r3) + r4),
+        distance + sixth * along,
+    )
+
+
+def actuator(p: VehicleParameters) -> tuple[float, float]:
+    """Coefficients ω² and 2ζω of eq. (4), δ'' = ω² (δ_c - δ) - 2ζω δ'."""
+    square = p.steering_frequency * p.steering_frequency
+    return square, 2.0 * p.steering_damping * p.steering_frequency
+
+
+def steps_for_steering(span: float, off: float, steering_rate: float, p: VehicleParameters) -> int:
+    """Count the sub-steps of a span (s) that the limit of the steering rate asks for, or 0.
+
+    `off` is the steering's distance (rad) from its command, at `steering_rate` (rad/s): by eq. (4)
+    the rate changes over the span by no more than is assumed here.
+    """
+    square, damping = actuator(p)
+    change = span * (square * abs(off) + damping * abs(steering_rate))
+    if abs(steering_rate) + change < p.steering_rate_limit:
+        return 0
+    return math.ceil(span / RATE_LIMITED_STEP)
+
+
+def is_at_rate_limit(off: float, steering_rate: float, p: VehicleParameters) -> bool:
+    """Whether the steering turns as fast as it can while eq. (4) asks for more still.
+
+    `off` is the command minus the angle (rad), `steering_rate` in rad/s.
+    """
+    if abs(steering_rate) < p.steering_rate_limit:
+        return False
+    square, damping = actuator(p)
+    return (square * off - damping * steering_rate) * steering_rate > 0.0
+
+
+def stopped_at_limits(
+    steering: float, steering_rate: float, p: VehicleParameters
+) -> tuple[float, float]:
+    """Angle (rad) and rate (rad/s) of the steering, eq. (4), within what the rack can do."""
+    if abs(steering) > p.steering_limit:  # the rack's end stop
+        return math.copysign(p.steering_limit, steering), 0.0
+    if abs(steering_rate) > p.steering_rate_limit:
+        return steering, math.copysign(p.steering_rate_limit, steering_rate)
+    return steering, steering_rate

@@ -1,0 +1,128 @@
+"""Tyres: slip angles, lateral forces, and how much of the friction they use.
+
+Two models, one per axle. The paper's (Section II): force in proportion to the slip angle, without
+end. And the brush model of Fiala (E. Fiala, "Seitenkräfte am rollenden Luftreifen", VDI-Zeitschrift
+96, 1954; H. B. Pacejka, "Tyre and Vehicle Dynamics", 3.2), which for small slip is the same and
+ends at friction times load. Longitudinal force takes its part of the friction: the lateral force
+ends where the circle of friction does (R. Y. Hindiyeh, J. C. Gerdes, "A controller framework for
+autonomous drifting", ASME Journal of Dynamic Systems, Measurement, and Control 136(5), 2014).
+
+Axle loads are those of the standing car: no load is transferred by braking or cornering. The force
+of the drive and of the brakes is shared between the axles as the load is, so that both have the
+same share of friction left for cornering. SI units; left is positive.
+"""
+
+import math
+from typing import NamedTuple, Protocol
+
+from vehicles.car.parameters import VehicleParameters
+
+GRAVITY = 9.80665
+"""Standard gravity (m/s²)."""
+
+WALKING_PACE = 2.0
+"""Speed (m/s) below which slip angles are not taken by the speed itself, which goes to zero."""
+
+NONLINEAR_SLIP = 0.5 * (3.0 - math.sqrt(6.6))
+"""Slip, as a share of that of full sliding, at which a brush gives a fifth less than C s: the root
+of 1 - x + x²/3 = 0.8, reached at 52 % of the friction. Beyond it the linear range is left."""
+
+SLIDING_SHARE = 0.99
+"""Share of the friction from which on an axle counts as sliding."""
+
+
+class LateralState(Protocol):
+    """State of the car in eqs. (1), (2) and (4): what `dynamics.Body` is."""
+
+    speed: float
+    lateral_speed: float
+    yaw_rate: float
+    steering: float
+
+
+class TyreUse(NamedTuple):
+    """What the tyres of the single-track model (Section II) do at an instant.
+
+    Lateral acceleration (m/s²) across the body; slip angles of the axles (rad), as in eqs. (1),
+    (2): negative in a left turn; share of the friction that the busier axle uses (ratio), which
+    only linear tyres carry beyond 1.
+    """
+
+    lateral_acceleration: float
+    front_slip: float
+    rear_slip: float
+    friction_share: float
+
+
+def axle_loads(p: VehicleParameters) -> tuple[float, float]:
+    """Loads (N) of front and rear axle of the standing car, by the centre of mass of Table I."""
+    weight = p.mass * GRAVITY
+    return weight * p.rear_axle_distance / p.wheelbase, weight * p.front_axle_distance / p.wheelbase
+
+
+def brush_force(slip: float, stiffness: float, capacity: float) -> float:
+    """Lateral force (N) of an axle of brushes at a slip angle (rad), beyond the paper: Fiala, 1954.
+
+    F = -C s (1 - x + x²/3) with x = C |s| / (3 capacity), and -capacity sgn(s) from x = 1 on;
+    `stiffness` C in N/rad, `capacity` in N, the force at which it slides.
+    """
+    share = stiffness * abs(slip)
+    if share >= 3.0 * capacity:
+        return -math.copysign(capacity, slip)
+    x = share / (3.0 * capacity)
+    return -stiffness * slip * (1.0 - x * (1.0 - x / 3.0))
+
+
+def lateral_share(acceleration: float, friction: float) -> float:
+    """Share of the friction left across the car at a longitudinal acceleration (m/s²).
+
+    The circle of friction, beyond the paper: Hindiyeh and Gerdes, 2014.
+    """
+    used = acceleration / (friction * GRAVITY)
+    return math.sqrt(max(1.0 - used * used, 0.0))
+
+
+def slip_angles(state: LateralState, p: VehicleParameters) -> tuple[float, float]:
+    """Slip angles (rad) of front and rear axle, as in eqs. (1), (2).
+
+    Below WALKING_PACE the slip speeds are taken against it instead of the car's own speed.
+    """
+    rolling = max(state.speed, WALKING_PACE)
+    # The wheels point at the steering angle, along which the car's own speed is no slip.
+    swing = p.front_axle_distance * state.yaw_rate - state.speed * state.steering
+    behind = state.lateral_speed - p.rear_axle_distance * state.yaw_rate
+    return (state.lateral_speed + swing) / rolling, behind / rolling
+
+
+def tyre_use(state: LateralState, acceleration: float, p: VehicleParameters) -> TyreUse:
+    """What the tyres do in a state of eqs. (1), (2), at an acceleration asked for (m/s²).
+
+    By the tyre model of `p`. A car that stands is held without friction being counted.
+    """
+    front_slip, rear_slip = slip_angles(state, p)
+    along = acceleration if state.speed > 0.0 or acceleration > 0.0 else 0.0
+    loads = axle_loads(p)
+    if p.tyres == "linear":
+        front = -p.front_cornering_stiffness * front_slip
+        rear = -p.rear_cornering_stiffness * rear_slip
+    else:
+        limit = p.friction * GRAVITY
+        along = min(max(along, -limit), limit)
+        left = p.friction * lateral_share(along, p.friction)
+        front = brush_force(front_slip, p.front_cornering_stiffness, left * loads[0])
+        rear = brush_force(rear_slip, p.rear_cornering_stiffness, left * loads[1])
+    across = max(abs(front) / loads[0], abs(rear) / loads[1])
+    share = math.hypot(across, along / GRAVITY) / p.friction
+    angles = math.atan(front_slip), math.atan(rear_slip)  # that of a car that spins is no small one
+    return TyreUse((front + rear) / p.mass, *angles, share)
+
+
+def linear_range(p: VehicleParameters) -> tuple[float, float]:
+    """Slip angles (rad) of front and rear axle up to which eqs. (1), (2) hold on a real road.
+
+    Where a brush (Fiala, 1954) with the friction of `p` gives a fifth less than the linear tyre,
+    without longitudinal force; the paper is silent on it.
+    """
+    front, rear = axle_loads(p)
+    reach = 3.0 * NONLINEAR_SLIP * p.friction
+    return reach * front / p.front_cornering_stiffness, reach * rear / p.rear_cornering_stiffness
