@@ -110,6 +110,7 @@ def smooth_path(
     closed: bool = False,
     laps: int = 1,
     lead_in: float = 0.0,
+    noise: float = 0.0,
 ) -> SmoothedPath:
     """Make recorded points (m) into a path by local regression; see the module for the smoothing.
 
@@ -117,13 +118,13 @@ def smooth_path(
     path inwards by 0.1 % of that; wider removes more noise: of white noise of s (m) in points d (m)
     apart, s * 20 d^0.5 / half_width^2.5 is left in the curvature (1/m). A `closed` drive is driven
     `laps` times, its ends joined evenly over
-    SEAM_BLEND. `lead_in` (m) is a straight before the first point, along the path's direction
+    SEAM_BLEND. Their noise is at least `noise` (m, standard deviation per axis). `lead_in` (m) is a straight before the first point, along the path's direction
     there, and smoothed with it so that the curvature has no step; only lap one has it. Raises
     ValueError with one line if the points make no path, NoPathError where one of them is to blame.
     """
     given_x, given_y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
     _check(given_x, given_y, half_width, laps, lead_in)
-    merged = _merged(given_x, given_y, half_width)
+    merged = _merged(given_x, given_y, half_width, noise)
     record, numbers = merged.record, merged.numbers
     if closed:
         record = _closed(record, half_width)
@@ -196,11 +197,11 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
         raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
 
 
-def _merged(x: FloatArray, y: FloatArray, half_width: float) -> _Merged:
+def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _Merged:
     """Merge given points to distinct ones and fill the holes between those."""
     group: list[int] = []
     at_x, at_y = math.inf, math.inf
-    noise = scatter(np.stack((x, y)))
+    noise = max(noise, scatter(np.stack((x, y))))
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
     for px, py in zip(x.tolist(), y.tolist(), strict=True):
         fresh = not math.hypot(px - at_x, py - at_y) <= distance

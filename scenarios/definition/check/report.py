@@ -8,15 +8,20 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.check.preview import preview_warnings
+from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.definition.schema.tables import LinkTable, ScenarioTables, SteeringTable
+from vehicles.geometry.smoothing import SmoothedPath
 
 USUAL_GNSS_RATE = 20.0
 """Receivers for driving measure at most this often (Hz; paper, Section III-A)."""
 
 FAR_FROM_POINTS = 0.5
 """A path that lies further than this (m) from recorded points is not what was driven."""
+
+MOST_HOLES = 5
+"""Holes of a drive with a warning of their own."""
 
 STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
@@ -28,8 +33,10 @@ class CheckReport:
 
     `control`, `gnss` and `masses_kg` (with the load) are by vehicle, as are the `offsets` from the
     path of those that start with one. `gap_policy` is None where followers drive the lead's speed,
-    `radius_m_min` on a straight road. `deviation_m_rms` and `deviation_m_max` say how far the path
-    lies from the recorded points, None where it is made of segments.
+    `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is about a recorded
+    drive, None where the path is made of segments: what was left out on reading it, its holes, the
+    noise of its points, what was subtracted from their coordinates, and how far the path lies from
+    them, at the points (rms) and between them, too (max).
     """
 
     name: str
@@ -60,6 +67,12 @@ class CheckReport:
     lateral_acceleration_mps2_max: float
     points: int | None
     skipped_lines: int | None
+    jumping_points: int | None
+    standing_points: int | None
+    holes: int | None
+    hole_m_max: float | None
+    noise_m: float | None
+    coordinates_offset_m: tuple[float, float] | None
     deviation_m_rms: float | None
     deviation_m_max: float | None
     warnings: tuple[str, ...]
@@ -92,6 +105,7 @@ def report_of(scenario: Scenario) -> CheckReport:
     changes = np.diff(run.speeds) / STEP
     sharpest = max(map(abs, run.curvatures))
     trace = tables.path if isinstance(tables.path, PointsPath) else None
+    road = route.smoothed
     return CheckReport(
         name=scenario.name,
         description=tables.description,
@@ -124,8 +138,14 @@ def report_of(scenario: Scenario) -> CheckReport:
         lateral_acceleration_mps2_max=run.lateral_max,
         points=len(trace.east_m) if trace else None,
         skipped_lines=trace.skipped_lines if trace else None,
-        deviation_m_rms=route.smoothed.deviation_rms if route.smoothed else None,
-        deviation_m_max=route.smoothed.deviation_max if route.smoothed else None,
+        jumping_points=trace.jumping_points if trace else None,
+        standing_points=trace.standing_points if trace else None,
+        holes=len(road.holes) if road else None,
+        hole_m_max=max((hole.length for hole in road.holes), default=0.0) if road else None,
+        noise_m=road.noise if road else None,
+        coordinates_offset_m=(trace.east_offset_m, trace.north_offset_m) if trace else None,
+        deviation_m_rms=road.deviation_rms if road else None,
+        deviation_m_max=road.deviation_max if road else None,
         warnings=_warnings(scenario, run),
     )
 
@@ -174,15 +194,29 @@ def _trace_warnings(scenario: Scenario) -> Iterator[str]:
     if table.skipped_lines:
         lines = "1 bad line" if table.skipped_lines == 1 else f"{table.skipped_lines} bad lines"
         yield f"{table.source}: {lines} skipped, the first is {table.skipped_first}"
+    yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
+    yield from _hole_warnings(table, smoothed)
     if smoothed.deviation_max > FAR_FROM_POINTS:
         yield (
             f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
-            f"(rms {smoothed.deviation_rms:.2f} m): noisy points, or path.smoothing_m = "
-            f"{table.smoothing_m:g} is too wide"
+            f"(rms {smoothed.deviation_rms:.2f} m, their noise {smoothed.noise:.2f} m): noisy "
+            f"points, or path.smoothing_m = {table.smoothing_m:g} is too wide"
         )
     convoy = sum(scenario.route.gaps)
     if table.closed and convoy > smoothed.lap_length:
         yield f"the convoy is {convoy:.0f} m long, more than a lap of {smoothed.lap_length:.0f} m"
+
+
+def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
+    for hole in smoothed.holes[:MOST_HOLES]:
+        yield (
+            f"{table.source or 'path'}: a hole of {hole.length:.1f} m after "
+            f"{place_of(table, hole.point)} is bridged by a curve from both sides"
+        )
+    if len(smoothed.holes) > MOST_HOLES:
+        rest = smoothed.holes[MOST_HOLES:]
+        longest = max(hole.length for hole in rest)
+        yield f"{table.source or 'path'}: so are {len(rest)} more, up to {longest:.1f} m long"
 
 
 def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:

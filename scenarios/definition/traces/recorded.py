@@ -2,15 +2,19 @@
 
 import itertools
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from scenarios.definition.errors import Refused
 from scenarios.definition.library import TRACES
 from scenarios.definition.schema.path import PointsPath, TracePath
 from scenarios.definition.schema.tables import OriginTable, ScenarioTables
+from scenarios.definition.traces.cleaning import Cleaned, cleaned
 from scenarios.definition.traces.formats import (
+    Clock,
     RecordedDrive,
     RecordedPoint,
     TraceError,
@@ -19,7 +23,9 @@ from scenarios.definition.traces.formats import (
     read_log,
     read_nmea,
 )
-from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.geometry.bridges import lengths
+from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
+from vehicles.geometry.smoothing import MERGED_NOISE
 
 MAX_BYTES = 200_000_000
 """Larger files are refused: no drive is that long."""
@@ -30,6 +36,15 @@ MAX_JUMP = 1000.0
 LEAST_EXTENT = 1.0
 """Points that all lie within this distance (m) of the first make no path."""
 
+FAR = 10_000.0
+"""Coordinates in a plane that begin further from its origin than this (m) are laid at it: so far
+out a map's easting and northing are meant, such as UTM's. Where the scenario says where on earth
+the origin is, they are as long as the plane reaches."""
+
+CURVATURE_NOISE = 0.01
+"""Smoothing leaves so much noise in the curvature (1/m) at most: a lateral acceleration of 1 m/s² at
+10 m/s."""
+
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -38,10 +53,20 @@ class DriveInPlane:
     """A recorded drive in the east-north plane of `origin` (None: the file has plane coordinates).
 
     east_m, north_m and, where the file has them for every point, time_s (from the first point
-    on, never decreasing) and speed_mps, an entry each per point. `skipped` names the bad lines.
+    on, never decreasing) and speed_mps, an entry each per point. `skipped` names the bad lines,
+    `remarks` say what was left out, and `place_numbers` where in the file the points stand. With a
+    `clock`, the times count from `began_at_s` on it.
     """
 
     source: str
+    clock: Clock | None = None
+    began_at_s: float = 0.0
+    place_word: str = "point"
+    place_numbers: tuple[int, ...] = ()
+    noise_m: float = 0.0
+    jumping_points: int = 0
+    standing_points: int = 0
+    remarks: tuple[str, ...] = ()
     origin: Origin | None
     east_m: tuple[float, ...]
     north_m: tuple[float, ...]
@@ -57,26 +82,81 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
     the plane touches the earth at the first point.
     """
     table = tables.path
-    if not isinstance(table, TracePath):
-        return tables.model_copy(update={"origin": tables.origin or OriginTable()})
     given = Origin(**tables.origin.model_dump()) if tables.origin else None
-    try:
-        trace = read_trace(_file(table.file, folder), origin=given, vehicle=table.vehicle)
-    except TraceError as error:
-        raise Refused("path.file", str(error)) from error
-    points = PointsPath(
+    if isinstance(table, TracePath):
+        try:
+            trace = read_trace(_file(table.file, folder), origin=given, vehicle=table.vehicle)
+        except TraceError as error:
+            raise Refused("path.file", str(error)) from error
+        given = trace.origin or given
+        table = points_of(trace, table)
+    if isinstance(table, PointsPath):
+        table = _laid_near(table, REACH if tables.origin else FAR)
+    return tables.model_copy(update={"origin": _origin_table(given), "path": table})
+
+
+def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
+    """Return the points that a scenario has in place of a trace.
+
+    Without a width of smoothing it is the usual one, or what their noise needs.
+    """
+    remarks, smoothing = trace.remarks, table.smoothing_m
+    needed = _needed_smoothing(trace)
+    if "smoothing_m" not in table.model_fields_set and needed > smoothing:
+        smoothing = needed
+        remarks = (
+            *remarks,
+            f"the points scatter by {trace.noise_m:.2g} m, so path.smoothing_m is {needed:g} where "
+            f"it is left out, not {table.smoothing_m:g}: tighter curves are cut",
+        )
+    return PointsPath(
         kind="points",
         source=table.file,
         skipped_lines=len(trace.skipped),
         skipped_first=trace.skipped[0] if trace.skipped else "",
-        east_m=trace.east_m,
-        north_m=trace.north_m,
-        time_s=trace.time_s,
-        speed_mps=trace.speed_mps,
-        **table.model_dump(include={"smoothing_m", "closed", "laps"}),
+        remarks=remarks,
+        smoothing_m=smoothing,
+        **{key: getattr(trace, key) for key in _KEPT},
+        **table.model_dump(include={"closed", "laps"}),
     )
-    return tables.model_copy(
-        update={"origin": _origin_table(trace.origin or given), "path": points}
+
+
+def _needed_smoothing(trace: DriveInPlane) -> float:
+    """Half width (m) that leaves CURVATURE_NOISE of the points' noise; see `smooth_path`."""
+    steps = lengths(np.array((trace.east_m, trace.north_m)))
+    moved = steps[steps > 0.0]
+    spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * trace.noise_m)
+    return math.ceil((20.0 * trace.noise_m * math.sqrt(spacing) / CURVATURE_NOISE) ** 0.4)
+
+
+_KEPT = (
+    "east_m", "north_m", "time_s", "speed_mps", "clock", "began_at_s", "place_word",
+    "place_numbers", "noise_m", "jumping_points", "standing_points",
+)  # fmt: skip
+"""What points have in common with the drive that they are from."""
+
+
+def _laid_near(table: PointsPath, far: float) -> PointsPath:
+    """Subtract from points that begin further than `far` m from the origin where they begin."""
+    if not table.east_m or not table.north_m:
+        return table
+    if math.hypot(table.east_m[0], table.north_m[0]) <= far:
+        return table
+    east, north = float(round(table.east_m[0])), float(round(table.north_m[0]))
+    offset_east, offset_north = table.east_offset_m + east, table.north_offset_m + north
+    remark = (
+        f"the coordinates begin {math.hypot(offset_east, offset_north) / 1000.0:.0f} km from "
+        f"their origin, so the plane has its own: {offset_east:.0f} m are subtracted from all "
+        f"eastings, {offset_north:.0f} m from all northings"
+    )
+    return table.model_copy(
+        update={
+            "east_m": tuple(x - east for x in table.east_m),
+            "north_m": tuple(y - north for y in table.north_m),
+            "east_offset_m": offset_east,
+            "north_offset_m": offset_north,
+            "remarks": (*table.remarks, remark),
+        }
     )
 
 
@@ -114,7 +194,7 @@ def read_trace(
         drive = _sifted(_read(path, vehicle))
         _check_order(drive)
         trace = _laid_out(path.name, drive, origin)
-        _check_shape(trace, drive.points)
+        _check_shape(trace)
     except TraceError as error:
         raise TraceError(f"{path}: {error}") from error
     return trace
@@ -161,7 +241,7 @@ def _reader(suffix: str, text: str) -> Callable[[str], RecordedDrive]:
 
 def _sifted(drive: RecordedDrive) -> RecordedDrive:
     """Pass over points that are nowhere on earth, or that alone have no time."""
-    sifted = RecordedDrive(drive.geodetic, [], list(drive.skipped))
+    sifted = replace(drive, points=[], skipped=list(drive.skipped))
     timed = sum(point.time is not None for point in drive.points)
     mostly_timed = 2 * timed > len(drive.points)
     for point in drive.points:
@@ -198,15 +278,70 @@ def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> Drive
         origin = None
         east, north = zip(*(point.position for point in points), strict=True)
     times = [point.time for point in points if point.time is not None]
+    timed = len(times) == len(points)
+    left = cleaned(np.array((east, north)), times if timed else ())
+    kept, speeds = left.kept, _speeds(points)
+    first = times[kept[0]] if timed else 0.0
+    stood = sum(one.last - one.first + 1 for one in left.stands)
     return DriveInPlane(
         source=source,
         origin=origin,
-        east_m=east,
-        north_m=north,
-        time_s=tuple(time - times[0] for time in times) if len(times) == len(points) else (),
-        speed_mps=_speeds(points),
+        east_m=tuple(left.points[0].tolist()),
+        north_m=tuple(left.points[1].tolist()),
+        time_s=tuple(times[k] - first for k in kept) if timed else (),
+        speed_mps=tuple(_speed_at(left, speeds)) if speeds else (),
         skipped=tuple(drive.skipped),
+        clock=drive.clock if timed else None,
+        began_at_s=drive.zero + first if timed and drive.clock else 0.0,
+        place_word=points[0].place.split()[0],
+        place_numbers=tuple(int(points[k].place.split()[1]) for k in kept),
+        noise_m=left.noise,
+        jumping_points=sum(jump.last - jump.first + 1 for jump in left.jumps),
+        standing_points=stood,
+        remarks=tuple(_remarks(left, points)),
     )
+
+
+def _speed_at(left: Cleaned, speeds: tuple[float, ...]) -> Iterator[float]:
+    """Give the recorded speeds of the points that are kept: none where the car stands."""
+    still = {k for stand in left.stands for k in stand.core}
+    return (0.0 if k in still else speeds[k] for k in left.kept)
+
+
+def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
+    """Say what jumps and stands were found, and where."""
+    if left.jumps:
+        count = sum(jump.last - jump.first + 1 for jump in left.jumps)
+        worst = max(left.jumps, key=lambda jump: jump.size)
+        yield (
+            f"{_so_many(count, 'point jumps', 'points jump')} and "
+            f"{'is' if count == 1 else 'are'} left out, "
+            f"by {worst.size:.1f} m at {_where(points, worst.first)}"
+            + (f", the first at {_where(points, left.jumps[0].first)}" if count > 1 else "")
+        )
+    for stand in left.stands:
+        first, last = stand.core
+        begun, ended = points[first].time, points[last].time
+        span = f" for {ended - begun:.0f} s" if begun is not None and ended is not None else ""
+        count = _so_many(stand.last - stand.first + 1, "point", "points")
+        if stand.first == 0:
+            yield f"the drive starts at its first movement, at {_where(points, last)}: {count} left out"
+        elif stand.last == len(points) - 1:
+            yield f"the drive ends where it stops, at {_where(points, first)}: {count} left out"
+        else:
+            yield f"the car stands{span} from {_where(points, first)} on: {count} made one place"
+
+
+def _so_many(count: int, one: str, several: str) -> str:
+    return f"{count} {one if count == 1 else several}"
+
+
+def _where(points: list[RecordedPoint], k: int) -> str:
+    """Say where in the file a point is, and how long after the first one."""
+    begun, at = points[0].time, points[k].time
+    if begun is None or at is None:
+        return points[k].place
+    return f"{points[k].place} ({at - begun:.1f} s)"
 
 
 def _speeds(points: list[RecordedPoint]) -> tuple[float, ...]:
@@ -243,14 +378,15 @@ def _in_plane(
     return places
 
 
-def _check_shape(trace: DriveInPlane, points: list[RecordedPoint]) -> None:
+def _check_shape(trace: DriveInPlane) -> None:
     places = list(zip(trace.east_m, trace.north_m, strict=True))
+    named = [f"{trace.place_word} {number}" for number in trace.place_numbers]
     if len(places) == 1:
-        raise TraceError(f"only one valid point, {points[0].place}")
-    for (before, after), point in zip(itertools.pairwise(places), points[1:], strict=True):
+        raise TraceError(f"only one valid point, {named[0]}")
+    for (before, after), name in zip(itertools.pairwise(places), named[1:], strict=True):
         jump = math.dist(before, after)
         if jump >= MAX_JUMP:
-            raise TraceError(f"{point.place}: {jump / 1000:.1f} km from the point before")
+            raise TraceError(f"{name}: {jump / 1000:.1f} km from the point before")
     extent = max(math.dist(places[0], place) for place in places)
     if extent < LEAST_EXTENT:
         raise TraceError(f"all {len(places)} points lie within {extent:.2f} m, so there is no path")
