@@ -1,7 +1,7 @@
 """Keys of a scenario that contradict each other, each valid by itself."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -47,11 +47,20 @@ def _names(tables: ScenarioTables) -> Iterator[Problem]:
             yield f"convoy.names[{index}]", f"given {shown(name)}, already convoy.names[{first}]"
         elif name == CONDUCTOR:
             yield f"convoy.names[{index}]", f"given {shown(name)}, which is the launcher's own name"
+    yield from _vehicles(tables, names)
+
+
+def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
     for name, vehicle in tables.vehicle.items():
         if name not in names:
             yield f"vehicle.{name}", f"no such vehicle, allowed {', '.join(names)}"
         elif name == names[0] and vehicle.gap_m is not None:
             yield f"vehicle.{name}.gap_m", "given for the lead, which has nobody ahead"
+        if name == names[0] and vehicle.replay is not None:
+            yield f"vehicle.{name}.replay", "given for the lead, whose drive is path.file"
+        for key in ("replay_vehicle", "replay_offset_s"):
+            if vehicle.replay is None and key in vehicle.model_fields_set:
+                yield f"vehicle.{name}.{key}", "given without replay, which it is about"
 
 
 def _links(tables: ScenarioTables) -> Iterator[Problem]:

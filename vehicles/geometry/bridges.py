@@ -41,7 +41,7 @@ has 20 times the variance, and half of all normal numbers are within 0.6745."""
 
 
 class UnbridgedError(ValueError):
-    """A hole whose sides cannot be joined (beyond the paper); point number `before` is before it."""
+    """A hole that cannot be bridged (beyond the paper); point number `before` is before it."""
 
     def __init__(self, text: str, before: int) -> None:
         super().__init__(text)
@@ -145,14 +145,8 @@ def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
     leaving, joining = handle * u * rest * rest, -handle * u * u * rest
     return np.stack(
         (
-            before.x
-            + towards * dx
-            + leaving * math.cos(before.yaw)
-            + joining * math.cos(arriving),
-            before.y
-            + towards * dy
-            + leaving * math.sin(before.yaw)
-            + joining * math.sin(arriving),
+            before.x + towards * dx + leaving * math.cos(before.yaw) + joining * math.cos(arriving),
+            before.y + towards * dy + leaving * math.sin(before.yaw) + joining * math.sin(arriving),
         )
     )
 

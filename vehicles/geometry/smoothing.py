@@ -40,7 +40,7 @@ SLOWEST_PROGRESS = 0.5
 
 
 class NoPathError(ValueError):
-    """Points that make no path (beyond the paper); `point` is the number (from 0) of the culprit."""
+    """Points that make no path (beyond the paper); `point` is the culprit's number, from 0."""
 
     def __init__(self, text: str, point: int) -> None:
         super().__init__(text)
@@ -118,9 +118,10 @@ def smooth_path(
     path inwards by 0.1 % of that; wider removes more noise: of white noise of s (m) in points d (m)
     apart, s * 20 d^0.5 / half_width^2.5 is left in the curvature (1/m). A `closed` drive is driven
     `laps` times, its ends joined evenly over
-    SEAM_BLEND. Their noise is at least `noise` (m, standard deviation per axis). `lead_in` (m) is a straight before the first point, along the path's direction
-    there, and smoothed with it so that the curvature has no step; only lap one has it. Raises
-    ValueError with one line if the points make no path, NoPathError where one of them is to blame.
+    SEAM_BLEND. Their noise is at least `noise` (m, standard deviation per axis). `lead_in` (m) is a
+    straight before the first point, along the path's direction there, and smoothed with it so that
+    the curvature has no step; only lap one has it. Raises ValueError with one line if the points
+    make no path, NoPathError where one of them is to blame.
     """
     given_x, given_y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
     _check(given_x, given_y, half_width, laps, lead_in)

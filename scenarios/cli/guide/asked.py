@@ -34,6 +34,10 @@ def _convoy(report: CheckReport) -> Iterator[Row]:
     for name, offset in report.offsets.items():
         turn = f"turned {offset['heading_offset_deg']:g}°"
         yield "start off the path", f"{name}: {offset['lateral_offset_m']:g} m left, {turn}"
+    for name, replay in report.replays.items():
+        begun = f"from {replay['begun_s']:.1f} s of it on, by {replay['clock']} times"
+        off = f"path {100.0 * replay['deviation_m_max']:.1f} cm off its points at most"
+        yield "replayed", f"{name}: {replay['file']}, {begun}, {off}"
     yield "duration, seed", f"{report.duration_s:.1f} s, {report.seed}"
 
 

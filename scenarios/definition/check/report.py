@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.check.preview import preview_warnings
+from scenarios.definition.road.replayed import replay_warnings
 from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
@@ -32,8 +33,9 @@ class CheckReport:
     """What a valid scenario asks for, and figures of the lead's planned run.
 
     `control`, `gnss` and `masses_kg` (with the load) are by vehicle, as are the `offsets` from the
-    path of those that start with one. `gap_policy` is None where followers drive the lead's speed,
-    `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is about a recorded
+    path of those that start with one, and `replays` of those that move as they were recorded.
+    `gap_policy` is None where followers drive the lead's speed, `radius_m_min` on a straight road.
+    From `points` to `deviation_m_max` all is about a recorded
     drive, None where the path is made of segments: what was left out on reading it, its holes, the
     noise of its points, what was subtracted from their coordinates, and how far the path lies from
     them, at the points (rms) and between them, too (max).
@@ -52,6 +54,7 @@ class CheckReport:
     gnss: dict[str, dict[str, float]]
     masses_kg: dict[str, float]
     offsets: dict[str, dict[str, float]]
+    replays: dict[str, dict[str, Any]]
     links: dict[str, dict[str, float | None]]
     when_a_vehicle_dies: str
     clock_offset_ms_max: float
@@ -120,6 +123,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         gnss={name: car.gnss.model_dump() for name, car in cars.items()},
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
         offsets=_offsets(tables),
+        replays=_replays(scenario),
         when_a_vehicle_dies=tables.convoy.when_a_vehicle_dies,
         clock_offset_ms_max=tables.convoy.clock_offset_ms_max,
         events=tables.events.model_dump(),
@@ -162,6 +166,19 @@ def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:
     return {name: offsets for name, offsets in found.items() if any(offsets.values())}
 
 
+def _replays(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """Vehicles that are replayed: the file, how much of it is over at the start, by which clock."""
+    return {
+        name: {
+            "file": scenario.tables.vehicle[name].replay,
+            "begun_s": drive.begun,
+            "clock": "common" if drive.common else "own",
+            "deviation_m_max": drive.road.deviation_max,
+        }
+        for name, drive in scenario.replays.items()
+    }
+
+
 def _run(scenario: Scenario) -> _Run:
     profile, path, station = scenario.route.profile, scenario.route.path, scenario.route.start
     steps = max(int(scenario.duration_s / STEP), 1)
@@ -181,6 +198,7 @@ def warnings(scenario: Scenario) -> tuple[str, ...]:
 def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
     return (
         *_trace_warnings(scenario),
+        *_replay_warnings(scenario),
         *_vehicle_warnings(scenario),
         *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *_speed_warnings(scenario, run),
@@ -217,6 +235,15 @@ def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
         rest = smoothed.holes[MOST_HOLES:]
         longest = max(hole.length for hole in rest)
         yield f"{table.source or 'path'}: so are {len(rest)} more, up to {longest:.1f} m long"
+
+
+def _replay_warnings(scenario: Scenario) -> Iterator[str]:
+    tables = scenario.tables
+    for name, drive in scenario.replays.items():
+        if (table := tables.vehicle[name].drive) is not None:
+            yield from (f"{table.source}: {remark}" for remark in table.remarks)
+            yield from _hole_warnings(table, drive.road)
+        yield from replay_warnings(tables, name, drive, scenario.route, scenario.duration_s)
 
 
 def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:

@@ -49,7 +49,7 @@ class Route:
     `gaps` (m) are those to the vehicle ahead, 0 for the lead. `profile` is the lead's speed from
     the start on. `smoothed` holds how far the path lies from recorded points, None where it is
     made of segments. `speed_ratio` is the factor by which recorded speeds were multiplied to cover
-    the path.
+    the path. The lead reaches the first point of a recorded drive `run_in` s after the start.
     """
 
     path: Path
@@ -58,6 +58,7 @@ class Route:
     profile: SpeedProfile
     smoothed: SmoothedPath | None
     speed_ratio: float
+    run_in: float = 0.0
 
     def start_station(self, place: int) -> float:
         """Station (m) on the path at which the vehicle at `place` (0 is the lead) starts."""
@@ -110,6 +111,7 @@ def plan_route(tables: ScenarioTables) -> Route:
         profile=profile,
         smoothed=smoothed,
         speed_ratio=ratio,
+        run_in=profile.time_to(smoothed.start - start) if smoothed else 0.0,
     )
 
 
@@ -134,7 +136,7 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
         return path, lead_in, None
     if not isinstance(table, PointsPath):
         raise Refused("path.file", "has not been read")
-    smoothed = _smoothed(table, lead_in)
+    smoothed = smoothed_points(table, lead_in)
     # The smoothing curves the end of the straight. The lead starts before that: so all start
     # straight ahead and without errors, and the run-in is part of what the lead has driven.
     curved = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
@@ -142,7 +144,8 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
     return smoothed.path, min(max(first_curve, lead_in), smoothed.start), smoothed
 
 
-def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
+def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
+    """Smooth points, with a straight of at least `lead_in` m before them; raises Refused."""
     steps = lengths(np.array((table.east_m, table.north_m)))
     _check_length(table, float(np.sum(steps)))
     longest = float(np.max(np.delete(steps, holes_in(steps)), initial=0.0))
@@ -226,8 +229,8 @@ def _recorded(
     first, run_in = profile.speeds[0], smoothed.start - start
     if first < SLOW or run_in <= 0.0:
         return profile, smoothed.start, ratio
-    times = (0.0, *(run_in / first + time for time in profile.times))
-    return SpeedProfile(times, (first, *profile.speeds)), start, ratio
+    knots = (0.0, *(run_in / first + time for time in profile.times))
+    return SpeedProfile(knots, (first, *profile.speeds)), start, ratio
 
 
 def longest_run(route: Route) -> float:

@@ -55,11 +55,13 @@ class PointsPath(SmoothedPathTable):
     `time_s` and `speed_mps`, where known, have an entry for each point. Coordinates of the source
     are those of the points plus the offset. `place_numbers` say where in the source each point
     stands, by its `place_word` (line, point, message); `remarks` what was changed on reading it.
-    Where times are absolute, they count from `began_at_s` on the `clock`.
+    It is `geodetic` if it has latitudes. Where times are absolute, they count from `began_at_s` on
+    the `clock`. Their noise is at least `noise_m` (standard deviation, per axis).
     """
 
     kind: Literal["points"]
     source: str = ""
+    geodetic: bool = False
     east_offset_m: float = 0.0
     north_offset_m: float = 0.0
     clock: Literal["unix", "day"] | None = None

@@ -71,7 +71,7 @@ class Stand:
 
 @dataclass(slots=True)
 class Cleaned:
-    """Which points are kept, by their numbers, where they are (m, shape (2, n)), and what was found.
+    """Which points are kept, by number, where they are (m, shape (2, n)), and what was found.
 
     A stand in the drive is two points at one place, one at its beginning and one at its end. A
     stand before the first movement is one point, as is one after the last. `noise` is the standard

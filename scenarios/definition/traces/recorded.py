@@ -11,7 +11,7 @@ import numpy as np
 from scenarios.definition.errors import Refused
 from scenarios.definition.library import TRACES
 from scenarios.definition.schema.path import PointsPath, TracePath
-from scenarios.definition.schema.tables import OriginTable, ScenarioTables
+from scenarios.definition.schema.tables import OriginTable, ScenarioTables, VehicleTable
 from scenarios.definition.traces.cleaning import Cleaned, cleaned
 from scenarios.definition.traces.formats import (
     Clock,
@@ -41,9 +41,12 @@ FAR = 10_000.0
 out a map's easting and northing are meant, such as UTM's. Where the scenario says where on earth
 the origin is, they are as long as the plane reaches."""
 
-CURVATURE_NOISE = 0.01
-"""Smoothing leaves so much noise in the curvature (1/m) at most: a lateral acceleration of 1 m/s² at
-10 m/s."""
+CURVATURE_NOISE = 0.004
+"""Smoothing leaves so much noise in the curvature (1/m) at most: 0.4 m/s² of lateral acceleration
+at 10 m/s."""
+
+ELSEWHERE = 5_000.0
+"""A second drive that comes no nearer than this (m) to the start of the lead's is elsewhere."""
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
@@ -95,6 +98,54 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
     return tables.model_copy(update={"origin": _origin_table(given), "path": table})
 
 
+def with_replays(tables: ScenarioTables, folder_of: Callable[[str], Path]) -> ScenarioTables:
+    """Read the drives of the vehicles that are replayed into the lead's plane; raises Refused.
+
+    `folder_of` gives the folder in which the file that a key names is sought.
+    """
+    read = {
+        name: own.model_copy(update={"drive": _second(tables, name, own, folder_of)})
+        for name, own in tables.vehicle.items()
+        if own.replay is not None and own.drive is None
+    }
+    return tables.model_copy(update={"vehicle": {**tables.vehicle, **read}}) if read else tables
+
+
+def _second(
+    tables: ScenarioTables, name: str, own: VehicleTable, folder_of: Callable[[str], Path]
+) -> PointsPath:
+    key, lead = f"vehicle.{name}.replay", tables.path
+    origin = Origin(**(tables.origin or OriginTable()).model_dump())
+    table = TracePath(kind="trace", file=own.replay or "")
+    try:
+        trace = read_trace(
+            _file(table.file, folder_of(key)), origin=origin, vehicle=own.replay_vehicle
+        )
+    except TraceError as error:
+        raise Refused(key, str(error)) from error
+    points = points_of(trace, table)
+    if not isinstance(lead, PointsPath):
+        return points
+    if lead.source and lead.geodetic != (trace.origin is not None):
+        kinds = "latitudes" if lead.geodetic else "plane coordinates"
+        raise Refused(
+            key, f"{table.file}: given in another plane, allowed {kinds} as {lead.source} has"
+        )
+    if trace.origin is None:
+        points = _moved(points, lead.east_offset_m, lead.north_offset_m)
+    east, north = lead.east_m[0], lead.north_m[0]
+    away = min(
+        math.hypot(x - east, y - north) for x, y in zip(points.east_m, points.north_m, strict=True)
+    )
+    if away > ELSEWHERE:
+        raise Refused(
+            key,
+            f"{table.file}: comes no nearer than {away / 1000.0:.1f} km to the start of the lead's "
+            f"path, allowed at most {ELSEWHERE / 1000.0:g} km: is it of the same road?",
+        )
+    return points
+
+
 def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
     """Return the points that a scenario has in place of a trace.
 
@@ -114,6 +165,7 @@ def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
         source=table.file,
         skipped_lines=len(trace.skipped),
         skipped_first=trace.skipped[0] if trace.skipped else "",
+        geodetic=trace.origin is not None,
         remarks=remarks,
         smoothing_m=smoothing,
         **{key: getattr(trace, key) for key in _KEPT},
@@ -126,7 +178,8 @@ def _needed_smoothing(trace: DriveInPlane) -> float:
     steps = lengths(np.array((trace.east_m, trace.north_m)))
     moved = steps[steps > 0.0]
     spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * trace.noise_m)
-    return math.ceil((20.0 * trace.noise_m * math.sqrt(spacing) / CURVATURE_NOISE) ** 0.4)
+    kept = 20.0 * trace.noise_m * math.sqrt(spacing) / CURVATURE_NOISE
+    return float(math.ceil(math.pow(kept, 0.4)))
 
 
 _KEPT = (
@@ -142,20 +195,24 @@ def _laid_near(table: PointsPath, far: float) -> PointsPath:
         return table
     if math.hypot(table.east_m[0], table.north_m[0]) <= far:
         return table
-    east, north = float(round(table.east_m[0])), float(round(table.north_m[0]))
-    offset_east, offset_north = table.east_offset_m + east, table.north_offset_m + north
+    moved = _moved(table, float(round(table.east_m[0])), float(round(table.north_m[0])))
+    east, north = moved.east_offset_m, moved.north_offset_m
     remark = (
-        f"the coordinates begin {math.hypot(offset_east, offset_north) / 1000.0:.0f} km from "
-        f"their origin, so the plane has its own: {offset_east:.0f} m are subtracted from all "
-        f"eastings, {offset_north:.0f} m from all northings"
+        f"the coordinates begin {math.hypot(east, north) / 1000.0:.0f} km from their origin, so "
+        f"the plane has its own: {east:.0f} m are subtracted from all eastings, {north:.0f} m from "
+        "all northings"
     )
+    return moved.model_copy(update={"remarks": (*table.remarks, remark)})
+
+
+def _moved(table: PointsPath, east: float, north: float) -> PointsPath:
+    """Subtract an offset (m) from points, and keep it."""
     return table.model_copy(
         update={
             "east_m": tuple(x - east for x in table.east_m),
             "north_m": tuple(y - north for y in table.north_m),
-            "east_offset_m": offset_east,
-            "north_offset_m": offset_north,
-            "remarks": (*table.remarks, remark),
+            "east_offset_m": table.east_offset_m + east,
+            "north_offset_m": table.north_offset_m + north,
         }
     )
 
@@ -323,13 +380,15 @@ def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
         first, last = stand.core
         begun, ended = points[first].time, points[last].time
         span = f" for {ended - begun:.0f} s" if begun is not None and ended is not None else ""
-        count = _so_many(stand.last - stand.first + 1, "point", "points")
+        left_out = _so_many(stand.last - stand.first + 1, "point", "points")
         if stand.first == 0:
-            yield f"the drive starts at its first movement, at {_where(points, last)}: {count} left out"
+            begin = f"at its first movement, at {_where(points, last)}"
+            yield f"the drive starts {begin}: {left_out} left out"
         elif stand.last == len(points) - 1:
-            yield f"the drive ends where it stops, at {_where(points, first)}: {count} left out"
+            end = f"where it stops, at {_where(points, first)}"
+            yield f"the drive ends {end}: {left_out} left out"
         else:
-            yield f"the car stands{span} from {_where(points, first)} on: {count} made one place"
+            yield f"the car stands{span} from {_where(points, first)} on: {left_out} made one place"
 
 
 def _so_many(count: int, one: str, several: str) -> str:

@@ -56,6 +56,17 @@ class Outbox:
             self._add_health(now, final=False)
         self._sink.flush()
 
+    def publish_replayed(self, now: int, body: Body, fix: Fix | None, *, fresh: bool) -> None:
+        """Send what a vehicle that decides nothing measured; `fresh` at instants of control."""
+        self._ticks += 1
+        if fix is not None:
+            self._add(to_message(fix, self._vehicle, self._plane))
+        if fresh:
+            self._add_truth(now, body)
+        if self._health.is_due(now):
+            self._add_health(now, final=False)
+        self._sink.flush()
+
     def publish_health(self, now: int, *, final: bool = False) -> None:
         """Send the counters; the last ones of a run are `final`."""
         self._add_health(now, final=final)

@@ -45,7 +45,14 @@ FORMATS: dict[str, Callable[[Drive], bytes]] = {
     "places": without_times,
     "timed": without_speeds,
 }
-SUFFIXES = {"csv": "csv", "wgs84": "csv", "gpx": "gpx", "nmea": "nmea", "places": "csv", "timed": "csv"}
+SUFFIXES = {
+    "csv": "csv",
+    "wgs84": "csv",
+    "gpx": "gpx",
+    "nmea": "nmea",
+    "places": "csv",
+    "timed": "csv",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,9 +89,12 @@ class Rough:
         stations, speeds = self._motion()
         east, north = truth(self.course, stations)
         count = stations.size
-        for axis in (east, north):
-            axis += random.normal(0.0, self.noise, count) if self.noise else 0.0
-            axis += wander(random, count, self.drift, 20.0 * self.rate_hz)
+        east, north = (
+            axis
+            + random.normal(0.0, self.noise, count)
+            + wander(random, count, self.drift, 20.0 * self.rate_hz)
+            for axis in (east, north)
+        )
         for k in random.choice(np.arange(20, count - 20, 25), self.jumps, replace=False):
             angle = random.uniform(0.0, 2.0 * math.pi)
             size = self.jump_size * random.uniform(1.0, 1.5)
