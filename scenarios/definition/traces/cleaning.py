@@ -1,5 +1,6 @@
 """What a receiver records and no car drives: jumps, and the wander of a place where it stands."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -7,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.bridges import scatter
+from vehicles.geometry.bridges import NEARBY, lengths, scatter
 
 FEWEST = 8
 """Fewer points than this are left as they are: they do not tell what is unusual among them."""
@@ -27,15 +28,30 @@ MOST_ACCELERATION = 15.0
 TIGHTEST = 3.0
 """No car turns tighter than with this radius (m)."""
 
+LONG_STEP = 1.5
+"""Points without times jump by more than so many of the steps nearby."""
+
 SLOWEST = 0.5
-"""What moves slower than this (m/s) on average may be standing; of points without times, what
-moves slower than this share of their usual step."""
+"""What moves slower than this (m/s) on average may be standing..."""
+
+SLOW_SHARE = 0.25
+"""...or, of points without times, by less than this share of how far they usually get."""
+
+USUAL = 20
+"""How far points usually get is measured over so many of them."""
 
 LEAST_STAND = 3.0
 """A car stands for at least so long (s), or for this many points without times..."""
 
 LEAST_RADIUS = 0.5
 """...within this distance (m) of one place, or within UNLIKELY times the noise."""
+
+STILL = 0.6
+"""So large a share of a slow stretch is within that distance if it is a stand: the rest is what the
+car drove before it stopped and after it went on."""
+
+SURELY_STILL = 0.9
+"""The same for points without times."""
 
 WANDERING = 0.5
 """What gets less far than this share of its way is no crawl, however far it drifts."""
@@ -59,7 +75,7 @@ class Jump:
 class Stand:
     """A stand: points `first` to `last` belong to it, of which the car stands in `core`.
 
-    `place` is the mean of the core's points (m), `wander` their standard deviation (m, per axis).
+    `place` is the median of the core's points (m), `wander` their standard deviation (m, per axis).
     """
 
     first: int
@@ -130,6 +146,7 @@ class _Track:
         self.kept = list(range(count))
         self._xy = list(zip(*points.tolist(), strict=True))
         self._t = self.at.tolist()
+        self._steps = lengths(points)
         self._least = max(LEAST_JUMP, UNLIKELY * scatter(points))
 
     def without_jumps(self) -> list[Jump]:
@@ -192,17 +209,30 @@ class _Track:
         (x0, y0), (x1, y1), (x, y) = self._xy[a], self._xy[b], self._xy[k]
         t0, t1, t = self._t[a], self._t[b], self._t[k]
         share = (t - t0) / (t1 - t0) if t1 != t0 else 0.5
+        if not self.timed and a < k < b:  # as far along as its distances say, for holes
+            way = math.hypot(x - x0, y - y0)
+            share = way / max(way + math.hypot(x1 - x, y1 - y), 1e-9)
         beyond = max(1.0, abs(share), abs(1.0 - share))
-        off = float(np.hypot(x - x0 - share * (x1 - x0), y - y0 - share * (y1 - y0)))
+        off = math.hypot(x - x0 - share * (x1 - x0), y - y0 - share * (y1 - y0))
         if self.timed:
             curve = 0.5 * MOST_ACCELERATION * abs((t - t0) * (t - t1))
         else:
-            curve = float(np.hypot(x1 - x0, y1 - y0)) ** 2 * beyond**2 / (8.0 * TIGHTEST)
+            curve = (math.hypot(x1 - x0, y1 - y0) * beyond) ** 2 / (8.0 * TIGHTEST)
         return off, max(self._least * beyond, curve)
 
     def _excess(self, k: int, a: int, b: int) -> float:
+        """By how much (m) point k is further from its neighbours a and b than a car gets."""
         off, allowed = self._offset(k, a, b)
+        if off > allowed and not self.timed and self._is_in_step(k, a) and self._is_in_step(k, b):
+            return 0.0  # on a loop that is tight for its points
         return off - allowed
+
+    def _is_in_step(self, k: int, other: int) -> bool:
+        """Whether a point is as far from another one as points without times usually are."""
+        steps = self._steps[max(0, k - NEARBY) : k + NEARBY]
+        (x0, y0), (x1, y1) = self._xy[k], self._xy[other]
+        usual = LONG_STEP * float(np.median(steps)) * abs(k - other)
+        return bool(np.hypot(x1 - x0, y1 - y0) <= usual)
 
     def _size(self, place: int, count: int) -> float:
         before, after = self._k(place - 1), self._k(place + count)
@@ -216,10 +246,13 @@ class _Track:
 def _stands(points: Floats, at: Floats, *, timed: bool) -> Iterator[Stand]:
     """Give the stands among `points` (2, n) at instants or numbers `at`, in their order."""
     noise = scatter(points)
-    steps = np.hypot(*np.diff(points))
     gone = np.diff(at)
     usual = float(np.median(gone[gone > 0.0])) if (gone > 0.0).any() else 1.0
-    slowest = SLOWEST * (1.0 if timed else float(np.median(steps)))
+    slowest = SLOWEST
+    if not timed:
+        ahead = min(USUAL, at.size - 1)
+        got = np.hypot(*(points[:, ahead:] - points[:, :-ahead]))
+        slowest = SLOW_SHARE * float(np.median(got)) / ahead
     if slowest <= 0.0:
         return
     # Half the points of a window against the other half: 4 noise / (span sqrt(points)).
@@ -229,7 +262,8 @@ def _stands(points: Floats, at: Floats, *, timed: bool) -> Iterator[Stand]:
     radius = max(LEAST_RADIUS, UNLIKELY * noise)
     reached = -1
     for first, last in _joined(points, _runs(slow), radius):
-        one = _stand(points, at, (max(first, reached + 1), last), radius, span)
+        run = max(first, reached + 1), last
+        one = _stand(points, at, run, radius, span if timed else math.inf)
         if one is not None and one.first > reached:
             reached = one.last
             yield one
@@ -283,7 +317,8 @@ def _stand(
 ) -> Stand | None:
     """The stand that a slow `run` of points is; None for a crawl.
 
-    Where its points drift further than noise, all that lies among them belongs to it.
+    Where its points drift further than noise, all that lies among them belongs to it. An infinite
+    `span` says that without times nobody can tell a drift from a crawl.
     """
     first, last = run
     if last <= first:
@@ -291,8 +326,8 @@ def _stand(
     core = points[:, first : last + 1]
     middle = np.median(core, axis=1)[:, None]
     away = np.hypot(*(core - middle))
-    if float(np.quantile(away, 0.9)) > radius:
-        if not _wanders(core, at[first : last + 1], span):
+    if float(np.quantile(away, SURELY_STILL if math.isinf(span) else STILL)) > radius:
+        if math.isinf(span) or not _wanders(core, at[first : last + 1], span):
             return None
         radius = float(np.max(away))
     # The windows reach into what was driven before and after.
@@ -300,7 +335,7 @@ def _stand(
     first, last = int(still[0]), int(still[-1])
     if at[last] - at[first] < LEAST_STAND - 1e-9:
         return None
-    place = np.mean(points[:, first : last + 1], axis=1)
+    place = np.median(points[:, first : last + 1], axis=1)
     wander = float(np.median(np.hypot(*(points[:, first : last + 1] - place[:, None])))) / _RAYLEIGH
     begin, end = first, last
     while begin > 0 and np.hypot(*(points[:, begin - 1] - place)) <= radius:

@@ -367,40 +367,32 @@ def _speed_at(left: Cleaned, speeds: tuple[float, ...]) -> Iterator[float]:
 
 def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
     """Say what jumps and stands were found, and where."""
+
+    def where(k: int) -> str:
+        """Where in the file a point is, and how long after the first one that is kept."""
+        begun, at = points[left.kept[0]].time, points[k].time
+        if begun is None or at is None:
+            return points[k].place
+        return f"{points[k].place} ({at - begun:.1f} s)"
+
     if left.jumps:
         count = sum(jump.last - jump.first + 1 for jump in left.jumps)
         worst = max(left.jumps, key=lambda jump: jump.size)
-        yield (
-            f"{_so_many(count, 'point jumps', 'points jump')} and "
-            f"{'is' if count == 1 else 'are'} left out, "
-            f"by {worst.size:.1f} m at {_where(points, worst.first)}"
-            + (f", the first at {_where(points, left.jumps[0].first)}" if count > 1 else "")
-        )
+        said = "1 point jumps and is" if count == 1 else f"{count} points jump and are"
+        others = f", the first at {where(left.jumps[0].first)}" if count > 1 else ""
+        yield f"{said} left out, by {worst.size:.1f} m at {where(worst.first)}{others}"
     for stand in left.stands:
         first, last = stand.core
         begun, ended = points[first].time, points[last].time
         span = f" for {ended - begun:.0f} s" if begun is not None and ended is not None else ""
-        left_out = _so_many(stand.last - stand.first + 1, "point", "points")
+        count = stand.last - stand.first + 1
         if stand.first == 0:
-            begin = f"at its first movement, at {_where(points, last)}"
-            yield f"the drive starts {begin}: {left_out} left out"
+            begin = where(last)
+            yield f"the drive starts at its first movement, at {begin}: {count} points left out"
         elif stand.last == len(points) - 1:
-            end = f"where it stops, at {_where(points, first)}"
-            yield f"the drive ends {end}: {left_out} left out"
+            yield f"the drive ends where it stops, at {where(first)}: {count} points left out"
         else:
-            yield f"the car stands{span} from {_where(points, first)} on: {left_out} made one place"
-
-
-def _so_many(count: int, one: str, several: str) -> str:
-    return f"{count} {one if count == 1 else several}"
-
-
-def _where(points: list[RecordedPoint], k: int) -> str:
-    """Say where in the file a point is, and how long after the first one."""
-    begun, at = points[0].time, points[k].time
-    if begun is None or at is None:
-        return points[k].place
-    return f"{points[k].place} ({at - begun:.1f} s)"
+            yield f"the car stands{span} from {where(first)} on: {count} points made one place"
 
 
 def _speeds(points: list[RecordedPoint]) -> tuple[float, ...]:
