@@ -1,7 +1,9 @@
 """Keys of a scenario that contradict each other, each valid by itself."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from scenarios.definition.links import ANY, directed_links, is_about
 from scenarios.definition.refusal import shown
@@ -12,10 +14,14 @@ from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
 from vehicles.car.dynamics import fastest_rate
 from vehicles.driver.steering import ControllerError, load_controller, try_out
+from vehicles.geometry.geodesy import REACH
 
 FASTEST_RATE = 20_000.0
 """Rate (1/s) of a car's tyres or steering up to which a run keeps up with the clock; the paper's
 car has 206 in its tyres. One of a lorry's mass on a toy's inertia would take hours for a second."""
+
+MARGIN = 1000.0
+"""The road keeps so far (m) within the plane's reach: nobody's noise or swerve leaves it."""
 
 Problem = tuple[str, str]
 """Key, and what is wrong with it."""
@@ -41,11 +47,20 @@ def _names(tables: ScenarioTables) -> Iterator[Problem]:
             yield f"convoy.names[{index}]", f"given {shown(name)}, already convoy.names[{first}]"
         elif name == CONDUCTOR:
             yield f"convoy.names[{index}]", f"given {shown(name)}, which is the launcher's own name"
+    yield from _vehicles(tables, names)
+
+
+def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
     for name, vehicle in tables.vehicle.items():
         if name not in names:
             yield f"vehicle.{name}", f"no such vehicle, allowed {', '.join(names)}"
         elif name == names[0] and vehicle.gap_m is not None:
             yield f"vehicle.{name}.gap_m", "given for the lead, which has nobody ahead"
+        if name == names[0] and vehicle.replay is not None:
+            yield f"vehicle.{name}.replay", "given for the lead, whose drive is path.file"
+        for key in ("replay_vehicle", "replay_offset_s"):
+            if vehicle.replay is None and key in vehicle.model_fields_set:
+                yield f"vehicle.{name}.{key}", "given without replay, which it is about"
 
 
 def _links(tables: ScenarioTables) -> Iterator[Problem]:
@@ -157,4 +172,25 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
             "duration_s",
             f"given {duration:g}, allowed at most {longest_run(route):g}: the lead would drive "
             f"{driven:.1f} m, its path is {route.length:.1f} m long",
+        )
+    yield from _out_of_reach(tables, route)
+
+
+def _out_of_reach(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
+    """Give where the road that is driven leaves the plane: no vehicle takes poses from there."""
+    driven = route.length
+    if tables.duration_s is not None:
+        driven = min(driven, route.profile.distance(tables.duration_s))
+    path, least = route.path, route.start_station(len(vehicle_names(tables)) - 1)
+    away = np.hypot(path.east, path.north)
+    on_road = (path.station >= least) & (path.station <= route.start + driven)
+    beyond = np.flatnonzero(on_road & (away > REACH - MARGIN))
+    if beyond.size:
+        first = int(beyond[0])
+        after = max(float(path.station[first]) - route.start, 0.0)
+        yield (
+            "path",
+            f"given {np.max(away[on_road]) / 1000.0:.1f} km from the origin of the plane, allowed "
+            f"at most {(REACH - MARGIN) / 1000.0:g} km: the lead gets there after {after:.0f} m; "
+            "shorten duration_s or the path, or cut the drive in two",
         )

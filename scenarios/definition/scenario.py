@@ -16,6 +16,7 @@ from scenarios.definition.extends import merged
 from scenarios.definition.library import ScenarioFile, library, read_file, template
 from scenarios.definition.links import directed_links, requested_link
 from scenarios.definition.refusal import refusals, shown
+from scenarios.definition.road.replayed import ReplayedDrive, plan_replay, replay_problems
 from scenarios.definition.road.route import (
     Route,
     gap_policy,
@@ -24,7 +25,7 @@ from scenarios.definition.road.route import (
     vehicle_names,
 )
 from scenarios.definition.schema.tables import LinkTable, OriginTable, ScenarioTables
-from scenarios.definition.traces.recorded import with_points
+from scenarios.definition.traces.recorded import with_points, with_replays
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import Origin
@@ -158,6 +159,15 @@ class Scenario:
         """Path, stations at the start, and the lead's speed."""
         return plan_route(self.tables)
 
+    @cached_property
+    def replays(self) -> Mapping[str, ReplayedDrive]:
+        """The motion of each vehicle that moves as it was recorded, by its name."""
+        return {
+            name: plan_replay(self.tables, name, self.route)
+            for name, own in self.tables.vehicle.items()
+            if own.replay is not None
+        }
+
     @property
     def gap_policy(self) -> GapPolicy:
         """The gap that followers keep, if they keep one."""
@@ -178,9 +188,11 @@ class Scenario:
 
     @cached_property
     def links(self) -> Mapping[tuple[str, str], LinkTable]:
-        """What is asked of each directed link, by sender and receiver."""
+        """What is asked of each directed link, by sender and receiver, none of them replayed."""
         return {
-            pair: requested_link(self.tables, *pair) for pair in directed_links(self.vehicle_names)
+            pair: requested_link(self.tables, *pair)
+            for pair in directed_links(self.vehicle_names)
+            if pair[1] not in self.replays
         }
 
     @property
@@ -238,8 +250,11 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
     if problems:
         raise refuse(problems)
     try:
-        scenario = Scenario(with_points(tables, given.folder("path.file")))
+        placed = with_points(tables, given.folder("path.file"))
+        scenario = Scenario(with_replays(placed, given.folder))
         problems = list(contradictions.on_the_road(scenario.tables, scenario.route))
+        for name, drive in () if problems else scenario.replays.items():
+            problems += replay_problems(scenario.tables, name, drive, scenario.duration_s)
     except Refused as error:
         raise refuse([(error.key, error.why)]) from error
     if problems:

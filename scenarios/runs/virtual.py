@@ -11,6 +11,7 @@ from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import BusSink, Sink
 from scenarios.runs.recorder import Listener
 from scenarios.runs.replay import Replay
@@ -94,14 +95,14 @@ class VirtualConvoy:
 
     def build(
         self, sink_of: Callable[[str], Sink], replays: Sequence[Replay] = ()
-    ) -> dict[str, Node]:
+    ) -> dict[str, Node | ReplayedNode]:
         """Build every vehicle; returns the nodes of those that are live and not replayed.
 
         `sink_of` makes the sink for the messages of a vehicle from its name.
         """
         start_at = self._scenario.start_at_ns
         recorded = {replay.vehicle: replay for replay in replays}
-        nodes: dict[str, Node] = {}
+        nodes: dict[str, Node | ReplayedNode] = {}
         for name in self._scenario.vehicle_names:
             sink = sink_of(name)
             if name in recorded:
@@ -118,7 +119,7 @@ class VirtualConvoy:
             self._steppers.append(Stepper(builder.rates_hz, ticks, step))
         return nodes
 
-    def _leaving(self, step: Step, name: str, nodes: Mapping[str, Node]) -> Step:
+    def _leaving(self, step: Step, name: str, nodes: Mapping[str, Node | ReplayedNode]) -> Step:
         """Return `step` of a vehicle that leaves when it fails, unless it is the last one."""
 
         def step_or_leave(tick: Tick) -> None:

@@ -117,6 +117,15 @@ def tyre_use(state: LateralState, acceleration: float, p: VehicleParameters) -> 
     return TyreUse((front + rear) / p.mass, *angles, share)
 
 
+def rolling_use(state: LateralState, p: VehicleParameters) -> TyreUse:
+    """What the tyres of a car that rolls on its wheels without slip would have to do.
+
+    For motion that was recorded, not simulated: v_x dθ/dt of eq. (1), and the friction it takes.
+    """
+    across = state.speed * state.yaw_rate
+    return TyreUse(across, 0.0, 0.0, abs(across) / (p.friction * GRAVITY))
+
+
 def linear_range(p: VehicleParameters) -> tuple[float, float]:
     """Slip angles (rad) of front and rear axle up to which eqs. (1), (2) hold on a real road.
 

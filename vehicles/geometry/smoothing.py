@@ -1,7 +1,8 @@
 """From recorded points to a path that can be driven.
 
 Recorded points are noisy, unevenly spaced, and repeat where the car stood. They are merged to at
-most one per MERGE_DISTANCE and laid out along their chord length t; x(t) and y(t) are smoothed by
+most one per MERGE_DISTANCE, or per three standard deviations of their noise, their holes are filled
+(see `bridges`), and they are laid out along their chord length t; x(t) and y(t) are smoothed by
 local cubics every 0.25 m. Station, yaw and curvature are those of the circular arcs through the
 smoothed points, not the cubics' own derivatives: so the three agree with the positions, and a
 vehicle that steers by yaw and curvature is led along the points.
@@ -13,12 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vehicles.geometry.bridges import UnbridgedError, filled, lengths, scatter
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.local_regression import local_cubic
 from vehicles.geometry.path import SAMPLING, FloatArray, Path
 
 MERGE_DISTANCE = 0.25
 """Consecutive points within this distance (m) of the first of them count as one, their mean."""
+
+MERGED_NOISE = 3.0
+"""Points within so many standard deviations of their noise count as one, too: points closer than
+that seem to run to and fro."""
 
 FEWEST_POINTS = 8
 """A path is made of at least so many distinct points."""
@@ -33,9 +39,29 @@ SLOWEST_PROGRESS = 0.5
 """Where the smoothed curve advances by less than this per metre of points, they double back."""
 
 
+class NoPathError(ValueError):
+    """Points that make no path (beyond the paper); `point` is the culprit's number, from 0."""
+
+    def __init__(self, text: str, point: int) -> None:
+        super().__init__(text)
+        self.point = point
+
+
+@dataclass(frozen=True, slots=True)
+class Hole:
+    """A hole in a recorded drive (Section V-D): the point before it, from 0, and its length (m)."""
+
+    point: int
+    length: float
+
+
 @dataclass(frozen=True, slots=True)
 class SmoothedPath:
     """A path and how far (m) it lies from the points it was made of, such as a run of Section V-D.
+
+    `deviation_rms` is at the points. `deviation_max` is that between them, too: from the cubic
+    through four points in a row, and in a hole, of which `holes` has the bridged ones, from what
+    fills it. `noise` is the standard deviation of the points' white noise (m, per axis).
 
     `stations` are those of the given points, in their order and up to `points_used`: of a closed
     drive, points past its start belong to the next lap and are left out. `start` is the station of
@@ -50,6 +76,8 @@ class SmoothedPath:
     stations: FloatArray
     start: float
     lap_length: float
+    holes: tuple[Hole, ...]
+    noise: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +92,16 @@ class _Record:
     end: float
 
 
+@dataclass(frozen=True, slots=True)
+class _Merged:
+    """The record that given points make, and for each of them the number of its point there."""
+
+    record: _Record
+    numbers: NDArray[np.int64]
+    holes: tuple[Hole, ...]
+    noise: float
+
+
 def smooth_path(
     east: ArrayLike,
     north: ArrayLike,
@@ -72,6 +110,7 @@ def smooth_path(
     closed: bool = False,
     laps: int = 1,
     lead_in: float = 0.0,
+    noise: float = 0.0,
 ) -> SmoothedPath:
     """Make recorded points (m) into a path by local regression; see the module for the smoothing.
 
@@ -79,16 +118,18 @@ def smooth_path(
     path inwards by 0.1 % of that; wider removes more noise: of white noise of s (m) in points d (m)
     apart, s * 20 d^0.5 / half_width^2.5 is left in the curvature (1/m). A `closed` drive is driven
     `laps` times, its ends joined evenly over
-    SEAM_BLEND. `lead_in` (m) is a straight before the first point, along the path's direction
-    there, and smoothed with it so that the curvature has no step; only lap one has it. Raises
-    ValueError with one line if the points make no path.
+    SEAM_BLEND. Their noise is at least `noise` (m, standard deviation per axis). `lead_in` (m) is a
+    straight before the first point, along the path's direction there, and smoothed with it so that
+    the curvature has no step; only lap one has it. Raises ValueError with one line if the points
+    make no path, NoPathError where one of them is to blame.
     """
     given_x, given_y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
     _check(given_x, given_y, half_width, laps, lead_in)
-    record, group = _merged(given_x, given_y)
+    merged = _merged(given_x, given_y, half_width, noise)
+    record, numbers = merged.record, merged.numbers
     if closed:
         record = _closed(record, half_width)
-    used = int(np.searchsorted(group, record.t.size))
+    used = int(np.searchsorted(numbers, record.t.size))
     cells = math.ceil(record.end / SAMPLING)
     grid = record.end * np.arange(cells * (laps if closed else 1) + 1) / cells
     data = _unrolled(record, laps) if closed else record
@@ -97,24 +138,51 @@ def smooth_path(
         data = _led_in(data, half_width, lead_in)
         begun = math.ceil(lead_in / SAMPLING)
         grid = np.concatenate((lead_in * np.arange(-begun, 0) / begun, grid))
-    path = _path(local_cubic(data.t, data.points, grid, half_width), grid)
-    stations = np.interp(record.t[group[:used]], grid, path.station)
-    feet = [
-        path.project(x, y, near)
-        for x, y, near in zip(
-            given_x[:used].tolist(), given_y[:used].tolist(), stations.tolist(), strict=True
-        )
-    ]
-    offsets = np.array([foot.lateral for foot in feet])
+    smoothed = local_cubic(data.t, data.points, grid, half_width)
+    _check_progress(smoothed, grid, record.t[numbers[:used]])
+    path = _path(smoothed)
+    stations = np.interp(record.t[numbers[:used]], grid, path.station)
+    offsets = _offsets(path, np.stack((given_x[:used], given_y[:used])), stations)
+    between = _offsets(path, *_between(record, np.interp(record.t, grid, path.station)))
     return SmoothedPath(
         path=path,
         deviation_rms=math.sqrt(float(np.mean(offsets * offsets))),
-        deviation_max=float(np.max(np.abs(offsets))),
+        deviation_max=float(max(np.max(np.abs(offsets)), np.max(np.abs(between), initial=0.0))),
         points_used=used,
         stations=stations,
         start=float(path.station[begun]),
         lap_length=float(path.station[begun + cells] - path.station[begun]),
+        holes=tuple(hole for hole in merged.holes if hole.point < used - 1),
+        noise=merged.noise,
     )
+
+
+def _offsets(path: Path, points: FloatArray, stations: FloatArray) -> FloatArray:
+    """Offset (m) of each of `points` (2, n) from the path, sought near its station (m)."""
+    rows = zip(*points.tolist(), stations.tolist(), strict=True)
+    return np.array([path.project(x, y, near).lateral for x, y, near in rows])
+
+
+def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (2, m) halfway between those of the record, on the cubics through four in a row.
+
+    And about their stations, from those of the record's points (m). Only where that is new: more
+    than a sample from both neighbours.
+    """
+    t, points = record.t, record.points
+    if t.size < 4:
+        return points[:, :0], stations[:0]
+    k = np.flatnonzero(np.diff(t[1:-1]) > 2.0 * SAMPLING) + 1
+    at = 0.5 * (t[k] + t[k + 1])
+    four = [k - 1, k, k + 1, k + 2]
+    halfway = np.zeros((2, k.size))
+    for i in four:  # Lagrange's form
+        weight = np.ones(k.size)
+        for j in four:
+            if j is not i:
+                weight *= (at - t[j]) / (t[i] - t[j])
+        halfway += weight * points[:, i]
+    return halfway, 0.5 * (stations[k] + stations[k + 1])
 
 
 def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: float) -> None:
@@ -130,12 +198,14 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
         raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
 
 
-def _merged(x: FloatArray, y: FloatArray) -> tuple[_Record, NDArray[np.int64]]:
-    """Distinct points, and for every given point the number of the distinct one it went into."""
+def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _Merged:
+    """Merge given points to distinct ones and fill the holes between those."""
     group: list[int] = []
     at_x, at_y = math.inf, math.inf
+    noise = max(noise, scatter(np.stack((x, y))))
+    distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
     for px, py in zip(x.tolist(), y.tolist(), strict=True):
-        fresh = not math.hypot(px - at_x, py - at_y) <= MERGE_DISTANCE
+        fresh = not math.hypot(px - at_x, py - at_y) <= distance
         if fresh:
             at_x, at_y = px, py
         group.append((group[-1] if group else -1) + fresh)
@@ -143,13 +213,19 @@ def _merged(x: FloatArray, y: FloatArray) -> tuple[_Record, NDArray[np.int64]]:
     count = np.bincount(members)
     if count.size < FEWEST_POINTS:
         raise ValueError(
-            f"a path needs at least {FEWEST_POINTS} points {MERGE_DISTANCE} m apart, "
+            f"a path needs at least {FEWEST_POINTS} points {distance:.3g} m apart, "
             f"there are {count.size}"
         )
     points = np.stack((np.bincount(members, x), np.bincount(members, y))) / count
-    steps = np.diff(points)
-    t = np.concatenate((np.zeros(1), np.cumsum(np.sqrt(np.sum(steps * steps, axis=0)))))
-    return _Record(t, points, float(t[-1])), members
+    last_of = np.cumsum(count) - 1
+    try:
+        whole = filled(points, half_width)
+    except UnbridgedError as error:
+        raise NoPathError(str(error), int(last_of[error.before])) from error
+    steps = lengths(points)
+    holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in whole.holes)
+    t = np.concatenate((np.zeros(1), np.cumsum(lengths(whole.points))))
+    return _Merged(_Record(t, whole.points, float(t[-1])), whole.given[members], holes, noise)
 
 
 def _closed(record: _Record, half_width: float) -> _Record:
@@ -220,16 +296,24 @@ def _start(record: _Record, half_width: float) -> tuple[_Pair, _Pair]:
     return (x0, y0), (dx / norm, dy / norm)
 
 
-def _path(points: FloatArray, t: FloatArray) -> Path:
-    """Join smoothed points (2, m) at `t` (m,) by arcs: a path's station, yaw and curvature."""
+def _check_progress(points: FloatArray, t: FloatArray, given: FloatArray) -> None:
+    """Raise NoPathError where smoothed points (2, m) at `t` (m,) come to a halt or turn back.
+
+    `given` (n,) are the places t of the given points.
+    """
+    progress = lengths(points) / np.diff(t)
+    slowest = int(np.argmin(progress))
+    if progress[slowest] < SLOWEST_PROGRESS:
+        x, y = points[:, slowest].tolist()
+        point = min(int(np.searchsorted(given, t[slowest])), given.size - 1)
+        raise NoPathError(f"the points double back near east {x:.1f} m, north {y:.1f} m", point)
+
+
+def _path(points: FloatArray) -> Path:
+    """Join smoothed points (2, m) by arcs: a path's station, yaw and curvature."""
     x, y = points
     steps = np.diff(points)
-    chords = np.sqrt(np.sum(steps * steps, axis=0))
-    slowest = int(np.argmin(chords / np.diff(t)))
-    if chords[slowest] < SLOWEST_PROGRESS * (t[slowest + 1] - t[slowest]):
-        raise ValueError(
-            f"the points double back near east {x[slowest]:.1f} m, north {y[slowest]:.1f} m"
-        )
+    chords = lengths(points)
     course = [math.atan2(steps[1, 0], steps[0, 0])]
     for dx, dy in zip(steps[0, 1:].tolist(), steps[1, 1:].tolist(), strict=True):
         course.append(course[-1] + wrap_angle(math.atan2(dy, dx) - course[-1]))

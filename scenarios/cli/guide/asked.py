@@ -34,6 +34,10 @@ def _convoy(report: CheckReport) -> Iterator[Row]:
     for name, offset in report.offsets.items():
         turn = f"turned {offset['heading_offset_deg']:g}°"
         yield "start off the path", f"{name}: {offset['lateral_offset_m']:g} m left, {turn}"
+    for name, replay in report.replays.items():
+        begun = f"from {replay['begun_s']:.1f} s of it on, by {replay['clock']} times"
+        off = f"path {100.0 * replay['deviation_m_max']:.1f} cm off its points at most"
+        yield "replayed", f"{name}: {replay['file']}, {begun}, {off}"
     yield "duration, seed", f"{report.duration_s:.1f} s, {report.seed}"
 
 
@@ -43,6 +47,7 @@ def _road(report: CheckReport) -> Iterator[Row]:
     if report.deviation_m_rms is not None and report.deviation_m_max is not None:
         rms, largest = report.deviation_m_rms * 100, report.deviation_m_max * 100
         yield "off the recorded points", f"{rms:.1f} cm rms, {largest:.1f} cm at most"
+        yield from _drive(report)
     speeds = f"{report.speed_mps_min:.1f} to {report.speed_mps_max:.1f} m/s"
     yield "speed of the lead", f"{speeds} ({report.lead_speed})"
     accelerations = report.acceleration_mps2_max, report.braking_mps2_max
@@ -50,6 +55,24 @@ def _road(report: CheckReport) -> Iterator[Row]:
     yield "lateral acceleration", f"{report.lateral_acceleration_mps2_max:.1f} m/s²"
     if len(report.vehicles) > 1:
         yield "followers drive", _followers(report.gap_policy)
+
+
+def _drive(report: CheckReport) -> Iterator[Row]:
+    """Tell about a recorded drive as its file has it."""
+    holes = f", {report.holes} holes up to {report.hole_m_max:.1f} m" if report.holes else ""
+    noise = f"noise {100.0 * (report.noise_m or 0.0):.1f} cm"
+    yield "recorded points", f"{report.points}, {noise}{holes}"
+    left_out = {
+        "bad lines": report.skipped_lines,
+        "jumps": report.jumping_points,
+        "standing": report.standing_points,
+    }
+    if any(left_out.values()):
+        said = (f"{count} {what}" for what, count in left_out.items() if count)
+        yield "points left out", ", ".join(said)
+    if any(report.coordinates_offset_m or ()):
+        east, north = report.coordinates_offset_m or (0.0, 0.0)
+        yield "coordinates less", f"{east:.0f} m east, {north:.0f} m north"
 
 
 def _followers(gap: Mapping[str, float] | None) -> str:

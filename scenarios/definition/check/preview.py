@@ -40,6 +40,8 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
     thin: dict[str, _Sight] = {}
     short: dict[str, _Sight] = {}
     for name in scenario.vehicle_names[1:]:
+        if name in scenario.replays:
+            continue
         for speed in {max(speed, SLOWEST) for speed in speeds}:
             seen = _seen(scenario, scenario.vehicle(name), speed)
             if seen.samples < LEAST_SAMPLES:

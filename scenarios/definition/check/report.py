@@ -8,16 +8,22 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.check.preview import preview_warnings
+from scenarios.definition.road.replayed import replay_warnings
+from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.definition.schema.tables import LinkTable, ScenarioTables, SteeringTable
 from scenarios.definition.vehicle_setup import VehicleSetup
+from vehicles.geometry.smoothing import SmoothedPath
 
 USUAL_GNSS_RATE = 20.0
 """Receivers for driving measure at most this often (Hz; paper, Section III-A)."""
 
 FAR_FROM_POINTS = 0.5
 """A path that lies further than this (m) from recorded points is not what was driven."""
+
+MOST_HOLES = 5
+"""Holes of a drive with a warning of their own."""
 
 STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
@@ -28,10 +34,12 @@ class CheckReport:
     """What a valid scenario asks for, and figures of the lead's planned run.
 
     `control`, `gnss`, `imu` (None with exact own state) and `masses_kg` (with the load) are by
-    vehicle, as are the `offsets` from the path of those that start with one. `gap_policy` is None
-    where followers drive the lead's speed, `radius_m_min` on a straight road. `deviation_m_rms` and
-    `deviation_m_max` say how far the path lies from the recorded points, None where it is made of
-    segments.
+    vehicle, as are the `offsets` from the path of those that start with one, and `replays` of those
+    that move as they were recorded. `gap_policy` is None where followers drive the lead's speed,
+    `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is about a recorded
+    drive, None where the path is made of segments: what was left out on reading it, its holes, the
+    noise of its points, what was subtracted from their coordinates, and how far the path lies from
+    them, at the points (rms) and between them, too (max).
     """
 
     name: str
@@ -48,6 +56,7 @@ class CheckReport:
     imu: dict[str, dict[str, float] | None]
     masses_kg: dict[str, float]
     offsets: dict[str, dict[str, float]]
+    replays: dict[str, dict[str, Any]]
     links: dict[str, dict[str, float | None]]
     when_a_vehicle_dies: str
     clock_offset_ms_max: float
@@ -63,6 +72,12 @@ class CheckReport:
     lateral_acceleration_mps2_max: float
     points: int | None
     skipped_lines: int | None
+    jumping_points: int | None
+    standing_points: int | None
+    holes: int | None
+    hole_m_max: float | None
+    noise_m: float | None
+    coordinates_offset_m: tuple[float, float] | None
     deviation_m_rms: float | None
     deviation_m_max: float | None
     warnings: tuple[str, ...]
@@ -95,6 +110,7 @@ def report_of(scenario: Scenario) -> CheckReport:
     changes = np.diff(run.speeds) / STEP
     sharpest = max(map(abs, run.curvatures))
     trace = tables.path if isinstance(tables.path, PointsPath) else None
+    road = route.smoothed
     return CheckReport(
         name=scenario.name,
         description=tables.description,
@@ -110,6 +126,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         imu={name: _imu(car) for name, car in cars.items()},
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
         offsets=_offsets(tables),
+        replays=_replays(scenario),
         when_a_vehicle_dies=tables.convoy.when_a_vehicle_dies,
         clock_offset_ms_max=tables.convoy.clock_offset_ms_max,
         events=tables.events.model_dump(),
@@ -128,8 +145,14 @@ def report_of(scenario: Scenario) -> CheckReport:
         lateral_acceleration_mps2_max=run.lateral_max,
         points=len(trace.east_m) if trace else None,
         skipped_lines=trace.skipped_lines if trace else None,
-        deviation_m_rms=route.smoothed.deviation_rms if route.smoothed else None,
-        deviation_m_max=route.smoothed.deviation_max if route.smoothed else None,
+        jumping_points=trace.jumping_points if trace else None,
+        standing_points=trace.standing_points if trace else None,
+        holes=len(road.holes) if road else None,
+        hole_m_max=max((hole.length for hole in road.holes), default=0.0) if road else None,
+        noise_m=road.noise if road else None,
+        coordinates_offset_m=(trace.east_offset_m, trace.north_offset_m) if trace else None,
+        deviation_m_rms=road.deviation_rms if road else None,
+        deviation_m_max=road.deviation_max if road else None,
         warnings=_warnings(scenario, run),
     )
 
@@ -151,6 +174,19 @@ def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:
     return {name: offsets for name, offsets in found.items() if any(offsets.values())}
 
 
+def _replays(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """Vehicles that are replayed: the file, how much of it is over at the start, by which clock."""
+    return {
+        name: {
+            "file": scenario.tables.vehicle[name].replay,
+            "begun_s": drive.begun,
+            "clock": "common" if drive.common else "own",
+            "deviation_m_max": drive.road.deviation_max,
+        }
+        for name, drive in scenario.replays.items()
+    }
+
+
 def _run(scenario: Scenario) -> _Run:
     profile, path, station = scenario.route.profile, scenario.route.path, scenario.route.start
     steps = max(int(scenario.duration_s / STEP), 1)
@@ -170,6 +206,7 @@ def warnings(scenario: Scenario) -> tuple[str, ...]:
 def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
     return (
         *_trace_warnings(scenario),
+        *_replay_warnings(scenario),
         *_vehicle_warnings(scenario),
         *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *_speed_warnings(scenario, run),
@@ -183,15 +220,38 @@ def _trace_warnings(scenario: Scenario) -> Iterator[str]:
     if table.skipped_lines:
         lines = "1 bad line" if table.skipped_lines == 1 else f"{table.skipped_lines} bad lines"
         yield f"{table.source}: {lines} skipped, the first is {table.skipped_first}"
+    yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
+    yield from _hole_warnings(table, smoothed)
     if smoothed.deviation_max > FAR_FROM_POINTS:
         yield (
             f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
-            f"(rms {smoothed.deviation_rms:.2f} m): noisy points, or path.smoothing_m = "
-            f"{table.smoothing_m:g} is too wide"
+            f"(rms {smoothed.deviation_rms:.2f} m, their noise {smoothed.noise:.2f} m): noisy "
+            f"points, or path.smoothing_m = {table.smoothing_m:g} is too wide"
         )
     convoy = sum(scenario.route.gaps)
     if table.closed and convoy > smoothed.lap_length:
         yield f"the convoy is {convoy:.0f} m long, more than a lap of {smoothed.lap_length:.0f} m"
+
+
+def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
+    for hole in smoothed.holes[:MOST_HOLES]:
+        yield (
+            f"{table.source or 'path'}: a hole of {hole.length:.1f} m after "
+            f"{place_of(table, hole.point)} is bridged by a curve from both sides"
+        )
+    if len(smoothed.holes) > MOST_HOLES:
+        rest = smoothed.holes[MOST_HOLES:]
+        longest = max(hole.length for hole in rest)
+        yield f"{table.source or 'path'}: so are {len(rest)} more, up to {longest:.1f} m long"
+
+
+def _replay_warnings(scenario: Scenario) -> Iterator[str]:
+    tables = scenario.tables
+    for name, drive in scenario.replays.items():
+        if (table := tables.vehicle[name].drive) is not None:
+            yield from (f"{table.source}: {remark}" for remark in table.remarks)
+            yield from _hole_warnings(table, drive.road)
+        yield from replay_warnings(tables, name, drive, scenario.route, scenario.duration_s)
 
 
 def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:

@@ -1,6 +1,5 @@
 """What the convoy drives: the path, where each vehicle starts on it, and the lead's speed."""
 
-import itertools
 import math
 from dataclasses import dataclass
 
@@ -11,9 +10,10 @@ from scenarios.definition.road.lead_speed import Limits, recorded, slowed
 from scenarios.definition.schema.path import PointsPath, SegmentsPath, SegmentTable
 from scenarios.definition.schema.tables import ScenarioTables, SpeedTable
 from vehicles.driver.speed import GapPolicy, SpeedProfile
+from vehicles.geometry.bridges import holes_in, lengths
 from vehicles.geometry.geodesy import yaw_from_heading
 from vehicles.geometry.path import Path, Segment, path_from_segments
-from vehicles.geometry.smoothing import SmoothedPath, smooth_path
+from vehicles.geometry.smoothing import NoPathError, SmoothedPath, smooth_path
 
 DEFAULT_GAP = 15.0
 """Metres between two vehicles at the start where nothing else says so (half a second at 30 m/s)."""
@@ -33,8 +33,9 @@ SPARSE_REACH = 7.0
 STRAIGHT = 1e-6
 """Curvature (1/m) below which a path counts as straight."""
 
-WALKING = 1.0
-"""Speed (m/s) at which the lead drives up to the start of a recorded drive that begins slower."""
+SLOW = 5.0
+"""A recorded drive that begins slower than this (m/s) is begun at its first point, though the road
+may bend there: at such a speed nobody who starts in the road's direction has an error from it."""
 
 SPEED_RATIOS = (0.8, 1.25)
 """Recorded speeds that cover the path less exactly than this are not in m/s."""
@@ -48,7 +49,7 @@ class Route:
     `gaps` (m) are those to the vehicle ahead, 0 for the lead. `profile` is the lead's speed from
     the start on. `smoothed` holds how far the path lies from recorded points, None where it is
     made of segments. `speed_ratio` is the factor by which recorded speeds were multiplied to cover
-    the path.
+    the path. The lead reaches the first point of a recorded drive `run_in` s after the start.
     """
 
     path: Path
@@ -57,6 +58,7 @@ class Route:
     profile: SpeedProfile
     smoothed: SmoothedPath | None
     speed_ratio: float
+    run_in: float = 0.0
 
     def start_station(self, place: int) -> float:
         """Station (m) on the path at which the vehicle at `place` (0 is the lead) starts."""
@@ -98,7 +100,10 @@ def plan_route(tables: ScenarioTables) -> Route:
     fastest = _first_speed_at_most(tables)
     lead_in = sum(gaps_at(tables, fastest)) + RUN_UP
     path, start, smoothed = _path(tables, lead_in)
-    profile, ratio = _speed(tables, path, start, smoothed)
+    if tables.speed.lead == "recorded":
+        profile, start, ratio = _recorded(tables, start, smoothed)
+    else:
+        profile, ratio = _planned(tables, path, start), 1.0
     return Route(
         path=path,
         start=start,
@@ -106,6 +111,7 @@ def plan_route(tables: ScenarioTables) -> Route:
         profile=profile,
         smoothed=smoothed,
         speed_ratio=ratio,
+        run_in=profile.time_to(smoothed.start - start) if smoothed else 0.0,
     )
 
 
@@ -130,7 +136,7 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
         return path, lead_in, None
     if not isinstance(table, PointsPath):
         raise Refused("path.file", "has not been read")
-    smoothed = _smoothed(table, lead_in)
+    smoothed = smoothed_points(table, lead_in)
     # The smoothing curves the end of the straight. The lead starts before that: so all start
     # straight ahead and without errors, and the run-in is part of what the lead has driven.
     curved = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
@@ -138,11 +144,11 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
     return smoothed.path, min(max(first_curve, lead_in), smoothed.start), smoothed
 
 
-def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
-    pairs = zip(itertools.pairwise(table.east_m), itertools.pairwise(table.north_m), strict=True)
-    steps = [math.hypot(e1 - e0, n1 - n0) for (e0, e1), (n0, n1) in pairs]
-    _check_length(table, sum(steps))
-    longest = max(steps, default=0.0)
+def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
+    """Smooth points, with a straight of at least `lead_in` m before them; raises Refused."""
+    steps = lengths(np.array((table.east_m, table.north_m)))
+    _check_length(table, float(np.sum(steps)))
+    longest = float(np.max(np.delete(steps, holes_in(steps)), initial=0.0))
     try:
         return smooth_path(
             table.east_m,
@@ -150,10 +156,24 @@ def _smoothed(table: PointsPath, lead_in: float) -> SmoothedPath:
             table.smoothing_m,
             closed=table.closed,
             laps=table.laps,
+            noise=table.noise_m,
             lead_in=lead_in + max(table.smoothing_m, SPARSE_REACH * longest),
         )
+    except NoPathError as error:
+        why = (
+            f"{place_of(table, error.point)}: {error}: end the drive before that place, or begin "
+            "it behind it, or lower path.smoothing_m if a car can drive it"
+        )
+        raise Refused(f"path ({table.source})" if table.source else "path", why) from error
     except ValueError as error:
         raise Refused(f"path ({table.source})" if table.source else "path", str(error)) from error
+
+
+def place_of(table: PointsPath, point: int) -> str:
+    """Say where in its file a point stands (counted from 0), and when it was recorded."""
+    number = table.place_numbers[point] if point < len(table.place_numbers) else point + 1
+    at = f" ({table.time_s[point]:.1f} s)" if table.time_s else ""
+    return f"{table.place_word} {number}{at}"
 
 
 def _check_length(table: SegmentsPath | PointsPath, lap: float) -> None:
@@ -171,17 +191,13 @@ def curvature(segment: SegmentTable) -> float:
     return segment.curvature_per_m or 0.0
 
 
-def _speed(
-    tables: ScenarioTables, path: Path, start: float, smoothed: SmoothedPath | None
-) -> tuple[SpeedProfile, float]:
-    if tables.speed.lead == "recorded":
-        return _recorded(tables, start, smoothed)
+def _planned(tables: ScenarioTables, path: Path, start: float) -> SpeedProfile:
     table = tables.speed
     wanted = SpeedProfile((0.0,), (table.set_mps,))
     if table.lead == "profile":
         times = tuple(point.at_s for point in table.profile)
         wanted = SpeedProfile(times, tuple(point.speed_mps for point in table.profile))
-    return slowed(wanted, path, start, _limits(table), tables.duration_s or LONGEST), 1.0
+    return slowed(wanted, path, start, _limits(table), tables.duration_s or LONGEST)
 
 
 def _limits(table: SpeedTable) -> Limits:
@@ -194,7 +210,8 @@ def _limits(table: SpeedTable) -> Limits:
 
 def _recorded(
     tables: ScenarioTables, start: float, smoothed: SmoothedPath | None
-) -> tuple[SpeedProfile, float]:
+) -> tuple[SpeedProfile, float, float]:
+    """Speed from the start on, the start's station (m), and the ratio by which it was scaled."""
     table = tables.path
     if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
         raise Refused("speed.lead", 'given "recorded", allowed only for a trace with times')
@@ -209,17 +226,11 @@ def _recorded(
         raise Refused(
             f"path ({table.source})", f"recorded speeds are {times} what its points need: m/s?"
         )
-    return led_in(profile, smoothed.start - start), ratio
-
-
-def led_in(profile: SpeedProfile, distance: float) -> SpeedProfile:
-    """Put `distance` (m) before a profile: at its first speed, or slowing to it from a walk."""
-    if distance <= 0.0:
-        return profile
-    first = max(profile.speeds[0], WALKING)
-    span = 2.0 * distance / (first + profile.speeds[0])
-    times = (0.0, *(span + time for time in profile.times))
-    return SpeedProfile(times, (first, *profile.speeds))
+    first, run_in = profile.speeds[0], smoothed.start - start
+    if first < SLOW or run_in <= 0.0:
+        return profile, smoothed.start, ratio
+    knots = (0.0, *(run_in / first + time for time in profile.times))
+    return SpeedProfile(knots, (first, *profile.speeds)), start, ratio
 
 
 def longest_run(route: Route) -> float:

@@ -45,16 +45,33 @@ class TracePath(SmoothedPathTable):
 
 
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
+Counts = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(strict=False)]
+Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 
 class PointsPath(SmoothedPathTable):
     """Points in the plane, which a trace becomes when it is read: a log needs no other file.
 
-    `time_s` and `speed_mps`, where known, have an entry for each point.
+    `time_s` and `speed_mps`, where known, have an entry for each point. Coordinates of the source
+    are those of the points plus the offset. `place_numbers` say where in the source each point
+    stands, by its `place_word` (line, point, message); `remarks` what was changed on reading it.
+    It is `geodetic` if it has latitudes. Where times are absolute, they count from `began_at_s` on
+    the `clock`. Their noise is at least `noise_m` (standard deviation, per axis).
     """
 
     kind: Literal["points"]
     source: str = ""
+    geodetic: bool = False
+    east_offset_m: float = 0.0
+    north_offset_m: float = 0.0
+    clock: Literal["unix", "day"] | None = None
+    began_at_s: float = 0.0
+    place_word: str = "point"
+    place_numbers: Counts = ()
+    noise_m: float = Field(default=0.0, ge=0)
+    jumping_points: int = Field(default=0, ge=0)
+    standing_points: int = Field(default=0, ge=0)
+    remarks: Texts = ()
     skipped_lines: int = Field(default=0, ge=0)
     skipped_first: str = ""
     east_m: Numbers

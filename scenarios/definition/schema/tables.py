@@ -8,9 +8,9 @@ north); left is positive for curvature and for offsets from the path.
 from datetime import UTC, datetime
 from typing import Annotated, Literal
 
-from pydantic import AwareDatetime, Field
+from pydantic import AwareDatetime, Field, StringConstraints
 
-from scenarios.definition.schema.path import PathTable
+from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
 
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
@@ -244,8 +244,17 @@ class LimitsTable(Table):
 
 
 class VehicleTable(Table):
-    """What is different about one vehicle; keys that are left out keep the convoy's values."""
+    """What is different about one vehicle; keys that are left out keep the convoy's values.
 
+    With `replay` it moves as in that recorded drive, `replay_offset_s` later, rather than by its
+    own decision; of the log of a run it is `replay_vehicle`. When the file has been read, its
+    points are the `drive`.
+    """
+
+    replay: Annotated[str, StringConstraints(min_length=1)] | None = None
+    replay_vehicle: str | None = None
+    replay_offset_s: float = Field(default=0.0, ge=-86_400, le=86_400)
+    drive: PointsPath | None = None
     gap_m: float | None = Field(default=None, gt=0, le=1000)
     lateral_offset_m: float = Field(default=0.0, ge=-20, le=20)
     heading_offset_deg: float = Field(default=0.0, ge=-90, le=90)

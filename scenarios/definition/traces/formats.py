@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from scenarios.definition.library import ATTACHED_AS
 from vehicles.messages import GpsPose
@@ -30,6 +30,12 @@ KNOT = 1852.0 / 3600.0
 
 DAY = 86_400.0
 """Seconds in a day, after which the times of NMEA 0183 start again."""
+
+FIRST_UNIX = 1e9
+"""Times of a CSV file from this on (s; September 2001) are Unix time."""
+
+Clock = Literal["unix", "day"]
+"""What absolute times of a drive count from: 1970, or midnight UTC."""
 
 
 class TraceError(ValueError):
@@ -53,11 +59,16 @@ class RecordedPoint:
 
 @dataclass(frozen=True, slots=True)
 class RecordedDrive:
-    """Points as a file holds them, `geodetic` or in a plane; `skipped` lists the bad lines."""
+    """Points as a file holds them, `geodetic` or in a plane; `skipped` lists the bad lines.
+
+    With a `clock` the times are absolute: they count from `zero` (s) on it.
+    """
 
     geodetic: bool
     points: list[RecordedPoint] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
+    clock: Clock | None = None
+    zero: float = 0.0
 
 
 def read_csv(text: str) -> RecordedDrive:
@@ -86,7 +97,8 @@ def read_csv(text: str) -> RecordedDrive:
             drive.skipped.append(f"line {number}: {error}")
         else:
             drive.points.append(_csv_point(f"line {number}", columns, values))
-    return drive
+    first = drive.points[0].time if drive.points else None
+    return replace(drive, clock="unix" if first is not None and first >= FIRST_UNIX else None)
 
 
 def _cells(line: str, mark: str) -> list[str]:
@@ -131,7 +143,7 @@ def read_gpx(text: str) -> RecordedDrive:
     points: list[Any] = [*tracks] or [*routes] or [*gpx.waypoints]
     if not points:
         raise TraceError("no points in its tracks, routes and waypoints")
-    drive = RecordedDrive(geodetic=True)
+    drive = RecordedDrive(geodetic=True, clock="unix")
     for number, point in enumerate(points, 1):
         place = f"point {number}"
         drive.points.append(
@@ -152,7 +164,7 @@ def read_nmea(text: str) -> RecordedDrive:
     A sentence must have its checksum and a valid fix; other kinds of sentence are ignored. Speed
     comes from RMC. Times of day are counted on over midnight. Raises TraceError if none is valid.
     """
-    drive = RecordedDrive(geodetic=True)
+    drive = RecordedDrive(geodetic=True, clock="day")
     points, day, last = drive.points, 0.0, -math.inf
     for place, sentence in _sentences(text, drive.skipped):
         point = _nmea_point(place, sentence)
@@ -246,7 +258,12 @@ def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
         raise
     except Exception as error:
         raise TraceError("damaged log") from error
-    drive = RecordedDrive(geodetic=True, skipped=[damage] if damage else [])
+    drive = RecordedDrive(
+        geodetic=True,
+        skipped=[damage] if damage else [],
+        clock="unix",
+        zero=poses[0].measured_at_ns / SECOND if poses else 0.0,
+    )
     for pose in poses:
         drive.points.append(
             RecordedPoint(

@@ -2,15 +2,19 @@
 
 import itertools
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from scenarios.definition.errors import Refused
 from scenarios.definition.library import TRACES
 from scenarios.definition.schema.path import PointsPath, TracePath
-from scenarios.definition.schema.tables import OriginTable, ScenarioTables
+from scenarios.definition.schema.tables import OriginTable, ScenarioTables, VehicleTable
+from scenarios.definition.traces.cleaning import Cleaned, cleaned
 from scenarios.definition.traces.formats import (
+    Clock,
     RecordedDrive,
     RecordedPoint,
     TraceError,
@@ -19,7 +23,9 @@ from scenarios.definition.traces.formats import (
     read_log,
     read_nmea,
 )
-from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.geometry.bridges import lengths
+from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
+from vehicles.geometry.smoothing import MERGED_NOISE
 
 MAX_BYTES = 200_000_000
 """Larger files are refused: no drive is that long."""
@@ -30,6 +36,18 @@ MAX_JUMP = 1000.0
 LEAST_EXTENT = 1.0
 """Points that all lie within this distance (m) of the first make no path."""
 
+FAR = 10_000.0
+"""Coordinates in a plane that begin further from its origin than this (m) are laid at it: so far
+out a map's easting and northing are meant, such as UTM's. Where the scenario says where on earth
+the origin is, they are as long as the plane reaches."""
+
+CURVATURE_NOISE = 0.004
+"""Smoothing leaves so much noise in the curvature (1/m) at most: 0.4 m/s² of lateral acceleration
+at 10 m/s."""
+
+ELSEWHERE = 5_000.0
+"""A second drive that comes no nearer than this (m) to the start of the lead's is elsewhere."""
+
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -38,10 +56,20 @@ class DriveInPlane:
     """A recorded drive in the east-north plane of `origin` (None: the file has plane coordinates).
 
     east_m, north_m and, where the file has them for every point, time_s (from the first point
-    on, never decreasing) and speed_mps, an entry each per point. `skipped` names the bad lines.
+    on, never decreasing) and speed_mps, an entry each per point. `skipped` names the bad lines,
+    `remarks` say what was left out, and `place_numbers` where in the file the points stand. With a
+    `clock`, the times count from `began_at_s` on it.
     """
 
     source: str
+    clock: Clock | None = None
+    began_at_s: float = 0.0
+    place_word: str = "point"
+    place_numbers: tuple[int, ...] = ()
+    noise_m: float = 0.0
+    jumping_points: int = 0
+    standing_points: int = 0
+    remarks: tuple[str, ...] = ()
     origin: Origin | None
     east_m: tuple[float, ...]
     north_m: tuple[float, ...]
@@ -57,26 +85,135 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
     the plane touches the earth at the first point.
     """
     table = tables.path
-    if not isinstance(table, TracePath):
-        return tables.model_copy(update={"origin": tables.origin or OriginTable()})
     given = Origin(**tables.origin.model_dump()) if tables.origin else None
+    if isinstance(table, TracePath):
+        try:
+            trace = read_trace(_file(table.file, folder), origin=given, vehicle=table.vehicle)
+        except TraceError as error:
+            raise Refused("path.file", str(error)) from error
+        given = trace.origin or given
+        table = points_of(trace, table)
+    if isinstance(table, PointsPath):
+        table = _laid_near(table, REACH if tables.origin else FAR)
+    return tables.model_copy(update={"origin": _origin_table(given), "path": table})
+
+
+def with_replays(tables: ScenarioTables, folder_of: Callable[[str], Path]) -> ScenarioTables:
+    """Read the drives of the vehicles that are replayed into the lead's plane; raises Refused.
+
+    `folder_of` gives the folder in which the file that a key names is sought.
+    """
+    read = {
+        name: own.model_copy(update={"drive": _second(tables, name, own, folder_of)})
+        for name, own in tables.vehicle.items()
+        if own.replay is not None and own.drive is None
+    }
+    return tables.model_copy(update={"vehicle": {**tables.vehicle, **read}}) if read else tables
+
+
+def _second(
+    tables: ScenarioTables, name: str, own: VehicleTable, folder_of: Callable[[str], Path]
+) -> PointsPath:
+    key, lead = f"vehicle.{name}.replay", tables.path
+    origin = Origin(**(tables.origin or OriginTable()).model_dump())
+    table = TracePath(kind="trace", file=own.replay or "")
     try:
-        trace = read_trace(_file(table.file, folder), origin=given, vehicle=table.vehicle)
+        trace = read_trace(
+            _file(table.file, folder_of(key)), origin=origin, vehicle=own.replay_vehicle
+        )
     except TraceError as error:
-        raise Refused("path.file", str(error)) from error
-    points = PointsPath(
+        raise Refused(key, str(error)) from error
+    points = points_of(trace, table)
+    if not isinstance(lead, PointsPath):
+        return points
+    if lead.source and lead.geodetic != (trace.origin is not None):
+        kinds = "latitudes" if lead.geodetic else "plane coordinates"
+        raise Refused(
+            key, f"{table.file}: given in another plane, allowed {kinds} as {lead.source} has"
+        )
+    if trace.origin is None:
+        points = _moved(points, lead.east_offset_m, lead.north_offset_m)
+    east, north = lead.east_m[0], lead.north_m[0]
+    away = min(
+        math.hypot(x - east, y - north) for x, y in zip(points.east_m, points.north_m, strict=True)
+    )
+    if away > ELSEWHERE:
+        raise Refused(
+            key,
+            f"{table.file}: comes no nearer than {away / 1000.0:.1f} km to the start of the lead's "
+            f"path, allowed at most {ELSEWHERE / 1000.0:g} km: is it of the same road?",
+        )
+    return points
+
+
+def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
+    """Return the points that a scenario has in place of a trace.
+
+    Without a width of smoothing it is the usual one, or what their noise needs.
+    """
+    remarks, smoothing = trace.remarks, table.smoothing_m
+    needed = _needed_smoothing(trace)
+    if "smoothing_m" not in table.model_fields_set and needed > smoothing:
+        smoothing = needed
+        remarks = (
+            *remarks,
+            f"the points scatter by {trace.noise_m:.2g} m, so path.smoothing_m is {needed:g} where "
+            f"it is left out, not {table.smoothing_m:g}: tighter curves are cut",
+        )
+    return PointsPath(
         kind="points",
         source=table.file,
         skipped_lines=len(trace.skipped),
         skipped_first=trace.skipped[0] if trace.skipped else "",
-        east_m=trace.east_m,
-        north_m=trace.north_m,
-        time_s=trace.time_s,
-        speed_mps=trace.speed_mps,
-        **table.model_dump(include={"smoothing_m", "closed", "laps"}),
+        geodetic=trace.origin is not None,
+        remarks=remarks,
+        smoothing_m=smoothing,
+        **{key: getattr(trace, key) for key in _KEPT},
+        **table.model_dump(include={"closed", "laps"}),
     )
-    return tables.model_copy(
-        update={"origin": _origin_table(trace.origin or given), "path": points}
+
+
+def _needed_smoothing(trace: DriveInPlane) -> float:
+    """Half width (m) that leaves CURVATURE_NOISE of the points' noise; see `smooth_path`."""
+    steps = lengths(np.array((trace.east_m, trace.north_m)))
+    moved = steps[steps > 0.0]
+    spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * trace.noise_m)
+    kept = 20.0 * trace.noise_m * math.sqrt(spacing) / CURVATURE_NOISE
+    return float(math.ceil(math.pow(kept, 0.4)))
+
+
+_KEPT = (
+    "east_m", "north_m", "time_s", "speed_mps", "clock", "began_at_s", "place_word",
+    "place_numbers", "noise_m", "jumping_points", "standing_points",
+)  # fmt: skip
+"""What points have in common with the drive that they are from."""
+
+
+def _laid_near(table: PointsPath, far: float) -> PointsPath:
+    """Subtract from points that begin further than `far` m from the origin where they begin."""
+    if not table.east_m or not table.north_m:
+        return table
+    if math.hypot(table.east_m[0], table.north_m[0]) <= far:
+        return table
+    moved = _moved(table, float(round(table.east_m[0])), float(round(table.north_m[0])))
+    east, north = moved.east_offset_m, moved.north_offset_m
+    remark = (
+        f"the coordinates begin {math.hypot(east, north) / 1000.0:.0f} km from their origin, so "
+        f"the plane has its own: {east:.0f} m are subtracted from all eastings, {north:.0f} m from "
+        "all northings"
+    )
+    return moved.model_copy(update={"remarks": (*table.remarks, remark)})
+
+
+def _moved(table: PointsPath, east: float, north: float) -> PointsPath:
+    """Subtract an offset (m) from points, and keep it."""
+    return table.model_copy(
+        update={
+            "east_m": tuple(x - east for x in table.east_m),
+            "north_m": tuple(y - north for y in table.north_m),
+            "east_offset_m": table.east_offset_m + east,
+            "north_offset_m": table.north_offset_m + north,
+        }
     )
 
 
@@ -114,7 +251,7 @@ def read_trace(
         drive = _sifted(_read(path, vehicle))
         _check_order(drive)
         trace = _laid_out(path.name, drive, origin)
-        _check_shape(trace, drive.points)
+        _check_shape(trace)
     except TraceError as error:
         raise TraceError(f"{path}: {error}") from error
     return trace
@@ -161,7 +298,7 @@ def _reader(suffix: str, text: str) -> Callable[[str], RecordedDrive]:
 
 def _sifted(drive: RecordedDrive) -> RecordedDrive:
     """Pass over points that are nowhere on earth, or that alone have no time."""
-    sifted = RecordedDrive(drive.geodetic, [], list(drive.skipped))
+    sifted = replace(drive, points=[], skipped=list(drive.skipped))
     timed = sum(point.time is not None for point in drive.points)
     mostly_timed = 2 * timed > len(drive.points)
     for point in drive.points:
@@ -198,15 +335,64 @@ def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> Drive
         origin = None
         east, north = zip(*(point.position for point in points), strict=True)
     times = [point.time for point in points if point.time is not None]
+    timed = len(times) == len(points)
+    left = cleaned(np.array((east, north)), times if timed else ())
+    kept, speeds = left.kept, _speeds(points)
+    first = times[kept[0]] if timed else 0.0
+    stood = sum(one.last - one.first + 1 for one in left.stands)
     return DriveInPlane(
         source=source,
         origin=origin,
-        east_m=east,
-        north_m=north,
-        time_s=tuple(time - times[0] for time in times) if len(times) == len(points) else (),
-        speed_mps=_speeds(points),
+        east_m=tuple(left.points[0].tolist()),
+        north_m=tuple(left.points[1].tolist()),
+        time_s=tuple(times[k] - first for k in kept) if timed else (),
+        speed_mps=tuple(_speed_at(left, speeds)) if speeds else (),
         skipped=tuple(drive.skipped),
+        clock=drive.clock if timed else None,
+        began_at_s=drive.zero + first if timed and drive.clock else 0.0,
+        place_word=points[0].place.split()[0],
+        place_numbers=tuple(int(points[k].place.split()[1]) for k in kept),
+        noise_m=left.noise,
+        jumping_points=sum(jump.last - jump.first + 1 for jump in left.jumps),
+        standing_points=stood,
+        remarks=tuple(_remarks(left, points)),
     )
+
+
+def _speed_at(left: Cleaned, speeds: tuple[float, ...]) -> Iterator[float]:
+    """Give the recorded speeds of the points that are kept: none where the car stands."""
+    still = {k for stand in left.stands for k in stand.core}
+    return (0.0 if k in still else speeds[k] for k in left.kept)
+
+
+def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
+    """Say what jumps and stands were found, and where."""
+
+    def where(k: int) -> str:
+        """Where in the file a point is, and how long after the first one that is kept."""
+        begun, at = points[left.kept[0]].time, points[k].time
+        if begun is None or at is None:
+            return points[k].place
+        return f"{points[k].place} ({at - begun:.1f} s)"
+
+    if left.jumps:
+        count = sum(jump.last - jump.first + 1 for jump in left.jumps)
+        worst = max(left.jumps, key=lambda jump: jump.size)
+        said = "1 point jumps and is" if count == 1 else f"{count} points jump and are"
+        others = f", the first at {where(left.jumps[0].first)}" if count > 1 else ""
+        yield f"{said} left out, by {worst.size:.1f} m at {where(worst.first)}{others}"
+    for stand in left.stands:
+        first, last = stand.core
+        begun, ended = points[first].time, points[last].time
+        span = f" for {ended - begun:.0f} s" if begun is not None and ended is not None else ""
+        count = stand.last - stand.first + 1
+        if stand.first == 0:
+            begin = where(last)
+            yield f"the drive starts at its first movement, at {begin}: {count} points left out"
+        elif stand.last == len(points) - 1:
+            yield f"the drive ends where it stops, at {where(first)}: {count} points left out"
+        else:
+            yield f"the car stands{span} from {where(first)} on: {count} points made one place"
 
 
 def _speeds(points: list[RecordedPoint]) -> tuple[float, ...]:
@@ -243,14 +429,15 @@ def _in_plane(
     return places
 
 
-def _check_shape(trace: DriveInPlane, points: list[RecordedPoint]) -> None:
+def _check_shape(trace: DriveInPlane) -> None:
     places = list(zip(trace.east_m, trace.north_m, strict=True))
+    named = [f"{trace.place_word} {number}" for number in trace.place_numbers]
     if len(places) == 1:
-        raise TraceError(f"only one valid point, {points[0].place}")
-    for (before, after), point in zip(itertools.pairwise(places), points[1:], strict=True):
+        raise TraceError(f"only one valid point, {named[0]}")
+    for (before, after), name in zip(itertools.pairwise(places), named[1:], strict=True):
         jump = math.dist(before, after)
         if jump >= MAX_JUMP:
-            raise TraceError(f"{point.place}: {jump / 1000:.1f} km from the point before")
+            raise TraceError(f"{name}: {jump / 1000:.1f} km from the point before")
     extent = max(math.dist(places[0], place) for place in places)
     if extent < LEAST_EXTENT:
         raise TraceError(f"all {len(places)} points lie within {extent:.2f} m, so there is no path")

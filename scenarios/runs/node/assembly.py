@@ -10,6 +10,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import Probe
+from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
 from transport.links.gate import PoseGate
@@ -56,11 +57,31 @@ class VehicleBuilder:
         end_at = start_at + self.duration_ns
         return ticks(start_at, end_at, *self.rates_hz)
 
-    def node(self, start_at: int, sink: Sink, probe: Probe) -> Node:
+    def node(self, start_at: int, sink: Sink, probe: Probe) -> Node | ReplayedNode:
         """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
-        setup = self._setup
-        links = [self._incoming(sender, start_at) for sender in setup.senders]
+        setup, drive = self._setup, self._scenario.replays.get(self.name)
+        senders = () if drive else setup.senders
+        links = [self._incoming(sender, start_at) for sender in senders]
         inbox = Inbox(self.name, links, start_at=start_at)
+        outbox = Outbox(
+            vehicle=self.name,
+            sink=sink,
+            plane=self._plane,
+            parameters=setup.parameters,
+            inbox=inbox,
+            probe=probe,
+            start_at=start_at,
+        )
+        if drive is not None:
+            return ReplayedNode(
+                drive=drive,
+                start_at=start_at,
+                wheelbase=setup.parameters.wheelbase,
+                control=Cadence(start_at, self.control_rate_hz),
+                gnss=self._receiver(start_at),
+                inbox=inbox,
+                outbox=outbox,
+            )
         return Node(
             body=self._body(),
             parameters=setup.parameters,
@@ -68,15 +89,7 @@ class VehicleBuilder:
             imu=self._imu(start_at),
             driver=self._driver(start_at),
             inbox=inbox,
-            outbox=Outbox(
-                vehicle=self.name,
-                sink=sink,
-                plane=self._plane,
-                parameters=setup.parameters,
-                inbox=inbox,
-                probe=probe,
-                start_at=start_at,
-            ),
+            outbox=outbox,
         )
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:

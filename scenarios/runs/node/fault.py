@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from scenarios.runs.node.node import Node
+from scenarios.runs.node.replayed import ReplayedNode
 from transport.clock import Tick
 from vehicles.car.dynamics import OutOfModelError
 from vehicles.driver.steering import ControllerError
@@ -17,7 +18,7 @@ class VehicleFaultError(Exception):
         super().__init__(f"{vehicle}: {text}")
 
 
-def stepping(node: Node, vehicle: str, start_at: int) -> Callable[[Tick], None]:
+def stepping(node: Node | ReplayedNode, vehicle: str, start_at: int) -> Callable[[Tick], None]:
     """Return `node.step` with a fault of controller or car as a VehicleFaultError, with when."""
 
     def step(tick: Tick) -> None:

@@ -9,7 +9,7 @@ from vehicles import messages
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.tyres import tyre_use
+from vehicles.car.tyres import TyreUse, rolling_use, tyre_use
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import Message
@@ -55,10 +55,22 @@ class Outbox:
         for verdict in self._inbox.verdicts():
             self._add(verdict)
         if decision.fresh:
-            self._add_truth(now, body, decision.actuation.acceleration)
+            use = tyre_use(body, decision.actuation.acceleration, self._parameters)
+            self._add_truth(now, body, use)
             self._add_decision(now, decision)
         for line in self._inbox.complaints():
             self._add_text(now, line, "error")
+        if self._health.is_due(now):
+            self._add_health(now, final=False)
+        self._sink.flush()
+
+    def publish_replayed(self, now: int, body: Body, fix: Fix | None, *, fresh: bool) -> None:
+        """Send what a vehicle that decides nothing measured; `fresh` at instants of control."""
+        self._ticks += 1
+        if fix is not None:
+            self._add(to_message(fix, self._vehicle, self._plane))
+        if fresh:
+            self._add_truth(now, body, rolling_use(body, self._parameters))
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()
@@ -114,8 +126,7 @@ class Outbox:
             )
         )
 
-    def _add_truth(self, now: int, body: Body, acceleration: float) -> None:
-        tyres = tyre_use(body, acceleration, self._parameters)
+    def _add_truth(self, now: int, body: Body, tyres: TyreUse) -> None:
         self._add(
             messages.TruePose(
                 vehicle=self._vehicle,

@@ -7,6 +7,7 @@ from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import ProcessProbe
+from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
@@ -200,7 +201,7 @@ class VehicleProcess:
             raise RunOffError(f"{self._run} failed: {reason}", announced=True)
         say(f"{self._builder.name}: {self._run} is over")
 
-    def _drive(self, node: Node, start_at: int, probe: ProcessProbe) -> None:
+    def _drive(self, node: Node | ReplayedNode, start_at: int, probe: ProcessProbe) -> None:
         step = stepping(node, self._builder.name, start_at)
         try:
             for tick in punctual(self._builder.ticks(start_at), self._clock, probe):

@@ -54,9 +54,8 @@ def as_gpx(points: Drive, point: str = "trkpt", around: str = "trk><trkseg") -> 
     closing = "></".join(reversed(around.split("><")))
     rows = []
     for t, e, n, _ in points:
-        clock = f"2023-11-14T22:13:{20 + t:09.6f}Z"
-        if t >= 40.0:
-            clock = f"2023-11-14T22:14:{t - 40:09.6f}Z"
+        minute, second = divmod(20.0 + t, 60.0)
+        clock = f"2023-11-14T22:{13 + int(minute)}:{second:09.6f}Z"
         latitude, longitude = geodetic(e, n)
         rows.append(
             f'<{point} lat="{latitude!r}" lon="{longitude!r}"><ele>500</ele>'

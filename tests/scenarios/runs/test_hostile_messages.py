@@ -16,6 +16,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.node.node import Node
+from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.processes.clock_offset import measure
 from scenarios.runs.processes.conductor import Conductor, Phase
@@ -48,7 +49,7 @@ class Attacked:
 
     folder: Path
     summary: RunSummary
-    nodes: dict[str, Node]
+    nodes: dict[str, Node | ReplayedNode]
     honest: Counter[str]
     """Messages of the vehicles by key."""
     hostile: Counter[str]

@@ -163,17 +163,27 @@ def test_a_record_without_times_has_no_speed(tmp_path: Path) -> None:
     assert driven(path).route.profile.speeds == (20.0,)
 
 
-def test_a_lead_comes_up_to_a_standing_start_at_walking_pace(tmp_path: Path) -> None:
-    bend = [(t + 5.0, e, n, 12.0) for t, e, n, _ in drive()]
-    standing = [(0.5 * k, 0.0, 0.0, 0.0) for k in range(10)]
+def test_a_lead_that_is_under_way_comes_up_to_its_first_point_at_its_first_speed(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "start.csv"
-    path.write_bytes(as_plane_csv([*standing, *bend]))
+    path.write_bytes(as_plane_csv(drive()))
     route = driven(path, speed='lead = "recorded"').route
     assert route.smoothed is not None
     assert route.start < route.smoothed.start
-    assert route.profile.speeds[0] == 1.0
-    run_in = route.profile.times[1]
-    assert route.profile.distance(run_in) == pytest.approx(route.smoothed.start - route.start)
+    assert route.profile.speeds[0] == pytest.approx(12.0, abs=0.01)
+    assert route.run_in == pytest.approx(route.profile.times[1])
+    assert route.profile.distance(route.run_in) == pytest.approx(route.smoothed.start - route.start)
+
+
+def test_a_lead_that_starts_slowly_begins_at_its_first_point(tmp_path: Path) -> None:
+    points = [(0.2 * k, (0.2 * k) ** 2, 0.0, 0.4 * k) for k in range(50)]  # 2 m/s² from rest
+    path = tmp_path / "start.csv"
+    path.write_bytes(as_plane_csv(points))
+    route = driven(path, speed='lead = "recorded"').route
+    assert route.smoothed is not None
+    assert (route.start, route.run_in) == (route.smoothed.start, 0.0)
+    assert route.profile.time_to(10.0) == pytest.approx(10.0**0.5, abs=0.8)
 
 
 def test_derived_speeds_are_means_of_the_way_over_two_seconds() -> None:

@@ -26,7 +26,9 @@ def scenario(*overrides: str, seed: int = 1) -> Scenario:
 
 
 def node(made: Scenario, name: str) -> Node:
-    return VehicleBuilder(made, name).node(START, BusSink(name, MemoryBus()), NoProbe())
+    one = VehicleBuilder(made, name).node(START, BusSink(name, MemoryBus()), NoProbe())
+    assert isinstance(one, Node)
+    return one
 
 
 def fixes(made: Scenario, name: str, count: int = 20) -> list[Fix]:

@@ -1,0 +1,47 @@
+"""A vehicle that moves as it was recorded: it measures itself, and decides nothing."""
+
+from dataclasses import dataclass
+from math import atan
+
+from scenarios.definition.road.replayed import ReplayedDrive
+from scenarios.runs.node.outbox import Outbox
+from transport.clock import Tick
+from transport.links.inbox import Inbox
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import GnssReceiver
+from vehicles.schedule import SECOND, Cadence
+
+
+@dataclass(slots=True, kw_only=True)
+class ReplayedNode:
+    """A recorded drive in the place of car and driver, with the receiver of any vehicle.
+
+    Its inbox is empty: it listens to nobody.
+    """
+
+    drive: ReplayedDrive
+    start_at: int
+    wheelbase: float
+    control: Cadence
+    gnss: GnssReceiver
+    inbox: Inbox
+    outbox: Outbox
+
+    def step(self, tick: Tick) -> None:
+        """One tick of the schedule: be where the record says, measure, send."""
+        body = self._body(tick.at)
+        fix = self.gnss.measure(body, tick.at)
+        self.outbox.publish_replayed(tick.at, body, fix, fresh=self.control.due(tick.at))
+
+    def _body(self, now: int) -> Body:
+        """The car at `now` (ns): along its path without slip, its wheels turned as that needs."""
+        place, speed, way = self.drive.at((now - self.start_at) / SECOND)
+        return Body(
+            east=place.east,
+            north=place.north,
+            yaw=place.yaw,
+            speed=speed,
+            yaw_rate=speed * place.curvature,
+            steering=atan(self.wheelbase * place.curvature),
+            distance=way,
+        )

@@ -1,0 +1,364 @@
+"""Drives as receivers record them, from a course that is known: the truth of each file.
+
+A car goes over straights and arcs at a given speed, stands at places, and a receiver with noise,
+drift, jumps and holes writes what it takes for its place.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.made.scenarios.recorded_drives import (
+    Drive,
+    as_geodetic_csv,
+    as_gpx,
+    as_nmea,
+    as_plane_csv,
+)
+
+Course = tuple[tuple[float, float], ...]
+"""Length (m) and curvature (1/m) of each piece."""
+
+UTM = (300_000.0, 3_900_000.0)
+
+STRAIGHT = ((400.0, 0.0),)
+LEFT = ((60.0, 0.0), (200.0, 1 / 60.0), (100.0, 0.0))
+RIGHT = ((60.0, 0.0), (250.0, -1 / 120.0), (100.0, 0.0))
+BLOCK = tuple([(60.0, 0.0), (0.5 * math.pi * 12.0, 1 / 12.0)] * 3 + [(60.0, 0.0)])
+SWEEP = ((300.0, 1 / 300.0), (300.0, -1 / 200.0))
+ON_THE_SPOT = ((150.0, 0.0), (math.pi * 0.6, 1 / 0.6), (150.0, 0.0))
+
+
+def without_times(points: Drive) -> bytes:
+    return "\n".join(["x_m,y_m", *(f"{e!r},{n!r}" for _, e, n, _ in points)]).encode()
+
+
+def without_speeds(points: Drive) -> bytes:
+    return "\n".join(["t_s,x_m,y_m", *(f"{t!r},{e!r},{n!r}" for t, e, n, _ in points)]).encode()
+
+
+FORMATS: dict[str, Callable[[Drive], bytes]] = {
+    "csv": as_plane_csv,
+    "wgs84": as_geodetic_csv,
+    "gpx": as_gpx,
+    "nmea": as_nmea,
+    "places": without_times,
+    "timed": without_speeds,
+}
+SUFFIXES = {
+    "csv": "csv",
+    "wgs84": "csv",
+    "gpx": "gpx",
+    "nmea": "nmea",
+    "places": "csv",
+    "timed": "csv",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rough:
+    """One file: `course` is (length m, curvature 1/m) pieces, `stands` (at m, for s).
+
+    `holes` (from m, length m) are without points. `jumps` points are off by 2 m or more, of which
+    each lasts `jump_length` points. `drift` (m) is the standard deviation of a slow wander. `keys`
+    are lines of the scenario's table of the path.
+    """
+
+    course: Course = LEFT
+    speed: float = 10.0
+    rate_hz: float = 10.0
+    noise: float = 0.02
+    drift: float = 0.0
+    keys: str = ""
+    holes: tuple[tuple[float, float], ...] = ()
+    jumps: int = 0
+    jump_length: int = 1
+    jump_size: float = 2.0
+    stands: tuple[tuple[float, float], ...] = ()
+    offset: tuple[float, float] = (0.0, 0.0)
+    form: str = "csv"
+    seed: int = 1
+
+    @property
+    def is_geodetic(self) -> bool:
+        return self.form in {"wgs84", "gpx", "nmea"}
+
+    @property
+    def file_name(self) -> str:
+        return f"drive.{SUFFIXES[self.form]}"
+
+    def write(self) -> bytes:
+        return FORMATS[self.form](self.points())
+
+    def points(self) -> Drive:
+        random = np.random.default_rng(self.seed)
+        stations, speeds = self._motion()
+        east, north = truth(self.course, stations)
+        count = stations.size
+        east, north = (
+            axis
+            + random.normal(0.0, self.noise, count)
+            + wander(random, count, self.drift, 20.0 * self.rate_hz)
+            for axis in (east, north)
+        )
+        for k in random.choice(np.arange(20, count - 20, 25), self.jumps, replace=False):
+            angle = random.uniform(0.0, 2.0 * math.pi)
+            size = self.jump_size * random.uniform(1.0, 1.5)
+            east[k : k + self.jump_length] += size * math.cos(angle)
+            north[k : k + self.jump_length] += size * math.sin(angle)
+        seen = np.ones(count, dtype=bool)
+        for begin, length in self.holes:
+            seen &= ~((stations > begin) & (stations < begin + length))
+        rows = zip(
+            np.arange(count) / self.rate_hz,
+            east + self.offset[0],
+            north + self.offset[1],
+            speeds,
+            strict=True,
+        )
+        return [
+            (round(float(t), 6), float(e), float(n), float(v))
+            for (t, e, n, v), one in zip(rows, seen, strict=True)
+            if one
+        ]
+
+    def _motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Stations and speeds at the instants: 2 m/s² up and down around each stand."""
+        end = sum(length for length, _ in self.course)
+        waits = dict(self.stands)
+        station, speed, waited = 0.0, 0.0 if 0.0 in waits else self.speed, 0.0
+        stations, speeds, step = [], [], 0.01
+        next_out, at = 0.0, 0.0
+        places = sorted(waits)
+        while station < end and at < 600.0:
+            if at >= next_out - 1e-9:
+                stations.append(station)
+                speeds.append(speed)
+                next_out += 1.0 / self.rate_hz
+            at += step
+            if places and station >= places[0] - 0.02:
+                speed, waited = 0.0, waited + step
+                if waited >= waits[places[0]]:
+                    places.pop(0)
+                    waited = 0.0
+                continue
+            left = places[0] - station if places else math.inf
+            speed = min(self.speed, speed + 2.0 * step, math.sqrt(2.0 * 2.0 * left) + 0.01)
+            station += speed * step
+            if not places and end in waits and station >= end:
+                break
+        return np.array(stations), np.array(speeds)
+
+
+def wander(
+    random: np.random.Generator, count: int, size: float, memory: float
+) -> NDArray[np.float64]:
+    """A slow drift of standard deviation `size` that forgets itself in `memory` points."""
+    keep = math.exp(-1.0 / memory)
+    found = np.zeros(count)
+    shocks = random.normal(0.0, size * math.sqrt(1.0 - keep * keep), count) if size else found
+    value = random.normal(0.0, size) if size else 0.0
+    for k, shock in enumerate(shocks.tolist()):
+        value = keep * value + shock
+        found[k] = value
+    return found
+
+
+def truth(
+    course: Course, stations: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """East and north (m) at `stations` (m) of a course that begins at the origin, going east."""
+    east, north = np.zeros(stations.size), np.zeros(stations.size)
+    x = y = yaw = begin = 0.0
+    for place, (length, curvature) in enumerate(course):
+        last = place == len(course) - 1
+        here = (stations >= begin) & ((stations < begin + length) | last)
+        s = np.append(stations[here] - begin, length)
+        if curvature:
+            dx = (np.sin(yaw + curvature * s) - math.sin(yaw)) / curvature
+            dy = (math.cos(yaw) - np.cos(yaw + curvature * s)) / curvature
+        else:
+            dx, dy = s * math.cos(yaw), s * math.sin(yaw)
+        east[here], north[here] = x + dx[:-1], y + dy[:-1]
+        x, y, yaw, begin = x + dx[-1], y + dy[-1], yaw + curvature * length, begin + length
+    return east, north
+
+
+def off_the_truth(
+    rough: Rough, east: NDArray[np.float64], north: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distance (m) of each place from the course."""
+    length = sum(piece for piece, _ in rough.course)
+    xs, ys = truth(rough.course, np.arange(0.0, length + 0.1, 0.2))
+    dx, dy = np.diff(xs), np.diff(ys)
+    found = []
+    for x, y in zip(east.tolist(), north.tolist(), strict=True):
+        rx, ry = x - xs[:-1], y - ys[:-1]
+        share = np.clip((rx * dx + ry * dy) / (dx * dx + dy * dy + 1e-12), 0.0, 1.0)
+        found.append(float(np.min(np.hypot(rx - share * dx, ry - share * dy))))
+    return np.array(found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expected:
+    """What is made of a file: how far (m) its path is from the truth, and what `check` counts.
+
+    `says` are patterns, each of a line of `check`; `refused` is that of the only line there is.
+    """
+
+    off: float = 0.08
+    jumps: tuple[int, int] = (0, 0)
+    stands: int = 0
+    holes: int = 0
+    says: tuple[str, ...] = ()
+    refused: str = ""
+
+
+def holed(length: float, course: Course, form: str, speed: float = 10.0) -> Rough:
+    return Rough(course=course, holes=((120.0, length),), form=form, speed=speed)
+
+
+def bridged(length: float) -> tuple[str, ...]:
+    """What `check` says of a hole: from point to point it is a step longer, or noise shorter."""
+    lengths = "|".join(f"{length + more:.0f}" for more in (-1.0, 0.0, 1.0, 2.0))
+    return (rf"a hole of ({lengths})\.\d m after (line|point) \d+.* is bridged",)
+
+
+HAIRPIN = ((150.0, 0.0), (math.pi * 8.0, 1 / 8.0), (150.0, 0.0))
+APART = r"line \d+ \(.* s\): a hole of 22\.\d m whose sides point .* from each other"
+STOPS = ((100.0, 20.0), (250.0, 10.0))
+PHONE_STOPS = ((150.0, 60.0), (400.0, 30.0))
+TURNS_BACK = (
+    r"(line|point) 7\d\d \(75\.\d s\): the points double back near .*: end the drive before"
+)
+
+CASES: dict[str, tuple[Rough, Expected]] = {
+    "utm": (
+        Rough(offset=UTM),
+        Expected(says=("3912 km from .* 300000 m are subtracted .* eastings, 3900000 m from",)),
+    ),
+    "utm without times": (Rough(offset=UTM, form="places"), Expected(says=("3912 km",))),
+    **{
+        f"hole of {length:g} m on a straight, {form}": (
+            holed(length, STRAIGHT, form),
+            Expected(holes=1, off=0.06, says=bridged(length)),
+        )
+        for length, form in (
+            (5.0, "csv"), (10.0, "gpx"), (20.0, "nmea"), (30.0, "places"), (50.0, "wgs84")
+        )
+    },
+    **{
+        f"hole of {length:g} m on an arc, {form}": (
+            holed(length, LEFT, form),
+            Expected(holes=1, says=bridged(length)),
+        )
+        for length, form in (
+            (5.0, "places"), (10.0, "csv"), (20.0, "gpx"), (30.0, "timed"), (50.0, "nmea")
+        )
+    },
+    "hole of 10 m on a right arc": (
+        holed(10.0, RIGHT, "csv", speed=15.0), Expected(holes=1)
+    ),
+    "hole of 50 m on a right arc": (
+        holed(50.0, RIGHT, "wgs84", speed=15.0), Expected(holes=1, off=0.1)
+    ),
+    # Where the bend begins inside the hole, nobody knows where.
+    "hole over the beginning of an arc": (
+        Rough(holes=((50.0, 30.0),)), Expected(holes=1, off=0.4)
+    ),
+    "three holes": (
+        Rough(course=SWEEP, holes=((50.0, 10.0), (150.0, 30.0), (290.0, 50.0)), speed=20.0),
+        Expected(holes=3, off=0.5),
+    ),
+    "hole at a corner of a block": (
+        Rough(course=BLOCK, holes=((53.0, 8.0),), speed=5.0), Expected(holes=1, off=0.3)
+    ),
+    "jumps": (
+        Rough(course=SWEEP, jumps=8, rate_hz=20.0, speed=15.0),
+        Expected(jumps=(8, 8), says=(r"8 points jump and are left out, by \d\.\d m at line \d+",)),
+    ),
+    "jumps without times": (
+        Rough(course=SWEEP, jumps=8, rate_hz=20.0, speed=15.0, form="places"),
+        Expected(jumps=(8, 8)),
+    ),
+    "jumps, gpx": (Rough(course=SWEEP, jumps=8, speed=15.0, form="gpx"), Expected(jumps=(8, 8))),
+    "jumps of several points": (
+        Rough(course=SWEEP, jumps=5, jump_length=4, rate_hz=20.0, speed=15.0),
+        Expected(jumps=(20, 30), holes=2),
+    ),
+    "jumps of several points, nmea": (
+        Rough(course=SWEEP, jumps=5, jump_length=3, speed=15.0, form="nmea"),
+        Expected(jumps=(15, 20), holes=4),
+    ),
+    "jumps by kilometres": (
+        Rough(course=SWEEP, jumps=3, jump_size=1500.0, speed=15.0), Expected(jumps=(3, 3))
+    ),
+    "jumps on a block": (Rough(course=BLOCK, jumps=4, speed=5.0), Expected(jumps=(4, 4))),
+    "standing start": (
+        Rough(stands=((0.0, 20.0),)),
+        Expected(stands=1, says=(r"starts at its first movement, at line 20\d \(0\.0 s\)",)),
+    ),
+    "standing start, nmea": (Rough(stands=((0.0, 20.0),), form="nmea"), Expected(stands=1)),
+    "standing start, utm": (
+        Rough(stands=((0.0, 60.0),), offset=UTM, form="timed"),
+        Expected(stands=1, says=("3912 km",)),
+    ),
+    "two stops": (
+        Rough(stands=STOPS, form="timed"),
+        Expected(stands=2, says=("stands for 2. s from line", "stands for 1. s from line")),
+    ),
+    "two stops, gpx": (Rough(stands=STOPS, form="gpx"), Expected(stands=2)),
+    "stop with drift": (
+        Rough(drift=0.3, stands=((150.0, 40.0),)),
+        Expected(stands=1, off=1.0, says=("points scatter by",)),
+    ),
+    "phone with two stops, gpx": (
+        Rough(course=SWEEP, noise=2.5, rate_hz=1.0, speed=13.0, stands=PHONE_STOPS, form="gpx"),
+        Expected(stands=2, off=5.0, says=("points scatter by 2", "noisy points")),
+    ),
+    "phone with two stops, nmea": (
+        Rough(
+            course=SWEEP, noise=2.5, rate_hz=1.0, speed=13.0, stands=PHONE_STOPS, form="nmea",
+            seed=2,
+        ),
+        Expected(stands=2, off=5.0, says=("points scatter by 2",)),
+    ),
+    "phone that drifts": (
+        Rough(
+            course=SWEEP, noise=0.2, drift=2.5, rate_hz=1.0, speed=13.0, stands=PHONE_STOPS,
+            form="gpx",
+        ),
+        Expected(stands=2, off=8.0, says=("points scatter by",)),
+    ),
+    "phone that drifts, standing start": (
+        Rough(
+            course=SWEEP, noise=0.2, drift=2.5, rate_hz=1.0, speed=13.0, form="nmea", seed=2,
+            stands=((0.0, 60.0), (400.0, 30.0)),
+        ),
+        Expected(stands=2, off=8.0),
+    ),
+    "turn on the spot": (
+        Rough(course=ON_THE_SPOT, speed=2.0), Expected(refused=TURNS_BACK)
+    ),
+    "turn on the spot, gpx": (
+        Rough(course=ON_THE_SPOT, speed=2.0, form="gpx"), Expected(refused=TURNS_BACK)
+    ),
+    "out and back on the spot, utm": (
+        Rough(course=ON_THE_SPOT, speed=2.0, offset=UTM, form="timed"), Expected(refused=TURNS_BACK)
+    ),
+    "hole in a turn": (
+        Rough(course=HAIRPIN, holes=((140.0, 60.0),)),
+        Expected(refused=APART),
+    ),
+    "all of it": (
+        Rough(
+            course=SWEEP, offset=UTM, holes=((200.0, 25.0),), jumps=5, speed=15.0,
+            stands=((0.0, 10.0), (400.0, 15.0)),
+        ),
+        Expected(stands=2, holes=1, jumps=(5, 5), says=("3912 km", "a hole of 2[5-7]")),
+    ),
+}  # fmt: skip
+"""Files by name, and what becomes of each."""

@@ -1,0 +1,153 @@
+"""Drives as receivers record them: each gives a drivable path with true figures, or one line."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.definition.check.report import report_of
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.definition.schema.path import PointsPath
+from tests.made.scenarios.recorded_drives import ORIGIN
+from tests.made.scenarios.rough_drives import CASES, Expected, Rough, off_the_truth
+
+PLACE = (
+    f"[origin]\nlatitude_deg = {ORIGIN.latitude_deg}\nlongitude_deg = {ORIGIN.longitude_deg}\n"
+    f"altitude_m = {ORIGIN.altitude_m}\n"
+)
+DRIVABLE = {name: case for name, case in CASES.items() if not case[1].refused}
+REFUSED = {name: case for name, case in CASES.items() if case[1].refused}
+
+
+def scenario_of(rough: Rough, folder: Path, more: str = "") -> Scenario:
+    """The lead drives `rough`, by its times where it has some."""
+    (folder / rough.file_name).write_bytes(rough.write())
+    text = (
+        f'name = "rough"\n{more}[path]\nkind = "trace"\nfile = "{rough.file_name}"\n{rough.keys}\n'
+    )
+    text += PLACE if rough.is_geodetic else ""
+    text += "" if rough.form == "places" else '[speed]\nlead = "recorded"\n'
+    return scenario_from_text(text, label="rough.toml", folder=folder)
+
+
+def path_off_truth(scenario: Scenario, rough: Rough) -> float:
+    """Largest distance (m) of the path, points and all between them, from the true course."""
+    smoothed, table = scenario.route.smoothed, scenario.tables.path
+    assert smoothed is not None
+    assert isinstance(table, PointsPath)
+    road = smoothed.path.station >= smoothed.start
+    east, north = smoothed.path.east[road], smoothed.path.north[road]
+    if not rough.is_geodetic:
+        east = east + table.east_offset_m - rough.offset[0]
+        north = north + table.north_offset_m - rough.offset[1]
+    return float(np.max(off_the_truth(rough, east, north)))
+
+
+def test_there_are_enough_files() -> None:
+    assert len(CASES) >= 30
+    assert {rough.form for rough, _ in CASES.values()} == {
+        "csv", "wgs84", "gpx", "nmea", "places", "timed"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("rough", "expected"), DRIVABLE.values(), ids=DRIVABLE)
+def test_the_path_is_where_the_car_was(tmp_path: Path, rough: Rough, expected: Expected) -> None:
+    scenario = scenario_of(rough, tmp_path)
+    report = report_of(scenario)
+    assert path_off_truth(scenario, rough) <= expected.off
+    assert report.holes == expected.holes
+    assert report.jumping_points is not None
+    assert expected.jumps[0] <= report.jumping_points <= expected.jumps[1]
+    assert (report.standing_points or 0) > 20 * expected.stands or not expected.stands
+    assert sum("stands for" in w or "first movement" in w for w in report.warnings) == (
+        expected.stands
+    )
+    for pattern in expected.says:
+        assert any(re.search(pattern, line) for line in report.warnings), (pattern, report.warnings)
+    assert all(line.isprintable() for line in report.warnings)
+    # The figures are those of the receiver: its noise across the path.
+    if not rough.drift:
+        assert report.deviation_m_rms == pytest.approx(rough.noise, rel=0.45)
+        assert report.noise_m == pytest.approx(rough.noise, rel=0.25)
+    # No car turns tighter, so a car can drive it.
+    assert report.radius_m_min is not None
+    assert report.radius_m_min > 6.0
+
+
+@pytest.mark.parametrize(("rough", "expected"), REFUSED.values(), ids=REFUSED)
+def test_what_no_car_drives_is_refused_with_place_and_time(
+    tmp_path: Path, rough: Rough, expected: Expected
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        scenario_of(rough, tmp_path)
+    (line,) = caught.value.lines
+    assert rough.file_name in line
+    assert re.search(expected.refused, line)
+    assert line.isprintable()
+
+
+def test_the_offset_of_far_coordinates_is_in_the_scenario_of_the_log(tmp_path: Path) -> None:
+    scenario = scenario_of(CASES["utm"][0], tmp_path)
+    again = scenario_from_text(scenario.text)
+    assert again.text == scenario.text
+    table = again.tables.path
+    assert isinstance(table, PointsPath)
+    assert (table.east_offset_m, table.north_offset_m) == (300_000.0, 3_900_000.0)
+    assert abs(table.east_m[0]) < 1.0
+    first = CASES["utm"][0].points()[0]
+    assert table.east_m[0] + table.east_offset_m == pytest.approx(first[1], abs=1e-6)
+    assert again.route.path.length == scenario.route.path.length
+
+
+def test_points_given_far_out_are_laid_near_the_origin_too() -> None:
+    east = ", ".join(str(300_000.0 + 5.0 * k) for k in range(60))
+    north = ", ".join("3900000.0" for _ in range(60))
+    text = f'name = "a"\n[path]\nkind = "points"\neast_m = [{east}]\nnorth_m = [{north}]\n'
+    scenario = scenario_from_text(text)
+    table = scenario.tables.path
+    assert isinstance(table, PointsPath)
+    assert (table.east_m[0], table.east_m[1], table.north_m[0]) == (0.0, 5.0, 0.0)
+    assert (table.east_offset_m, table.north_offset_m) == (300_000.0, 3_900_000.0)
+
+
+def test_coordinates_near_their_origin_stay_as_they_are(tmp_path: Path) -> None:
+    table = scenario_of(Rough(offset=(4000.0, -3000.0)), tmp_path).tables.path
+    assert isinstance(table, PointsPath)
+    assert (table.east_offset_m, table.remarks) == (0.0, ())
+    assert table.east_m[0] == pytest.approx(4000.0, abs=0.2)
+
+
+def test_a_road_that_leaves_the_plane_is_refused_in_one_line() -> None:
+    text = (
+        'name = "a"\n[path]\nkind = "segments"\n'
+        "segments = [{ length_m = 60000.0 }, { length_m = 60000.0 }]\n[speed]\nset_mps = 50.0\n"
+    )
+    with pytest.raises(ScenarioError) as caught:
+        scenario_from_text(text, label="a.toml")
+    (line,) = caught.value.lines
+    assert line.startswith(
+        "a.toml: path: given 120.0 km from the origin of the plane, allowed at most 99 km: "
+        "the lead gets there after 99000 m"
+    )
+    assert scenario_from_text("duration_s = 1900.0\n" + text).duration_s == 1900.0
+
+
+def test_a_drive_from_standstill_starts_at_once(tmp_path: Path) -> None:
+    route = scenario_of(CASES["standing start"][0], tmp_path).route
+    assert route.smoothed is not None
+    assert route.start == route.smoothed.start
+    assert route.run_in == 0.0
+    assert route.profile.time_to(5.0) < 3.0
+    # 2 m/s² from the first half metre on: what was recorded, place by place.
+    assert route.profile.at(3.0)[0] == pytest.approx(7.4, abs=0.3)
+
+
+def test_a_stop_lasts_as_long_as_recorded(tmp_path: Path) -> None:
+    rough = CASES["two stops"][0]
+    scenario = scenario_of(rough, tmp_path)
+    recorded = rough.points()[-1][0]
+    assert scenario.duration_s == pytest.approx(recorded + scenario.route.run_in, abs=1.5)
+    slow = [t for t in np.arange(0.0, recorded, 0.1) if scenario.route.profile.at(t)[0] < 0.3]
+    assert len(slow) * 0.1 == pytest.approx(30.0, abs=3.0)

@@ -1,0 +1,233 @@
+"""Holes in recorded points, bridged by a curve from both sides.
+
+Where points are missing a local polynomial extrapolates the noise of one side. So both sides are
+fitted on their own, by an arc or, where the points do not tell it from one, a line; a cubic with
+the positions and headings found joins them, and points along it fill the hole.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.geometry.arc_spline import Piece
+from vehicles.geometry.geodesy import wrap_angle
+
+FloatArray = NDArray[np.float64]
+
+HOLE = 5.0
+"""A step between two points is a hole if it is longer than this (m)..."""
+
+UNUSUAL = 4.0
+"""...and than so many times the steps nearby, their median."""
+
+NEARBY = 10
+"""So many steps to either side are nearby."""
+
+SIDE = 7
+"""A side of a hole is fitted to at least so many points, where there are as many."""
+
+CERTAIN = 3.0
+"""A side is an arc if its curvature is so many standard deviations from zero."""
+
+MOST_TURNED = math.radians(100.0)
+"""A side that points further than this (rad) away from the other one is not joined to it."""
+
+_FILLED = 8  # a hole is filled by at least so many steps
+_NORMAL = 0.6745 * math.sqrt(20.0)
+"""Median size of the third difference of white noise, in its standard deviations: the difference
+has 20 times the variance, and half of all normal numbers are within 0.6745."""
+
+
+class UnbridgedError(ValueError):
+    """A hole that cannot be bridged (beyond the paper); point number `before` is before it."""
+
+    def __init__(self, text: str, before: int) -> None:
+        super().__init__(text)
+        self.before = before
+
+
+@dataclass(frozen=True, slots=True)
+class Filled:
+    """Points (2, n) with their holes filled (Hermite).
+
+    `given` has for each point of before its number among them; `holes` the numbers of the points
+    of before in front of each hole.
+    """
+
+    points: FloatArray
+    given: NDArray[np.int64]
+    holes: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Where one side of a hole ends (m), and in which direction it points there (rad)."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+def scatter(points: FloatArray) -> float:
+    """Standard deviation (m, per axis) of the white noise in `points` (2, n); 0 for a few points.
+
+    From the median of their third difference across their course, which neither uneven spacing nor
+    a steady curve enters, nor a few points that are far off (beyond the paper).
+    """
+    if points.shape[1] < SIDE:
+        return 0.0
+    moved = np.any(np.diff(points) != 0.0, axis=0)
+    distinct = points[:, np.concatenate((np.ones(1, dtype=bool), moved))]
+    if distinct.shape[1] < SIDE:
+        return 0.0
+    third, course = np.diff(distinct, n=3), distinct[:, 3:] - distinct[:, :-3]
+    way = np.maximum(np.hypot(course[0], course[1]), 1e-9)
+    across = (third[1] * course[0] - third[0] * course[1]) / way
+    return float(np.median(np.abs(across))) / _NORMAL
+
+
+def lengths(points: FloatArray) -> FloatArray:
+    """Distance (m) from each of `points` (2, n) to the next: elementary algebra."""
+    steps = np.diff(points)
+    return np.asarray(np.hypot(steps[0], steps[1]))
+
+
+def holes_in(steps: FloatArray) -> NDArray[np.int64]:
+    """Which of `steps` (m) from point to point are holes (beyond the paper)."""
+    long = np.flatnonzero(steps > HOLE)
+    usual = [float(np.median(steps[max(0, k - NEARBY) : k + NEARBY + 1])) for k in long.tolist()]
+    return np.asarray(long[steps[long] > UNUSUAL * np.array(usual)], dtype=np.int64)
+
+
+def filled(points: FloatArray, reach: float) -> Filled:
+    """Fill the holes in `points` (2, n) with points on cubics (Hermite) from side to side.
+
+    Each side is fitted over 2 `reach` (m). Raises UnbridgedError.
+    """
+    steps = lengths(points)
+    found = holes_in(steps).tolist()
+    given = np.arange(points.shape[1])
+    parts, begin = [], 0
+    for place, hole in enumerate(found):
+        end = found[place + 1] + 1 if place + 1 < len(found) else points.shape[1]
+        before, after = points[:, begin : hole + 1], points[:, hole + 1 : end]
+        near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
+        spacing = min(float(np.median(near)), steps[hole] / _FILLED) if near.size else math.inf
+        try:
+            bridge = _bridge(
+                _end(before, 2.0 * reach), _end(after[:, ::-1], 2.0 * reach), float(spacing)
+            )
+        except ValueError as error:
+            raise UnbridgedError(f"a hole of {steps[hole]:.1f} m {error}", hole) from error
+        parts += [before, bridge]
+        given[hole + 1 :] += bridge.shape[1]
+        begin = hole + 1
+    return Filled(np.concatenate([*parts, points[:, begin:]], axis=1), given, tuple(found))
+
+
+def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
+    """Give points about `spacing` (m) apart from one side to the other, both ends left out.
+
+    A cubic whose handles are those by which it is closest to an arc, if the sides belong to one.
+    """
+    dx, dy = after.x - before.x, after.y - before.y
+    chord, course = math.hypot(dx, dy), math.atan2(dy, dx)
+    arriving = after.yaw + math.pi
+    turned = abs(wrap_angle(before.yaw - course)), abs(wrap_angle(arriving - course))
+    if max(turned) > MOST_TURNED:
+        raise ValueError(f"whose sides point {math.degrees(max(turned)):.0f}° away from each other")
+    handle = chord / math.cos(0.25 * sum(turned)) ** 2
+    count = max(_FILLED, math.ceil(chord / spacing) if spacing > 0.0 else _FILLED)
+    u = np.arange(1, count) / count
+    rest, towards = 1.0 - u, u * u * (3.0 - 2.0 * u)
+    leaving, joining = handle * u * rest * rest, -handle * u * u * rest
+    return np.stack(
+        (
+            before.x + towards * dx + leaving * math.cos(before.yaw) + joining * math.cos(arriving),
+            before.y + towards * dy + leaving * math.sin(before.yaw) + joining * math.sin(arriving),
+        )
+    )
+
+
+def _end(points: FloatArray, reach: float) -> _End:
+    """Where the last of `points` (2, n) lies on the arc or line through those within `reach`."""
+    away = np.hypot(points[0] - points[0, -1], points[1] - points[1, -1])
+    outside = np.flatnonzero(away > reach)
+    first = min(int(outside[-1]) + 1 if outside.size else 0, points.shape[1] - SIDE)
+    side = points[:, max(first, 0) :]
+    if side.shape[1] == 1:
+        raise ValueError("next to a single point")
+    x, y = float(side[0, -1]), float(side[1, -1])
+    arc = _arc(side)
+    foot = arc.at(arc.project(x, y).station)
+    return _End(foot.east, foot.north, foot.yaw)
+
+
+def _arc(side: FloatArray) -> Piece:
+    """The arc through points (2, n) by Gauss–Newton; a line where they do not tell it from one."""
+    (x0, y0), (x1, y1) = side[:, 0].tolist(), side[:, -1].tolist()
+    line = Piece(x0, y0, math.atan2(y1 - y0, x1 - x0), 0.0, 1.0)
+    line, _, _ = _refined(line, side, bends=False)
+    if side.shape[1] < SIDE:
+        return line
+    start = Piece(x0, y0, line.yaw, 0.0, 1.0)
+    middle = line.project(*side[:, side.shape[1] // 2].tolist())
+    length = math.hypot(x1 - x0, y1 - y0)
+    if length > 0.0:  # the sagitta of an arc through both ends
+        start.curvature = -8.0 * middle.lateral / (length * length)
+        start.yaw -= 0.5 * start.curvature * length
+    arc, rms, weight = _refined(start, side, bends=True)
+    return arc if abs(arc.curvature) * weight > CERTAIN * rms else line
+
+
+def _refined(piece: Piece, side: FloatArray, *, bends: bool) -> tuple[Piece, float, float]:
+    """Fit `piece` to points (2, n): with the rms left (m), and what its curvature weighs (m²)."""
+    columns: list[FloatArray] = []
+    rms, weight = 0.0, 1.0
+    for _ in range(6):
+        feet = [piece.project(x, y) for x, y in side.T.tolist()]
+        left = np.array([foot.lateral for foot in feet])
+        along = np.array([foot.station for foot in feet])
+        columns = [np.ones(along.size), along, 0.5 * along * along][: 3 if bends else 2]
+        (*solved, weight), rest = _least_squares(columns, left)
+        rms = math.sqrt(float(np.sum(rest * rest)) / max(left.size - len(columns), 1))
+        offset, turn, bend = (*solved, 0.0)[:3]
+        piece = Piece(
+            piece.east - offset * math.sin(piece.yaw),
+            piece.north + offset * math.cos(piece.yaw),
+            piece.yaw + turn,
+            piece.curvature + bend,
+            piece.length,
+        )
+    return piece, rms, weight
+
+
+def _least_squares(
+    columns: list[FloatArray], values: FloatArray
+) -> tuple[tuple[float, ...], FloatArray]:
+    """Give the factors of `columns` closest to `values`, the last column's weight, and the rest.
+
+    By orthogonal columns (Gram and Schmidt), which need no linear solver.
+    """
+    orthogonal: list[FloatArray] = []
+    mixed: list[list[float]] = []
+    rest, shares = values, []
+    norm = 0.0
+    for column in columns:
+        left, mix = column, []
+        for other in orthogonal:
+            factor = float(np.sum(left * other)) / float(np.sum(other * other))
+            mix.append(factor)
+            left = left - factor * other
+        norm = float(np.sum(left * left))
+        share = float(np.sum(rest * left)) / norm if norm > 0.0 else 0.0
+        rest = rest - share * left
+        orthogonal.append(left if norm > 0.0 else np.ones_like(left))
+        mixed.append(mix)
+        shares.append(share)
+    for k in range(len(shares) - 1, 0, -1):
+        for j in range(k):
+            shares[j] -= shares[k] * mixed[k][j]
+    return (*shares, math.sqrt(norm)), rest
