@@ -6,19 +6,19 @@ has to pay for itself in squared residuals, measured against the noise.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, inf, sin, sqrt
+from math import exp, hypot, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.arc_spline import STRAIGHT, ArcSpline, Piece
+from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.fit_arc import (
     ONE,
     Centred,
     FitData,
+    Graph,
     LocalCurve,
-    X,
-    Y,
+    as_curve,
     best_arc,
     best_line,
     centred,
@@ -26,8 +26,12 @@ from vehicles.preview.fit_arc import (
     offsets,
     summed,
 )
+from vehicles.preview.fit_clothoid import best_clothoid
 from vehicles.preview.fit_joined import Joined, best_joined, refined
+from vehicles.preview.laying import laid
 
+TEMPERATURE = 1.0
+IGNORED = 0.05
 Floats = NDArray[np.float64]
 STRAYING = 0.5
 """Drift from an arc, in units of noise times the root of the number of samples, below which no join
@@ -57,7 +61,9 @@ class FitSettings:
     position_noise: float = 0.02
     noise_floor: float = 2e-4
     evidence: float = 6.0
+    rate_evidence: float = 8.0
     join_evidence: float = 16.0
+    arcs_evidence: float = 8.0
     joins: int = 12
     piece_min: float = 2.0
     piece_ratio: float = 0.15
@@ -103,41 +109,86 @@ def fit_curve(
     ux, uy = ux / chord, uy / chord
     dx, dy = east - origin_east, north - origin_north
     data = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
-    choice = _chosen(data, settings)
-    if choice is None:
+    shares = _shares(data, settings)
+    if not shares:
         return None
-    curve, rest = choice
-    rms = sqrt(curve.misfit / data.sums.item(ONE, ONE, -1))
-    return Curve(_spline(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
+    rest = shares[0][0] * offsets(shares[0][1], data)
+    for share, curve in shares[1:]:
+        rest += share * offsets(curve, data)
+    rms = sqrt(float(np.add.reduce(weight * rest * rest)) / data.sums.item(ONE, ONE, -1))
+    return Curve(laid(shares, data, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
-def _chosen(data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats] | None:
-    """Choose the curve of the fewest unknowns that explains the samples; their distances (m)."""
+Shares = list[tuple[float, LocalCurve]]
+
+
+def _shares(data: FitData, settings: FitSettings) -> Shares:
+    """Curves that explain the samples, each with its share by its evidence; empty without any."""
     through = centred(data)
     arc = None if through is None else best_arc(data, through)
     if through is None or arc is None:
-        return None
+        return []
     line, count = best_line(through), through.weight
-    joined = None
-    if drift(arc, data) > STRAYING * sqrt(_noise(arc, count, settings) * count):
-        joined = _joined(data, through, settings)
-    best = joined.curve if joined is not None and joined.curve.misfit < arc.misfit else arc
-    noise = _noise(best, count, settings)
-    curve, score = line, line.misfit
-    if arc.misfit + settings.evidence * noise < score:
-        curve, score = arc, arc.misfit + settings.evidence * noise
-    price = (settings.evidence + settings.join_evidence) * noise
-    if joined is not None and joined.curve.misfit + price < score:
-        return _improved(joined, data, settings)
-    return curve, offsets(curve, data)
+    noise = _noise(arc, count, settings)
+    smooth = [(line.misfit / line.square, line), (arc.misfit / arc.square + settings.evidence * noise, arc)]
+    if drift(arc, data) < STRAYING * sqrt(noise * count):
+        return _weighed(smooth, [], noise, settings)
+    best = arc.misfit / arc.square, arc.freedom
+    clothoid = best_clothoid(data, through, arc)
+    if clothoid is not None:
+        best = min(best, (clothoid.misfit / clothoid.square, clothoid.freedom))
+    pair = _joined(data, through, settings)
+    for one in pair:
+        best = min(best, (one.curve.misfit, one.curve.freedom))
+    noise = _variance(*best, count, settings)
+    smooth = [(line.misfit / line.square, line), (arc.misfit / arc.square + settings.evidence * noise, arc)]
+    if clothoid is not None:
+        smooth.append((clothoid.misfit / clothoid.square + (settings.evidence + settings.rate_evidence) * noise, clothoid))
+    joined = []
+    price = settings.evidence + settings.join_evidence
+    for one in pair:
+        joined.append((one.curve.misfit + price * noise, one))
+        price += settings.arcs_evidence
+    return _weighed(smooth, joined, noise, settings, data)
 
 
-def _noise(curve: LocalCurve, count: float, settings: FitSettings) -> float:
+def _weighed(smooth, joined, noise, settings, data=None) -> Shares:
+    least = min(score for score, _ in (*smooth, *joined))
+    fade = -0.5 / (TEMPERATURE * noise)
+    weights = [max(exp(fade * (score - least)) - IGNORED, 0.0) for score, _ in (*smooth, *joined)]
+    total = sum(weights)
+    n = len(smooth)
+    share = sum(weights[:n]) / total
+    shares = []
+    if share > 0.0:
+        shares.append((share, as_curve(_mean([graph for _, graph in smooth], weights[:n], ))))
+    for weight, (_, one) in zip(weights[n:], joined):
+        if weight > 0.0:
+            shares.append((weight / total, _improved(one, data, settings)))
+    return shares
+
+
+def _mean(graphs, weights):
+    total = sum(weights)
+    o = s = h = c = 0.0
+    for graph, weight in zip(graphs, weights):
+        o += weight * graph.offset
+        s += weight * graph.slope
+        h += weight * graph.half
+        c += weight * graph.rate
+    return Graph(o / total, s / total, h / total, c / total, 0.0, 0)
+
+
+def _noise(arc: Graph, count: float, settings: FitSettings) -> float:
+    return _variance(arc.misfit / arc.square, 3, count, settings)
+
+
+def _variance(misfit, freedom, count, settings):
     """Variance of the samples' distances (m²), if the curve is right; as assumed, or less."""
-    assumed, spare = settings.position_noise**2, count - curve.freedom
+    assumed, spare = settings.position_noise**2, count - freedom
     if spare < 1.0:
         return assumed
-    return min(max(curve.misfit / spare, settings.noise_floor**2), assumed)
+    return min(max(misfit / spare, settings.noise_floor**2), assumed)
 
 
 def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
@@ -147,53 +198,22 @@ def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
     return first + margin, last - margin
 
 
-def _joined(data: FitData, line: Centred, settings: FitSettings) -> Joined | None:
+def _joined(data: FitData, line: Centred, settings: FitSettings) -> tuple[Joined, ...]:
     """Try joins at samples, at least three samples away from both ends."""
     first, last = _join_range(data, settings)
     low = max(int(data.station.searchsorted(first)), 2)
     high = min(int(data.station.searchsorted(last, "right")), len(data.station) - 3)
     if high - low < 2:
-        return None
+        return ()
     stride = -(-(high - low) // settings.joins)
     return best_joined(data, line, slice(low, high, stride))
 
 
-def _improved(joined: Joined, data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats]:
-    """Refine a joined curve, unless that makes it worse; with the samples' distances (m)."""
+def _improved(joined: Joined, data: FitData, settings: FitSettings) -> LocalCurve:
+    """Refine a joined curve, unless that makes it worse."""
     curve = refined(joined, data, settings.passes, _join_range(data, settings))
     rest = offsets(curve, data)
     misfit = float(np.add.reduce(data.weight * rest * rest))
     if misfit > joined.curve.misfit + settings.noise_floor**2:
-        return joined.curve, offsets(joined.curve, data)
-    return LocalCurve(*curve[:5], misfit, curve.freedom), rest
-
-
-def _spline(
-    curve: LocalCurve, data: FitData, frame: tuple[float, float, float, float]
-) -> ArcSpline:
-    """Place the curve in the world, from the first sample's projection to the last one's."""
-    origin_east, origin_north, ux, uy = frame
-    east = origin_east + curve.x * ux - curve.y * uy
-    north = origin_north + curve.x * uy + curve.y * ux
-    yaw = atan2(uy, ux) + curve.angle
-    start = _station(curve, curve.before, data.rows.item(X, 0), data.rows.item(Y, 0))
-    end = _station(curve, curve.after, data.rows.item(X, -1), data.rows.item(Y, -1))
-    begin = Piece(east, north, yaw, curve.before, 0.0).at(start)
-    if curve.before == curve.after:
-        return ArcSpline((Piece(begin.east, begin.north, begin.yaw, curve.after, end - start),))
-    return ArcSpline(
-        (
-            Piece(begin.east, begin.north, begin.yaw, curve.before, -start),
-            Piece(east, north, yaw, curve.after, end),
-        )
-    )
-
-
-def _station(curve: LocalCurve, curvature: float, x: float, y: float) -> float:
-    """Arc length (m) from the curve's join to the projection of (x, y) on its piece."""
-    ux, uy = cos(curve.angle), sin(curve.angle)
-    dx, dy = x - curve.x, y - curve.y
-    xi = dx * ux + dy * uy
-    if abs(curvature) < STRAIGHT:
-        return xi
-    return atan2(curvature * xi, 1.0 - curvature * (dy * ux - dx * uy)) / curvature
+        return joined.curve
+    return curve
