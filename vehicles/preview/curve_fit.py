@@ -16,21 +16,20 @@ from vehicles.preview.fit_arc import (
     ONE,
     Centred,
     FitData,
-    Graph,
     LocalCurve,
     as_curve,
     best_arc,
     best_line,
     centred,
     drift,
+    mean,
     offsets,
     summed,
 )
 from vehicles.preview.fit_clothoid import best_clothoid
 from vehicles.preview.fit_joined import Joined, best_joined, refined
-from vehicles.preview.laying import laid
+from vehicles.preview.laying import between, laid
 
-TEMPERATURE = 1.0
 IGNORED = 0.05
 Floats = NDArray[np.float64]
 STRAYING = 0.5
@@ -64,11 +63,19 @@ class FitSettings:
     rate_evidence: float = 8.0
     join_evidence: float = 16.0
     arcs_evidence: float = 8.0
+    temperature: float = 3.0
     joins: int = 12
     piece_min: float = 2.0
     piece_ratio: float = 0.15
     passes: int = 3
     span_min: float = 1.0
+
+    @property
+    def prices(self):
+        return (0.0, self.evidence, self.evidence + self.rate_evidence)
+
+    def join_price(self, freedom: int) -> float:
+        return self.evidence + self.join_evidence + (self.arcs_evidence if freedom > 4 else 0.0)
 
     def ahead(self, speed: float) -> float:
         """Preview distance L_preview (m) at `speed` (m/s), Section III-A, with a floor."""
@@ -109,81 +116,56 @@ def fit_curve(
     ux, uy = ux / chord, uy / chord
     dx, dy = east - origin_east, north - origin_north
     data = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
-    shares = _shares(data, settings)
-    if not shares:
+    curve = _explaining(data, settings)
+    if curve is None:
         return None
-    rest = shares[0][0] * offsets(shares[0][1], data)
-    for share, curve in shares[1:]:
-        rest += share * offsets(curve, data)
+    rest = offsets(curve, data)
     rms = sqrt(float(np.add.reduce(weight * rest * rest)) / data.sums.item(ONE, ONE, -1))
-    return Curve(laid(shares, data, (origin_east, origin_north, ux, uy)), rest, rms)
+    return Curve(laid(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
-Shares = list[tuple[float, LocalCurve]]
-
-
-def _shares(data: FitData, settings: FitSettings) -> Shares:
-    """Curves that explain the samples, each with its share by its evidence; empty without any."""
+def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
+    """Mean of the curves that explain the samples, each with the weight of its evidence."""
     through = centred(data)
     arc = None if through is None else best_arc(data, through)
     if through is None or arc is None:
-        return []
+        return None
     line, count = best_line(through), through.weight
-    noise = _noise(arc, count, settings)
-    smooth = [(line.misfit / line.square, line), (arc.misfit / arc.square + settings.evidence * noise, arc)]
-    if drift(arc, data) < STRAYING * sqrt(noise * count):
-        return _weighed(smooth, [], noise, settings)
-    best = arc.misfit / arc.square, arc.freedom
-    clothoid = best_clothoid(data, through, arc)
-    if clothoid is not None:
-        best = min(best, (clothoid.misfit / clothoid.square, clothoid.freedom))
-    pair = _joined(data, through, settings)
-    for one in pair:
-        best = min(best, (one.curve.misfit, one.curve.freedom))
-    noise = _variance(*best, count, settings)
-    smooth = [(line.misfit / line.square, line), (arc.misfit / arc.square + settings.evidence * noise, arc)]
-    if clothoid is not None:
-        smooth.append((clothoid.misfit / clothoid.square + (settings.evidence + settings.rate_evidence) * noise, clothoid))
-    joined = []
-    price = settings.evidence + settings.join_evidence
-    for one in pair:
-        joined.append((one.curve.misfit + price * noise, one))
-        price += settings.arcs_evidence
-    return _weighed(smooth, joined, noise, settings, data)
+    noise = _variance(arc.distance, arc.freedom, count, settings)
+    graphs, joined = [line, arc], None
+    if drift(arc, data) > STRAYING * sqrt(noise * count):
+        clothoid = best_clothoid(data, through, arc)
+        if clothoid is not None:
+            graphs.append(clothoid)
+        best = graphs[-1]
+        noise = _variance(best.distance, best.freedom, count, settings)
+        joined = _joined(data, through, settings, noise)
+        if joined is not None:
+            noise = min(noise, _variance(joined.curve.misfit, joined.curve.freedom, count, settings))
+    scores = [
+        graph.distance + price * noise
+        for graph, price in zip(graphs, settings.prices, strict=False)
+    ]
+    least = min(scores)
+    if joined is not None:
+        price = settings.join_price(joined.curve.freedom)
+        joint = joined.curve.misfit + price * noise
+        least = min(joint, least)
+    fade = -0.5 / (settings.temperature * noise)
+    weights = [max(exp(fade * (score - least)) - IGNORED, 0.0) for score in scores]
+    whole = sum(weights)
+    if joined is None:
+        return as_curve(mean(graphs, weights))
+    weight = max(exp(fade * (joint - least)) - IGNORED, 0.0)
+    if weight == 0.0:
+        return as_curve(mean(graphs, weights))
+    bent = _improved(joined, data, settings)
+    if whole == 0.0:
+        return bent
+    return between(as_curve(mean(graphs, weights)), bent, weight / (weight + whole), data)
 
 
-def _weighed(smooth, joined, noise, settings, data=None) -> Shares:
-    least = min(score for score, _ in (*smooth, *joined))
-    fade = -0.5 / (TEMPERATURE * noise)
-    weights = [max(exp(fade * (score - least)) - IGNORED, 0.0) for score, _ in (*smooth, *joined)]
-    total = sum(weights)
-    n = len(smooth)
-    share = sum(weights[:n]) / total
-    shares = []
-    if share > 0.0:
-        shares.append((share, as_curve(_mean([graph for _, graph in smooth], weights[:n], ))))
-    for weight, (_, one) in zip(weights[n:], joined):
-        if weight > 0.0:
-            shares.append((weight / total, _improved(one, data, settings)))
-    return shares
-
-
-def _mean(graphs, weights):
-    total = sum(weights)
-    o = s = h = c = 0.0
-    for graph, weight in zip(graphs, weights):
-        o += weight * graph.offset
-        s += weight * graph.slope
-        h += weight * graph.half
-        c += weight * graph.rate
-    return Graph(o / total, s / total, h / total, c / total, 0.0, 0)
-
-
-def _noise(arc: Graph, count: float, settings: FitSettings) -> float:
-    return _variance(arc.misfit / arc.square, 3, count, settings)
-
-
-def _variance(misfit, freedom, count, settings):
+def _variance(misfit: float, freedom: int, count: float, settings: FitSettings) -> float:
     """Variance of the samples' distances (m²), if the curve is right; as assumed, or less."""
     assumed, spare = settings.position_noise**2, count - freedom
     if spare < 1.0:
@@ -198,15 +180,17 @@ def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
     return first + margin, last - margin
 
 
-def _joined(data: FitData, line: Centred, settings: FitSettings) -> tuple[Joined, ...]:
-    """Try joins at samples, at least three samples away from both ends."""
+def _joined(data: FitData, line: Centred, settings: FitSettings, noise: float) -> Joined | None:
+    """Try joins at samples, at least three samples away from both ends; one arc or two."""
     first, last = _join_range(data, settings)
     low = max(int(data.station.searchsorted(first)), 2)
     high = min(int(data.station.searchsorted(last, "right")), len(data.station) - 3)
     if high - low < 2:
-        return ()
+        return None
     stride = -(-(high - low) // settings.joins)
-    return best_joined(data, line, slice(low, high, stride))
+    one, two = best_joined(data, line, slice(low, high, stride))
+    dearer = settings.arcs_evidence * noise
+    return two if two.curve.misfit + dearer < one.curve.misfit else one
 
 
 def _improved(joined: Joined, data: FitData, settings: FitSettings) -> LocalCurve:

@@ -18,6 +18,7 @@ four over the first k samples, for every k, are therefore all that is needed of 
 library.
 """
 
+from collections.abc import Sequence
 from math import atan, cos, sin, sqrt
 from typing import NamedTuple
 
@@ -34,10 +35,10 @@ DETERMINED = 1e-9
 class LocalCurve(NamedTuple):
     """A curve of one or two pieces (arc spline of Section III-A) in the local frame.
 
-    It passes P = (x, y) (m), where two pieces join, with tangent `angle` (rad) and has the
-    curvatures `before` and `after` it (1/m). Curvature grows by `rate` (1/m²) along a single piece.
-    `misfit` is its weighted sum of squared residuals (m²), `freedom` its number of unknowns: 2
-    line, 3 arc, 4 clothoid, line→arc or arc→line, 5 two arcs.
+    It passes P = (x, y) (m), where two pieces join, with tangent `angle` (rad). There its curvature
+    (1/m) changes from `before` to `after`, and all along it grows by `rate` (1/m²). `misfit` is its
+    weighted sum of squared residuals (m²), `freedom` its number of unknowns: 2 line, 3 arc, 4
+    clothoid, line→arc or arc→line, 5 two arcs.
     """
 
     x: float
@@ -93,6 +94,11 @@ class Graph(NamedTuple):
         """Square of the gradient of its equation, by which its misfit is divided (eq. (5))."""
         return 1.0 + self.slope * self.slope - 4.0 * self.half * self.offset
 
+    @property
+    def distance(self) -> float:
+        """Its misfit in distances from it instead of in y (m²; J of eq. (5))."""
+        return self.misfit / self.square
+
 
 def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
     """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to."""
@@ -118,28 +124,26 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
         return eta
     square: Floats = dx * dx
     square += dy * dy
+    dx *= ux
+    half: float | Floats = 0.5 * after
+    if before != after:
+        half = np.where(dx > dy * -uy, half, 0.5 * before)
     if curve.rate != 0.0:
-        dx *= ux
         dx += dy * uy
-        eta -= curve.rate * cubic(dx, square, after)
-    if before == after:
-        square *= 0.5 * after
-    else:
-        dx *= ux
-        dy *= -uy
-        square *= np.where(dx > dy, 0.5 * after, 0.5 * before)
+        eta -= curve.rate * cubic(dx, square, half)
+    square *= half
     eta -= square
     return eta
 
 
-def cubic(along: Floats, square: Floats, curvature: float) -> Floats:
-    """How far a clothoid of rate 1 leaves its circle of `curvature` (1/m): t, in m³.
+def cubic(along: Floats, square: Floats, half: float | Floats) -> Floats:
+    """How far a clothoid of rate 1 leaves its circle, of curvature 2 `half` (1/m): t, in m³.
 
     `along` (m) is the distance along the tangent at P, `square` (m²) the squared distance from P.
     On the circle at arc length s that is (κs − sin κs)/κ³, about s³/6, as a series in (κρ/2)²
     where ρ is the chord (elementary algebra; the paper has arcs only).
     """
-    bend: Floats = square * (0.25 * curvature * curvature)
+    bend: Floats = square * (half * half)
     series: Floats = bend * (9.0 / 56.0)
     series += 0.3
     series *= bend
@@ -196,6 +200,21 @@ def drift(arc: Graph, data: FitData) -> float:
     """
     sums = np.einsum("i,ik->k", (-arc.half, -arc.slope, 1.0, -arc.offset), data.sums[:, ONE])
     return float(np.maximum.reduce(np.abs(sums)))
+
+
+def mean(graphs: Sequence[Graph], weights: Sequence[float]) -> Graph:
+    """Mean of graphs by weights of which one is positive (beyond the paper, which takes one)."""
+    offset = slope = half = rate = 0.0
+    for graph, weight in zip(graphs, weights, strict=True):
+        offset += weight * graph.offset
+        slope += weight * graph.slope
+        half += weight * graph.half
+        rate += weight * graph.rate
+    total = sum(weights)
+    last = graphs[-1]
+    return Graph(
+        offset / total, slope / total, half / total, rate / total, last.misfit, last.freedom
+    )
 
 
 def as_curve(graph: Graph) -> LocalCurve:

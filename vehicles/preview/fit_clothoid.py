@@ -38,7 +38,7 @@ def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Graph | None:
     if not abs(turn) < TURN_MOST:
         return None
     dx, dy = data.rows[X] - curve.x, data.rows[Y] - curve.y
-    column = cubic(dx + curve.angle * dy, dx * dx + dy * dy, curve.after)
+    column = cubic(dx + curve.angle * dy, dx * dx + dy * dy, 0.5 * curve.after)
     weighted = data.weight * column
     of_square, of_x, of_y, of_one = np.einsum("ik,k->i", data.rows, weighted).tolist()
     total = data.sums[:, :, -1].tolist()
