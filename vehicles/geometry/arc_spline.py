@@ -73,7 +73,7 @@ class Piece:
         if within == station:
             return point
         end = Piece(point.east, point.north, point.yaw, point.curvature, 0.0)
-        return end._on_arc(station - within)  # noqa: SLF001 - another piece
+        return end._on_arc(station - within)
 
     def curvature_at(self, station: float) -> float:
         """Signed curvature (1/m) at `station` (m); beyond an end, that at the end.

@@ -1,8 +1,11 @@
-"""Choice of the curve that explains a set of samples: line, arc, line→arc or arc→line.
+"""The curve that explains a set of samples: line, arc, clothoid, two of line and arc, or a mean.
 
 The paper tells line from arc by the longest prefix within 10 cm of its chord. A 15 m chord of a
 300 m arc passes that test, so the choice is made here on all samples at once: each unknown more
-has to pay for itself in squared residuals, measured against the noise.
+has to pay for itself in squared residuals, measured against the noise. Curves that explain them
+about as well are averaged, each with the weight of its evidence (Akaike weights: K. P. Burnham,
+D. R. Anderson, "Model selection and multimodel inference", 2002, Section 2.9). So the curve moves
+from one shape to another while samples come and go, where a choice would make the command jump.
 """
 
 from dataclasses import dataclass
@@ -16,6 +19,7 @@ from vehicles.preview.fit_arc import (
     ONE,
     Centred,
     FitData,
+    Graph,
     LocalCurve,
     as_curve,
     best_arc,
@@ -30,12 +34,10 @@ from vehicles.preview.fit_clothoid import best_clothoid
 from vehicles.preview.fit_joined import Joined, best_joined, refined
 from vehicles.preview.laying import between, laid
 
-IGNORED = 0.05
 Floats = NDArray[np.float64]
 STRAYING = 0.5
-"""Drift from an arc, in units of noise times the root of the number of samples, below which no join
-needs to be looked for. Two in three lines and arcs stay below; of a thousand curves with a join
-that would be found one does."""
+"""Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
+which no further shape is tried. Half of all lines and arcs stay below."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,9 +49,12 @@ class FitSettings:
     paper's 10 cm: a sample further off is a jump, or is not explained. `position_noise` is what a
     sample is assumed to be off by (RTK, 2 cm); smaller residuals lower that, down to
     `noise_floor`. An arc instead of a line must lower the sum of squared residuals by `evidence`
-    times the noise squared, a join by another `join_evidence`. Up to `joins` places are tried for
-    a join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
-    refined in up to `passes`. `span_min` is the least travel that has a direction.
+    times the noise squared, a clothoid by `rate_evidence`, a join of line and arc by
+    `join_evidence`, one of two arcs by another `arcs_evidence`. By what it is short of, divided by
+    twice the `temperature`, a curve loses weight exponentially; one with less than `ignored` times
+    the weight of the best counts nothing. Up to `joins` places are tried for a join, each piece
+    being at least `piece_min` long and `piece_ratio` of the whole; the best is refined in up to
+    `passes`. `span_min` is the least travel that has a direction.
     """
 
     preview_time: float = 0.8
@@ -60,22 +65,22 @@ class FitSettings:
     position_noise: float = 0.02
     noise_floor: float = 2e-4
     evidence: float = 6.0
-    rate_evidence: float = 8.0
-    join_evidence: float = 16.0
+    rate_evidence: float = 14.0
+    join_evidence: float = 22.0
     arcs_evidence: float = 8.0
-    temperature: float = 3.0
+    temperature: float = 2.5
+    ignored: float = 0.15
     joins: int = 12
     piece_min: float = 2.0
     piece_ratio: float = 0.15
-    passes: int = 3
+    passes: int = 2
     span_min: float = 1.0
 
-    @property
-    def prices(self):
-        return (0.0, self.evidence, self.evidence + self.rate_evidence)
-
-    def join_price(self, freedom: int) -> float:
-        return self.evidence + self.join_evidence + (self.arcs_evidence if freedom > 4 else 0.0)
+    def price(self, freedom: int, joins: int = 0) -> float:
+        """How much squared residual, in noise squared, so many unknowns and joins must explain."""
+        if joins:
+            return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
+        return (0.0, self.evidence, self.rate_evidence)[freedom - 2]
 
     def ahead(self, speed: float) -> float:
         """Preview distance L_preview (m) at `speed` (m/s), Section III-A, with a floor."""
@@ -126,43 +131,48 @@ def fit_curve(
 
 def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
     """Mean of the curves that explain the samples, each with the weight of its evidence."""
+    found = _tried(data, settings)
+    if found is None:
+        return None
+    graphs, joined, noise = found
+    scores = [graph.distance + settings.price(graph.freedom) * noise for graph in graphs]
+    if joined is not None:
+        scores.append(joined.curve.misfit + settings.price(joined.curve.freedom, 1) * noise)
+    least, fade = min(scores), -0.5 / (settings.temperature * noise)
+    weights = [max(exp(fade * (score - least)) - settings.ignored, 0.0) for score in scores]
+    smooth = as_curve(mean(graphs, weights[: len(graphs)])) if any(weights[: len(graphs)]) else None
+    if joined is None or weights[-1] == 0.0:
+        return smooth
+    curve = refined(joined, data, settings.passes, _join_range(data, settings))
+    return curve if smooth is None else between(smooth, curve, weights[-1] / sum(weights), data)
+
+
+def _tried(data: FitData, settings: FitSettings) -> tuple[list[Graph], Joined | None, float] | None:
+    """Curves that may explain the samples and the variance of the noise (m²), if the best does.
+
+    Line and arc, and where the samples drift from the arc the clothoid, and where they drift from
+    that, too, the best curve with a join.
+    """
     through = centred(data)
     arc = None if through is None else best_arc(data, through)
     if through is None or arc is None:
         return None
-    line, count = best_line(through), through.weight
+    count = through.weight
     noise = _variance(arc.distance, arc.freedom, count, settings)
-    graphs, joined = [line, arc], None
-    if drift(arc, data) > STRAYING * sqrt(noise * count):
-        clothoid = best_clothoid(data, through, arc)
-        if clothoid is not None:
-            graphs.append(clothoid)
-        best = graphs[-1]
-        noise = _variance(best.distance, best.freedom, count, settings)
-        joined = _joined(data, through, settings, noise)
-        if joined is not None:
-            noise = min(noise, _variance(joined.curve.misfit, joined.curve.freedom, count, settings))
-    scores = [
-        graph.distance + price * noise
-        for graph, price in zip(graphs, settings.prices, strict=False)
-    ]
-    least = min(scores)
+    graphs = [best_line(through), arc]
+    if not drift(arc, data) > STRAYING * sqrt(noise * count):
+        return graphs, None, noise
+    clothoid = best_clothoid(data, through, arc)
+    if clothoid is not None:
+        graphs.append(clothoid.graph)
+        noise = _variance(clothoid.graph.distance, clothoid.graph.freedom, count, settings)
+        if not clothoid.drift > STRAYING * sqrt(noise * count):
+            return graphs, None, noise
+    joined = _joined(data, through, settings, noise)
     if joined is not None:
-        price = settings.join_price(joined.curve.freedom)
-        joint = joined.curve.misfit + price * noise
-        least = min(joint, least)
-    fade = -0.5 / (settings.temperature * noise)
-    weights = [max(exp(fade * (score - least)) - IGNORED, 0.0) for score in scores]
-    whole = sum(weights)
-    if joined is None:
-        return as_curve(mean(graphs, weights))
-    weight = max(exp(fade * (joint - least)) - IGNORED, 0.0)
-    if weight == 0.0:
-        return as_curve(mean(graphs, weights))
-    bent = _improved(joined, data, settings)
-    if whole == 0.0:
-        return bent
-    return between(as_curve(mean(graphs, weights)), bent, weight / (weight + whole), data)
+        curve = joined.curve
+        noise = min(noise, _variance(curve.misfit, curve.freedom, count, settings))
+    return graphs, joined, noise
 
 
 def _variance(misfit: float, freedom: int, count: float, settings: FitSettings) -> float:
@@ -188,16 +198,5 @@ def _joined(data: FitData, line: Centred, settings: FitSettings, noise: float) -
     if high - low < 2:
         return None
     stride = -(-(high - low) // settings.joins)
-    one, two = best_joined(data, line, slice(low, high, stride))
     dearer = settings.arcs_evidence * noise
-    return two if two.curve.misfit + dearer < one.curve.misfit else one
-
-
-def _improved(joined: Joined, data: FitData, settings: FitSettings) -> LocalCurve:
-    """Refine a joined curve, unless that makes it worse."""
-    curve = refined(joined, data, settings.passes, _join_range(data, settings))
-    rest = offsets(curve, data)
-    misfit = float(np.add.reduce(data.weight * rest * rest))
-    if misfit > joined.curve.misfit + settings.noise_floor**2:
-        return joined.curve
-    return curve
+    return best_joined(data, line, slice(low, high, stride), dearer)

@@ -12,8 +12,10 @@ centred at the samples and turned along them (far from the origin the paper's eq
 ill-conditioned).
 
 A curvature that changes adds one more term (`fit_clothoid`), a join divides the samples in two
-(`fit_joined`). E is a combination of (x² + y², x, y, 1) for every κ, P and u. The sums of the products of these
-four over the first k samples, for every k, are therefore all that is needed of the samples:
+(`fit_joined`).
+
+E is a combination of (x² + y², x, y, 1) for every κ, P and u. The sums of the products of these
+four over the first k samples, for every k, are therefore nearly all that is needed of the samples:
 `FitData.sums`. All is elementwise arithmetic, so that no result depends on a linear-algebra
 library.
 """
@@ -28,6 +30,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 SQUARE, X, Y, ONE = range(4)
 """Places of x² + y², x, y and 1 in `FitData`."""
+Factors = tuple[float, float, float, float]
 DETERMINED = 1e-9
 """Relative spread below which the samples do not determine an unknown."""
 
@@ -110,47 +113,55 @@ def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
     return FitData(rows, station, weight, sums)
 
 
+def seen_from(x: float, y: float, angle: float) -> tuple[Factors, Factors, Factors]:
+    """Factors of x² + y², x, y and 1 in the distances ahead and to the left of a place, and ρ².
+
+    In the frame of P of Section III-A.1, with ρ the distance from P; elementary algebra.
+    """
+    ux, uy = cos(angle), sin(angle)
+    return (
+        (0.0, ux, uy, -ux * x - uy * y),
+        (0.0, -uy, ux, uy * x - ux * y),
+        (1.0, -2.0 * x, -2.0 * y, x * x + y * y),
+    )
+
+
 def offsets(curve: LocalCurve, data: FitData) -> Floats:
     """Distance of each sample from the curve (m, left positive), to first order.
 
     The e of Section III-A.1 divided by −2R, left turns having a positive R.
     """
-    x, y, angle, before, after = curve[:5]
-    ux, uy = cos(angle), sin(angle)
-    dx, dy = data.rows[X] - x, data.rows[Y] - y
-    eta: Floats = dy * ux
-    eta -= dx * uy
-    if before == after == curve.rate == 0.0:
-        return eta
-    square: Floats = dx * dx
-    square += dy * dy
-    dx *= ux
-    half: float | Floats = 0.5 * after
-    if before != after:
-        half = np.where(dx > dy * -uy, half, 0.5 * before)
+    ahead, left, square = seen_from(curve.x, curve.y, curve.angle)
+    half, other = 0.5 * curve.after, 0.5 * curve.before
+    away = [own - half * all_round for own, all_round in zip(left, square, strict=True)]
+    found: Floats
+    if half == other and curve.rate == 0.0:
+        found = np.einsum("i,ik->k", away, data.rows)
+        return found
+    found, rho, xi = np.einsum("ai,ik->ak", (away, square, ahead), data.rows)
     if curve.rate != 0.0:
-        dx += dy * uy
-        eta -= curve.rate * cubic(dx, square, half)
-    square *= half
-    eta -= square
-    return eta
+        found -= curve.rate * cubic(xi, np.abs(rho), 0.5 * (half + other))
+    if half != other:
+        rho *= half - other
+        rho *= xi <= 0.0
+        found += rho
+    return found
 
 
-def cubic(along: Floats, square: Floats, half: float | Floats) -> Floats:
+def cubic(along: Floats, square: Floats, half: float) -> Floats:
     """How far a clothoid of rate 1 leaves its circle, of curvature 2 `half` (1/m): t, in m³.
 
     `along` (m) is the distance along the tangent at P, `square` (m²) the squared distance from P.
     On the circle at arc length s that is (κs − sin κs)/κ³, about s³/6, as a series in (κρ/2)²
     where ρ is the chord (elementary algebra; the paper has arcs only).
     """
-    bend: Floats = square * (half * half)
-    series: Floats = bend * (9.0 / 56.0)
-    series += 0.3
-    series *= bend
-    series += 1.0
+    bend = half * half
+    series: Floats = square * (bend * bend * 9.0 / 336.0)
+    series += 0.05 * bend
+    series *= square
+    series += 1.0 / 6.0
     series *= square
     series *= np.sqrt(square)
-    series *= 1.0 / 6.0
     return np.copysign(series, along)
 
 
@@ -193,12 +204,16 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
     return found if found.square > 0.0 else None
 
 
-def drift(arc: Graph, data: FitData) -> float:
-    """How far the distances from an arc add up (m, weighted), at most, along the samples.
+def drift(graph: Graph, data: FitData, column: Floats | None = None) -> float:
+    """How far the distances from a graph add up (m, weighted), at most, along the samples.
 
-    Those of noise alone cancel out sooner than those of a curve that is no arc (CUSUM statistic).
+    Those of noise alone cancel out sooner than those of a curve of another shape (CUSUM statistic).
+    `column` is that of the rate, weighted, if there is one.
     """
-    sums = np.einsum("i,ik->k", (-arc.half, -arc.slope, 1.0, -arc.offset), data.sums[:, ONE])
+    equation = (-graph.half, -graph.slope, 1.0, -graph.offset)
+    sums = np.einsum("i,ik->k", equation, data.sums[:, ONE])
+    if column is not None:
+        sums -= graph.rate * np.add.accumulate(column)
     return float(np.maximum.reduce(np.abs(sums)))
 
 

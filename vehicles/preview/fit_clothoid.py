@@ -4,6 +4,8 @@ The arc of `fit_arc` and one more linear unknown, the rate of the curvature: the
 that is the clothoid's way off the arc, to first order in the rate and exact in the curvature.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from vehicles.preview.fit_arc import (
@@ -12,11 +14,11 @@ from vehicles.preview.fit_arc import (
     SQUARE,
     Centred,
     FitData,
+    Floats,
     Graph,
     X,
-    Y,
-    as_curve,
     cubic,
+    drift,
 )
 
 RATE_MOST = 0.06
@@ -27,22 +29,28 @@ TURN_MOST = 2.2
 series of its way off the arc ends at the sixth power of a quarter of that."""
 
 
-def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Graph | None:
+class Clothoid(NamedTuple):
+    """Graph of a clothoid, and its `drift` (m) as that of an arc (CUSUM statistic)."""
+
+    graph: Graph
+    drift: float
+
+
+def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
     """Fit the clothoid of least squares to samples of which the best arc is known.
 
-    One more column in the linear regression of the arc (eq. (5)). None where the samples do not
-    determine it, or turn too far for it; a rate beyond `RATE_MOST` is taken as that.
+    One more column in the linear regression of the arc (eq. (5)), its way off the arc measured from
+    the local origin, which the arc passes within the noise of a sample. None where the samples do
+    not determine it, or turn too far for it; a rate beyond `RATE_MOST` is taken as that.
     """
-    curve = as_curve(arc)
-    turn = curve.after * (data.station.item(-1) - data.station.item(0))
-    if not abs(turn) < TURN_MOST:
+    if not abs(2.0 * arc.half) * (data.station.item(-1) - data.station.item(0)) < TURN_MOST:
         return None
-    dx, dy = data.rows[X] - curve.x, data.rows[Y] - curve.y
-    column = cubic(dx + curve.angle * dy, dx * dx + dy * dy, 0.5 * curve.after)
-    weighted = data.weight * column
+    column = cubic(data.rows[X], data.rows[SQUARE], arc.half)
+    weighted: Floats = data.weight * column
     of_square, of_x, of_y, of_one = np.einsum("ik,k->i", data.rows, weighted).tolist()
     total = data.sums[:, :, -1].tolist()
     row = total[SQUARE]
+    # The column about 1, x and x² + y², one after the other, each about the ones before.
     cross_x = row[X] - line.mean_x * row[ONE]
     spread = row[SQUARE] - row[ONE] * row[ONE] / line.weight - cross_x * cross_x / line.xx
     by_x = of_x - line.mean_x * of_one
@@ -53,11 +61,10 @@ def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Graph | None:
         return None
     cross = of_y - arc.offset * of_one - arc.slope * of_x - arc.half * of_square
     rate = min(max(cross / left, -RATE_MOST), RATE_MOST)
-    half_less = rate * by_square / spread
-    slope_less = (rate * by_x - half_less * cross_x) / line.xx
-    half, slope = arc.half - half_less, arc.slope - slope_less
+    half = arc.half - rate * by_square / spread
+    slope = arc.slope - (rate * by_x + (half - arc.half) * cross_x) / line.xx
     offset = line.mean_y - slope * line.mean_x - half * row[ONE] / line.weight
     offset -= rate * of_one / line.weight
     misfit = max(arc.misfit - rate * (2.0 * cross - rate * left), 0.0)
-    found = Graph(offset, slope, half, rate, misfit, 4)
-    return found if found.square > 0.0 else None
+    graph = Graph(offset, slope, half, rate, misfit, 4)
+    return Clothoid(graph, drift(graph, data, weighted)) if graph.square > 0.0 else None

@@ -5,7 +5,7 @@ the arc (see `fit_arc`) with a curvature on either side. So joins are tried at s
 and the best one is refined by Gauss–Newton passes on all unknowns.
 """
 
-from math import atan, cos, hypot, sin, sqrt
+from math import atan, cos, hypot, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +20,12 @@ from vehicles.preview.fit_arc import (
     LocalCurve,
     X,
     Y,
+    seen_from,
 )
 
 SINGULAR = 1e-12
 """Least share of a diagonal that elimination may leave."""
-SETTLED = 0.05
+SETTLED = 0.25
 """A join that moves less than this (m) has settled: what is left is of the order of its square."""
 TINY = 1e-30
 """Keeps an undetermined curvature from being zero by zero."""
@@ -42,24 +43,11 @@ class Joined(NamedTuple):
     station: float
 
 
-class _Tried(NamedTuple):
-    """Linear least squares with a join at each of some samples, an entry for each.
+def best_joined(data: FitData, line: Centred, joins: slice, dearer: float) -> Joined:
+    """Best line→arc or arc→line with its join near one of the samples `joins`, or best two arcs.
 
-    `of_one`, `of_x` are the sums of a side's column with 1 and x, both normed; `half` half the
-    curvatures after and before the join; `gain` (m²) by how much the misfit of the line falls.
-    """
-
-    of_one: Floats
-    of_x: Floats
-    half: Floats
-    gain: Floats
-
-
-def best_joined(data: FitData, line: Centred, joins: slice) -> tuple[Joined, Joined]:
-    """Best line→arc or arc→line with its join near one of the samples `joins`, and best two arcs.
-
-    Each join is tried by linear least squares. Section III-A splits off the longest straight
-    prefix instead.
+    Two arcs have to lower the sum of squared residuals by `dearer` (m²) more. Each join is tried
+    by linear least squares; Section III-A splits off the longest straight prefix instead.
     """
     rows, station = data.rows[:, joins], data.station[joins]
     count = len(station)
@@ -71,50 +59,39 @@ def best_joined(data: FitData, line: Centred, joins: slice) -> tuple[Joined, Joi
     circle = rows.take(FLIPPED, 0) * SIGNED
     sums = np.einsum("sijk,jk->sik", bent, circle)
     square = np.einsum("sik,ik->sk", sums, circle)
-    of_one, of_x, cross = np.add.reduce(_about(line) * sums, 2)
-    spread = np.maximum(square - of_one * of_one - of_x * of_x, DETERMINED * square + TINY)
+    of_rows = np.einsum("ai,sik->ask", _about(line), sums)
+    of, cross = of_rows[:2], of_rows[2]
+    spread = np.maximum(square - np.add.reduce(of * of, 0), DETERMINED * square + TINY)
     half = cross / spread
     gain = half * cross
-    one_side = _Tried(of_one, of_x, half, gain)
-    side, k = divmod(int(gain.argmax()), count)
     # The columns of both sides have no sample in common, but 1 and x with both.
-    shared = of_one[0] * of_one[1] + of_x[0] * of_x[1]
-    product = spread[0] * spread[1]
-    both = (half + shared * half[::-1] / spread) / np.maximum(
-        1.0 - shared * shared / product, DETERMINED
-    )
-    two = _Tried(of_one, of_x, both, np.add.reduce(both * cross, 0)[None])
-    return (
-        _taken(one_side, data, line, joins, k, (side,)),
-        _taken(two, data, line, joins, int(two.gain.argmax()), (0, 1)),
-    )
-
-
-def _taken(  # noqa: PLR0917 - all of one search
-    tried: _Tried, data: FitData, line: Centred, joins: slice, k: int, sides: tuple[int, ...]
-) -> Joined:
-    """Give the curve with the join at the `k`-th place tried, or where a parabola says nearby."""
-    gain = tried.gain[sides[0]]
+    shared = np.add.reduce(np.multiply.reduce(of, 1), 0)
+    independent = np.maximum(1.0 - shared * shared / (spread[0] * spread[1]), DETERMINED)
+    both = (half + shared * half[::-1] / spread) / independent
+    gain_of_both = np.add.reduce(both * cross, 0)
+    place = int(gain_of_both.argmax())
+    side, k = divmod(int(gain.argmax()), count)
+    if gain_of_both.item(place) - dearer > gain.item(side, k):
+        chosen, half, k, gain = [0, 1], both, place, gain_of_both
+    else:
+        chosen, gain = [side], gain[side]
     bends, slope, offset = [0.0, 0.0], line.slope, line.mean_y
-    for side in sides:
-        half = tried.half.item(side, k)
-        bends[side] = 2.0 * half
-        slope -= half * tried.of_x.item(side, k) / sqrt(line.xx)
-        offset -= half * tried.of_one.item(side, k) / sqrt(line.weight)
+    for one in chosen:
+        h = half.item(one, k)
+        bends[one] = 2.0 * h
+        slope -= h * of.item(1, one, k) / sqrt(line.xx)
+        offset -= h * of.item(0, one, k) / sqrt(line.weight)
     offset -= slope * line.mean_x
-    station = data.station[joins]
     shift = _top(gain, k, station)
-    px = data.rows[:, joins].item(X, k) + shift
-    norm = hypot(1.0, slope)
-    misfit = max(line.misfit - gain.item(k), 0.0) / (1.0 + slope * slope)
+    px, norm = rows.item(X, k) + shift, hypot(1.0, slope)
     curve = LocalCurve(
         px,
         offset + slope * px,
         atan(slope),
         bends[1] / norm,
         bends[0] / norm,
-        misfit,
-        3 + len(sides),
+        max(line.misfit - gain.item(k), 0.0) / (norm * norm),
+        3 + len(chosen),
     )
     return Joined(curve, station.item(k) + shift)
 
@@ -128,7 +105,7 @@ def _about(line: Centred) -> Floats:
         *(0.0, x_norm, 0.0, -line.mean_x * x_norm),
         *(0.0, -line.slope, 1.0, away),
     )
-    return np.array(factors).reshape(3, 1, 4, 1)
+    return np.array(factors).reshape(3, 4)
 
 
 def _top(gain: Floats, best: int, station: Floats) -> float:
@@ -153,17 +130,22 @@ def _top(gain: Floats, best: int, station: Floats) -> float:
 def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, float]) -> LocalCurve:
     """Improve a joined curve by up to `passes` Gauss–Newton passes on all its unknowns.
 
-    The join stays between the stations `within` (m). A piece that is straight stays so.
+    The join stays between the stations `within` (m). A piece that is straight stays so. A pass that
+    made it worse is taken back by the next one.
     """
     curve, station = joined
     first, last = within
-    whole = data.sums[:, :, -1]
-    for done in range(passes):
+    whole, before, misfit = data.sums[:, :, -1], curve, inf
+    for _ in range(passes):
         split = int(data.station.searchsorted(station, "right"))
         sums = np.empty((2, 4, 4))
         sums[0] = data.sums[:, :, split - 1]
         np.subtract(whole, sums[0], out=sums[1])
-        step = solved(_normal_equations(curve, sums), first - station, last - station)
+        *rows, (*_, here) = _normal_equations(curve, sums)
+        if not here <= misfit:
+            return before
+        before, misfit = curve, here
+        step = solved(rows, first - station, last - station)
         if step is None:
             break
         left, turn, *change, along = step
@@ -178,38 +160,38 @@ def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, flo
             curve.misfit,
             curve.freedom,
         )
-        if done and abs(along) < SETTLED:
+        if abs(along) < SETTLED:
             break
     return curve
 
 
 def _normal_equations(curve: LocalCurve, sums: Floats) -> list[list[float]]:
-    """Equations of the Gauss–Newton step, each with its right-hand side.
+    """Equations of the Gauss–Newton step, each with its right-hand side, and the misfit (m²) last.
 
     With (ξ, η) in the frame of P, ρ = ξ² + η², E falls by 1 − κη per shift of P to the left, by ξ
     per turn of u, by ρ/2 per curvature on its side and by −κξ per shift of P along u. Each of these
     and E itself is a combination of x² + y², x, y and 1, whose products are in `sums`, those of
     the samples before the join and of those after it, shape (2, 4, 4).
     """
-    ux, uy = cos(curve.angle), sin(curve.angle)
-    px, py = curve.x, curve.y
-    p, q = ux * px + uy * py, ux * py - uy * px  # ξ = ux x + uy y − p, η = ux y − uy x − q
-    half = (0.5, -px, -py, 0.5 * (px * px + py * py))  # ρ/2
+    ahead, (_, left_x, left_y, left_1), (_, square_x, square_y, square_1) = seen_from(
+        curve.x, curve.y, curve.angle
+    )
+    half = (0.5, 0.5 * square_x, 0.5 * square_y, 0.5 * square_1)
     nothing = (0.0, 0.0, 0.0, 0.0)
     sides = []
     for after, k in enumerate((curve.before, curve.after)):
-        columns = [(0.0, k * uy, -k * ux, 1.0 + k * q), (0.0, ux, uy, -p)]
+        columns = [(0.0, -k * left_x, -k * left_y, 1.0 - k * left_1), ahead]
         if curve.before:
             columns.append(nothing if after else half)
         if curve.after:
             columns.append(half if after else nothing)
         columns += (
-            (0.0, -k * ux, -k * uy, k * p),
-            (-k * half[0], -uy - k * half[1], ux - k * half[2], -q - k * half[3]),
+            (0.0, -k * ahead[1], -k * ahead[2], -k * ahead[3]),
+            (-k * 0.5, left_x - k * half[1], left_y - k * half[2], left_1 - k * half[3]),
         )
         sides.append(columns)
     combined = np.array(sides)
-    rows: list[list[float]] = np.einsum("sik,skl,sjl->ij", combined[:, :-1], sums, combined).tolist()
+    rows: list[list[float]] = np.einsum("sik,skl,sjl->ij", combined, sums, combined).tolist()
     return rows
 
 

@@ -32,7 +32,8 @@ def along(knots: Knots) -> Points:
     ahead = yaw - 0.5 * STEP * np.interp(middle, places, bends)
     east = np.cumsum(STEP * np.cos(ahead))
     north = np.cumsum(STEP * np.sin(ahead))
-    return np.stack((east, north))[:, :: round(SPACING / STEP)]
+    points: Points = np.stack((east, north))[:, :: round(SPACING / STEP)]
+    return points
 
 
 def corner(angle: float, radius: float, ramp: float) -> Knots:
@@ -111,7 +112,8 @@ def recorded(points: Points, seed: int) -> Points:
     for kick in random.standard_normal(points.T.shape):
         drift = keep * drift + WANDER * np.sqrt(1.0 - keep * keep) * kick
         wander.append(drift)
-    return points + np.array(wander).T + WHITE * random.standard_normal(points.shape)
+    noisy: Points = points + np.array(wander).T + WHITE * random.standard_normal(points.shape)
+    return noisy
 
 
 DRIVES: dict[str, tuple[Callable[[], Points], str, float]] = {
@@ -123,7 +125,9 @@ DRIVES: dict[str, tuple[Callable[[], Points], str, float]] = {
 """Course, keys of the table [path], and the speed (m/s) that is set for straights."""
 
 
-def convoy_on(name: str, folder: Path, seed: int = 1, vehicles: int = 8, keys: str = "") -> Scenario:
+def convoy_on(
+    name: str, folder: Path, seed: int = 1, vehicles: int = 8, keys: str = ""
+) -> Scenario:
     """Write the drive `name` into `folder`; a convoy behind a lead that drives it, links clean."""
     course, path, speed = DRIVES[name]
     points = recorded(course(), seed)

@@ -187,7 +187,6 @@ def u_turn(random: np.random.Generator) -> Shape:
 
 def stop_and_go(random: np.random.Generator) -> Shape:
     """A source that brakes to a stop and starts again at 2 m/s², its samples crowding there."""
-    kind = (line, arc, clothoid, line_arc)[int(random.integers(4))](random)
     speed = random.uniform(3.0, 12.0)
     bend = bent(random, speed)
     low, high = -SETTINGS.behind(speed), SETTINGS.ahead(speed)
@@ -203,7 +202,6 @@ def stop_and_go(random: np.random.Generator) -> Shape:
         chosen = np.array([place for place in kept if low <= place <= high])
         stride = 1 << (max(len(chosen) - 1, 0) // 40).bit_length()
         seen.append(chosen[::stride])
-    del kind
     form = int(random.integers(4))
     if form == 0:
         return Shape((), _constant, (seen[0], seen[1]))
