@@ -17,6 +17,8 @@ from vehicles.messages import FloatOrNan, Message
 
 MAX_BYTES = 16_384
 """No message of ours is larger; larger ones are refused unread."""
+ADDED = {"piece_curvature_rate_per_m2": "piece_curvature_per_m"}
+"""Columns of numbers that logs of earlier versions lack, and one as long: they are read as 0."""
 
 
 class RefusedMessageError(ValueError):
@@ -59,11 +61,13 @@ class _Form:
         ]
         self.texts = [f.name for f in fields(message) if f.type is str]
         # Lists whose names begin alike (piece_…, sample_…) are columns of one table.
+        firsts: dict[str, str] = {}
         self.columns = [
-            (one, other)
-            for one, other in zip(self.lists, self.lists[1:], strict=False)
-            if one.partition("_")[0] == other.partition("_")[0]
+            (first, name)
+            for name in self.lists
+            if (first := firsts.setdefault(name.partition("_")[0], name)) != name
         ]
+        self.added = [(name, ADDED[name]) for name in self.lists if name in ADDED]
 
 
 _FORMS = {topic.message: _Form(topic.message) for topic in TOPICS.values()}
@@ -101,6 +105,9 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
         values[name] = printable(values[name])
     if exact:
         _check_numbers(form, values)
+    else:
+        for name, like in form.added:
+            values[name] = values[name] or (0.0,) * len(values[like])
     for one, other in form.columns:
         if len(values[one]) != len(values[other]):
             raise RefusedMessageError("garbage", f"{one} and {other} differ in length")

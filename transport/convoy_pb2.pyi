@@ -238,6 +238,7 @@ class CompositeTrajectory(_message.Message):
     SAMPLE_SOURCE_FIELD_NUMBER: _builtins.int
     RESIDUAL_M_RMS_FIELD_NUMBER: _builtins.int
     RESIDUAL_M_MAX_FIELD_NUMBER: _builtins.int
+    PIECE_CURVATURE_RATE_PER_M2_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     decided_at_ns: _builtins.int
@@ -260,6 +261,8 @@ class CompositeTrajectory(_message.Message):
     def sample_north_m(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]: ...
     @_builtins.property
     def sample_source(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]: ...
+    @_builtins.property
+    def piece_curvature_rate_per_m2(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]: ...
     def __init__(
         self,
         *,
@@ -277,10 +280,11 @@ class CompositeTrajectory(_message.Message):
         sample_source: _abc.Iterable[_builtins.int] | None = ...,
         residual_m_rms: _builtins.float | None = ...,
         residual_m_max: _builtins.float | None = ...,
+        piece_curvature_rate_per_m2: _abc.Iterable[_builtins.float] | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns", "_mode", b"_mode", "_residual_m_max", b"_residual_m_max", "_residual_m_rms", b"_residual_m_rms", "_seq", b"_seq", "_vehicle", b"_vehicle", "decided_at_ns", b"decided_at_ns", "mode", b"mode", "residual_m_max", b"residual_m_max", "residual_m_rms", b"residual_m_rms", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns", "_mode", b"_mode", "_residual_m_max", b"_residual_m_max", "_residual_m_rms", b"_residual_m_rms", "_seq", b"_seq", "_vehicle", b"_vehicle", "decided_at_ns", b"decided_at_ns", "mode", b"mode", "piece_curvature_per_m", b"piece_curvature_per_m", "piece_east_m", b"piece_east_m", "piece_length_m", b"piece_length_m", "piece_north_m", b"piece_north_m", "piece_yaw_rad", b"piece_yaw_rad", "residual_m_max", b"residual_m_max", "residual_m_rms", b"residual_m_rms", "sample_east_m", b"sample_east_m", "sample_north_m", b"sample_north_m", "sample_source", b"sample_source", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns", "_mode", b"_mode", "_residual_m_max", b"_residual_m_max", "_residual_m_rms", b"_residual_m_rms", "_seq", b"_seq", "_vehicle", b"_vehicle", "decided_at_ns", b"decided_at_ns", "mode", b"mode", "piece_curvature_per_m", b"piece_curvature_per_m", "piece_curvature_rate_per_m2", b"piece_curvature_rate_per_m2", "piece_east_m", b"piece_east_m", "piece_length_m", b"piece_length_m", "piece_north_m", b"piece_north_m", "piece_yaw_rad", b"piece_yaw_rad", "residual_m_max", b"residual_m_max", "residual_m_rms", b"residual_m_rms", "sample_east_m", b"sample_east_m", "sample_north_m", b"sample_north_m", "sample_source", b"sample_source", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__decided_at_ns: _TypeAlias = _typing.Literal["decided_at_ns"]  # noqa: Y015
     _WhichOneofArgType__decided_at_ns: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns"]  # noqa: Y015

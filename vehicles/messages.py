@@ -68,8 +68,8 @@ class CompositeTrajectory:
     """The arc spline a vehicle steers along and the received samples it was fitted to.
 
     Piece i starts at (piece_east_m[i], piece_north_m[i]) with piece_yaw_rad[i] and bends with
-    piece_curvature_per_m[i] over piece_length_m[i]. `sample_source[j]` names where sample j came
-    from: 0 lead, 1 predecessor.
+    piece_curvature_per_m[i], which grows by piece_curvature_rate_per_m2[i] along it, over
+    piece_length_m[i]. `sample_source[j]` names where sample j came from: 0 lead, 1 predecessor.
     """
 
     vehicle: str
@@ -86,6 +86,7 @@ class CompositeTrajectory:
     sample_source: tuple[int, ...]
     residual_m_rms: float
     residual_m_max: float
+    piece_curvature_rate_per_m2: tuple[float, ...]
 
 
 @dataclass(slots=True, kw_only=True)

@@ -23,6 +23,9 @@ SHAPES = {
     "arc": [(1 / 300, 32.0)],
     "line-arc": [(0.0, 14.0), (1 / 150, 18.0)],
     "arc-line": [(1 / 150, 16.0), (0.0, 16.0)],
+    "clothoid": [(k / 1500, 1.0) for k in range(-8, 24)],
+    "gentle clothoid": [(k / 10000, 1.0) for k in range(-8, 24)],
+    "S-bend": [(1 / 150, 16.0), (-1 / 150, 16.0)],
 }
 LENGTH, EGO = 30.0, 7.0
 ROUNDS, DRAWS = 7, 50

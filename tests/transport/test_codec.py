@@ -169,6 +169,7 @@ def trajectory(pieces: int, samples: int) -> CompositeTrajectory:
         sample_source=(1,) * samples,
         residual_m_rms=0.0,
         residual_m_max=0.0,
+        piece_curvature_rate_per_m2=piece,
     )
 
 

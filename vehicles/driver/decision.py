@@ -81,6 +81,7 @@ class Decision:
             sample_source=tuple(fit.source.tolist()),
             residual_m_rms=fit.residual_rms,
             residual_m_max=fit.residual_max,
+            piece_curvature_rate_per_m2=tuple(piece.rate for piece in pieces),
         )
 
 

@@ -1,4 +1,4 @@
-"""A path of straight lines and circular arcs with a continuous tangent, and projection on it."""
+"""A path of lines, arcs and clothoids with a continuous tangent, and projection on it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +9,42 @@ from vehicles.geometry.path_point import Foot, PathPoint
 
 STRAIGHT = 1e-12
 """Curvature (1/m) below which a piece is as long as a line: no rounding of turn over curvature."""
+NODES = (
+    (0.046910077030668018, 0.11846344252809454),
+    (0.23076534494715845, 0.23931433524968324),
+    (0.5, 0.28444444444444444),
+    (0.76923465505284155, 0.23931433524968324),
+    (0.95308992296933198, 0.11846344252809454),
+)
+"""Places and weights of Gauss-Legendre quadrature over (0, 1), exact for polynomials up to x⁹."""
+SETTLED = 1e-4
+"""A foot on a clothoid that moves less than this (m) has settled: the error left is its cube."""
+MOST_STEPS = 8
+"""So many steps are made to it at most, one or two being usual."""
+
+
+def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float, float]:
+    """End (m ahead, m to the left) of a clothoid of `length` (m), seen from its start.
+
+    Its curvature (1/m) grows by `rate` (1/m²) from the start on; beyond the paper, which has arcs
+    only. Gauss-Legendre quadrature of cos and sin of the turn κs + cs²/2: within 1e-9 of the length
+    for turns up to 2 rad, within 1e-5 for a half circle.
+    """
+    ahead = left = 0.0
+    for node, weight in NODES:
+        station = node * length
+        turn = station * (curvature + 0.5 * rate * station)
+        ahead += weight * cos(turn)
+        left += weight * sin(turn)
+    return length * ahead, length * left
 
 
 @dataclass(slots=True)
 class Piece:
-    """One line or arc: start (m), yaw there (rad), signed curvature (1/m), length (m).
+    """One line, arc or clothoid: start (m), yaw and signed curvature (1/m) there, length (m).
 
-    A piece of the circular arc spline of Section III-A.
+    A piece of the circular arc spline of Section III-A; beyond the paper, its curvature may grow
+    by `rate` (1/m²) all along. Beyond its ends it goes on with the curvature that it has there.
     """
 
     east: float
@@ -23,12 +52,74 @@ class Piece:
     yaw: float
     curvature: float
     length: float
+    rate: float = 0.0
 
     def at(self, station: float) -> PathPoint:
         """Place `station` (m) after the start; the piece extends beyond both of its ends.
 
         By the chord of the arc in between (Section III-A has the shape, not the formula).
         """
+        if self.rate == 0.0:
+            return self._on_arc(station)
+        within = min(max(station, 0.0), self.length)
+        ahead, left = clothoid_chord(self.curvature, self.rate, within)
+        forward, aside = cos(self.yaw), sin(self.yaw)
+        point = PathPoint(
+            self.east + ahead * forward - left * aside,
+            self.north + ahead * aside + left * forward,
+            wrap_angle(self.yaw + within * (self.curvature + 0.5 * self.rate * within)),
+            self.curvature + self.rate * within,
+        )
+        if within == station:
+            return point
+        end = Piece(point.east, point.north, point.yaw, point.curvature, 0.0)
+        return end._on_arc(station - within)
+
+    def curvature_at(self, station: float) -> float:
+        """Signed curvature (1/m) at `station` (m); beyond an end, that at the end.
+
+        1/R of Section III-A.
+        """
+        return self.curvature + self.rate * min(max(station, 0.0), self.length)
+
+    def project(self, east: float, north: float) -> Foot:
+        """Nearest point of the extended piece (projection and e_lat of Section III-B).
+
+        On a clothoid by Newton's method, each step to the nearest point of the circle that hugs it.
+        """
+        foot = self.near(east, north)
+        if self.rate == 0.0:
+            return foot
+        station = foot.station
+        for _ in range(MOST_STEPS):
+            point = self.at(station)
+            circle = Piece(point.east, point.north, point.yaw, point.curvature, 0.0)
+            foot = circle.near(east, north)
+            station += foot.station
+            if abs(foot.station) < SETTLED:
+                break
+        return Foot(station, foot.lateral, foot.yaw, self.curvature_at(station))
+
+    def near(self, east: float, north: float) -> Foot:
+        """Nearest point of the extended arc that has the piece's mean curvature (Section III-B).
+
+        With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ: the arc turned by
+        atan2(w, u) to get there and the offset is e = (1 − hypot(u, w))/κ, written so that it
+        holds for either sign of κ and for a line.
+        """
+        forward, left = cos(self.yaw), sin(self.yaw)
+        off_east, off_north = east - self.east, north - self.north
+        xi = off_east * forward + off_north * left
+        eta = off_north * forward - off_east * left
+        kappa = self.curvature + 0.5 * self.rate * self.length
+        u, w = 1.0 - kappa * eta, kappa * xi
+        turn = atan2(w, u)
+        lateral = (2.0 * eta - kappa * (xi * xi + eta * eta)) / (1.0 + sqrt(u * u + w * w))
+        station = turn / kappa if abs(kappa) > STRAIGHT else xi
+        return Foot(station, lateral, wrap_angle(self.yaw + turn), kappa)
+
+    def _on_arc(self, station: float) -> PathPoint:
+        """Place `station` (m) after the start, the curvature being that at the start."""
         turn = self.curvature * station
         chord = station
         if abs(self.curvature) > STRAIGHT:
@@ -40,24 +131,6 @@ class Piece:
             wrap_angle(self.yaw + turn),
             self.curvature,
         )
-
-    def project(self, east: float, north: float) -> Foot:
-        """Nearest point of the extended piece (projection and e_lat of Section III-B).
-
-        With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ: the arc turned by
-        atan2(w, u) to get there and the offset is e = (1 − hypot(u, w))/κ, written so that it
-        holds for either sign of κ and for a line.
-        """
-        forward, left = cos(self.yaw), sin(self.yaw)
-        off_east, off_north = east - self.east, north - self.north
-        xi = off_east * forward + off_north * left
-        eta = off_north * forward - off_east * left
-        kappa = self.curvature
-        u, w = 1.0 - kappa * eta, kappa * xi
-        turn = atan2(w, u)
-        lateral = (2.0 * eta - kappa * (xi * xi + eta * eta)) / (1.0 + sqrt(u * u + w * w))
-        station = turn / kappa if abs(kappa) > STRAIGHT else xi
-        return Foot(station, lateral, wrap_angle(self.yaw + turn), kappa)
 
 
 class ArcSpline:
@@ -93,26 +166,29 @@ class ArcSpline:
     def curvature_at(self, station: float) -> float:
         """Signed curvature (1/m) at `station` (m), beyond the ends that of the end pieces.
 
-        Piecewise constant, as the footnote of Section III-A says of arc splines.
+        Piecewise constant, as the footnote of Section III-A says of arc splines, or linear.
         """
         for piece in self.pieces[:-1]:
             if station <= piece.length:
-                return piece.curvature
+                return piece.curvature_at(station)
             station -= piece.length
-        return self.pieces[-1].curvature
+        return self.pieces[-1].curvature_at(station)
 
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the path, extended beyond both ends by the end pieces (Section III-B).
 
-        Of several pieces that with the least sum of offset and distance beyond the piece counts.
+        Of several pieces that with the least sum of offset and distance beyond the piece counts,
+        which is told by the arcs that have their mean curvatures.
         """
         candidates, start, last = [], 0.0, len(self.pieces) - 1
         for index, piece in enumerate(self.pieces):
-            foot = piece.project(east, north)
+            foot = piece.near(east, north)
             low = -inf if index == 0 else 0.0
             high = inf if index == last else piece.length
             beyond = max(low - foot.station, foot.station - high, 0.0)
             candidates.append((abs(foot.lateral) + beyond, index, start, foot))
             start += piece.length
-        _, _, start, foot = min(candidates)
+        _, index, start, foot = min(candidates)
+        if self.pieces[index].rate != 0.0:
+            foot = self.pieces[index].project(east, north)
         return Foot(start + foot.station, foot.lateral, foot.yaw, foot.curvature)

@@ -2,6 +2,7 @@
 
 import math
 
+from vehicles.geometry.arc_spline import clothoid_chord
 from vehicles.messages import CompositeTrajectory
 
 LONGEST_M = 1000.0
@@ -11,12 +12,10 @@ LONGEST_M = 1000.0
 def points_along(
     trajectory: CompositeTrajectory, spacing_m: float
 ) -> list[tuple[float, float, float]]:
-    """List points (east_m, north_m, yaw_rad) along the arcs, ends included.
+    """List points (east_m, north_m, yaw_rad) along the arcs and clothoids, ends included.
 
-    Neighbours are at most `spacing_m` apart and pieces share the point where they meet. Exact on
-    each arc: the chord to length s along a piece of curvature κ has the direction yaw + κs/2 and
-    the length s·sin(κs/2)/(κs/2). Pieces with values that are not finite are left out: the message
-    may come from any sender.
+    Neighbours are at most `spacing_m` apart and pieces share the point where they meet. Pieces with
+    values that are not finite are left out: the message may come from any sender.
     """
     points: list[tuple[float, float, float]] = []
     left = LONGEST_M
@@ -25,24 +24,38 @@ def points_along(
         trajectory.piece_north_m,
         trajectory.piece_yaw_rad,
         trajectory.piece_curvature_per_m,
+        trajectory.piece_curvature_rate_per_m2,
         trajectory.piece_length_m,
         strict=False,
     ):
         if not all(map(math.isfinite, piece)):
             continue
-        east, north, yaw, curvature, length = piece
+        east, north, yaw, curvature, rate, length = piece
         length = max(0.0, min(length, left))
         left -= length
+        forward, aside = math.cos(yaw), math.sin(yaw)
         steps = max(1, math.ceil(length / spacing_m))
         for step in range(1 if points else 0, steps + 1):
             along = length * step / steps
-            half_turn = 0.5 * curvature * along
-            chord = along * (math.sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
+            on, by = _chord(curvature, rate, along)
             points.append(
                 (
-                    east + chord * math.cos(yaw + half_turn),
-                    north + chord * math.sin(yaw + half_turn),
-                    yaw + 2.0 * half_turn,
+                    east + on * forward - by * aside,
+                    north + on * aside + by * forward,
+                    yaw + along * (curvature + 0.5 * rate * along),
                 )
             )
     return points
+
+
+def _chord(curvature: float, rate: float, along: float) -> tuple[float, float]:
+    """Where a piece is after `along` (m), seen from its start; exact on arcs of any length.
+
+    The chord to length s along an arc of curvature κ has the direction κs/2 and the length
+    s·sin(κs/2)/(κs/2).
+    """
+    if rate != 0.0:
+        return clothoid_chord(curvature, rate, along)
+    half_turn = 0.5 * curvature * along
+    chord = along * (math.sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
+    return chord * math.cos(half_turn), chord * math.sin(half_turn)

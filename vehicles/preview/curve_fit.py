@@ -1,38 +1,43 @@
-"""Choice of the curve that explains a set of samples: line, arc, line→arc or arc→line.
+"""The curve that explains a set of samples: line, arc, clothoid, two of line and arc, or a mean.
 
 The paper tells line from arc by the longest prefix within 10 cm of its chord. A 15 m chord of a
 300 m arc passes that test, so the choice is made here on all samples at once: each unknown more
-has to pay for itself in squared residuals, measured against the noise.
+has to pay for itself in squared residuals, measured against the noise. Curves that explain them
+about as well are averaged, each with the weight of its evidence (Akaike weights: K. P. Burnham,
+D. R. Anderson, "Model selection and multimodel inference", 2002, Section 2.9). So the curve moves
+from one shape to another while samples come and go, where a choice would make the command jump.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, inf, sin, sqrt
+from math import exp, hypot, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.arc_spline import STRAIGHT, ArcSpline, Piece
+from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.fit_arc import (
     ONE,
     Centred,
     FitData,
+    Graph,
     LocalCurve,
-    X,
-    Y,
+    as_curve,
     best_arc,
     best_line,
     centred,
     drift,
+    mean,
     offsets,
     summed,
 )
+from vehicles.preview.fit_clothoid import best_clothoid
 from vehicles.preview.fit_joined import Joined, best_joined, refined
+from vehicles.preview.laying import between, laid
 
 Floats = NDArray[np.float64]
 STRAYING = 0.5
-"""Drift from an arc, in units of noise times the root of the number of samples, below which no join
-needs to be looked for. Two in three lines and arcs stay below; of a thousand curves with a join
-that would be found one does."""
+"""Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
+which no further shape is tried. Half of all lines and arcs stay below."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +49,12 @@ class FitSettings:
     paper's 10 cm: a sample further off is a jump, or is not explained. `position_noise` is what a
     sample is assumed to be off by (RTK, 2 cm); smaller residuals lower that, down to
     `noise_floor`. An arc instead of a line must lower the sum of squared residuals by `evidence`
-    times the noise squared, a join by another `join_evidence`. Up to `joins` places are tried for
-    a join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
-    refined in up to `passes`. `span_min` is the least travel that has a direction.
+    times the noise squared, a clothoid by `rate_evidence`, a join of line and arc by
+    `join_evidence`, one of two arcs by another `arcs_evidence`. By what it is short of, divided by
+    twice the `temperature`, a curve loses weight exponentially; one with less than `ignored` times
+    the weight of the best counts nothing. Up to `joins` places are tried for a join, each piece
+    being at least `piece_min` long and `piece_ratio` of the whole; the best is refined in up to
+    `passes`. `span_min` is the least travel that has a direction.
     """
 
     preview_time: float = 0.8
@@ -57,12 +65,22 @@ class FitSettings:
     position_noise: float = 0.02
     noise_floor: float = 2e-4
     evidence: float = 6.0
-    join_evidence: float = 16.0
+    rate_evidence: float = 14.0
+    join_evidence: float = 22.0
+    arcs_evidence: float = 8.0
+    temperature: float = 2.5
+    ignored: float = 0.15
     joins: int = 12
     piece_min: float = 2.0
     piece_ratio: float = 0.15
-    passes: int = 3
+    passes: int = 2
     span_min: float = 1.0
+
+    def price(self, freedom: int, joins: int = 0) -> float:
+        """How much squared residual, in noise squared, so many unknowns and joins must explain."""
+        if joins:
+            return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
+        return (0.0, self.evidence, self.rate_evidence)[freedom - 2]
 
     def ahead(self, speed: float) -> float:
         """Preview distance L_preview (m) at `speed` (m/s), Section III-A, with a floor."""
@@ -103,41 +121,66 @@ def fit_curve(
     ux, uy = ux / chord, uy / chord
     dx, dy = east - origin_east, north - origin_north
     data = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
-    choice = _chosen(data, settings)
-    if choice is None:
+    curve = _explaining(data, settings)
+    if curve is None:
         return None
-    curve, rest = choice
-    rms = sqrt(curve.misfit / data.sums.item(ONE, ONE, -1))
-    return Curve(_spline(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
+    rest = offsets(curve, data)
+    rms = sqrt(float(np.add.reduce(weight * rest * rest)) / data.sums.item(ONE, ONE, -1))
+    return Curve(laid(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
-def _chosen(data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats] | None:
-    """Choose the curve of the fewest unknowns that explains the samples; their distances (m)."""
+def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
+    """Mean of the curves that explain the samples, each with the weight of its evidence."""
+    found = _tried(data, settings)
+    if found is None:
+        return None
+    graphs, joined, noise = found
+    scores = [graph.distance + settings.price(graph.freedom) * noise for graph in graphs]
+    if joined is not None:
+        scores.append(joined.curve.misfit + settings.price(joined.curve.freedom, 1) * noise)
+    least, fade = min(scores), -0.5 / (settings.temperature * noise)
+    weights = [max(exp(fade * (score - least)) - settings.ignored, 0.0) for score in scores]
+    smooth = as_curve(mean(graphs, weights[: len(graphs)])) if any(weights[: len(graphs)]) else None
+    if joined is None or weights[-1] == 0.0:
+        return smooth
+    curve = refined(joined, data, settings.passes, _join_range(data, settings))
+    return curve if smooth is None else between(smooth, curve, weights[-1] / sum(weights), data)
+
+
+def _tried(data: FitData, settings: FitSettings) -> tuple[list[Graph], Joined | None, float] | None:
+    """Curves that may explain the samples and the variance of the noise (m²), if the best does.
+
+    Line and arc, and where the samples drift from the arc the clothoid, and where they drift from
+    that, too, the best curve with a join.
+    """
     through = centred(data)
     arc = None if through is None else best_arc(data, through)
     if through is None or arc is None:
         return None
-    line, count = best_line(through), through.weight
-    joined = None
-    if drift(arc, data) > STRAYING * sqrt(_noise(arc, count, settings) * count):
-        joined = _joined(data, through, settings)
-    best = joined.curve if joined is not None and joined.curve.misfit < arc.misfit else arc
-    noise = _noise(best, count, settings)
-    curve, score = line, line.misfit
-    if arc.misfit + settings.evidence * noise < score:
-        curve, score = arc, arc.misfit + settings.evidence * noise
-    price = (settings.evidence + settings.join_evidence) * noise
-    if joined is not None and joined.curve.misfit + price < score:
-        return _improved(joined, data, settings)
-    return curve, offsets(curve, data)
+    count = through.weight
+    noise = _variance(arc.distance, arc.freedom, count, settings)
+    graphs = [best_line(through), arc]
+    if not drift(arc, data) > STRAYING * sqrt(noise * count):
+        return graphs, None, noise
+    clothoid = best_clothoid(data, through, arc)
+    if clothoid is not None:
+        graphs.append(clothoid.graph)
+        noise = _variance(clothoid.graph.distance, clothoid.graph.freedom, count, settings)
+        if not clothoid.drift > STRAYING * sqrt(noise * count):
+            return graphs, None, noise
+    joined = _joined(data, through, settings, noise)
+    if joined is not None:
+        curve = joined.curve
+        noise = min(noise, _variance(curve.misfit, curve.freedom, count, settings))
+    return graphs, joined, noise
 
 
-def _noise(curve: LocalCurve, count: float, settings: FitSettings) -> float:
+def _variance(misfit: float, freedom: int, count: float, settings: FitSettings) -> float:
     """Variance of the samples' distances (m²), if the curve is right; as assumed, or less."""
-    assumed, spare = settings.position_noise**2, count - curve.freedom
+    assumed, spare = settings.position_noise**2, count - freedom
     if spare < 1.0:
         return assumed
-    return min(max(curve.misfit / spare, settings.noise_floor**2), assumed)
+    return min(max(misfit / spare, settings.noise_floor**2), assumed)
 
 
 def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
@@ -147,53 +190,13 @@ def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
     return first + margin, last - margin
 
 
-def _joined(data: FitData, line: Centred, settings: FitSettings) -> Joined | None:
-    """Try joins at samples, at least three samples away from both ends."""
+def _joined(data: FitData, line: Centred, settings: FitSettings, noise: float) -> Joined | None:
+    """Try joins at samples, at least three samples away from both ends; one arc or two."""
     first, last = _join_range(data, settings)
     low = max(int(data.station.searchsorted(first)), 2)
     high = min(int(data.station.searchsorted(last, "right")), len(data.station) - 3)
     if high - low < 2:
         return None
     stride = -(-(high - low) // settings.joins)
-    return best_joined(data, line, slice(low, high, stride))
-
-
-def _improved(joined: Joined, data: FitData, settings: FitSettings) -> tuple[LocalCurve, Floats]:
-    """Refine a joined curve, unless that makes it worse; with the samples' distances (m)."""
-    curve = refined(joined, data, settings.passes, _join_range(data, settings))
-    rest = offsets(curve, data)
-    misfit = float(np.add.reduce(data.weight * rest * rest))
-    if misfit > joined.curve.misfit + settings.noise_floor**2:
-        return joined.curve, offsets(joined.curve, data)
-    return LocalCurve(*curve[:5], misfit, curve.freedom), rest
-
-
-def _spline(
-    curve: LocalCurve, data: FitData, frame: tuple[float, float, float, float]
-) -> ArcSpline:
-    """Place the curve in the world, from the first sample's projection to the last one's."""
-    origin_east, origin_north, ux, uy = frame
-    east = origin_east + curve.x * ux - curve.y * uy
-    north = origin_north + curve.x * uy + curve.y * ux
-    yaw = atan2(uy, ux) + curve.angle
-    start = _station(curve, curve.before, data.rows.item(X, 0), data.rows.item(Y, 0))
-    end = _station(curve, curve.after, data.rows.item(X, -1), data.rows.item(Y, -1))
-    begin = Piece(east, north, yaw, curve.before, 0.0).at(start)
-    if curve.before == curve.after:
-        return ArcSpline((Piece(begin.east, begin.north, begin.yaw, curve.after, end - start),))
-    return ArcSpline(
-        (
-            Piece(begin.east, begin.north, begin.yaw, curve.before, -start),
-            Piece(east, north, yaw, curve.after, end),
-        )
-    )
-
-
-def _station(curve: LocalCurve, curvature: float, x: float, y: float) -> float:
-    """Arc length (m) from the curve's join to the projection of (x, y) on its piece."""
-    ux, uy = cos(curve.angle), sin(curve.angle)
-    dx, dy = x - curve.x, y - curve.y
-    xi = dx * ux + dy * uy
-    if abs(curvature) < STRAIGHT:
-        return xi
-    return atan2(curvature * xi, 1.0 - curvature * (dy * ux - dx * uy)) / curvature
+    dearer = settings.arcs_evidence * noise
+    return best_joined(data, line, slice(low, high, stride), dearer)

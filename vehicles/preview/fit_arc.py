@@ -1,4 +1,4 @@
-"""Least squares for line, arc, line→arc and arc→line, in closed form (paper, Section III-A.1).
+"""Least squares for line and arc, and what all shapes share (paper, Section III-A.1).
 
 One equation serves all. Through a point P with unit tangent u and normal n (left), the arc of
 curvature κ is the set of points q with
@@ -11,12 +11,16 @@ order, and the fit is not biased to small circles as one with e(x, y) itself is.
 centred at the samples and turned along them (far from the origin the paper's equations are
 ill-conditioned).
 
+A curvature that changes adds one more term (`fit_clothoid`), a join divides the samples in two
+(`fit_joined`).
+
 E is a combination of (x² + y², x, y, 1) for every κ, P and u. The sums of the products of these
-four over the first k samples, for every k, are therefore all that is needed of the samples:
+four over the first k samples, for every k, are therefore nearly all that is needed of the samples:
 `FitData.sums`. All is elementwise arithmetic, so that no result depends on a linear-algebra
-library. Curves with a join are in `fit_joined`.
+library.
 """
 
+from collections.abc import Sequence
 from math import atan, cos, sin, sqrt
 from typing import NamedTuple
 
@@ -26,6 +30,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 SQUARE, X, Y, ONE = range(4)
 """Places of x² + y², x, y and 1 in `FitData`."""
+Factors = tuple[float, float, float, float]
 DETERMINED = 1e-9
 """Relative spread below which the samples do not determine an unknown."""
 
@@ -33,9 +38,10 @@ DETERMINED = 1e-9
 class LocalCurve(NamedTuple):
     """A curve of one or two pieces (arc spline of Section III-A) in the local frame.
 
-    It passes the join P = (x, y) (m) with tangent `angle` (rad) and has the curvatures `before` and
-    `after` it (1/m). `misfit` is its weighted sum of squared residuals (m²), `freedom` its number
-    of unknowns: 2 line, 3 arc, 4 line→arc or arc→line.
+    It passes P = (x, y) (m), where two pieces join, with tangent `angle` (rad). There its curvature
+    (1/m) changes from `before` to `after`, and all along it grows by `rate` (1/m²). `misfit` is its
+    weighted sum of squared residuals (m²), `freedom` its number of unknowns: 2 line, 3 arc, 4
+    clothoid, line→arc or arc→line, 5 two arcs.
     """
 
     x: float
@@ -45,6 +51,7 @@ class LocalCurve(NamedTuple):
     after: float
     misfit: float
     freedom: int
+    rate: float = 0.0
 
 
 class FitData(NamedTuple):
@@ -71,6 +78,31 @@ class Centred(NamedTuple):
     misfit: float
 
 
+class Graph(NamedTuple):
+    """Curve y = offset + slope x + half (x² + y²) + rate t, its misfit in y (m²) and freedom.
+
+    Circle of Section III-A.1 in the local frame. With t from `fit_clothoid` its curvature changes;
+    graphs may be averaged.
+    """
+
+    offset: float
+    slope: float
+    half: float
+    rate: float
+    misfit: float
+    freedom: int
+
+    @property
+    def square(self) -> float:
+        """Square of the gradient of its equation, by which its misfit is divided (eq. (5))."""
+        return 1.0 + self.slope * self.slope - 4.0 * self.half * self.offset
+
+    @property
+    def distance(self) -> float:
+        """Its misfit in distances from it instead of in y (m²; J of eq. (5))."""
+        return self.misfit / self.square
+
+
 def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
     """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to."""
     rows = np.empty((4, len(x)))
@@ -81,27 +113,56 @@ def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
     return FitData(rows, station, weight, sums)
 
 
+def seen_from(x: float, y: float, angle: float) -> tuple[Factors, Factors, Factors]:
+    """Factors of x² + y², x, y and 1 in the distances ahead and to the left of a place, and ρ².
+
+    In the frame of P of Section III-A.1, with ρ the distance from P; elementary algebra.
+    """
+    ux, uy = cos(angle), sin(angle)
+    return (
+        (0.0, ux, uy, -ux * x - uy * y),
+        (0.0, -uy, ux, uy * x - ux * y),
+        (1.0, -2.0 * x, -2.0 * y, x * x + y * y),
+    )
+
+
 def offsets(curve: LocalCurve, data: FitData) -> Floats:
     """Distance of each sample from the curve (m, left positive), to first order.
 
     The e of Section III-A.1 divided by −2R, left turns having a positive R.
     """
-    x, y, angle, before, after = curve[:5]
-    ux, uy = cos(angle), sin(angle)
-    dx, dy = data.rows[X] - x, data.rows[Y] - y
-    eta: Floats = dy * ux
-    eta -= dx * uy
-    if before == after == 0.0:
-        return eta
-    sag: Floats = dx * dx
-    sag += dy * dy
-    sag *= 0.5 * (before or after)
-    if before != after:
-        dx *= ux
-        dy *= -uy
-        sag *= dx > dy if after else dx <= dy
-    eta -= sag
-    return eta
+    ahead, left, square = seen_from(curve.x, curve.y, curve.angle)
+    half, other = 0.5 * curve.after, 0.5 * curve.before
+    away = [own - half * all_round for own, all_round in zip(left, square, strict=True)]
+    found: Floats
+    if half == other and curve.rate == 0.0:
+        found = np.einsum("i,ik->k", away, data.rows)
+        return found
+    found, rho, xi = np.einsum("ai,ik->ak", (away, square, ahead), data.rows)
+    if curve.rate != 0.0:
+        found -= curve.rate * cubic(xi, np.abs(rho), 0.5 * (half + other))
+    if half != other:
+        rho *= half - other
+        rho *= xi <= 0.0
+        found += rho
+    return found
+
+
+def cubic(along: Floats, square: Floats, half: float) -> Floats:
+    """How far a clothoid of rate 1 leaves its circle, of curvature 2 `half` (1/m): t, in m³.
+
+    `along` (m) is the distance along the tangent at P, `square` (m²) the squared distance from P.
+    On the circle at arc length s that is (κs − sin κs)/κ³, about s³/6, as a series in (κρ/2)²
+    where ρ is the chord (elementary algebra; the paper has arcs only).
+    """
+    bend = half * half
+    series: Floats = square * (bend * bend * 9.0 / 336.0)
+    series += 0.05 * bend
+    series *= square
+    series += 1.0 / 6.0
+    series *= square
+    series *= np.sqrt(square)
+    return np.copysign(series, along)
 
 
 def centred(data: FitData) -> Centred | None:
@@ -118,17 +179,16 @@ def centred(data: FitData) -> Centred | None:
     return Centred(weight, mean_x, mean_y, xx, slope, max(yy - slope * xy, 0.0))
 
 
-def best_line(line: Centred) -> LocalCurve:
+def best_line(line: Centred) -> Graph:
     """Give the line of least squares (linear regression; Section III-A joins two samples)."""
-    misfit = line.misfit / (1.0 + line.slope * line.slope)
-    return LocalCurve(line.mean_x, line.mean_y, atan(line.slope), 0.0, 0.0, misfit, 2)
+    return Graph(line.mean_y - line.slope * line.mean_x, line.slope, 0.0, 0.0, line.misfit, 2)
 
 
-def best_arc(data: FitData, line: Centred) -> LocalCurve | None:
+def best_arc(data: FitData, line: Centred) -> Graph | None:
     """Fit the arc of least squares; None unless three distinct samples determine it.
 
-    Minimises J of eq. (5) with e divided by −2R, times a factor near one that `_arc` takes out
-    again: three linear equations, as Section III-A.1 says.
+    Minimises J of eq. (5) with e divided by −2R, times the gradient of the graph: three linear
+    equations, as Section III-A.1 says.
     """
     total = data.sums[:, :, -1].tolist()
     row = total[SQUARE]
@@ -140,35 +200,53 @@ def best_arc(data: FitData, line: Centred) -> LocalCurve | None:
     half = cross / spread
     slope = line.slope - half * cross_x / line.xx
     offset = line.mean_y - slope * line.mean_x - half * row[ONE] / line.weight
-    return _arc(offset, slope, half, max(line.misfit - half * cross, 0.0))
+    found = Graph(offset, slope, half, 0.0, max(line.misfit - half * cross, 0.0), 3)
+    return found if found.square > 0.0 else None
 
 
-def drift(arc: LocalCurve, data: FitData) -> float:
-    """How far the distances from an arc add up (m, weighted), at most, along the samples.
+def drift(graph: Graph, data: FitData, column: Floats | None = None) -> float:
+    """How far the distances from a graph add up (m, weighted), at most, along the samples.
 
-    Those of noise alone cancel out sooner than those of a curve that is no arc (CUSUM statistic).
+    Those of noise alone cancel out sooner than those of a curve of another shape (CUSUM statistic).
+    `column` is that of the rate, weighted, if there is one.
     """
-    px, py, half = arc.x, arc.y, 0.5 * arc.after
-    nx, ny = -sin(arc.angle), cos(arc.angle)
-    equation = (
-        -half,
-        nx + 2.0 * half * px,
-        ny + 2.0 * half * py,
-        -(nx * px + ny * py) - half * (px * px + py * py),
-    )
+    equation = (-graph.half, -graph.slope, 1.0, -graph.offset)
     sums = np.einsum("i,ik->k", equation, data.sums[:, ONE])
+    if column is not None:
+        sums -= graph.rate * np.add.accumulate(column)
     return float(np.maximum.reduce(np.abs(sums)))
 
 
-def _arc(offset: float, slope: float, half: float, misfit: float) -> LocalCurve | None:
-    """Convert the circle y = offset + slope x + half (x² + y²) to a curve at the origin."""
-    square = 1.0 + slope * slope - 4.0 * half * offset
-    if not square > 0.0:
-        return None
+def mean(graphs: Sequence[Graph], weights: Sequence[float]) -> Graph:
+    """Mean of graphs by weights of which one is positive (beyond the paper, which takes one)."""
+    offset = slope = half = rate = 0.0
+    for graph, weight in zip(graphs, weights, strict=True):
+        offset += weight * graph.offset
+        slope += weight * graph.slope
+        half += weight * graph.half
+        rate += weight * graph.rate
+    total = sum(weights)
+    last = graphs[-1]
+    return Graph(
+        offset / total, slope / total, half / total, rate / total, last.misfit, last.freedom
+    )
+
+
+def as_curve(graph: Graph) -> LocalCurve:
+    """Give the graph as a curve from the foot of the local origin (elementary algebra)."""
+    offset, slope, half, rate, misfit, freedom = graph
+    square = graph.square
     gradient = sqrt(square)
     kappa, algebraic = 2.0 * half / gradient, -offset / gradient
     away = 2.0 * algebraic / (1.0 + sqrt(max(1.0 - 2.0 * kappa * algebraic, 0.0)))
     angle = atan(slope)
     return LocalCurve(
-        away * sin(angle), -away * cos(angle), angle, kappa, kappa, misfit / square, 3
+        away * sin(angle),
+        -away * cos(angle),
+        angle,
+        kappa,
+        kappa,
+        misfit / square,
+        freedom,
+        rate / gradient,
     )

@@ -1,11 +1,11 @@
-"""Least squares for a line and an arc with one tangent at the join (see `fit_arc`).
+"""Least squares for two pieces with one tangent at the join: line→arc, arc→line, arc→arc.
 
-Given the join P on the curve, line→arc and arc→line are linear in offset, slope and curvature: the
-equation of the arc with κ = 0 on one side. So joins are tried at some of the samples, and the best
-one is refined by Gauss–Newton passes on all four unknowns.
+Given the join P on the curve, all three are linear in offset, slope and curvatures: the equation of
+the arc (see `fit_arc`) with a curvature on either side. So joins are tried at some of the samples,
+and the best one is refined by Gauss–Newton passes on all unknowns.
 """
 
-from math import atan, cos, hypot, sin, sqrt
+from math import atan, cos, hypot, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +20,12 @@ from vehicles.preview.fit_arc import (
     LocalCurve,
     X,
     Y,
+    seen_from,
 )
 
 SINGULAR = 1e-12
 """Least share of a diagonal that elimination may leave."""
-SETTLED = 0.05
+SETTLED = 0.25
 """A join that moves less than this (m) has settled: what is left is of the order of its square."""
 TINY = 1e-30
 """Keeps an undetermined curvature from being zero by zero."""
@@ -36,21 +37,21 @@ SIGNED = np.array([[1.0], [-2.0], [-2.0], [1.0]])
 
 
 class Joined(NamedTuple):
-    """A line→arc or arc→line (Section III-A: one change of curvature), station of its join (m)."""
+    """Two pieces (Section III-A: one change of curvature) and the station of their join (m)."""
 
     curve: LocalCurve
     station: float
 
 
-def best_joined(data: FitData, line: Centred, joins: slice) -> Joined:
-    """Best line→arc or arc→line with its join near one of the samples `joins`.
+def best_joined(data: FitData, line: Centred, joins: slice, dearer: float) -> Joined:
+    """Best line→arc or arc→line with its join near one of the samples `joins`, or best two arcs.
 
-    Each join is tried with the arc after it and with the arc before it, by linear least squares.
-    Section III-A splits off the longest straight prefix instead.
+    Two arcs have to lower the sum of squared residuals by `dearer` (m²) more. Each join is tried
+    by linear least squares; Section III-A splits off the longest straight prefix instead.
     """
     rows, station = data.rows[:, joins], data.station[joins]
     count = len(station)
-    bent = np.empty((2, 4, 4, count))  # sums over the arc's samples: after, before the join
+    bent = np.empty((2, 4, 4, count))  # sums over the samples after, before the join
     bent[1] = data.sums[:, :, joins]
     np.subtract(data.sums[:, :, -1:], bent[1], out=bent[0])
     # |q − P|² is a combination of the four rows, and so are the sums of its products with them;
@@ -58,21 +59,40 @@ def best_joined(data: FitData, line: Centred, joins: slice) -> Joined:
     circle = rows.take(FLIPPED, 0) * SIGNED
     sums = np.einsum("sijk,jk->sik", bent, circle)
     square = np.einsum("sik,ik->sk", sums, circle)
-    of_one, of_x, cross = np.add.reduce(_about(line) * sums, 2)
-    spread = square - of_one * of_one - of_x * of_x
-    half = cross / np.maximum(spread, DETERMINED * square + TINY)
+    of_rows = np.einsum("ai,sik->ask", _about(line), sums)
+    of, cross = of_rows[:2], of_rows[2]
+    spread = np.maximum(square - np.add.reduce(of * of, 0), DETERMINED * square + TINY)
+    half = cross / spread
     gain = half * cross
-    best = int(gain.argmax())
-    side, k = divmod(best, count)
-    h, top = half.item(best), gain.item(best)
-    slope = line.slope - h * of_x.item(best) / sqrt(line.xx)
-    offset = line.mean_y - slope * line.mean_x - h * of_one.item(best) / sqrt(line.weight)
-    shift = _top(gain[side], k, station)
-    px = rows.item(X, k) + shift
-    kappa = 2.0 * h / hypot(1.0, slope)
-    before, after = (kappa, 0.0) if side else (0.0, kappa)
-    misfit = max(line.misfit - top, 0.0) / (1.0 + slope * slope)
-    curve = LocalCurve(px, offset + slope * px, atan(slope), before, after, misfit, 4)
+    # The columns of both sides have no sample in common, but 1 and x with both.
+    shared = np.add.reduce(np.multiply.reduce(of, 1), 0)
+    independent = np.maximum(1.0 - shared * shared / (spread[0] * spread[1]), DETERMINED)
+    both = (half + shared * half[::-1] / spread) / independent
+    gain_of_both = np.add.reduce(both * cross, 0)
+    place = int(gain_of_both.argmax())
+    side, k = divmod(int(gain.argmax()), count)
+    if gain_of_both.item(place) - dearer > gain.item(side, k):
+        chosen, half, k, gain = [0, 1], both, place, gain_of_both
+    else:
+        chosen, gain = [side], gain[side]
+    bends, slope, offset = [0.0, 0.0], line.slope, line.mean_y
+    for one in chosen:
+        h = half.item(one, k)
+        bends[one] = 2.0 * h
+        slope -= h * of.item(1, one, k) / sqrt(line.xx)
+        offset -= h * of.item(0, one, k) / sqrt(line.weight)
+    offset -= slope * line.mean_x
+    shift = _top(gain, k, station)
+    px, norm = rows.item(X, k) + shift, hypot(1.0, slope)
+    curve = LocalCurve(
+        px,
+        offset + slope * px,
+        atan(slope),
+        bends[1] / norm,
+        bends[0] / norm,
+        max(line.misfit - gain.item(k), 0.0) / (norm * norm),
+        3 + len(chosen),
+    )
     return Joined(curve, station.item(k) + shift)
 
 
@@ -85,7 +105,7 @@ def _about(line: Centred) -> Floats:
         *(0.0, x_norm, 0.0, -line.mean_x * x_norm),
         *(0.0, -line.slope, 1.0, away),
     )
-    return np.array(factors).reshape(3, 1, 4, 1)
+    return np.array(factors).reshape(3, 4)
 
 
 def _top(gain: Floats, best: int, station: Floats) -> float:
@@ -108,123 +128,95 @@ def _top(gain: Floats, best: int, station: Floats) -> float:
 
 
 def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, float]) -> LocalCurve:
-    """Improve a joined curve by up to `passes` Gauss–Newton passes on all four unknowns.
+    """Improve a joined curve by up to `passes` Gauss–Newton passes on all its unknowns.
 
-    The join stays between the stations `within` (m).
+    The join stays between the stations `within` (m). A piece that is straight stays so. A pass that
+    made it worse is taken back by the next one.
     """
     curve, station = joined
     first, last = within
-    whole = data.sums[:, :, -1]
-    total = whole.tolist()
-    for done in range(passes):
+    whole, before, misfit = data.sums[:, :, -1], curve, inf
+    for _ in range(passes):
         split = int(data.station.searchsorted(station, "right"))
-        sums = data.sums[:, :, split - 1]
-        bent = (sums if curve.before else whole - sums).tolist()
-        rows = _normal_equations(curve, bent, total)
+        sums = np.empty((2, 4, 4))
+        sums[0] = data.sums[:, :, split - 1]
+        np.subtract(whole, sums[0], out=sums[1])
+        *rows, (*_, here) = _normal_equations(curve, sums)
+        if not here <= misfit:
+            return before
+        before, misfit = curve, here
         step = solved(rows, first - station, last - station)
         if step is None:
             break
-        left, turn, change, along = step
+        left, turn, *change, along = step
         station += along
         ux, uy = cos(curve.angle), sin(curve.angle)
         curve = LocalCurve(
             curve.x + along * ux - left * uy,
             curve.y + along * uy + left * ux,
             curve.angle + turn,
-            curve.before + change if curve.before else 0.0,
-            curve.after + change if curve.after else 0.0,
+            curve.before + change[0] if curve.before else 0.0,
+            curve.after + change[-1] if curve.after else 0.0,
             curve.misfit,
-            4,
+            curve.freedom,
         )
-        if done and abs(along) < SETTLED:
+        if abs(along) < SETTLED:
             break
     return curve
 
 
-def _normal_equations(
-    curve: LocalCurve, bent: list[list[float]], total: list[list[float]]
-) -> list[list[float]]:
-    """Equations of the Gauss–Newton step, each with its right-hand side.
+def _normal_equations(curve: LocalCurve, sums: Floats) -> list[list[float]]:
+    """Equations of the Gauss–Newton step, each with its right-hand side, and the misfit (m²) last.
 
     With (ξ, η) in the frame of P, ρ = ξ² + η², E falls by 1 − κη per shift of P to the left, by ξ
-    per turn of u, by ρ/2 per curvature and by −κξ per shift of P along u; on the line by 1, ξ, 0
-    and 0. `bent` are the sums over the arc's samples, `total` over all.
+    per turn of u, by ρ/2 per curvature on its side and by −κξ per shift of P along u. Each of these
+    and E itself is a combination of x² + y², x, y and 1, whose products are in `sums`, those of
+    the samples before the join and of those after it, shape (2, 4, 4).
     """
-    ux, uy = cos(curve.angle), sin(curve.angle)
-    px, py = curve.x, curve.y
-    p, q = ux * px + uy * py, ux * py - uy * px  # ξ = ux x + uy y − p, η = ux y − uy x − q
-    k = curve.before + curve.after
-    half = 0.5 * k
-    # Of all samples: Σξ, Ση, Σξ², Σξη.
-    _, (_, xx, xy, x1), (_, _, yy, y1), (_, _, _, all_1) = total
-    all_xi, all_eta = ux * x1 + uy * y1 - p * all_1, ux * y1 - uy * x1 - q * all_1
-    xi_x, xi_y = ux * xx + uy * xy - p * x1, ux * xy + uy * yy - p * y1
-    turn_turn = ux * xi_x + uy * xi_y - p * all_xi
-    turn_off = ux * xi_y - uy * xi_x - q * all_xi
-    # Of the arc's: the same, and with ρ = s − 2 px x − 2 py y + r, where s = x² + y².
-    (ss, sx, sy, s1), (_, xx, xy, x1), (_, _, yy, y1), (_, _, _, one) = bent
-    fx, fy, r = 2.0 * px, 2.0 * py, px * px + py * py
-    of_xi, of_eta = ux * x1 + uy * y1 - p * one, ux * y1 - uy * x1 - q * one
-    xi_x, xi_y = ux * xx + uy * xy - p * x1, ux * xy + uy * yy - p * y1
-    eta_x, eta_y = ux * xy - uy * xx - q * x1, ux * yy - uy * xy - q * y1
-    xi_xi = ux * xi_x + uy * xi_y - p * of_xi
-    xi_eta = ux * xi_y - uy * xi_x - q * of_xi
-    eta_eta = ux * eta_y - uy * eta_x - q * of_eta
-    of_rho = s1 - fx * x1 - fy * y1 + r * one
-    rho_x, rho_y = sx - fx * xx - fy * xy + r * x1, sy - fx * xy - fy * yy + r * y1
-    rho_rho = ss - fx * sx - fy * sy + r * s1 - fx * rho_x - fy * rho_y + r * of_rho
-    rho_xi = ux * rho_x + uy * rho_y - p * of_rho
-    rho_eta = ux * rho_y - uy * rho_x - q * of_rho
-    square = of_rho - k * rho_eta
-    left_turn = all_xi - k * xi_eta
-    left_left = all_1 - k * (2.0 * of_eta - k * eta_eta)
-    left_along = -k * (of_xi - k * xi_eta)
-    left_off = all_eta - k * eta_eta - half * square
-    return [
-        [left_left, left_turn, 0.5 * square, left_along, left_off],
-        [left_turn, turn_turn, 0.5 * rho_xi, -k * xi_xi, turn_off - half * rho_xi],
-        [
-            0.5 * square,
-            0.5 * rho_xi,
-            0.25 * rho_rho,
-            -half * rho_xi,
-            0.5 * (rho_eta - half * rho_rho),
-        ],
-        [left_along, -k * xi_xi, -half * rho_xi, k * k * xi_xi, -k * (xi_eta - half * rho_xi)],
-    ]
+    ahead, (_, left_x, left_y, left_1), (_, square_x, square_y, square_1) = seen_from(
+        curve.x, curve.y, curve.angle
+    )
+    half = (0.5, 0.5 * square_x, 0.5 * square_y, 0.5 * square_1)
+    nothing = (0.0, 0.0, 0.0, 0.0)
+    sides = []
+    for after, k in enumerate((curve.before, curve.after)):
+        columns = [(0.0, -k * left_x, -k * left_y, 1.0 - k * left_1), ahead]
+        if curve.before:
+            columns.append(nothing if after else half)
+        if curve.after:
+            columns.append(half if after else nothing)
+        columns += (
+            (0.0, -k * ahead[1], -k * ahead[2], -k * ahead[3]),
+            (-k * 0.5, left_x - k * half[1], left_y - k * half[2], left_1 - k * half[3]),
+        )
+        sides.append(columns)
+    combined = np.array(sides)
+    rows: list[list[float]] = np.einsum("sik,skl,sjl->ij", combined, sums, combined).tolist()
+    return rows
 
 
-def solved(
-    rows: list[list[float]], low: float, high: float
-) -> tuple[float, float, float, float] | None:
-    """Solve four symmetric positive equations by Gaussian elimination; None if they are singular.
+def solved(rows: list[list[float]], low: float, high: float) -> list[float] | None:
+    """Solve symmetric positive equations by Gaussian elimination; None if they are singular.
 
     Each row ends with its right-hand side. The last unknown is held between `low` and `high`, and
     the others are the best ones for the value that it then has.
     """
-    (a0, b0, c0, d0, e0), (_, b1, c1, d1, e1), (_, _, c2, d2, e2), (_, _, _, d3, e3) = rows
-    if not a0 > 0.0:
-        return None
-    floor_b, floor_c, floor_d = SINGULAR * b1, SINGULAR * c2, SINGULAR * d3
-    factor = b0 / a0
-    b1, c1, d1, e1 = b1 - factor * b0, c1 - factor * c0, d1 - factor * d0, e1 - factor * e0
-    factor = c0 / a0
-    c2, d2, e2 = c2 - factor * c0, d2 - factor * d0, e2 - factor * e0
-    factor = d0 / a0
-    d3, e3 = d3 - factor * d0, e3 - factor * e0
-    if not b1 > floor_b:
-        return None
-    factor = c1 / b1
-    c2, d2, e2 = c2 - factor * c1, d2 - factor * d1, e2 - factor * e1
-    factor = d1 / b1
-    d3, e3 = d3 - factor * d1, e3 - factor * e1
-    if not c2 > floor_c:
-        return None
-    factor = d2 / c2
-    d3, e3 = d3 - factor * d2, e3 - factor * e2
-    if not d3 > floor_d:
-        return None
-    w = min(max(e3 / d3, low), high)
-    z = (e2 - d2 * w) / c2
-    y = (e1 - c1 * z - d1 * w) / b1
-    return (e0 - b0 * y - c0 * z - d0 * w) / a0, y, z, w
+    count = len(rows)
+    floors = [SINGULAR * row[k] for k, row in enumerate(rows)]
+    for k, pivot in enumerate(rows):
+        if not pivot[k] > floors[k]:
+            return None
+        for row in rows[k + 1 :]:
+            factor = row[k] / pivot[k]
+            for j in range(k + 1, count + 1):
+                row[j] -= factor * pivot[j]
+    found = [0.0] * count
+    for k in range(count - 1, -1, -1):
+        row = rows[k]
+        value = row[count]
+        for j in range(k + 1, count):
+            value -= row[j] * found[j]
+        found[k] = value / row[k]
+        if k == count - 1:
+            found[k] = min(max(found[k], low), high)
+    return found

@@ -62,4 +62,5 @@ def trajectory(vehicle: str, seq: int) -> CompositeTrajectory:
         sample_source=tuple(k % 2 for k in range(SAMPLES)),
         residual_m_rms=0.01,
         residual_m_max=0.02,
+        piece_curvature_rate_per_m2=(0.0,),
     )

@@ -91,6 +91,7 @@ def trajectory(vehicle: str, tick: int) -> CompositeTrajectory:
         sample_source=(0, 1),
         residual_m_rms=0.01,
         residual_m_max=0.02,
+        piece_curvature_rate_per_m2=(0.0, 0.0),
     )
 
 

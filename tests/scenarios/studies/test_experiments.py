@@ -239,6 +239,7 @@ def test_samples_are_counted_ahead_of_the_car_and_by_source() -> None:
             sample_source=(0, 0, 0, 1, 1),
             residual_m_rms=0.0,
             residual_m_max=0.0,
+            piece_curvature_rate_per_m2=(),
         ),
     )
     assert (counter.figures.lead, counter.figures.predecessor) == (2, 2)

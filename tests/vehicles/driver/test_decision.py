@@ -84,6 +84,7 @@ def test_a_decision_tells_the_trajectory_and_the_samples_behind_it() -> None:
         sample_source=(0, 1, 0),
         residual_m_rms=0.011,
         residual_m_max=0.023,
+        piece_curvature_rate_per_m2=(0.0, 0.0),
     )
 
 

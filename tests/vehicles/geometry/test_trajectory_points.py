@@ -22,6 +22,7 @@ def one_piece(
         "piece_north_m": (north,),
         "piece_yaw_rad": (yaw,),
         "piece_curvature_per_m": (curvature,),
+        "piece_curvature_rate_per_m2": (0.0,),
         "piece_length_m": (length,),
     }
     return CompositeTrajectory(**{**values, **pieces})
