@@ -58,9 +58,9 @@ PAPER = re.compile(
 """A place in the paper, or that it has none."""
 NAMED = (
     "Bernstein", "BFGS", "Brent's method", "Cauchy product", "Cleveland, 1979", "companion matri",
-    "complementary filter", "constant time headway policy", "Cook and Weisberg, 1982", "CUSUM",
-    "elementary algebra", "EPSG method", "Gauss–Newton", "Gaussian elimination", "Hermite",
-    "Hoffmann", "Horner's scheme", "Hurwitz's criterion", "IEEE 754", "linear regression",
+    "complementary filter", "constant time headway policy", "Coulter",
+    "Cook and Weisberg, 1982", "CUSUM", "elementary algebra", "EPSG method", "Gauss–Newton",
+    "Gaussian elimination", "Hermite", "Hoffmann", "Horner's scheme", "Hurwitz's criterion", "IEEE 754", "linear regression",
     "linear interpolation", "local regression", "Lyapunov", "Newton's method", "quotient rule",
     "Rayleigh's quotient", "Routh-Hurwitz", "Runge–Kutta", "spectral factorisation",
     "Steiner's theorem", "Swaroop and Hedrick", "trapezoidal rule", "Weyl's inequality", "WGS84",

@@ -7,6 +7,7 @@ has to pay for itself in squared residuals, measured against the noise.
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, inf, sin, sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ from vehicles.preview.fit_arc import (
 from vehicles.preview.fit_joined import Joined, best_joined, refined
 
 Floats = NDArray[np.float64]
+Trajectory = Literal["fitted", "paper", "paper_prefix"]
+"""How a trajectory is made: by this module, or by the paper's own rules (`paper_recipe`)."""
 STRAYING = 0.5
 """Drift from an arc, in units of noise times the root of the number of samples, below which no join
 needs to be looked for. Two in three lines and arcs stay below; of a thousand curves with a join
@@ -47,6 +50,8 @@ class FitSettings:
     times the noise squared, a join by another `join_evidence`. Up to `joins` places are tried for
     a join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
     refined in up to `passes`. `span_min` is the least travel that has a direction.
+
+    `trajectory` says who fits; the paper's own rules know preview time, tolerance and `span_min`.
     """
 
     preview_time: float = 0.8
@@ -63,6 +68,7 @@ class FitSettings:
     piece_ratio: float = 0.15
     passes: int = 3
     span_min: float = 1.0
+    trajectory: Trajectory = "fitted"
 
     def ahead(self, speed: float) -> float:
         """Preview distance L_preview (m) at `speed` (m/s), Section III-A, with a floor."""
@@ -70,6 +76,8 @@ class FitSettings:
 
     def behind(self, speed: float) -> float:
         """How far behind the ego samples count (m) at `speed` (m/s); in Section III-A none do."""
+        if self.trajectory != "fitted":
+            return 0.0
         return max(self.behind_min, self.behind_time * speed)
 
 

@@ -76,7 +76,8 @@ def _controller(asked: Mapping[str, Any]) -> str:
 
 def _fusion(asked: Mapping[str, Any]) -> str:
     sight = f"preview {asked['preview_s']:g} s, tolerance {asked['tolerance_m']:g} m"
-    return f"{asked['fusion']}, α {asked['alpha_ratio']:g}, {sight}"
+    how = f"{asked['trajectory']} trajectory"
+    return f"{asked['fusion']}, {how}, α {asked['alpha_ratio']:g}, {sight}"
 
 
 def _receiver(asked: Mapping[str, float]) -> str:
