@@ -1,7 +1,8 @@
 """What decides: the lead along its path, followers along what they received.
 
 decision         what a driver is and what it decides at a control instant
-pose_estimator   where the car is now, from its fixes
+own_state        what is known of the own car; exact knowledge
+pose_estimator   where the car is now, from its sensors
 tracking         errors against the trajectory
 steering         from errors to a steering command: the paper's law and others
 speed            from gaps and profiles to an acceleration

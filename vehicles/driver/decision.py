@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from math import nan
 from typing import Protocol
 
-from vehicles.car.dynamics import Actuation
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
+from vehicles.car.imu import Motion
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import Command, CompositeTrajectory, GpsPose, Message, Mode, Tracking
@@ -89,6 +90,12 @@ class Driver(Protocol):
     The controller of Fig. 1, together with the drive.
     """
 
-    def step(self, now: int, fix: Fix | None, received: Sequence[GpsPose]) -> Decision:
-        """Decide (Fig. 1) at `now` (ns) from the own fix, if there is one, and received poses."""
+    def step(
+        self, now: int, fix: Fix | None, motion: Motion | Body | None, received: Sequence[GpsPose]
+    ) -> Decision:
+        """Decide (Fig. 1) at `now` (ns) from what the own sensors measured and the received poses.
+
+        `fix` and `motion` are None where there is none at this instant; an exact sensor gives the
+        true state of the car.
+        """
         ...

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan, nan
 
-from vehicles.car.dynamics import Actuation
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, from_message
+from vehicles.car.imu import Motion
 from vehicles.driver.decision import Decision
-from vehicles.driver.pose_estimator import Pose, PoseEstimator
+from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors, track
@@ -34,7 +35,7 @@ class Follower:
     def __init__(
         self,
         *,
-        estimator: PoseEstimator,
+        own_state: OwnState,
         controller: LateralController,
         speed_law: SpeedLaw,
         control: Cadence,
@@ -46,7 +47,7 @@ class Follower:
         settings: FitSettings,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead."""
-        self._estimator = estimator
+        self._own_state = own_state
         self._controller = controller
         self._speed_law = speed_law
         self._control = control
@@ -66,18 +67,23 @@ class Follower:
         self._gap, self._gap_at = nan, 0
         self._decision: Decision | None = None
 
-    def step(self, now: int, fix: Fix | None, received: Sequence[GpsPose]) -> Decision:
+    def step(
+        self,
+        now: int,
+        fix: Fix | None,
+        motion: Motion | Body | None,
+        received: Sequence[GpsPose],
+    ) -> Decision:
         """Decide at `now` (ns); between control instants the last decision is held.
 
         Sections III-A to III-E in a row, as in Fig. 1.
         """
-        if fix is not None:
-            self._estimator.correct(fix)
+        self._own_state.update(now, fix, motion)
         for message in received:
             self._receive(now, message)
         if self._decision is not None and not self._control.due(now):
             return replace(self._decision, fresh=False)
-        self._decision = self._decide(now, self._estimator.at(now))
+        self._decision = self._decide(now, self._own_state.at(now))
         return self._decision
 
     def _receive(self, now: int, message: GpsPose) -> None:
@@ -85,7 +91,7 @@ class Follower:
         trace = self._traces[message.vehicle]
         trace.add(fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed)
         if not trace.joined:
-            pose = self._estimator.at(now)
+            pose = self._own_state.at(now)
             trace.bridge(pose.east, pose.north)
         self._refit.due_at = now
 

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from vehicles.car.dynamics import Actuation
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
+from vehicles.car.imu import Motion
 from vehicles.driver.decision import Decision
-from vehicles.driver.pose_estimator import Pose, PoseEstimator
+from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors
@@ -22,7 +23,7 @@ class Leader:
     def __init__(
         self,
         *,
-        estimator: PoseEstimator,
+        own_state: OwnState,
         controller: LateralController,
         speed_law: SpeedLaw,
         control: Cadence,
@@ -30,7 +31,7 @@ class Leader:
         station: float,
     ) -> None:
         """`station` is the arc length at which the lead starts."""
-        self._estimator = estimator
+        self._own_state = own_state
         self._controller = controller
         self._speed_law = speed_law
         self._control = control
@@ -38,16 +39,21 @@ class Leader:
         self._near = station
         self._decision: Decision | None = None
 
-    def step(self, now: int, fix: Fix | None, received: Sequence[GpsPose]) -> Decision:  # noqa: ARG002
+    def step(
+        self,
+        now: int,
+        fix: Fix | None,
+        motion: Motion | Body | None,
+        received: Sequence[GpsPose],  # noqa: ARG002
+    ) -> Decision:
         """Decide at `now` (ns); between control instants the last decision is held.
 
         Errors of Section III-B against the path itself, steering of Section III-C.
         """
-        if fix is not None:
-            self._estimator.correct(fix)
+        self._own_state.update(now, fix, motion)
         if self._decision is not None and not self._control.due(now):
             return replace(self._decision, fresh=False)
-        pose = self._estimator.at(now)
+        pose = self._own_state.at(now)
         errors = self._track(pose)
         steering = self._controller.steer(errors, pose.speed)
         speed = self._speed_law.command(now, pose, VehiclesAhead())

@@ -9,8 +9,11 @@ a constant share of the difference.
 import math
 from dataclasses import dataclass
 
+from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
+from vehicles.car.imu import Motion
 from vehicles.car.parameters import VehicleParameters
+from vehicles.driver.own_state import Pose
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
@@ -44,20 +47,6 @@ JUMPS_BELIEVED = 3
 
 
 @dataclass(slots=True)
-class Pose:
-    """Estimated position (m), yaw (rad, within (-pi, pi]), speed (m/s) and yaw rate (rad/s).
-
-    What the vehicle block of Fig. 1 puts out, in the world frame.
-    """
-
-    east: float
-    north: float
-    yaw: float
-    speed: float
-    yaw_rate: float
-
-
-@dataclass(slots=True)
 class _Track:
     """A pose, the instant (ns) it holds for and how many fixes it rests on."""
 
@@ -76,6 +65,11 @@ class PoseEstimator:
         self._parameters = parameters
         self._track: _Track | None = None
         self._rival: _Track | None = None
+
+    def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:  # noqa: ARG002
+        """Take in what the car measured at `now` (ns), of which the fix is used (Section V-D)."""
+        if fix is not None:
+            self.correct(fix)
 
     def correct(self, fix: Fix) -> None:
         """Take in a fix of the vehicle itself; they come in the order of measurement.

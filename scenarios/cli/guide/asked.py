@@ -64,6 +64,7 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield "control", f"at {report.control_rate_hz:g} Hz"
     yield from _of_some("controller", report.control, _controller)
     yield from _of_some("fusion", followers, _fusion)
+    yield from _of_some("own state", report.control, lambda asked: asked["own_state"])
     yield from _of_some("GNSS", report.gnss, _receiver)
     yield from _of_some("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
 

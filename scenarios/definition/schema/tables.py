@@ -63,7 +63,10 @@ class GainsTable(Table):
 
 
 class SteeringTable(Table):
-    """How a vehicle makes its trajectory from the poses received, and steers along it."""
+    """How a vehicle makes its trajectory from the poses received, and steers along it.
+
+    With own_state = "exact" it knows its own true state; what it broadcasts is measured anyway.
+    """
 
     controller: str = "slip_compensated"
     fusion: Literal["composite", "predecessor", "blend"] = "composite"
@@ -72,6 +75,7 @@ class SteeringTable(Table):
     preview_s: float = Field(default=0.8, ge=0.1, le=10)
     tolerance_m: float = Field(default=0.1, gt=0, le=10)
     knows_loading: bool = False
+    own_state: Literal["estimated", "exact"] = "estimated"
     gains: GainsTable = GainsTable()
 
 

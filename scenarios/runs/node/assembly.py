@@ -17,15 +17,20 @@ from transport.links.inbox import Inbox, IncomingLink
 from transport.links.link import Link
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssNoise, GnssReceiver
+from vehicles.car.imu import ExactSensor, InertialNoise, InertialSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
+from vehicles.driver.own_state import KnownState, OwnState
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import FitSettings
 from vehicles.schedule import SECOND, Cadence
+
+INERTIAL = 1
+"""Tells the random stream of a vehicle's inertial sensor from that of its receiver."""
 
 
 class VehicleBuilder:
@@ -56,6 +61,7 @@ class VehicleBuilder:
             body=self._body(),
             parameters=setup.parameters,
             gnss=self._receiver(start_at),
+            imu=self._imu(start_at),
             driver=self._driver(start_at),
             inbox=inbox,
             outbox=Outbox(
@@ -102,13 +108,26 @@ class VehicleBuilder:
         random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
         return GnssReceiver(noise, table.rate_hz, start_at, random)
 
+    def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
+        if self._setup.steering.own_state == "exact":
+            return ExactSensor()
+        # A stream apart from the receiver's, whose noise is the same with and without this sensor.
+        words = [self._scenario.seed, self._setup.place, INERTIAL]
+        random = np.random.Generator(np.random.PCG64(words))
+        return InertialSensor(InertialNoise(), self.control_rate_hz, start_at, random)
+
+    def _own_state(self) -> OwnState:
+        if self._setup.steering.own_state == "exact":
+            return KnownState()
+        return PoseEstimator(self._setup.assumed_parameters)
+
     def _driver(self, start_at: int) -> Driver:
         setup = self._setup
         control = Cadence(start_at, self.control_rate_hz)
-        estimator = PoseEstimator(setup.assumed_parameters)
+        own_state = self._own_state()
         if setup.predecessor is None:
             return Leader(
-                estimator=estimator,
+                own_state=own_state,
                 controller=self._controller(),
                 speed_law=self._profile(start_at),
                 control=control,
@@ -117,7 +136,7 @@ class VehicleBuilder:
             )
         steering = setup.steering
         return Follower(
-            estimator=estimator,
+            own_state=own_state,
             controller=self._controller(),
             speed_law=self._speed_law(start_at),
             control=control,

@@ -7,17 +7,19 @@ from transport.clock import Tick
 from transport.links.inbox import Inbox
 from vehicles.car.dynamics import Body, advance
 from vehicles.car.gnss import GnssReceiver
+from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.decision import Driver
 
 
 @dataclass(slots=True, kw_only=True)
 class Node:
-    """A car, its GNSS receiver and its driver, with its incoming and its outgoing messages."""
+    """A car, its sensors and its driver, with its incoming and its outgoing messages."""
 
     body: Body
     parameters: VehicleParameters
     gnss: GnssReceiver
+    imu: InertialSensor | ExactSensor
     driver: Driver
     inbox: Inbox
     outbox: Outbox
@@ -26,6 +28,7 @@ class Node:
         """One tick of the schedule: receive, measure, decide, send, advance the car to the next."""
         received = self.inbox.take(tick.at)
         fix = self.gnss.measure(self.body, tick.at)
-        decision = self.driver.step(tick.at, fix, received)
+        motion = self.imu.measure(self.body, tick.at)
+        decision = self.driver.step(tick.at, fix, motion, received)
         self.outbox.publish(tick.at, self.body, fix, decision)
         self.body = advance(self.body, decision.actuation, tick.span_s, self.parameters)

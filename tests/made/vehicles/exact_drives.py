@@ -64,7 +64,7 @@ def drive(
     steps = []
     ticks = instants(seconds, control_hz)
     for now, after in pairwise(ticks):
-        decision = driver.step(now, fix(body, now), hear(now))
+        decision = driver.step(now, fix(body, now), body, hear(now))
         steps.append(Step(now, body, decision))
         body = advance(body, decision.actuation, (after - now) / SECOND, CAR)
     return steps

@@ -35,7 +35,7 @@ def follower(
     law: SpeedLaw | None = None,
 ) -> Follower:
     return Follower(
-        estimator=PoseEstimator(CAR),
+        own_state=PoseEstimator(CAR),
         controller=SlipCompensated(CAR),
         speed_law=law or ProfileSpeed(SpeedProfile((0.0,), (speed,)), START, 1.0 / CONTROL_HZ),
         control=Cadence(START, CONTROL_HZ),

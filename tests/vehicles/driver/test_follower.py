@@ -30,6 +30,7 @@ from tests.made.vehicles.followers import (
 )
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
+from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision
 from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
@@ -187,10 +188,14 @@ def test_a_blend_steers_by_the_weighted_mean_of_what_each_source_asks(alpha: flo
     compared = 0
 
     class Three:
-        def step(self, now: int, fix: Fix | None, heard: Sequence[GpsPose]) -> Decision:
+        def step(
+            self, now: int, fix: Fix | None, motion: Motion | Body | None, heard: Sequence[GpsPose]
+        ) -> Decision:
             nonlocal compared
-            decision = blended.step(now, fix, heard)
-            lead, predecessor = by_lead.step(now, fix, heard), by_predecessor.step(now, fix, heard)
+            decision, lead, predecessor = (
+                driver.step(now, fix, motion, heard)
+                for driver in (blended, by_lead, by_predecessor)
+            )
             if decision.mode == "composite":
                 for part in ("steering", "feedforward", "feedback"):
                     mean = (1 - alpha) * getattr(lead.steering, part) + alpha * getattr(

@@ -209,7 +209,7 @@ def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
         if fix is not None and fix.seq in own:
             east, north = own[fix.seq]
             fix = replace(fix, east=east, north=north)
-        decision = driver.step(now, fix, heard)
+        decision = driver.step(now, fix, body, heard)
         assert math.isfinite(decision.actuation.steering)
         assert abs(decision.actuation.steering) <= CAR.steering_limit
         assert math.isfinite(decision.actuation.acceleration)

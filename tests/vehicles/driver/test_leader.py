@@ -40,7 +40,7 @@ def leader(
 ) -> Leader:
     profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile((0.0,), (speed,))
     return Leader(
-        estimator=PoseEstimator(CAR),
+        own_state=PoseEstimator(CAR),
         controller=SlipCompensated(CAR),
         speed_law=ProfileSpeed(profile, START, 1.0 / control_hz),
         control=Cadence(START, control_hz),

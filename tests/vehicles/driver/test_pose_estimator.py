@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.own_state import Pose
 from vehicles.driver.pose_estimator import (
     HEADING_GAIN,
     JUMPS_BELIEVED,
     POSITION_GAIN,
-    Pose,
     PoseEstimator,
 )
 from vehicles.geometry.geodesy import wrap_angle

@@ -12,6 +12,7 @@ from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
 from transport.bus.memory_bus import MemoryBus
 from vehicles.car.gnss import Fix
+from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, loaded
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
@@ -125,7 +126,23 @@ def first_steering(made: Scenario, name: str = "v1") -> float:
     """What a lead beside its path decides first."""
     one = node(made, name)
     fix = one.gnss.measure(one.body, START)
-    return one.driver.step(START, fix, []).actuation.steering
+    motion = one.imu.measure(one.body, START)
+    return one.driver.step(START, fix, motion, []).actuation.steering
+
+
+def test_with_exact_own_state_the_car_knows_where_it_is_and_broadcasts_what_is_measured() -> None:
+    settings = ("gnss.position_noise_m=5", "gnss.heading_noise_deg=5")
+    beside = "vehicle.v1.lateral_offset_m=0.5"
+    exact = scenario(*settings, beside, "control.own_state=exact")
+    one = node(exact, "v1")
+    motion = one.imu.measure(one.body, START)
+    decision = one.driver.step(START, one.gnss.measure(one.body, START), motion, [])
+    assert decision.errors.lateral == pytest.approx(0.5, abs=1e-12)
+    assert decision.errors.heading == pytest.approx(0.0, abs=1e-12)
+    assert fixes(exact, "v1") == fixes(scenario(*settings, beside), "v1")
+    some = scenario(*settings, "vehicle.v2.control.own_state=exact")
+    assert isinstance(node(some, "v2").imu, ExactSensor)
+    assert isinstance(node(some, "v3").imu, InertialSensor)
 
 
 def test_controller_and_gains_are_those_of_the_scenario() -> None:

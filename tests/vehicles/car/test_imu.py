@@ -1,0 +1,89 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vehicles.car.dynamics import Body
+from vehicles.car.imu import ExactSensor, InertialNoise, InertialSensor, Motion
+from vehicles.schedule import SECOND
+
+TICK = SECOND // 50
+BODY = Body(3.0, -2.0, 7.0, 20.0, yaw_rate=0.2)
+SILENT = InertialNoise(speed=0.0, yaw_rate=0.0, speed_bias=0.0, yaw_rate_bias=0.0)
+
+
+def sensor(noise: InertialNoise, seed: int = 1, rate_hz: float = 50.0) -> InertialSensor:
+    return InertialSensor(noise, rate_hz, 0, np.random.default_rng(seed))
+
+
+def readings(noise: InertialNoise, count: int, seed: int = 1) -> list[Motion]:
+    one = sensor(noise, seed)
+    taken = [one.measure(BODY, k * TICK) for k in range(count)]
+    return [motion for motion in taken if motion is not None]
+
+
+def test_without_noise_it_measures_what_is() -> None:
+    assert readings(SILENT, 3) == [Motion(20.0, 0.2)] * 3
+
+
+def test_it_measures_at_its_own_instants_only() -> None:
+    one = sensor(SILENT, rate_hz=20.0)
+    taken = [one.measure(BODY, k * TICK) is not None for k in range(11)]
+    assert taken == [k % 5 == 0 for k in range(11)]  # 50 and 150 ms are no instants of 50 Hz
+
+
+def test_noise_is_white_and_as_large_as_stated() -> None:
+    noise = replace(SILENT, speed=0.05, yaw_rate=0.002)
+    for values, mean, deviation in (
+        ([motion.speed for motion in readings(noise, 4000)], 20.0, 0.05),
+        ([motion.yaw_rate for motion in readings(noise, 4000)], 0.2, 0.002),
+    ):
+        off = np.array(values) - mean
+        assert np.mean(off) == pytest.approx(0.0, abs=4 * deviation / math.sqrt(4000))
+        assert np.std(off) == pytest.approx(deviation, rel=0.05)
+        assert abs(np.mean(off[1:] * off[:-1])) < 4 * deviation**2 / math.sqrt(4000)
+
+
+def test_a_bias_is_constant_and_differs_from_vehicle_to_vehicle() -> None:
+    noise = replace(SILENT, speed_bias=0.1, yaw_rate_bias=0.01)
+    drawn = []
+    for seed in range(400):
+        first, *others = readings(noise, 3, seed)
+        assert others == [first] * 2
+        drawn.append((first.speed - 20.0, first.yaw_rate - 0.2))
+    speeds, yaw_rates = np.array(drawn).T
+    assert np.std(speeds) == pytest.approx(0.1, rel=0.1)
+    assert np.std(yaw_rates) == pytest.approx(0.01, rel=0.1)
+    assert abs(np.corrcoef(speeds, yaw_rates)[0, 1]) < 0.2
+
+
+def test_readings_do_not_depend_on_how_many_are_drawn_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn = readings(InertialNoise(), 200)
+    monkeypatch.setattr("vehicles.car.imu.BLOCK", 1)
+    assert readings(InertialNoise(), 200) == drawn
+
+
+def test_a_standing_car_is_never_measured_as_going_backwards() -> None:
+    one = sensor(InertialNoise())
+    taken = [one.measure(Body(0.0, 0.0, 0.0, 0.0), k * TICK) for k in range(200)]
+    assert min(motion.speed for motion in taken if motion) == 0.0
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -1.0, math.nan, math.inf])
+def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
+    with pytest.raises(ValueError, match="rate"):
+        sensor(SILENT, rate_hz=rate_hz)
+
+
+@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
+@pytest.mark.parametrize("field", ["speed", "yaw_rate", "speed_bias", "yaw_rate_bias"])
+def test_noise_that_is_none_is_refused(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=field):
+        InertialNoise(**{field: value})
+
+
+def test_an_exact_sensor_gives_the_state_at_every_instant() -> None:
+    assert ExactSensor().measure(BODY, 12345) is BODY

@@ -1,0 +1,92 @@
+"""The sensors aboard that tell how the car moves: a gyroscope and the speed of the wheels.
+
+They measure far more often than a GNSS receiver, and need no sky. What they measure stays in the
+car: it is not broadcast.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+from numpy.random import Generator
+
+from vehicles.car.dynamics import Body
+from vehicles.schedule import Cadence
+
+BLOCK = 64
+"""Readings whose noise is drawn at once; the numbers are the same whatever the block."""
+
+
+@dataclass(slots=True)
+class Motion:
+    """One reading: speed along the body (m/s, never negative) and yaw rate (rad/s) of eq. (1)."""
+
+    speed: float
+    yaw_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class InertialNoise:
+    """Standard deviations of the errors of speed (m/s) and yaw rate (rad/s). Not in the paper.
+
+    Each reading has white Gaussian noise; the biases are constant over a run and drawn once for a
+    vehicle. A gyroscope: 0.1 deg/s of noise, which is 0.01 deg/s/sqrt(Hz) over 100 Hz (data sheets
+    of micromechanical ones for cars, such as ST's ASM330LHH, state half that density), and as much
+    of bias, what remains of the zero-rate offset after it was averaged away at a standstill. Wheel
+    speed: 0.03 m/s of noise, as of the receiver, and a bias of 0.1 m/s, which is half a per cent of
+    the tyre's radius at 20 m/s.
+    """
+
+    speed: float = 0.03
+    yaw_rate: float = math.radians(0.1)
+    speed_bias: float = 0.1
+    yaw_rate_bias: float = math.radians(0.1)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{field.name} noise must be at least 0, not {value}")
+
+
+class InertialSensor:
+    """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
+
+    The inertial unit of Section V-D. `random` belongs to this sensor alone: two normal numbers are
+    drawn for its biases, then two per reading, in the order of readings.
+    """
+
+    def __init__(
+        self, noise: InertialNoise, rate_hz: float, start_at: int, random: Generator
+    ) -> None:
+        if not (math.isfinite(rate_hz) and rate_hz > 0.0):
+            raise ValueError(f"the measuring rate must be positive, not {rate_hz} Hz")
+        self._noise = noise
+        self._cadence = Cadence(start_at, rate_hz)
+        self._random = random
+        speed, yaw_rate = random.standard_normal(2).tolist()
+        self._bias = Motion(noise.speed_bias * speed, noise.yaw_rate_bias * yaw_rate)
+        self._drawn: list[float] = []
+
+    def measure(self, body: Body, now: int) -> Motion | None:
+        """Measure `body` if `now` (ns) is an instant of measurement, else None.
+
+        v_x and dθ/dt of eq. (1) plus the constant bias plus white Gaussian noise.
+        """
+        if self._cadence.index(now) is None:
+            return None
+        if not self._drawn:
+            self._drawn = self._random.standard_normal(2 * BLOCK).tolist()
+            self._drawn.reverse()
+        noise, bias = self._noise, self._bias
+        return Motion(
+            max(0.0, body.speed + bias.speed + noise.speed * self._drawn.pop()),
+            body.yaw_rate + bias.yaw_rate + noise.yaw_rate * self._drawn.pop(),
+        )
+
+
+class ExactSensor:
+    """Knows the true state of the car at every instant: what Section V-C simulates with."""
+
+    def measure(self, body: Body, now: int) -> Body:  # noqa: ARG002 - every sensor is asked alike
+        """Give the state itself, of eqs. (1), (2) and (4)."""
+        return body
