@@ -83,6 +83,9 @@ ROADS = {
 FIELD_SEEDS = 2
 """Repetitions of the field experiment with noise."""
 
+FIELD_UNTIL = "duration_s=45.0"
+"""Repetitions end after the lane change and the first bend, the exact runs after a lap."""
+
 FIELD_SPEED = 25.0
 """Speed (m/s) of the field experiment."""
 
@@ -276,9 +279,9 @@ def _field() -> dict[RunKey, Experiment]:
         for phase in PHASES:
             place = f"path.segments.0.length_m={100.0 + phase * SAMPLING_S * FIELD_SPEED}"
             found[key.moved(phase)] = Experiment(
-                scenario="paper_field", overrides=(*EXACT, *changes, place)
+                scenario="paper_field", overrides=(*EXACT, *changes, place, FIELD_UNTIL)
             )
-        found |= _noisy(key, "paper_field", FIELD_SEEDS, *changes)
+        found |= _noisy(key, "paper_field", FIELD_SEEDS, *changes, FIELD_UNTIL)
     return found
 
 

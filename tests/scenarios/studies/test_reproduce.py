@@ -42,8 +42,8 @@ PNG = b"\x89PNG"
 NAMES = """
     parameters steering_parameters feedforward preview signs preview_samples one_change
     ten_centimetres circle recipe_suffices two_samples
-    polynomial state_equation proposition_1 proposition_1_square_integrable
-    proposition_1_in_the_mean norm_of_g equivalence stabilising_set
+    polynomial state_equation proposition_1_square_integrable
+    proposition_1_in_the_mean proposition_1 norm_of_g equivalence stabilising_set
     inside_the_intersection ball first_condition inertia not_affine all_loadings open_loop_roots
     road base_below_9_cm base_where
     base_decreasing base_true amplified_without_lead_data reduced_by_lead_data a_decreasing

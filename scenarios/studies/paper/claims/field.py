@@ -11,7 +11,7 @@ from scenarios.studies.paper.findings import SAME, Findings, Tally, cm, in_cm
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
 from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
-from vehicles.preview.trajectory import FitSettings
+from vehicles.preview.curve_fit import FitSettings, Trajectory
 from vehicles.theory.propagation import propagation, trace_propagation
 from vehicles.theory.string_stability import head_to_tail
 
@@ -34,6 +34,13 @@ class SettledErrors:
     tracking_rms: tuple[float, ...]
     cross_track_rms: tuple[float, ...]
 
+
+WHY_PL3: dict[Trajectory, str] = {
+    "fitted": "PL3 follows PL2 back to the lead's path in the first seconds, but its largest error "
+    "stays below PL2's: nothing appears to grow here",
+    "paper": "PL2's path and the lead's lie up to 40 cm apart in the first seconds, through which "
+    "eq. (5) lays circles that are too small",
+}
 
 LOW_FREQUENCY = 2.5
 """Frequencies up to this (rad/s) are the low ones of Section IV-B."""
@@ -147,7 +154,7 @@ def field_initial_error(findings: Findings) -> Answer:
         holds=_appears_to_grow(trial),
         phases=findings.phases(_appears_to_grow, FIELD_WITH),
         noise=findings.seeds(_appears_to_grow, FIELD_WITH),
-        reason="PL3 follows PL2 back to the lead's path in the first seconds, and no longer after",
+        reason=WHY_PL3[findings.trajectory],
         numbers={"tracking_error_m_max": tracking},
     )
 

@@ -66,30 +66,6 @@ def state_equation(_: Findings) -> Answer:
 
 
 @CLAIMS.claim(
-    where="IV-A, Proposition 1, case (iii)",
-    paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
-    needs=(Part.GAINS,),
-    driven=False,
-)
-def proposition_1(_: Findings) -> Answer:
-    slowest, fastest = PAPER_SPEEDS[0], BASE_SPEED
-    decay = guaranteed_decay(LINCOLN_MKZ, NOMINAL_GAINS, slowest, fastest)
-    bounds = {
-        speed: min(certified_acceleration(LINCOLN_MKZ, NOMINAL_GAINS, speed, slowest, fastest))
-        for speed in (slowest, 10.0, 20.0, fastest)
-    }
-    table = ", ".join(f"{bound:.0f} at {speed:.1f} m/s" for speed, bound in bounds.items())
-    return Answer(
-        ours=f"σ = {decay:.3f} 1/s from {slowest:.1f} to {fastest:.0f} m/s, proven for all speeds "
-        f"between; a number for μ*: stable for |v̇| below {table} (m/s²)",
-        holds=decay > 0.0 and min(bounds.values()) > 0.0,
-        reason="the paper has no number; this one includes the term v̇ θ̃ that it leaves out",
-        numbers={"decay_per_s": decay}
-        | {f"certified_mps2_at_{speed:.1f}_mps": bound for speed, bound in bounds.items()},
-    )
-
-
-@CLAIMS.claim(
     where="IV-A, Proposition 1, first case",
     paper="If the acceleration is square integrable, the loop is exponentially stable",
     needs=(Part.GAINS,),
@@ -135,8 +111,32 @@ def proposition_1_in_the_mean(_: Findings) -> Answer:
         f"({without:.2f} m/s² without the term v̇ θ̃); the α_0 costs a factor, not stability",
         holds=mean > 0.0 and without > 0.0,
         reason="the paper has no number. This one is sufficient, and careful: a constant bound on "
-        "|v̇|, case (iii), may be far larger, see there",
+        "|v̇|, case (iii), may be far larger: next row",
         numbers={"mean_acceleration_mps2": mean, "without_speed_term_mps2": without},
+    )
+
+
+@CLAIMS.claim(
+    where="IV-A, Proposition 1, case (iii)",
+    paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
+    needs=(Part.GAINS,),
+    driven=False,
+)
+def proposition_1(_: Findings) -> Answer:
+    slowest, fastest = PAPER_SPEEDS[0], BASE_SPEED
+    decay = guaranteed_decay(LINCOLN_MKZ, NOMINAL_GAINS, slowest, fastest)
+    bounds = {
+        speed: min(certified_acceleration(LINCOLN_MKZ, NOMINAL_GAINS, speed, slowest, fastest))
+        for speed in (slowest, 10.0, 20.0, fastest)
+    }
+    table = ", ".join(f"{bound:.0f} at {speed:.1f} m/s" for speed, bound in bounds.items())
+    return Answer(
+        ours=f"σ = {decay:.3f} 1/s from {slowest:.1f} to {fastest:.0f} m/s, proven for all speeds "
+        f"between; a number for μ*: stable for |v̇| below {table} (m/s²)",
+        holds=decay > 0.0 and min(bounds.values()) > 0.0,
+        reason="the paper has no number; this one includes the term v̇ θ̃ that it leaves out",
+        numbers={"decay_per_s": decay}
+        | {f"certified_mps2_at_{speed:.1f}_mps": bound for speed, bound in bounds.items()},
     )
 
 

@@ -354,7 +354,8 @@ def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
             RADII, 100.0 * np.array(noisy), mark, ls=":", mfc="white", color=colour, label=label
         )
     left.axhline(9.0, color=GREY, linestyle=":", linewidth=1.0)
-    left.set_xticks([200, 300, 500, 1000], ["200", "300", "500", "1000"])
+    left.set_xticks([200, 300, 400, 500, 700, 1000], ["200", "300", "400", "500", "700", "1000"])
+    left.minorticks_off()
     left.set_xlabel("radius of the bends (m)")
     left.set_ylabel("largest error off the own trajectory (cm)")
     left.set_title("A lane change at 30 m/s (dotted: the paper's 9 cm)")
@@ -372,6 +373,7 @@ def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
             worst = max(run.tracking[place] for run in runs)
             x = column + 0.25 * (place - 1)
             right.bar(x, 100.0 * worst, width=0.22, color=COLOURS[place + 1])
+    right.set_yscale("log")
     right.axhline(9.0, color=GREY, linestyle=":", linewidth=1.0)
     right.set_xticks(range(len(bars)), list(bars))
     right.set_title("Base case, followers 1 to 3 (500 m)")

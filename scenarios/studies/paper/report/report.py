@@ -3,12 +3,9 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 
-from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims import (
     base,
     field,
@@ -28,25 +25,21 @@ from scenarios.studies.paper.claims.claim import (
     groups,
     judge,
 )
-from scenarios.studies.paper.claims.field import numbers_of, settled_errors
-from scenarios.studies.paper.experiments import RUNS_OF_CASE
-from scenarios.studies.paper.findings import SAME, Findings, in_cm, non_increasing
+from scenarios.studies.paper.findings import SAME, in_cm
 from scenarios.studies.paper.keys import (
     BASE,
-    FIELD_WITH,
-    FIELD_WITHOUT,
     TRAJECTORIES,
     TRAJECTORY_NAMES,
     A,
     C,
     at_radius,
 )
+from scenarios.studies.paper.report.machine_readable import AllFindings, logs, machine_readable
 from scenarios.studies.paper.report.pictures import BOTH, PICTURES
 from scenarios.studies.paper.report.tables import tables
 from scenarios.studies.picture_style import STYLE
 from vehicles.preview.curve_fit import Trajectory
 
-SCHEMA = "convoy.reproduction/2"
 CLAIMS = (
     *model.CLAIMS,
     *trajectory.CLAIMS,
@@ -59,8 +52,6 @@ CLAIMS = (
     *other_laws.CLAIMS,
 )
 """All claims, in the order of the paper; what is beside it comes last."""
-
-AllFindings = Mapping[Trajectory, Findings]
 
 CAPTIONS = {
     "road.png": "The road of the main cases, which the paper does not give.",
@@ -91,7 +82,7 @@ def write_report(findings: AllFindings, cases: Sequence[str], out: Path) -> list
     pictures = _draw(findings, out)
     text = "\n".join(_markdown(findings, cases, claims, pictures)) + "\n"
     (out / "report.md").write_text(text, encoding="utf-8")
-    report = _machine_readable(findings, cases, claims, pictures)
+    report = machine_readable(findings, cases, claims, pictures)
     (out / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     return claims
 
@@ -138,8 +129,11 @@ def _markdown(
     yield ""
     yield from _differing(claims)
     yield from _recipe(findings)
+    calculated = [one for one in claims if not one.claim.driven]
+    driven = [one for one in claims if one.claim.driven]
+    yield from _in_short(calculated, "fitted", "calculated, the same for both")
     for kind in findings:
-        yield from _in_short(claims, kind)
+        yield from _in_short(driven, kind, TRAJECTORY_NAMES[kind])
     yield from _method()
     yield from _claims(claims)
     for name, files in pictures.items():
@@ -209,8 +203,9 @@ GROUPS = {
 }
 
 
-def _in_short(claims: Sequence[JudgedClaim], kind: Trajectory) -> Iterator[str]:
-    yield from (f"## In short: {TRAJECTORY_NAMES[kind]}", "")
+def _in_short(claims: Sequence[JudgedClaim], kind: Trajectory, title: str) -> Iterator[str]:
+    """List the claims that do not simply hold, by what becomes of them."""
+    yield from (f"## In short: {title}", "")
     for group, found in groups(claims, kind).items():
         if found:
             yield f"{GROUPS[group]}:"
@@ -247,7 +242,7 @@ def _method() -> Iterator[str]:
         "- Main runs are exact, as the paper's presumably are: measurements without noise, and "
         "cars that know their own state. Noise: 2 cm, 0.1°, 0.03 m/s, 0.1°/s, own state estimated "
         "from that, over several seeds; A to D and variable speed up to the end of the first lane "
-        "change.",
+        "change, the field experiment's repetitions up to the end of the first bend.",
         "- What a fit makes of a bend depends on where the samples fall on it. Exact runs are "
         "repeated with the road moved by a quarter, half and three quarters of 0.1 s, after which "
         "the pattern of poses and decisions repeats. One rule for all: a claim on runs holds if it "
@@ -275,12 +270,13 @@ def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     for one in claims:
         first, second = (one.judged[kind] for kind in TRAJECTORIES)
         same = second.answer.ours == first.answer.ours
+        again = "the same" if one.claim.driven else "(calculated)"
         yield _line(
             one.claim.where,
             one.claim.paper,
             first.answer.ours,
             _verdict(first),
-            "the same" if same else second.answer.ours,
+            again if same else second.answer.ours,
             _verdict(second),
             _reasons(first, second),
         )
@@ -320,92 +316,3 @@ def _logs(findings: AllFindings, cases: Sequence[str]) -> Iterator[str]:
     if found:
         yield from ("", "## Logs", "", "`convoy review LOG` shows them:", "")
         yield from (f"- {log}" for log in found)
-
-
-def logs(findings: AllFindings, cases: Sequence[str]) -> list[str]:
-    """Logs that were kept, relative to the report."""
-    runs = {key: run for case in cases for key, run in RUNS_OF_CASE[case].items()}
-    found = []
-    for kind, one in findings.items():
-        logged = [key for key, run in runs.items() if run.logged and one.has(key)]
-        found += [f"{kind}/{key}/run.mcap" for key in logged]
-        if one.field is not None:
-            found += [f"{kind}/field/{name}/run.mcap" for name in one.field.logs]
-    return found
-
-
-def _machine_readable(
-    findings: AllFindings,
-    cases: Sequence[str],
-    claims: Sequence[JudgedClaim],
-    pictures: Mapping[str, Sequence[str]],
-) -> dict[str, Any]:
-    gains_pictures = next(iter(findings.values())).gains_pictures or ()
-    drawn = [file for files in pictures.values() for file in files]
-    return {
-        "schema": SCHEMA,
-        "cases": list(cases),
-        "claims": [_row(one) for one in claims],
-        "runs": {kind: _runs_of(one) for kind, one in findings.items()},
-        "propagation": {kind: _propagation(one) for kind, one in findings.items()},
-        "pictures": [*drawn, *(f"gains/{name}" for name in gains_pictures)],
-        "logs": logs(findings, cases),
-    }
-
-
-def _runs_of(findings: Findings) -> dict[str, Any]:
-    """Figures of all runs along one trajectory, by their keys."""
-    runs = {str(key): _figures(trial) for key, trial in findings.trials.items()}
-    if findings.field is not None:
-        for key in (FIELD_WITH, FIELD_WITHOUT):
-            runs[str(key)] |= numbers_of(settled_errors(findings.trials[key]))
-    return runs
-
-
-def _propagation(findings: Findings) -> list[dict[str, Any]]:
-    """What became of the lead's swings."""
-    return [
-        {
-            "frequency_radps": one.frequency,
-            "preview_s": one.preview_s,
-            "amplitude_m": np.abs(one.amplitudes).tolist(),
-            "ratio": one.ratios,
-        }
-        for one in sorted(findings.sine_responses, key=lambda one: one.frequency)
-    ]
-
-
-def _row(one: JudgedClaim) -> dict[str, Any]:
-    """A judged claim as JSON."""
-    claim = one.claim
-    return {
-        "name": claim.name,
-        "where": claim.where,
-        "paper": claim.paper,
-        "driven": claim.driven,
-        "trajectories": {kind: _judged_row(judged) for kind, judged in one.judged.items()},
-    }
-
-
-def _judged_row(one: Judged) -> dict[str, Any]:
-    answer = one.answer
-    return {
-        "ours": answer.ours,
-        "verdict": one.judgement,
-        "reason": answer.reason,
-        "phases": answer.phases._asdict() if answer.phases else None,
-        "noise": answer.noise._asdict() if answer.noise else None,
-        "numbers": answer.numbers,
-    }
-
-
-def _figures(trial: Trial) -> dict[str, Any]:
-    """Largest errors of one run, an entry per follower."""
-    return {
-        "vehicles": [drive.name for drive in trial.followers],
-        "lead_tracking_error_m_max": trial.lead.tracking_max,
-        "tracking_error_m_max": trial.tracking,
-        "cross_track_error_m_max": trial.cross_track,
-        "tracking_decreases": non_increasing(trial.tracking),
-        "cross_track_decreases": non_increasing(trial.cross_track),
-    }
