@@ -58,7 +58,8 @@ PAPER = re.compile(
 """A place in the paper, or that it has none."""
 NAMED = (
     "Bernstein", "BFGS", "Brent's method", "Cauchy product", "Cleveland, 1979", "companion matri",
-    "constant time headway policy", "Cook and Weisberg, 1982", "CUSUM", "elementary algebra",
+    "constant time headway policy", "Cook and Weisberg, 1982", "Coulter", "CUSUM",
+    "elementary algebra",
     "EPSG method", "Gauss–Markov", "Gauss–Newton", "Gaussian elimination", "Hermite", "Hoffmann",
     "Horner's scheme", "Hurwitz's criterion", "IEEE 754", "Kalman", "linear regression",
     "linear interpolation", "local regression", "Lyapunov", "Newton's method", "quotient rule",

@@ -1,8 +1,8 @@
-"""From tracking errors to a steering command: the paper's law, an alternative, a user's own."""
+"""From tracking errors to a steering command: the paper's law, alternatives, a user's own."""
 
 from dataclasses import dataclass
 from importlib import import_module
-from math import atan2, isfinite, sin
+from math import atan, atan2, cos, hypot, isfinite, sin
 from typing import Protocol
 
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
@@ -161,6 +161,69 @@ class Stanley:
             - self.DAMPING * errors.yaw_rate
         )
         return limited(feedforward, feedback, self._parameters.steering_limit)
+
+
+class PurePursuit:
+    """Pure pursuit, to compare the paper's law against.
+
+    R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01,
+    1992; J. M. Snider, "Automatic steering methods for autonomous automobile path tracking",
+    CMU-RI-TR-09-08, 2009, for the bicycle and a look-ahead distance that grows with speed. The rear
+    axle is to drive the circle that touches the car's axis and passes a goal point ahead on the
+    path. It knows neither the slip of the tyres nor the yaw rate; the paper's gains are ignored.
+    """
+
+    LOOK_AHEAD = 0.5
+    """Look-ahead distance over speed (s)."""
+    LOOK_AHEAD_LEAST = 1.5
+    """Least look-ahead distance, in wheelbases."""
+    STEPS = 16
+    """Points per look-ahead distance at which the goal point is sought."""
+
+    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
+        """`parameters` are those that the controller assumes of its car."""
+        self._parameters = parameters
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        """δ = atan(2 (a+b) sin α / l_d), α being the goal's bearing from the rear axle (Coulter).
+
+        The feedforward is what the path's curvature beside the car asks for, the feedback the rest.
+        """
+        car, heading = self._parameters, errors.heading
+        reach = max(self.LOOK_AHEAD_LEAST * car.wheelbase, self.LOOK_AHEAD * abs(speed))
+        x = -car.rear_axle_distance * cos(heading)
+        y = errors.lateral - car.rear_axle_distance * sin(heading)
+        goal_x, goal_y = self._goal(errors, x, y, reach)
+        bearing = atan2(goal_y - y, goal_x - x) - heading
+        steering = atan(2.0 * car.wheelbase * sin(bearing) / reach)
+        feedforward = atan(car.wheelbase * errors.curvature)
+        return limited(feedforward, steering - feedforward, car.steering_limit)
+
+    def _goal(
+        self, errors: TrackingErrors, x: float, y: float, reach: float
+    ) -> tuple[float, float]:
+        """Go along the path to the first place `reach` (m) from (x, y), in the foot point's frame.
+
+        The foot point itself if the car is further off than that, and half a turn on a circle that
+        never gets so far.
+        """
+        step = reach / self.STEPS
+        goal_x = goal_y = turned = 0.0
+        away = hypot(x, y)
+        for k in range(2 * self.STEPS):
+            if away >= reach:
+                break
+            turn = errors.curvature_ahead((k + 0.5) * step) * step
+            before_x, before_y, before = goal_x, goal_y, away
+            goal_x += step * cos(turned + 0.5 * turn)
+            goal_y += step * sin(turned + 0.5 * turn)
+            turned += turn
+            away = hypot(goal_x - x, goal_y - y)
+            if away > reach:
+                share = (reach - before) / (away - before)
+                goal_x = before_x + share * (goal_x - before_x)
+                goal_y = before_y + share * (goal_y - before_y)
+        return goal_x, goal_y
 
 
 class GuardedController:

@@ -7,5 +7,6 @@ trajectory   the composite trajectory of both sources
 curve_fit    which curve explains the samples
 fit_arc      least squares for a line and an arc
 fit_joined   least squares for a line and an arc with one tangent where they join
+paper_recipe the paper's own trajectory: line test, then line or circle
 outliers     samples that have jumped
 """

@@ -10,6 +10,7 @@ from one shape to another while samples come and go, where a choice would make t
 
 from dataclasses import dataclass
 from math import exp, hypot, inf, sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,8 @@ from vehicles.preview.fit_joined import Joined, best_joined, refined
 from vehicles.preview.laying import between, laid
 
 Floats = NDArray[np.float64]
+Trajectory = Literal["fitted", "paper", "paper_prefix"]
+"""How a trajectory is made: by this module, or by the paper's own rules (`paper_recipe`)."""
 STRAYING = 0.5
 """Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
 which no further shape is tried. Half of all lines and arcs stay below."""
@@ -55,6 +58,8 @@ class FitSettings:
     the weight of the best counts nothing. Up to `joins` places are tried for a join, each piece
     being at least `piece_min` long and `piece_ratio` of the whole; the best is refined in up to
     `passes`. `span_min` is the least travel that has a direction.
+
+    `trajectory` says who fits; the paper's own rules know preview time, tolerance and `span_min`.
     """
 
     preview_time: float = 0.8
@@ -75,6 +80,7 @@ class FitSettings:
     piece_ratio: float = 0.15
     passes: int = 2
     span_min: float = 1.0
+    trajectory: Trajectory = "fitted"
 
     def price(self, freedom: int, joins: int = 0) -> float:
         """How much squared residual, in noise squared, so many unknowns and joins must explain."""
@@ -88,6 +94,8 @@ class FitSettings:
 
     def behind(self, speed: float) -> float:
         """How far behind the ego samples count (m) at `speed` (m/s); in Section III-A none do."""
+        if self.trajectory != "fitted":
+            return 0.0
         return max(self.behind_min, self.behind_time * speed)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
 from vehicles.preview.outliers import without_jumps
+from vehicles.preview.paper_recipe import recipe_curve
 from vehicles.preview.trace import Window
 
 __all__ = ["Fit", "FitSettings", "Fusion", "fit_composite", "fuse"]
@@ -71,9 +72,12 @@ def fit_composite(
 ) -> Fit | None:
     """Line, arc, line→arc or arc→line of the fewest pieces that explains the samples.
 
+    Or what the paper's own rules give, if `settings.trajectory` asks for them (`paper_recipe`).
+
     Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (J of eq. (5),
     with e the distance from the curve); a source alone gets all the weight. A sample that has
-    jumped out of the tolerance is left out, once. None if the samples support no trajectory.
+    jumped out of the tolerance is left out, once (the paper's rules leave none out). None if the
+    samples support no trajectory.
     """
     merged = _merge(lead, predecessor, alpha)
     curve = None if merged is None else _curve(merged, settings)
@@ -81,7 +85,7 @@ def fit_composite(
         return None
     largest = float(np.maximum.reduce(np.abs(curve.offsets)))
     outliers = 0
-    if largest > settings.tolerance:
+    if largest > settings.tolerance and settings.trajectory == "fitted":
         keep = without_jumps(*merged[:3], curve.offsets, settings.tolerance)
         kept = None if keep is None else merged.where(keep)
         again = None if kept is None else _curve(kept, settings)
@@ -164,4 +168,5 @@ def _alone(window: Window, source: int) -> _Merged:
 
 
 def _curve(merged: _Merged, settings: FitSettings) -> Curve | None:
-    return fit_curve(merged.east, merged.north, merged.station, merged.weight, settings)
+    fit = fit_curve if settings.trajectory == "fitted" else recipe_curve
+    return fit(merged.east, merged.north, merged.station, merged.weight, settings)

@@ -87,6 +87,7 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield "control", f"at {report.control_rate_hz:g} Hz"
     yield from _of_some("controller", report.control, _controller)
     yield from _of_some("fusion", followers, _fusion)
+    yield from _of_some("own state", report.control, lambda asked: asked["own_state"])
     yield from _of_some("GNSS", report.gnss, _receiver)
     yield from _of_some("own state", report.imu, _own_state)
     yield from _of_some("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
@@ -100,7 +101,8 @@ def _controller(asked: Mapping[str, Any]) -> str:
 
 def _fusion(asked: Mapping[str, Any]) -> str:
     sight = f"preview {asked['preview_s']:g} s, tolerance {asked['tolerance_m']:g} m"
-    return f"{asked['fusion']}, α {asked['alpha_ratio']:g}, {sight}"
+    how = f"{asked['trajectory']} trajectory"
+    return f"{asked['fusion']}, {how}, α {asked['alpha_ratio']:g}, {sight}"
 
 
 def _receiver(asked: Mapping[str, float]) -> str:

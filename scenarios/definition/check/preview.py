@@ -81,7 +81,8 @@ def _seen(scenario: Scenario, setup: VehicleSetup, speed: float) -> _Sight:
 def _sight(
     scenario: Scenario, setup: VehicleSetup, source: str, link: LinkTable, speed: float
 ) -> _Sight:
-    settings = FitSettings(preview_time=setup.steering.preview_s)
+    steering = setup.steering
+    settings = FitSettings(preview_time=steering.preview_s, trajectory=steering.trajectory)
     sent = scenario.vehicle(source).gnss.rate_hz
     rate = min(sent, link.rate_hz or sent) * (1.0 - link.loss_ratio)
     age = (link.latency_ms + link.jitter_ms) / 1000.0 + (1.0 / rate if rate else float("inf"))

@@ -20,6 +20,7 @@ CONTROLLERS = {
     "slip_compensated": "vehicles.driver.steering.SlipCompensated",
     "feedforward_feedback": "vehicles.driver.steering.FeedforwardFeedback",
     "stanley": "vehicles.driver.steering.Stanley",
+    "pure_pursuit": "vehicles.driver.steering.PurePursuit",
 }
 """The shipped controllers; any other is the dotted name of the user's own class."""
 
@@ -69,6 +70,7 @@ class SteeringTable(Table):
 
     controller: str = "slip_compensated"
     fusion: Literal["composite", "predecessor", "blend"] = "composite"
+    trajectory: Literal["fitted", "paper", "paper_prefix"] = "fitted"
     alpha_ratio: Ratio = 0.5
     preview_s: float = Field(default=0.8, ge=0.1, le=10)
     tolerance_m: float = Field(default=0.1, gt=0, le=10)

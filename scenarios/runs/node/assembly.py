@@ -199,6 +199,7 @@ class VehicleBuilder:
             preview_time=steering.preview_s,
             tolerance=max(steering.tolerance_m, 5.0 * noise),
             position_noise=noise,
+            trajectory=steering.trajectory,
         )
 
     def _controller(self) -> LateralController:

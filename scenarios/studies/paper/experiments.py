@@ -1,12 +1,14 @@
 """The runs of `convoy reproduce`, by case: which scenario with what changed, and what is logged.
 
-The paper's simulations are done with exact measurements; beside them stand runs with the noise of
-a real receiver, over several seeds, and runs in which one thing is changed, to show its effect.
+The paper's simulations are done with exact measurements by cars that know their own state; beside
+them stand runs with a real receiver, over several seeds, and runs in which one thing is changed, to
+show its effect. All of it is done with each trajectory.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import acos, cos, sin
+from typing import Literal
 
 from scenarios.studies.paper.keys import (
     BASE,
@@ -24,8 +26,9 @@ from scenarios.studies.paper.keys import (
     RunKey,
     at_radius,
 )
+from vehicles.preview.curve_fit import Trajectory
 
-EXACT_SEEDS = 5
+BASE_SEEDS = 4
 """Noisy runs of the base case, with and without the lead's data."""
 
 OTHER_SEEDS = 3
@@ -43,13 +46,23 @@ BASE_SPEED = 30.0
 LANE = 3.6
 """Width of a lane (m)."""
 
+EXACT = (
+    "gnss.position_noise_m=0.0",
+    "gnss.heading_noise_deg=0.0",
+    "gnss.speed_noise_mps=0.0",
+    "gnss.yaw_rate_noise_radps=0.0",
+    'control.own_state="exact"',
+)
+"""Nothing is measured wrongly, and each car knows its own state: as in the paper's cases."""
+
 NOISE = (
+    'control.own_state="estimated"',
     "gnss.position_noise_m=0.02",
     "gnss.heading_noise_deg=0.1",
     "gnss.speed_noise_mps=0.03",
     "gnss.yaw_rate_noise_radps=0.00175",
 )
-"""An RTK receiver with an inertial unit, as in the other scenarios."""
+"""An RTK receiver, and a car that knows itself by it, as in the other scenarios."""
 
 PHASES = (0.25, 0.5, 0.75)
 """Shares of `SAMPLING_S` by which the road is moved, to show the effect of where samples fall."""
@@ -68,15 +81,23 @@ ROADS = {
 """Of each case's scenario the speed (m/s) at the first curve, and where lane changes begin (m)."""
 
 FIELD_SEEDS = 2
-"""Repetitions of the field experiment with other noise."""
+"""Repetitions of the field experiment with noise."""
+
+FIELD_UNTIL = "duration_s=45.0"
+"""Repetitions end after the lane change and the first bend, the exact runs after a lap."""
+
+FIELD_SPEED = 25.0
+"""Speed (m/s) of the field experiment."""
 
 FIRST_CHANGE = ("duration_s=15.0",)
 """The first of the two lane changes only."""
 
 PREDECESSOR_ONLY = ('control.fusion="predecessor"',)
 SLIP_COMPENSATED = ('control.controller="slip_compensated"',)
-OWN_STATE_AT_50_HZ = ("gnss.rate_hz=50.0", "links.rate_hz=20.0")
-"""Each car knows its own state at every decision; the others still receive it at 20 Hz."""
+OWN_STATE_ESTIMATED = ('control.own_state="estimated"',)
+"""Each car knows its own state from its own measurements, which are exact."""
+OTHER_LAWS: tuple[Literal["stanley", "pure_pursuit"], ...] = ("stanley", "pure_pursuit")
+"""Laws beside the paper's, along the same trajectories."""
 
 SHORTEST = 1.0
 """A straight shorter than this (m) is left out."""
@@ -93,6 +114,10 @@ class Experiment:
     overrides: tuple[str, ...] = ()
     seed: int | None = None
     logged: bool = False
+
+    def along(self, trajectory: Trajectory) -> "Experiment":
+        """Give the same run with this trajectory, unless it names one itself."""
+        return replace(self, overrides=(f'control.trajectory="{trajectory}"', *self.overrides))
 
 
 def lane_change_lengths(
@@ -149,14 +174,15 @@ def _noisy(key: RunKey, scenario: str, seeds: int, *changes: str) -> dict[RunKey
     }
 
 
-def _moved(key: RunKey) -> dict[RunKey, Experiment]:
-    """The case on its own road, moved by shares of the distance between two samples."""
-    speed, begins = ROADS[key]
-    found = {}
+def _in_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunKey, Experiment]:
+    """An exact run, and the same with the road of its case moved by less than between samples."""
+    speed, begins = ROADS[case]
+    found = {key: exact}
     for phase in PHASES:
         distance = phase * SAMPLING_S * speed
         place = road(500.0, 30.0, 30.0, (begins[0] + distance, begins[1] + distance))
-        found[key.moved(phase)] = Experiment(scenario=f"paper_{key}", overrides=(place,))
+        overrides = (*exact.overrides, place)
+        found[key.moved(phase)] = replace(exact, overrides=overrides, logged=False)
     return found
 
 
@@ -164,8 +190,7 @@ def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
     """A case of the paper, exact and logged; on its road moved; and with noise."""
     name = f"paper_{key}"
     return {
-        key: Experiment(scenario=name, logged=True),
-        **_moved(key),
+        **_in_phases(key, Experiment(scenario=name, logged=True), key),
         **_noisy(key, name, seeds, *until),
     }
 
@@ -184,7 +209,7 @@ def _first_change(*changes: str) -> Experiment:
 def _base() -> dict[RunKey, Experiment]:
     knows_loading = "control.knows_loading=true"
     return {
-        **_repeated(BASE, EXACT_SEEDS),
+        **_repeated(BASE, BASE_SEEDS),
         BASE.varied("as_is"): _first_change(),
         BASE.varied("blend"): _first_change('control.fusion="blend"'),
         BASE.varied("lead_only"): _first_change("control.alpha_ratio=0.0"),
@@ -194,8 +219,17 @@ def _base() -> dict[RunKey, Experiment]:
         ),
         BASE.varied("knows_loading"): _first_change(knows_loading),
         BASE.varied("gap_25_m"): _first_change("convoy.gap_m=25.0"),
-        BASE.varied("own_state_at_50_hz"): _first_change(*OWN_STATE_AT_50_HZ),
+        BASE.varied("own_state_estimated"): _first_change(*OWN_STATE_ESTIMATED),
+        BASE.varied("paper_prefix"): _first_change('control.trajectory="paper_prefix"'),
     }
+
+
+def _laws() -> dict[RunKey, Experiment]:
+    found = _in_phases(BASE, Experiment(logged=True), BASE)
+    for law in OTHER_LAWS:
+        run = Experiment(overrides=(f'control.controller="{law}"',))
+        found |= _in_phases(BASE.varied(law), run)
+    return found
 
 
 def _a_or_c(key: RunKey, speed: float) -> dict[RunKey, Experiment]:
@@ -212,11 +246,11 @@ def _a_or_c(key: RunKey, speed: float) -> dict[RunKey, Experiment]:
 def _lead_data() -> dict[RunKey, Experiment]:
     eight_cars = ("convoy.vehicles=8", "duration_s=17.0")
     return {
-        **_repeated(BASE, EXACT_SEEDS),
-        NO_LEAD_DATA: Experiment(overrides=PREDECESSOR_ONLY, logged=True),
-        **_noisy(NO_LEAD_DATA, "paper_base", EXACT_SEEDS, *PREDECESSOR_ONLY),
-        LONG_WITH: Experiment(overrides=eight_cars),
-        LONG_WITHOUT: Experiment(overrides=(*eight_cars, *PREDECESSOR_ONLY)),
+        **_repeated(BASE, BASE_SEEDS),
+        **_in_phases(NO_LEAD_DATA, Experiment(overrides=PREDECESSOR_ONLY, logged=True)),
+        **_noisy(NO_LEAD_DATA, "paper_base", BASE_SEEDS, *PREDECESSOR_ONLY),
+        **_in_phases(LONG_WITH, Experiment(overrides=eight_cars)),
+        **_in_phases(LONG_WITHOUT, Experiment(overrides=(*eight_cars, *PREDECESSOR_ONLY))),
     }
 
 
@@ -236,13 +270,18 @@ def _radius() -> dict[RunKey, Experiment]:
 
 
 def _field() -> dict[RunKey, Experiment]:
-    """Noisy repetitions; live convoys, since a replayed car is received as a live one is."""
+    """Repetitions, moved and noisy: live convoys, for a replayed car is received as a live one.
+
+    The exact runs themselves are driven car by car (`field_runs`).
+    """
     found = {}
-    for seed in range(2, 2 + FIELD_SEEDS):
-        found[FIELD_WITH.noisy(seed)] = Experiment(scenario="paper_field", seed=seed)
-        found[FIELD_WITHOUT.noisy(seed)] = Experiment(
-            scenario="paper_field", seed=seed, overrides=PREDECESSOR_ONLY
-        )
+    for key, changes in ((FIELD_WITH, ()), (FIELD_WITHOUT, PREDECESSOR_ONLY)):
+        for phase in PHASES:
+            place = f"path.segments.0.length_m={100.0 + phase * SAMPLING_S * FIELD_SPEED}"
+            found[key.moved(phase)] = Experiment(
+                scenario="paper_field", overrides=(*EXACT, *changes, place, FIELD_UNTIL)
+            )
+        found |= _noisy(key, "paper_field", FIELD_SEEDS, *changes, FIELD_UNTIL)
     return found
 
 
@@ -254,6 +293,7 @@ RUNS_OF_CASE: Mapping[str, Mapping[RunKey, Experiment]] = {
     "d": _paper(D),
     "variable_speed": _paper(VARIABLE_SPEED),
     "lead_data": _lead_data(),
+    "laws": _laws(),
     "radius": _radius(),
     Part.PROPAGATION: {},
     Part.GAINS: {},

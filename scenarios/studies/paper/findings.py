@@ -11,6 +11,7 @@ from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import SineResponse
 from scenarios.studies.paper.keys import Need, Part, RunKey
+from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.string_stability import is_string_stable
 
 SAME = 0.001
@@ -18,19 +19,21 @@ SAME = 0.001
 
 
 class Tally(NamedTuple):
-    """In how many of several runs something holds."""
+    """In how many of several runs something holds, and what tells these runs apart."""
 
     holding: int
     runs: int
+    kind: str = "phases"
 
 
 @dataclass
 class Findings:
-    """Results by their keys; what was not run is not in it.
+    """Results along one kind of trajectory by their keys; what was not run is not in it.
 
     `samples` are those of the logged runs.
     """
 
+    trajectory: Trajectory = "fitted"
     trials: dict[RunKey, Trial] = field(default_factory=dict)
     samples: dict[RunKey, SampleFigures] = field(default_factory=dict)
     sine_responses: list[SineResponse] = field(default_factory=list)
@@ -75,7 +78,8 @@ class Findings:
 
     def seeds(self, holds: Callable[..., bool], *keys: RunKey) -> Tally | None:
         """In how many noisy runs something holds of those of `keys`; None without such runs."""
-        return _tally(holds, *map(self.noisy, keys))
+        tally = _tally(holds, *map(self.noisy, keys))
+        return tally and tally._replace(kind="seeds")
 
     def phases(self, holds: Callable[..., bool], *keys: RunKey) -> Tally | None:
         """In how many exact runs something holds of those of `keys`; None with but one each."""

@@ -15,6 +15,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.results.drives import Trial
 from scenarios.runs.rehearsal import rehearse
+from vehicles.preview.curve_fit import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -62,16 +63,21 @@ class SineResponse:
         return tuple((sizes[1:] / sizes[:-1]).tolist())
 
 
-def drive_sine(frequency: float, preview_s: float = PREVIEW_S) -> SineResponse:
+def drive_sine(
+    frequency: float, preview_s: float = PREVIEW_S, trajectory: Trajectory = "fitted"
+) -> SineResponse:
     """Drive a convoy behind a lead on a sine of `frequency` (rad/s); see `sine_scenario`."""
-    scenario = sine_scenario(frequency, preview_s)
+    scenario = sine_scenario(frequency, preview_s, trajectory)
     return SineResponse(frequency, preview_s, amplitudes(rehearse(scenario), frequency))
 
 
-def sine_scenario(frequency: float, preview_s: float = PREVIEW_S) -> Scenario:
+def sine_scenario(
+    frequency: float, preview_s: float = PREVIEW_S, trajectory: Trajectory = "fitted"
+) -> Scenario:
     """Make the paper's base case (empty cars, no lead data) whose lead drives a sine."""
     alone = (
         'control.fusion="predecessor"',
+        f'control.trajectory="{trajectory}"',
         "loading.front_passengers=0",
         "loading.rear_passengers=0",
     )

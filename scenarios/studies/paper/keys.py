@@ -4,6 +4,17 @@ from dataclasses import KW_ONLY, dataclass, replace
 from enum import StrEnum
 from typing import Literal
 
+from vehicles.preview.curve_fit import Trajectory
+
+TRAJECTORIES: tuple[Trajectory, ...] = ("fitted", "paper")
+"""Every run is done with each of them: the product's own, and the paper's recipe to the letter."""
+
+TRAJECTORY_NAMES: dict[Trajectory, str] = {
+    "fitted": "fitted trajectory",
+    "paper": "the paper's trajectory",
+}
+"""How they are called in the report."""
+
 Setup = Literal[
     "base", "a", "b", "c", "d", "variable_speed", "no_lead_data", "long", "radius", "field"
 ]
@@ -16,10 +27,13 @@ Variant = Literal[
     "knows_loading",
     "lead_only",
     "no_lead_data",
-    "own_state_at_50_hz",
+    "own_state_estimated",
+    "paper_prefix",
+    "pure_pursuit",
     "same_times",
     "slip_compensated",
     "slip_compensated_knows_loading",
+    "stanley",
     "with",
     "without",
 ]
@@ -115,5 +129,17 @@ class SineKey:
 Need = RunKey | Part
 """A result that a claim or a picture needs."""
 
-JobKey = RunKey | Part | SineKey
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """A part of the reproduction as it is done with one kind of trajectory."""
+
+    trajectory: Trajectory
+    part: RunKey | SineKey | Literal[Part.FIELD]
+
+    def __str__(self) -> str:
+        return f"{self.trajectory}/{self.part}"
+
+
+JobKey = Along | Literal[Part.GAINS]
 """A part that is carried out by itself."""

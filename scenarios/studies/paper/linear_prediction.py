@@ -40,10 +40,14 @@ def why_growing(key: RunKey, findings: Findings) -> str:
     low, high = amplified_band(transfer(key))[0]
     wide = "cars with the paper's law run wide, and " if low == 0.0 else ""
     bands = f"{low:.1f} to {min(high, LANE_CHANGE_BAND):.1f}"
+    shape = (
+        "A composite runs through two paths centimetres apart, which no one arc spline explains"
+        if findings.trajectory == "fitted"
+        else "One line or one circle is laid through a preview that is half straight, half bend"
+    )
     text = (
         f"two effects. (1) {wide}each path swings more than the one ahead where |F| > 1, in a lane "
-        f"change from {bands} rad/s; linear theory gives {in_cm(tracking)}. (2) A composite runs "
-        "through two paths centimetres apart, which no one arc spline explains"
+        f"change from {bands} rad/s; linear theory gives {in_cm(tracking)}. (2) {shape}"
     )
     if findings.has(key.varied("blend")):
         blend = findings.trials[key.varied("blend")].tracking

@@ -14,7 +14,7 @@ from scenarios.results.drives import Trial
 from scenarios.runs.pool import Job, run_jobs
 from scenarios.runs.rehearsal import record, rehearse
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
-from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
+from scenarios.studies.paper.experiments import EXACT, RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.fitted_samples import SampleCounter, SampleFigures
@@ -25,7 +25,18 @@ from scenarios.studies.paper.frequency_response import (
     SineResponse,
     drive_sine,
 )
-from scenarios.studies.paper.keys import JobKey, Part, RunKey, SineKey
+from scenarios.studies.paper.keys import (
+    FIELD_WITH,
+    FIELD_WITHOUT,
+    TRAJECTORIES,
+    TRAJECTORY_NAMES,
+    Along,
+    JobKey,
+    Part,
+    RunKey,
+    SineKey,
+)
+from vehicles.preview.curve_fit import Trajectory
 
 REPORT = "report.md"
 WORKERS = 2
@@ -40,12 +51,14 @@ def reproduce(
     not hold is a result like another. Raises ScenarioError for a case that there is not, or a
     folder with a report in it.
     """
-    from scenarios.studies.paper.report.pictures import PICTURES  # noqa: PLC0415 - brings matplotlib
-    from scenarios.studies.paper.report.report import write_report  # noqa: PLC0415 - likewise
+    from scenarios.studies.paper.report.report import (  # noqa: PLC0415 - brings matplotlib
+        all_pictures,
+        write_report,
+    )
 
     chosen = chosen_cases(cases)
     jobs = jobs_of(chosen, out)
-    _refuse_used(out, [REPORT, "report.json", *PICTURES, *map(str, jobs)])
+    _refuse_used(out, [REPORT, "report.json", *all_pictures(), *map(str, jobs)])
     out.mkdir(parents=True, exist_ok=True)
     results: dict[JobKey, Any] = {}
     began = time.monotonic()
@@ -53,12 +66,19 @@ def reproduce(
         results[key] = result
         took = time.monotonic() - began
         progress(f"{took:5.1f} s  {len(results):3d} of {len(jobs)}  {key}")
-    findings = Findings()
+    findings = {trajectory: Findings(trajectory) for trajectory in TRAJECTORIES}
     for key in jobs:  # in one order, whichever part was done first
-        add(findings, key, results[key])
+        if isinstance(key, Along):
+            add(findings[key.trajectory], key.part, results[key])
+        else:
+            for one in findings.values():
+                add(one, key, results[key])
     claims = write_report(findings, chosen, out)
-    counts = ", ".join(f"{j}: {sum(c.judgement == j for c in claims)}" for j in JUDGEMENTS)
-    progress(f"{len(claims)} claims ({counts}); report: {out / REPORT}")
+    for trajectory in TRAJECTORIES:
+        found = [claim.judged[trajectory].judgement for claim in claims]
+        counts = ", ".join(f"{j}: {found.count(j)}" for j in JUDGEMENTS)
+        progress(f"{len(claims)} claims, {TRAJECTORY_NAMES[trajectory]} ({counts})")
+    progress(f"report: {out / REPORT}")
     return 0
 
 
@@ -85,16 +105,22 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
     """Return what there is to do, the longest parts first."""
     jobs: dict[JobKey, Job] = {}
     if Part.FIELD in cases:
-        jobs[Part.FIELD] = partial(_field, out / Part.FIELD)
+        for trajectory in TRAJECTORIES:
+            key = Along(trajectory, Part.FIELD)
+            jobs[key] = partial(_field, out / str(key), trajectory)
     if Part.GAINS in cases:
         jobs[Part.GAINS] = partial(_gains, out / Part.GAINS)
     runs = {key: experiment for case in cases for key, experiment in RUNS_OF_CASE[case].items()}
-    for key, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
-        jobs[key] = partial(run_experiment, experiment, out / str(key))
+    for run, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
+        for trajectory in TRAJECTORIES:
+            key = Along(trajectory, run)
+            jobs[key] = partial(run_experiment, experiment.along(trajectory), out / str(key))
     if Part.PROPAGATION in cases:
         for preview in (PREVIEW_S, SHORT_PREVIEW_S):
             for frequency in FREQUENCIES:
-                jobs[SineKey(frequency, preview)] = partial(drive_sine, frequency, preview)
+                for trajectory in TRAJECTORIES:
+                    key = Along(trajectory, SineKey(frequency, preview))
+                    jobs[key] = partial(drive_sine, frequency, preview, trajectory)
     return jobs
 
 
@@ -115,8 +141,9 @@ def run_experiment(experiment: Experiment, folder: Path) -> Run:
     return Run(record(scenario, folder, listeners=(counter.listen,)), counter.figures)
 
 
-def _field(folder: Path) -> FieldRuns:
-    return field_runs(load_scenario("paper_field"), folder)
+def _field(folder: Path, trajectory: Trajectory) -> FieldRuns:
+    experiment = Experiment(scenario="paper_field", overrides=EXACT).along(trajectory)
+    return field_runs(load_scenario(experiment.scenario, experiment.overrides), folder)
 
 
 def _gains(folder: Path) -> tuple[str, ...]:
@@ -128,7 +155,7 @@ def _gains(folder: Path) -> tuple[str, ...]:
     return report.pictures
 
 
-def add(findings: Findings, key: JobKey, result: object) -> None:
+def add(findings: Findings, key: RunKey | SineKey | Part, result: object) -> None:
     """Put one result where it belongs."""
     match key, result:
         case RunKey(), Run():
@@ -139,6 +166,8 @@ def add(findings: Findings, key: JobKey, result: object) -> None:
             findings.sine_responses.append(result)
         case Part.FIELD, FieldRuns():
             findings.field = result
+            findings.trials[FIELD_WITH] = result.with_lead_data
+            findings.trials[FIELD_WITHOUT] = result.without_lead_data
         case Part.GAINS, tuple():
             findings.gains_pictures = result
         case _:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.results.drives import Drive, Trial
+from scenarios.studies.paper.experiments import OTHER_LAWS, RADII
 from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.fitted_samples import SampleFigures
@@ -16,6 +17,8 @@ from scenarios.studies.paper.frequency_response import (
 )
 from scenarios.studies.paper.keys import (
     BASE,
+    FIELD_WITH,
+    FIELD_WITHOUT,
     LONG_WITH,
     LONG_WITHOUT,
     NO_LEAD_DATA,
@@ -24,7 +27,9 @@ from scenarios.studies.paper.keys import (
     B,
     C,
     D,
+    at_radius,
 )
+from vehicles.preview.curve_fit import Trajectory
 
 
 def a_trial(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) -> Trial:
@@ -41,6 +46,11 @@ def a_trial(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) 
     return Trial((lead, *followers))
 
 
+def both(findings: Findings) -> dict[Trajectory, Findings]:
+    """Give the same findings along both trajectories."""
+    return {"fitted": findings, "paper": replace(findings, trajectory="paper")}
+
+
 def a_paper_come_true() -> Findings:
     """Findings in which every claim of the simulations and the field experiment holds."""
     falling = a_trial((0.08, 0.06, 0.05))
@@ -54,7 +64,12 @@ def a_paper_come_true() -> Findings:
     for key in (C, C.varied("slip_compensated"), C.varied("same_times")):
         trials[key] = a_trial((0.05, 0.04, 0.03))
     trials[VARIABLE_SPEED] = a_trial((0.10, 0.09, 0.08))
+    for radius in RADII:
+        trials[at_radius(radius)] = trials[at_radius(radius).noisy(1)] = falling
+    for law in OTHER_LAWS:
+        trials[BASE.varied(law)] = falling
     field = FieldRuns(a_trial((0.05, 0.04)), a_trial((0.05, 0.06)), ())
+    trials[FIELD_WITH], trials[FIELD_WITHOUT] = field.with_lead_data, field.without_lead_data
     responses = [
         SineResponse(frequency, preview, (1.0, 1.1, 1.2, 1.3))
         for frequency in FREQUENCIES

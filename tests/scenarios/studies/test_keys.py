@@ -10,8 +10,10 @@ from scenarios.studies.paper.keys import (
     NO_LEAD_DATA,
     VARIABLE_SPEED,
     A,
+    Along,
     JobKey,
     Part,
+    RunKey,
     SineKey,
     at_radius,
 )
@@ -31,12 +33,14 @@ from scenarios.studies.paper.keys import (
         (at_radius(1000.0).varied("no_lead_data"), "radius/1000/no_lead_data"),
         (at_radius(200.0).noisy(2), "radius/200/noise/2"),
         (FIELD_WITHOUT.noisy(3), "field/without/noise/3"),
-        (Part.PROPAGATION, "propagation"),
+        (Along("paper", at_radius(200.0).noisy(2)), "paper/radius/200/noise/2"),
+        (Along("fitted", Part.FIELD), "fitted/field"),
+        (Part.GAINS, "gains"),
         (SineKey(0.8, 0.25), "propagation at 0.8 rad/s, preview 0.25 s"),
         (SineKey(10.0, 0.8), "propagation at 10 rad/s, preview 0.8 s"),
     ],
 )
-def test_text(key: JobKey, text: str) -> None:
+def test_text(key: JobKey | RunKey | SineKey, text: str) -> None:
     assert str(key) == text
     assert f"{key}" == text
 

@@ -17,9 +17,16 @@ from scenarios.studies.paper import reproduce as reproduction
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.findings import Findings
-from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, A, Part, SineKey
-from scenarios.studies.paper.report.pictures import PICTURES
-from scenarios.studies.paper.report.report import CLAIMS, write_report
+from scenarios.studies.paper.keys import (
+    BASE,
+    TRAJECTORIES,
+    VARIABLE_SPEED,
+    A,
+    Along,
+    Part,
+    SineKey,
+)
+from scenarios.studies.paper.report.report import CLAIMS, all_pictures, write_report
 from scenarios.studies.paper.reproduce import (
     Run,
     add,
@@ -28,18 +35,22 @@ from scenarios.studies.paper.reproduce import (
     reproduce,
     run_experiment,
 )
-from tests.made.scenarios.findings import a_paper_come_true
+from tests.made.scenarios.findings import a_paper_come_true, both
 
 PNG = b"\x89PNG"
 
 NAMES = """
-    parameters steering_parameters preview preview_samples ten_centimetres signs two_samples
-    polynomial state_equation proposition_1 norm_of_g equivalence stabilising_set
-    inside_the_intersection ball all_loadings open_loop_roots road base_below_9_cm base_where
+    parameters steering_parameters feedforward preview signs preview_samples one_change
+    ten_centimetres circle recipe_suffices two_samples
+    polynomial state_equation proposition_1_square_integrable
+    proposition_1_in_the_mean proposition_1 norm_of_g equivalence stabilising_set
+    inside_the_intersection ball first_condition inertia not_affine all_loadings open_loop_roots
+    road base_below_9_cm base_where
     base_decreasing base_true amplified_without_lead_data reduced_by_lead_data a_decreasing
     b_decreasing c_decreasing d_decreasing uneven faster mass small variable_below_11_cm
-    slightly_more variable_speed_decreasing propagation_measured field_course field_amplified
-    field_not_amplified field_initial_error field_on_the_road
+    slightly_more variable_speed_decreasing definition_1 others_true amplified_in_l2
+    not_amplified_in_l2 propagation_measured field_course field_amplified
+    field_not_amplified field_initial_error field_on_the_road against_stanley against_pure_pursuit
 """
 """Names of the claims in report.json, in the order of the paper."""
 
@@ -56,7 +67,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for case in RUNS_OF_CASE.values():
         for key in case:
             findings.trials.setdefault(key, findings.trials[BASE])
-    write_report(findings, list(RUNS_OF_CASE), out)
+    write_report(both(findings), list(RUNS_OF_CASE), out)
     return out
 
 
@@ -74,8 +85,8 @@ def test_a_whole_report_has_a_row_for_each_claim_and_every_picture(whole: Path) 
     for claim in CLAIMS:
         paper = claim.paper.replace("|", "\\|")
         assert sum(f"| {paper} |" in row for row in rows) >= 1, claim.name
-    assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == set(PICTURES)
-    for name in PICTURES:
+    assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == set(all_pictures())
+    for name in all_pictures():
         assert (whole / name).read_bytes().startswith(PNG)
 
 
@@ -89,19 +100,19 @@ def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
     report = json.loads((whole / "report.json").read_text(encoding="utf-8"))
     assert [claim["name"] for claim in report["claims"]] == [c.name for c in CLAIMS]
     assert [claim["name"] for claim in report["claims"]] == NAMES.split()
-    assert {claim["verdict"] for claim in report["claims"]} == set(JUDGEMENTS)
-    counts = [sum(claim["verdict"] == j for claim in report["claims"]) for j in JUDGEMENTS]
-    said = (
-        f"Of {len(CLAIMS)} claims {counts[0]} hold, {counts[1]} are undecided, {counts[2]} do "
-        f"not hold, {counts[3]} cannot"
-    )
-    assert said in (whole / "report.md").read_text(encoding="utf-8")
-    assert set(report["runs"]) == {"field/with", "field/without"} | {
-        str(key) for case in RUNS_OF_CASE.values() for key in case
-    }
-    noise = next(claim["noise"] for claim in report["claims"] if claim["name"] == "a_decreasing")
-    assert noise == {"holding": 3, "runs": 3}
-    assert report["runs"]["base"]["tracking_error_m_max"] == pytest.approx([0.08, 0.06, 0.05])
+    text = (whole / "report.md").read_text(encoding="utf-8")
+    for kind in ("fitted", "paper"):
+        rows = {claim["name"]: claim["trajectories"][kind] for claim in report["claims"]}
+        counts = [sum(row["verdict"] == j for row in rows.values()) for j in JUDGEMENTS]
+        assert sum(counts) == len(CLAIMS)
+        said = f"{counts[0]} hold, {counts[1]} are undecided, {counts[2]} do not hold, {counts[3]}"
+        assert f"{said} cannot be checked" in text
+        runs = report["runs"][kind]
+        assert set(runs) == {"field/with", "field/without"} | {
+            str(key) for case in RUNS_OF_CASE.values() for key in case
+        }
+        assert rows["a_decreasing"]["noise"] == {"holding": 3, "runs": 3, "kind": "seeds"}
+        assert runs["base"]["tracking_error_m_max"] == pytest.approx([0.08, 0.06, 0.05])
     assert all(map(isfinite, numbers_in(report)))
 
 
@@ -112,13 +123,16 @@ def test_a_small_reproduction_from_end_to_end(
     monkeypatch.setitem(RUNS_OF_CASE, "base", tiny)
     said: list[str] = []
     assert reproduce(["base"], tmp_path / "paper", said.append, workers=0) == 0
-    assert (tmp_path / "paper" / "base" / LOG_NAME).exists()
+    for kind in ("fitted", "paper"):
+        assert (tmp_path / "paper" / kind / "base" / LOG_NAME).exists()
     report = json.loads((tmp_path / "paper" / "report.json").read_text(encoding="utf-8"))
-    found = {claim["name"]: claim["verdict"] for claim in report["claims"]}
-    assert found["base_below_9_cm"] == "holds"
+    found = {claim["name"]: claim["trajectories"] for claim in report["claims"]}
+    assert {row["verdict"] for row in found["base_below_9_cm"].values()} == {"holds"}
+    errors = [report["runs"][kind]["base"]["tracking_error_m_max"] for kind in ("fitted", "paper")]
+    assert errors[0] < errors[1]
     assert "base_true" not in found  # it needs runs that were not done
-    assert report["logs"] == ["base/run.mcap"]
-    assert re.search(r"1 of 1 +base", said[0])
+    assert report["logs"] == ["fitted/base/run.mcap", "paper/base/run.mcap"]
+    assert re.search(r"1 of 2 +fitted/base", said[0])
     assert "report.md" in said[-1]
 
 
@@ -143,9 +157,9 @@ def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
 def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
     jobs = list(jobs_of(chosen_cases([]), tmp_path))
     runs = {key for case in RUNS_OF_CASE.values() for key in case}
-    assert runs <= set(jobs)
-    assert jobs[:2] == [Part.FIELD, Part.GAINS]
-    assert jobs.index(VARIABLE_SPEED) < jobs.index(BASE.noisy(1))
+    assert {Along(kind, key) for key in runs for kind in TRAJECTORIES} <= set(jobs)
+    assert jobs[:3] == [*(Along(kind, Part.FIELD) for kind in TRAJECTORIES), Part.GAINS]
+    assert jobs.index(Along("paper", VARIABLE_SPEED)) < jobs.index(Along("fitted", BASE.noisy(1)))
 
 
 def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from vehicles.driver.steering import (
     FeedforwardFeedback,
     GuardedController,
     LateralController,
+    PurePursuit,
     SlipCompensated,
     Stanley,
     SteeringCommand,
@@ -23,6 +24,7 @@ CONTROLLERS: list[Callable[..., LateralController]] = [
     FeedforwardFeedback,
     SlipCompensated,
     Stanley,
+    PurePursuit,
 ]
 
 
@@ -57,7 +59,8 @@ def test_signs(controller: Callable[..., LateralController]) -> None:
     assert law.steer(TrackingErrors(0.0, 0.0, 0.0, 0.0), 20.0).steering == 0.0
     assert law.steer(TrackingErrors(0.3, 0.0, 0.0, 0.0), 20.0).steering < 0.0  # left: steer right
     assert law.steer(TrackingErrors(0.0, 0.1, 0.0, 0.0), 20.0).steering < 0.0
-    assert law.steer(TrackingErrors(0.0, 0.0, 0.1, 0.0), 20.0).steering < 0.0
+    damped = law.steer(TrackingErrors(0.0, 0.0, 0.1, 0.0), 20.0).steering
+    assert damped == 0.0 if controller is PurePursuit else damped < 0.0  # a law of places alone
     assert law.steer(TrackingErrors(0.0, 0.0, 0.0, 0.01), 20.0).feedforward > 0.0  # left turn
 
 
@@ -117,6 +120,29 @@ def test_stanley_settles_with_its_front_axle_on_the_curve(speed: float, curvatur
     ahead = CAR.front_axle_distance
     inside = ahead * slip(speed) * curvature + 0.5 * curvature * ahead**2
     assert settled.lateral == pytest.approx(inside, abs=0.01)
+
+
+@pytest.mark.parametrize(("speed", "curvature"), CURVES)
+def test_pure_pursuit_turns_its_rear_axle_on_the_circle_through_the_goal(
+    speed: float, curvature: float
+) -> None:
+    """On the curve, along the chord to a goal on it: the wheels stand as Ackermann says."""
+    law, rear = PurePursuit(CAR), CAR.rear_axle_distance
+    # A car whose rear axle is on the circle, and along it: its centre is b ahead on the tangent.
+    heading = math.atan(rear * curvature)
+    lateral = (1.0 - math.hypot(1.0, rear * curvature)) / curvature
+    command = law.steer(TrackingErrors(lateral, -heading, 0.0, curvature), speed)
+    assert command.steering == pytest.approx(math.atan(CAR.wheelbase * curvature), rel=0.01)
+    assert command.feedforward == pytest.approx(math.atan(CAR.wheelbase * curvature))
+
+
+def test_pure_pursuit_aims_at_the_foot_point_when_the_path_is_out_of_reach() -> None:
+    command = PurePursuit(CAR).steer(TrackingErrors(40.0, 0.0, 0.0, 0.0), 20.0)
+    ahead, aside = CAR.rear_axle_distance, -40.0
+    bearing = math.atan2(aside, ahead)
+    assert command.feedback == pytest.approx(math.atan(2.0 * 2.85 * math.sin(bearing) / 10.0))
+    small_circle = PurePursuit(CAR).steer(TrackingErrors(0.0, 0.0, 0.0, 1.0), 30.0)
+    assert math.isfinite(small_circle.steering)
 
 
 @pytest.mark.parametrize("speed", [5.0, 20.0])

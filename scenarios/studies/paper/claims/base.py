@@ -57,17 +57,30 @@ def base_below_9_cm(findings: Findings) -> Answer:
     needs=(BASE,),
 )
 def base_where(findings: Findings) -> Answer:
-    after = []
-    for place, drive in enumerate(findings.trials[BASE].followers, start=1):
-        peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * GAP_S
-        after.append(min((peak - at for at in CHANGES), key=abs))
+    def at_a_change(run: Trial) -> bool:
+        return max(map(abs, _lags(run))) < 0.2
+
+    trial = findings.trials[BASE]
+    after = _lags(trial)
     return Answer(
         ours="the largest errors come "
         + ", ".join(f"{lag:+.2f}" for lag in after)
         + " s after a car passes the end or the begin of an arc",
-        holds=max(map(abs, after)) < 0.2,
+        holds=at_a_change(trial),
+        phases=findings.phases(at_a_change, BASE),
+        noise=findings.seeds(at_a_change, BASE),
+        reason="within 0.2 s of one. Trajectories look 0.8 s ahead, and bend before the road does",
         numbers={"peak_after_change_of_curvature_s": after},
     )
+
+
+def _lags(trial: Trial) -> list[float]:
+    """Time (s) from the nearest change of the road's curvature to each car's largest error."""
+    after = []
+    for place, drive in enumerate(trial.followers, start=1):
+        peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * GAP_S
+        after.append(min((peak - at for at in CHANGES), key=abs))
+    return after
 
 
 @CLAIMS.claim(
@@ -118,6 +131,7 @@ def amplified_without_lead_data(findings: Findings) -> Answer:
         f"against the own trajectory only {in_cm(trial.tracking)}",
         holds=grows(trial),
         reason=f"as linear theory says: {in_cm(expected)}",
+        phases=findings.phases(grows, NO_LEAD_DATA),
         noise=findings.seeds(grows, NO_LEAD_DATA),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
@@ -129,13 +143,18 @@ def amplified_without_lead_data(findings: Findings) -> Answer:
     needs=(LONG_WITH, LONG_WITHOUT),
 )
 def reduced_by_lead_data(findings: Findings) -> Answer:
+    def is_less(with_data: Trial, without: Trial) -> bool:
+        steps = [run.cross_track[-1] - run.cross_track[-2] for run in (with_data, without)]
+        return steps[0] < 0.1 * steps[1] and with_data.cross_track[-1] < without.cross_track[-1]
+
     with_data, without = findings.trials[LONG_WITH], findings.trials[LONG_WITHOUT]
     growth = [trial.cross_track[-1] - trial.cross_track[-2] for trial in (with_data, without)]
     return Answer(
         ours=f"the eighth car is {cm(with_data.cross_track[-1])} off the lead's path with the "
         f"lead's data and {cm(without.cross_track[-1])} without; it adds {cm(growth[0])} to the "
         f"one before, without them {cm(growth[1])}",
-        holds=growth[0] < 0.1 * growth[1] and with_data.cross_track[-1] < without.cross_track[-1],
+        holds=is_less(with_data, without),
+        phases=findings.phases(is_less, LONG_WITH, LONG_WITHOUT),
         reason="errors stay bounded with the lead's data; along the first cars they still grow",
         numbers={"with_m_max": with_data.cross_track, "without_m_max": without.cross_track},
     )
@@ -171,9 +190,19 @@ def _radii(limit: float, findings: Findings) -> str:
     exact = [r for r in tried if max(findings.trials[at_radius(r)].tracking) < limit]
     noisy = [r for r in tried if all(max(t.tracking) < limit for t in findings.noisy(at_radius(r)))]
     return (
-        f"depends on the road: of the radii tried it holds from {min(exact):g} m on, with noise "
-        f"from {min(noisy):g} m on"
+        f"depends on the road: of the radii tried it holds on {_in_words(exact)}, with noise on "
+        f"{_in_words(noisy)}"
     )
+
+
+def _in_words(radii: Sequence[float]) -> str:
+    """Radii (m) in one phrase."""
+    if not radii:
+        return "none"
+    above = [radius for radius in RADII if radius >= radii[0]]
+    if list(radii) == above:
+        return f"those from {radii[0]:g} m on"
+    return ", ".join(f"{radius:g}" for radius in radii) + " m"
 
 
 def decreasing(key: RunKey, findings: Findings) -> Answer:

@@ -7,13 +7,16 @@ import numpy as np
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import BASE_SPEED, LANE
-from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
+from scenarios.studies.paper.findings import SAME, Findings, Tally, cm, in_cm
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
 from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
-from vehicles.preview.trajectory import FitSettings
+from vehicles.preview.curve_fit import FitSettings, Trajectory
 from vehicles.theory.propagation import propagation, trace_propagation
 from vehicles.theory.string_stability import head_to_tail
+
+ROOM = 0.5 * (LANE - LINCOLN_MKZ.width)
+"""Room (m) on each side of a car in its lane."""
 
 INITIAL_ERRORS_GONE = 10.0
 """Time (s) after which the initial errors have decayed: the slowest root takes 0.4 s at 25 m/s."""
@@ -23,7 +26,7 @@ INITIAL_ERRORS_GONE = 10.0
 class SettledErrors:
     """Errors (m) of the followers from INITIAL_ERRORS_GONE on: largest, and root mean square.
 
-    Measured with noise, so the largest values are partly chance; the means decide.
+    With noise the largest values are partly chance; the means decide.
     """
 
     tracking: tuple[float, ...]
@@ -31,6 +34,16 @@ class SettledErrors:
     tracking_rms: tuple[float, ...]
     cross_track_rms: tuple[float, ...]
 
+
+WHY_PL3: dict[Trajectory, str] = {
+    "fitted": "PL3 follows PL2 back to the lead's path in the first seconds, but its largest error "
+    "stays below PL2's: nothing appears to grow here",
+    "paper": "PL2's path and the lead's lie up to 40 cm apart in the first seconds, through which "
+    "eq. (5) lays circles that are too small",
+}
+
+LOW_FREQUENCY = 2.5
+"""Frequencies up to this (rad/s) are the low ones of Section IV-B."""
 
 CLAIMS = Claims()
 
@@ -48,14 +61,16 @@ def propagation_measured(findings: Findings) -> Answer:
     short_driven, short = findings.ratios(SHORT_PREVIEW_S)
     closer = short.prod(axis=1) ** (1.0 / short.shape[1])
     best, high = int(mean.argmax()), int(np.argmin(np.abs(frequencies - 7.0)))
-    settings = FitSettings()
+    settings = FitSettings(trajectory=findings.trajectory)
+    low = (mean[frequencies <= LOW_FREQUENCY] > 1.0).tolist()
     window = settings.ahead(BASE_SPEED) + settings.behind(BASE_SPEED)
     over = float(frequencies[mean > 1.0].max(initial=0.0))
     return Answer(
         ours=f"in the convoy a swing of the lead grows by up to {100 * (mean[best] - 1):.1f} % "
         f"from car to car (at {frequencies[best]:g} rad/s), at all frequencies tried up to "
         f"{over:g} rad/s, and fades above; |G| says {100 * (paper[best] - 1):.0f} %",
-        holds=bool((mean[frequencies <= 2.5] > 1.0).all()),
+        holds=all(low),
+        phases=Tally(sum(low), len(low), "frequencies"),
         reason="G steers by the difference of both cars' states at one instant. In the convoy a "
         "car follows the path that the other left, with feedforward (F), and fits it over "
         f"{window:.0f} m, which smooths away what is shorter: at {frequencies[high]:g} rad/s the "
@@ -98,7 +113,8 @@ def field_amplified(findings: Findings) -> Answer:
         f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
         f"{_in_words(errors.tracking, errors.tracking_rms)}",
         holds=_grow(errors.cross_track_rms),
-        noise=findings.seeds(lambda t: _grow(settled_errors(t).cross_track_rms), FIELD_WITHOUT),
+        phases=findings.phases(_grows_off_the_lead, FIELD_WITHOUT),
+        noise=findings.seeds(_grows_off_the_lead, FIELD_WITHOUT),
         numbers=numbers_of(errors),
     )
 
@@ -118,7 +134,8 @@ def field_not_amplified(findings: Findings) -> Answer:
         reason="off the lead's driven path they grow all the same, "
         f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
         f"without the lead's data {other:.2f}-fold",
-        noise=findings.seeds(lambda t: not _grow(settled_errors(t).tracking_rms), FIELD_WITH),
+        phases=findings.phases(_does_not_grow, FIELD_WITH),
+        noise=findings.seeds(_does_not_grow, FIELD_WITH),
         numbers=numbers_of(errors),
     )
 
@@ -130,12 +147,14 @@ def field_not_amplified(findings: Findings) -> Answer:
 )
 def field_initial_error(findings: Findings) -> Answer:
     trial, _ = _field(findings)
-    tracking = tuple(drive.tracking_max for drive in trial.followers)
+    tracking = trial.tracking
     return Answer(
         ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
         f"{in_cm(settled_errors(trial).tracking)}",
-        holds=tracking[-1] > tracking[0],
-        reason="PL3 follows PL2 back to the lead's path in the first seconds, and no longer after",
+        holds=_appears_to_grow(trial),
+        phases=findings.phases(_appears_to_grow, FIELD_WITH),
+        noise=findings.seeds(_appears_to_grow, FIELD_WITH),
+        reason=WHY_PL3[findings.trajectory],
         numbers={"tracking_error_m_max": tracking},
     )
 
@@ -147,11 +166,13 @@ def field_initial_error(findings: Findings) -> Answer:
 )
 def field_on_the_road(findings: Findings) -> Answer:
     trial, _ = _field(findings)
-    true, room = trial.cross_track, 0.5 * (LANE - LINCOLN_MKZ.width)
+    true = trial.cross_track
     return Answer(
         ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
-        f"{cm(room)} on each side of a car",
-        holds=max(true) < room,
+        f"{cm(ROOM)} on each side of a car",
+        holds=_is_on_the_road(trial),
+        phases=findings.phases(_is_on_the_road, FIELD_WITH),
+        noise=findings.seeds(_is_on_the_road, FIELD_WITH),
         numbers={"cross_track_error_m_max": true},
     )
 
@@ -178,6 +199,22 @@ def _field(findings: Findings) -> tuple[Trial, Trial]:
 
 def _grow(rms: tuple[float, ...]) -> bool:
     return rms[-1] > rms[0] + SAME
+
+
+def _grows_off_the_lead(trial: Trial) -> bool:
+    return _grow(settled_errors(trial).cross_track_rms)
+
+
+def _does_not_grow(trial: Trial) -> bool:
+    return not _grow(settled_errors(trial).tracking_rms)
+
+
+def _appears_to_grow(trial: Trial) -> bool:
+    return trial.tracking[-1] > trial.tracking[0]
+
+
+def _is_on_the_road(trial: Trial) -> bool:
+    return max(trial.cross_track) < ROOM
 
 
 def _in_words(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:

@@ -9,6 +9,7 @@ from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.constant_speed import guaranteed_decay
 from vehicles.theory.gain_sets import PAPER_SPEEDS
+from vehicles.theory.integrated_acceleration import error_growth, integral_bound
 from vehicles.theory.linear_model import characteristic_polynomial, closed_loop_at
 from vehicles.theory.propagation import low_frequency_growth, propagation
 from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
@@ -22,6 +23,7 @@ CLAIMS = Claims()
     where="III-F",
     paper="The coefficients A_6 … A_0 of Δ(s, K)",
     needs=(Part.GAINS,),
+    driven=False,
 )
 def polynomial(_: Findings) -> Answer:
     worst = 0.0
@@ -45,6 +47,7 @@ def polynomial(_: Findings) -> Answer:
     where="IV-A",
     paper="The matrix A(γ) of the closed loop",
     needs=(Part.GAINS,),
+    driven=False,
 )
 def state_equation(_: Findings) -> Answer:
     car = LINCOLN_MKZ
@@ -63,9 +66,61 @@ def state_equation(_: Findings) -> Answer:
 
 
 @CLAIMS.claim(
-    where="IV-A, Proposition 1",
+    where="IV-A, Proposition 1, first case",
+    paper="If the acceleration is square integrable, the loop is exponentially stable",
+    needs=(Part.GAINS,),
+    driven=False,
+)
+def proposition_1_square_integrable(_: Findings) -> Answer:
+    slowest = PAPER_SPEEDS[0]
+    bound = integral_bound(LINCOLN_MKZ, NOMINAL_GAINS, slowest, BASE_SPEED)
+    braking, change = 6.0, BASE_SPEED - slowest
+    seen = error_growth(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, slowest, braking)
+    return Answer(
+        ours=f"with c = {bound.decay:.3f} 1/s and k = {bound.sensitivity:.3f} s/m an error's "
+        "energy V keeps to V(t) ≤ V(0) exp(k ∫|v̇| − c t) at every speed between; and "
+        f"∫|v̇| ≤ √(t ∫v̇²) loses to c t. Braking from {BASE_SPEED:.0f} to {slowest:.1f} m/s at "
+        f"{braking:.0f} m/s² may raise V {bound.energy_ratio(change / braking, change):.0f}-fold "
+        f"by this bound; in truth {seen:.0e} of even the worst initial error is left",
+        holds=bound.decay > 0.0,
+        reason="the paper's proof asks for the same; it leaves out the term v̇ θ̃, included here",
+        numbers={
+            "decay_per_s": bound.decay,
+            "sensitivity_s_per_m": bound.sensitivity,
+            "error_left_after_braking_ratio": seen,
+        },
+    )
+
+
+@CLAIMS.claim(
+    where="IV-A, Proposition 1, cases (i) and (ii)",
+    paper="There is a μ* for the mean of |v̇|, and of v̇², too",
+    needs=(Part.GAINS,),
+    driven=False,
+)
+def proposition_1_in_the_mean(_: Findings) -> Answer:
+    slowest = PAPER_SPEEDS[0]
+    mean, without = (
+        integral_bound(
+            LINCOLN_MKZ, NOMINAL_GAINS, slowest, BASE_SPEED, speed_term=term
+        ).mean_acceleration
+        for term in (True, False)
+    )
+    return Answer(
+        ours=f"μ* = c/k = {mean:.2f} m/s² serves for both, by the bound of the row before "
+        f"({without:.2f} m/s² without the term v̇ θ̃); the α_0 costs a factor, not stability",
+        holds=mean > 0.0 and without > 0.0,
+        reason="the paper has no number. This one is sufficient, and careful: a constant bound on "
+        "|v̇|, case (iii), may be far larger: next row",
+        numbers={"mean_acceleration_mps2": mean, "without_speed_term_mps2": without},
+    )
+
+
+@CLAIMS.claim(
+    where="IV-A, Proposition 1, case (iii)",
     paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
     needs=(Part.GAINS,),
+    driven=False,
 )
 def proposition_1(_: Findings) -> Answer:
     slowest, fastest = PAPER_SPEEDS[0], BASE_SPEED
@@ -89,6 +144,7 @@ def proposition_1(_: Findings) -> Answer:
     where="IV-B",
     paper="With the predecessor's data only, ‖G‖∞ > 1, at low frequencies",
     needs=(Part.PROPAGATION,),
+    driven=False,
 )
 def norm_of_g(_: Findings) -> Answer:
     plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, "instantaneous")
@@ -118,6 +174,7 @@ def norm_of_g(_: Findings) -> Answer:
     where="IV-B",
     paper="sup σ_max(…) ≤ 1 is equivalent to ‖G‖∞ ≤ 1",
     needs=(Part.PROPAGATION,),
+    driven=False,
 )
 def equivalence(_: Findings) -> Answer:
     frequencies = np.geomspace(0.01, 100.0, 4000)

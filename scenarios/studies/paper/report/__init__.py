@@ -1,6 +1,8 @@
 """The report of a reproduction.
 
-report     report.md and report.json
+report     report.md
+machine_readable
+           report.json
 tables     its tables
 pictures   its pictures
 """

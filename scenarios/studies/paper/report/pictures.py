@@ -1,6 +1,6 @@
 """Pictures of the report on the paper's experiments. Needs matplotlib: import it when drawing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from scenarios.studies.paper.keys import (
     LONG_WITH,
     LONG_WITHOUT,
     NO_LEAD_DATA,
+    TRAJECTORY_NAMES,
     VARIABLE_SPEED,
     A,
     B,
@@ -30,6 +31,7 @@ from scenarios.studies.paper.keys import (
 )
 from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
+from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.propagation import propagation, trace_propagation
 from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
 
@@ -336,6 +338,48 @@ def measured_propagation(findings: Findings) -> Figure:
     return figure
 
 
+def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
+    """Draw what the paper's own recipe needs: wide bends, exact samples, no prefix rule."""
+    figure = Figure(figsize=(10.4, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
+    for (trajectory, one), colour, mark in zip(
+        findings.items(), (BLUE, RED), ("o", "s"), strict=True
+    ):
+        exact = [max(one.trials[at_radius(r)].tracking) for r in RADII]
+        label = TRAJECTORY_NAMES[trajectory]
+        left.loglog(RADII, 100.0 * np.array(exact), color=colour, marker=mark, label=label)
+        noisy = [max(max(run.tracking) for run in one.noisy(at_radius(r))) for r in RADII]
+        label = f"{label}, 2 cm of noise"
+        left.plot(
+            RADII, 100.0 * np.array(noisy), mark, ls=":", mfc="white", color=colour, label=label
+        )
+    left.axhline(9.0, color=GREY, linestyle=":", linewidth=1.0)
+    left.set_xticks([200, 300, 400, 500, 700, 1000], ["200", "300", "400", "500", "700", "1000"])
+    left.minorticks_off()
+    left.set_xlabel("radius of the bends (m)")
+    left.set_ylabel("largest error off the own trajectory (cm)")
+    left.set_title("A lane change at 30 m/s (dotted: the paper's 9 cm)")
+    left.legend()
+    fitted, paper = findings["fitted"], findings["paper"]
+    bars = {
+        "fitted": [fitted.trials[BASE]],
+        "fitted,\nnoise": fitted.noisy(BASE),
+        "the paper's": [paper.trials[BASE]],
+        "the paper's,\nnoise": paper.noisy(BASE),
+        "prefix\nrule": [paper.trials[BASE.varied("paper_prefix")]],
+    }
+    for column, runs in enumerate(bars.values()):
+        for place in PLACES:
+            worst = max(run.tracking[place] for run in runs)
+            x = column + 0.25 * (place - 1)
+            right.bar(x, 100.0 * worst, width=0.22, color=COLOURS[place + 1])
+    right.set_yscale("log")
+    right.axhline(9.0, color=GREY, linestyle=":", linewidth=1.0)
+    right.set_xticks(range(len(bars)), list(bars))
+    right.set_title("Base case, followers 1 to 3 (500 m)")
+    return figure
+
+
 PICTURES: dict[str, tuple[tuple[Need, ...], Draw]] = {
     "road.png": ((BASE,), road),
     "errors_base.png": ((BASE,), base),
@@ -348,3 +392,11 @@ PICTURES: dict[str, tuple[tuple[Need, ...], Draw]] = {
     "field.png": ((Part.FIELD,), field),
 }
 """What each picture needs, and how it is drawn."""
+
+BOTH: dict[str, tuple[tuple[Need, ...], Callable[[Mapping[Trajectory, Findings]], Figure]]] = {
+    "paper_recipe.png": (
+        (BASE, BASE.varied("paper_prefix"), *(at_radius(r) for r in RADII)),
+        recipe,
+    ),
+}
+"""The same of pictures that show both trajectories."""

@@ -5,7 +5,15 @@ from collections.abc import Iterator, Sequence
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.experiments import RADII, lane_change_lengths
 from scenarios.studies.paper.findings import Findings, in_cm, non_increasing
-from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, A, B, C, at_radius
+from scenarios.studies.paper.keys import (
+    BASE,
+    NO_LEAD_DATA,
+    TRAJECTORY_NAMES,
+    A,
+    B,
+    C,
+    at_radius,
+)
 from scenarios.studies.paper.linear_prediction import linear
 
 EXPECTED = (BASE, NO_LEAD_DATA, A, B, C)
@@ -18,16 +26,21 @@ CHANGED = {
     BASE.varied("slip_compensated"): "slip compensated in bends (the product's default law)",
     BASE.varied("knows_loading"): "controller knows its load",
     BASE.varied("slip_compensated_knows_loading"): "both",
-    BASE.varied("own_state_at_50_hz"): "own state measured at 50 Hz instead of 20 Hz",
+    BASE.varied("own_state_estimated"): "own state estimated from the car's own measurements",
+    BASE.varied("paper_prefix"): "the paper's trajectory with the longest straight prefix first",
+    BASE.varied("stanley"): "Stanley's law (both lane changes)",
+    BASE.varied("pure_pursuit"): "pure pursuit (both lane changes)",
     BASE.varied("gap_25_m"): "gaps of 25 m: the predecessor, too, is beyond the preview",
 }
 
 
 def tables(findings: Findings) -> Iterator[str]:
     """Give all tables for which there are results."""
+    name = TRAJECTORY_NAMES[findings.trajectory]
     rows = [(text, findings.trials[key]) for key, text in CHANGED.items() if findings.has(key)]
     if rows:
-        yield from _table("What the base case depends on (first lane change)", "changed", rows)
+        title = f"What the base case depends on ({name}; first lane change)"
+        yield from _table(title, "changed", rows)
     if any(map(findings.has, EXPECTED)):
         yield from _expected(findings)
     if findings.has(at_radius(RADII[0])):
@@ -43,7 +56,9 @@ def _radii(findings: Findings) -> Iterator[str]:
             (at_radius(r).varied("no_lead_data"), "without"),
         )
     ]
-    yield from _table("Radius of the bends, with and without the lead's data", "radius", rows)
+    name = TRAJECTORY_NAMES[findings.trajectory]
+    title = f"Radius of the bends, with and without the lead's data ({name})"
+    yield from _table(title, "radius", rows)
     decreasing = sum(non_increasing(trial.tracking) for _, trial in rows[::2])
     better = sum(
         a.cross_track[-1] < b.cross_track[-1]
@@ -73,7 +88,7 @@ def _table(title: str, what: str, rows: Sequence[tuple[str, Trial]]) -> Iterator
 def _expected(findings: Findings) -> Iterator[str]:
     yield from (
         "",
-        "## Against linear theory",
+        f"## Against linear theory ({TRAJECTORY_NAMES[findings.trajectory]})",
         "",
         "The lead's driven path put through F(jω), car by car: without sampling, fit and links.",
         "",

@@ -183,6 +183,9 @@ def test_controller_and_gains_are_those_of_the_scenario() -> None:
     assert first_steering(own) == pytest.approx(-0.02 * 0.5)
     stanley = first_steering(scenario(*quiet, "control.controller=stanley"))
     assert stanley == pytest.approx(-math.atan(2.5 * 0.5 / 31.0))
+    pursuit = first_steering(scenario(*quiet, "control.controller=pure_pursuit"))
+    # The goal lies 15 m from the rear axle, half a second at 30 m/s, and half a metre aside.
+    assert pursuit == pytest.approx(-math.atan(2.0 * 2.85 * (0.5 / 15.0) / 15.0), rel=1e-3)
 
 
 def test_the_car_is_the_loaded_one_whatever_its_controller_knows() -> None:

@@ -1,0 +1,47 @@
+"""Beside the paper: other laws along the same composite trajectories, in the base case."""
+
+from functools import partial
+
+from scenarios.results.drives import Trial
+from scenarios.studies.paper.claims.base import numbers_of
+from scenarios.studies.paper.claims.claim import Answer, Claim, Claims
+from scenarios.studies.paper.experiments import OTHER_LAWS
+from scenarios.studies.paper.findings import SAME, Findings, in_cm, non_increasing
+from scenarios.studies.paper.keys import BASE, Variant
+
+NAMES = {
+    "stanley": "Stanley's law (Hoffmann et al., 2007)",
+    "pure_pursuit": "pure pursuit (Coulter, 1992; Snider, 2009)",
+}
+
+CLAIMS = Claims()
+
+
+def against(law: Variant, findings: Findings) -> Answer:
+    """Answer whether the paper's law strays no further from the trajectory than `law`."""
+    own, other = findings.trials[BASE], findings.trials[BASE.varied(law)]
+    word = "decrease" if non_increasing(other.tracking) else "do not decrease"
+    return Answer(
+        ours=f"{law.replace('_', ' ')}: off the own trajectory {in_cm(other.tracking)}, which "
+        f"{word}; off the lead's path {in_cm(other.cross_track)}. The paper's law: "
+        f"{in_cm(own.tracking)}; {in_cm(own.cross_track)}",
+        holds=_strays_no_further(own, other),
+        phases=findings.phases(_strays_no_further, BASE, BASE.varied(law)),
+        numbers=numbers_of(other),
+    )
+
+
+def _strays_no_further(own: Trial, other: Trial) -> bool:
+    return max(own.tracking) <= max(other.tracking) + SAME
+
+
+for _law in OTHER_LAWS:
+    CLAIMS.append(
+        Claim(
+            name=f"against_{_law}",
+            where="beside the paper",
+            paper=f"The law strays no further off the same trajectory than {NAMES[_law]}",
+            needs=(BASE, BASE.varied(_law)),
+            answer=partial(against, _law),
+        )
+    )

@@ -1,0 +1,165 @@
+"""String stability of the simulated convoys by other measures: Definition 1, L2, true errors."""
+
+import numpy as np
+
+from scenarios.results.drives import Array, Trial
+from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.claims.other_cases import SIMULATIONS
+from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
+from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, A, B, C, D
+from vehicles.theory.string_stability import head_to_tail, is_string_stable
+
+SPACING = 0.5
+"""Distance (m) of the places at which cars are compared along the lead's path."""
+
+CLAIMS = Claims()
+
+
+@CLAIMS.claim(
+    where="IV-B, Definition 1, with heading",
+    paper="‖(e_lat, θ̃)‖∞ of a follower does not exceed that of the one ahead",
+    needs=SIMULATIONS,
+)
+def definition_1(findings: Findings) -> Answer:
+    trial = findings.trials[BASE]
+    norms = definition_1_norms(trial)
+    others = [key.label for key in SIMULATIONS if not holds_definition_1(findings.trials[key])]
+    heading = [float(np.abs(drive.heading_error).max()) for drive in trial.followers]
+    return Answer(
+        ours="base case "
+        + ", ".join(f"{norm:.4f}" for norm in norms)
+        + ", the larger of |e_lat| in m and |θ̃| in rad (|θ̃| alone "
+        + ", ".join(f"{angle:.4f}" for angle in heading)
+        + "); of the six simulations not in "
+        + (", ".join(others) or "none"),
+        holds=holds_definition_1(trial),
+        phases=findings.phases(holds_definition_1, BASE),
+        noise=findings.seeds(holds_definition_1, BASE),
+        reason="the norm adds metres to radians: in these units the heading never decides it",
+        numbers={"norm_max": norms, "heading_error_rad_max": heading},
+    )
+
+
+@CLAIMS.claim(
+    where="V-C.2; IV-B (none will be off-track)",
+    paper="In A to D, too, no car is further off than the one ahead: string stability",
+    needs=(A, B, C, D),
+)
+def others_true(findings: Findings) -> Answer:
+    def stays_on_track(*runs: Trial) -> bool:
+        return all(non_increasing(run.cross_track) for run in runs)
+
+    trials = {key: findings.trials[key] for key in (A, B, C, D)}
+    return Answer(
+        ours="against the lead's driven path "
+        + "; ".join(f"{key.label} {in_cm(trial.cross_track)}" for key, trial in trials.items()),
+        holds=stays_on_track(*trials.values()),
+        phases=findings.phases(stays_on_track, A, B, C, D),
+        noise=findings.seeds(stays_on_track, A, B, C, D),
+        reason="as in the base case: every car adds its own error to half of the one before",
+        numbers={str(key): trial.cross_track for key, trial in trials.items()},
+    )
+
+
+@CLAIMS.claim(
+    where="IV-B, in L2 (the norm whose gain ‖G‖∞ is), at equal arc length",
+    paper="With the predecessor's data only, errors amplify from car to car",
+    needs=(NO_LEAD_DATA,),
+)
+def amplified_in_l2(findings: Findings) -> Answer:
+    def grows(run: Trial) -> bool:
+        return not is_string_stable(l2_norms(run), SAME * length(run) ** 0.5)
+
+    trial = findings.trials[NO_LEAD_DATA]
+    return Answer(
+        ours=_in_l2(trial),
+        holds=grows(trial),
+        phases=findings.phases(grows, NO_LEAD_DATA),
+        noise=findings.seeds(grows, NO_LEAD_DATA),
+        reason="all cars over the same stretch of the lead's path",
+        numbers=_numbers(trial),
+    )
+
+
+@CLAIMS.claim(
+    where="V-C.1, in L2, at equal arc length",
+    paper="With the lead's data, errors do not amplify from car to car",
+    needs=(BASE,),
+)
+def not_amplified_in_l2(findings: Findings) -> Answer:
+    def keeps(run: Trial) -> bool:
+        return is_string_stable(l2_norms(run), SAME * length(run) ** 0.5)
+
+    trial = findings.trials[BASE]
+    return Answer(
+        ours=_in_l2(trial),
+        holds=keeps(trial),
+        phases=findings.phases(keeps, BASE),
+        noise=findings.seeds(keeps, BASE),
+        reason="judged off the lead's driven path, over the same stretch of it for all cars. "
+        f"Growth by less than {1000 * SAME:.0f} mm rms counts as none",
+        numbers=_numbers(trial),
+    )
+
+
+def definition_1_norms(trial: Trial) -> tuple[float, ...]:
+    """‖(e_lat, θ̃)‖∞ of each follower over its run: the larger of the two, in m and rad."""
+    return tuple(
+        float(np.maximum(np.abs(drive.lateral_error), np.abs(drive.heading_error)).max())
+        for drive in trial.followers
+    )
+
+
+def holds_definition_1(trial: Trial) -> bool:
+    """Whether no follower's norm exceeds that of the one ahead, by more than SAME."""
+    return is_string_stable(definition_1_norms(trial), SAME)
+
+
+def l2_norms(trial: Trial, measure: str = "cross_track") -> tuple[float, ...]:
+    """√∫d² ds (m^1.5) of each follower, over the stretch of the lead's path that all have driven.
+
+    `measure` is an array of a `Drive`: `cross_track`, or `lateral_error` against the own
+    trajectory.
+    """
+    places = _stretch(trial)
+    norms = []
+    for drive in trial.followers:
+        values = getattr(drive, measure)[: len(drive.station)]
+        errors = np.interp(places, drive.station, values)
+        norms.append(float(np.sqrt(np.sum(errors * errors) * SPACING)))
+    return tuple(norms)
+
+
+def length(trial: Trial) -> float:
+    """Length (m) of the stretch that all followers have driven."""
+    return SPACING * len(_stretch(trial))
+
+
+def _stretch(trial: Trial) -> Array:
+    begin = max(float(drive.station[0]) for drive in trial.followers)
+    end = min(float(drive.station[-1]) for drive in trial.followers)
+    return np.arange(begin, end, SPACING, dtype=np.float64)
+
+
+def _in_l2(trial: Trial) -> str:
+    own, true = (l2_norms(trial, measure) for measure in ("lateral_error", "cross_track"))
+    root = length(trial) ** 0.5
+    return (
+        f"over {length(trial):.0f} m, rms off the lead's path "
+        + ", ".join(cm(norm / root) for norm in true)
+        + f" (head to tail {head_to_tail(true):.2f}), off the own trajectory "
+        + ", ".join(cm(norm / root) for norm in own)
+        + f" (head to tail {head_to_tail(own):.2f})"
+    )
+
+
+def _numbers(trial: Trial) -> dict[str, object]:
+    own, true = (l2_norms(trial, measure) for measure in ("lateral_error", "cross_track"))
+    root = length(trial) ** 0.5
+    return {
+        "stretch_m": length(trial),
+        "cross_track_error_m_rms": [norm / root for norm in true],
+        "tracking_error_m_rms": [norm / root for norm in own],
+        "head_to_tail_ratio": head_to_tail(true),
+        "head_to_tail_own_trajectory_ratio": head_to_tail(own),
+    }

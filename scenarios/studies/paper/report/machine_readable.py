@@ -1,0 +1,108 @@
+"""report.json: what `convoy reproduce` found, for machines."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from scenarios.results.drives import Trial
+from scenarios.studies.paper.claims.claim import Judged, JudgedClaim
+from scenarios.studies.paper.claims.field import numbers_of, settled_errors
+from scenarios.studies.paper.experiments import RUNS_OF_CASE
+from scenarios.studies.paper.findings import Findings, non_increasing
+from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT
+from vehicles.preview.curve_fit import Trajectory
+
+SCHEMA = "convoy.reproduction/2"
+
+AllFindings = Mapping[Trajectory, Findings]
+
+
+def logs(findings: AllFindings, cases: Sequence[str]) -> list[str]:
+    """Logs that were kept, relative to the report."""
+    runs = {key: run for case in cases for key, run in RUNS_OF_CASE[case].items()}
+    found = []
+    for kind, one in findings.items():
+        logged = [key for key, run in runs.items() if run.logged and one.has(key)]
+        found += [f"{kind}/{key}/run.mcap" for key in logged]
+        if one.field is not None:
+            found += [f"{kind}/field/{name}/run.mcap" for name in one.field.logs]
+    return found
+
+
+def machine_readable(
+    findings: AllFindings,
+    cases: Sequence[str],
+    claims: Sequence[JudgedClaim],
+    pictures: Mapping[str, Sequence[str]],
+) -> dict[str, Any]:
+    """Give claims, figures of the runs, pictures and logs, as JSON has them."""
+    gains_pictures = next(iter(findings.values())).gains_pictures or ()
+    drawn = [file for files in pictures.values() for file in files]
+    return {
+        "schema": SCHEMA,
+        "cases": list(cases),
+        "claims": [_row(one) for one in claims],
+        "runs": {kind: _runs_of(one) for kind, one in findings.items()},
+        "propagation": {kind: _propagation(one) for kind, one in findings.items()},
+        "pictures": [*drawn, *(f"gains/{name}" for name in gains_pictures)],
+        "logs": logs(findings, cases),
+    }
+
+
+def _runs_of(findings: Findings) -> dict[str, Any]:
+    """Figures of all runs along one trajectory, by their keys."""
+    runs = {str(key): _figures(trial) for key, trial in findings.trials.items()}
+    if findings.field is not None:
+        for key in (FIELD_WITH, FIELD_WITHOUT):
+            runs[str(key)] |= numbers_of(settled_errors(findings.trials[key]))
+    return runs
+
+
+def _propagation(findings: Findings) -> list[dict[str, Any]]:
+    """What became of the lead's swings."""
+    return [
+        {
+            "frequency_radps": one.frequency,
+            "preview_s": one.preview_s,
+            "amplitude_m": np.abs(one.amplitudes).tolist(),
+            "ratio": one.ratios,
+        }
+        for one in sorted(findings.sine_responses, key=lambda one: one.frequency)
+    ]
+
+
+def _row(one: JudgedClaim) -> dict[str, Any]:
+    """A judged claim as JSON."""
+    claim = one.claim
+    return {
+        "name": claim.name,
+        "where": claim.where,
+        "paper": claim.paper,
+        "driven": claim.driven,
+        "trajectories": {kind: _judged_row(judged) for kind, judged in one.judged.items()},
+    }
+
+
+def _judged_row(one: Judged) -> dict[str, Any]:
+    answer = one.answer
+    return {
+        "ours": answer.ours,
+        "verdict": one.judgement,
+        "reason": answer.reason,
+        "phases": answer.phases._asdict() if answer.phases else None,
+        "noise": answer.noise._asdict() if answer.noise else None,
+        "numbers": answer.numbers,
+    }
+
+
+def _figures(trial: Trial) -> dict[str, Any]:
+    """Largest errors of one run, an entry per follower."""
+    return {
+        "vehicles": [drive.name for drive in trial.followers],
+        "lead_tracking_error_m_max": trial.lead.tracking_max,
+        "tracking_error_m_max": trial.tracking,
+        "cross_track_error_m_max": trial.cross_track,
+        "tracking_decreases": non_increasing(trial.tracking),
+        "cross_track_decreases": non_increasing(trial.cross_track),
+    }

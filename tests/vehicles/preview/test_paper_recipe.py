@@ -1,0 +1,200 @@
+"""The paper's own trajectory, against direct minimisation of its J and against exact courses."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from tests.made.vehicles.arc_courses import beside, course, misses, shaken, window
+from vehicles.preview.curve_fit import FitSettings
+from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
+from vehicles.preview.samples import Window
+from vehicles.preview.trajectory import Fit, fit_composite, fuse
+
+PAPER = FitSettings(trajectory="paper")
+PREFIX = FitSettings(trajectory="paper_prefix")
+STARTS = st.tuples(
+    st.sampled_from([0.0, -1200.0, 500_000.0]),
+    st.sampled_from([0.0, 4_649_776.0]),
+    st.floats(-math.pi, math.pi),
+)
+
+
+def fit(
+    lead: Window | None,
+    predecessor: Window | None,
+    alpha: float = 0.5,
+    settings: FitSettings = PAPER,
+) -> Fit:
+    found = fit_composite(lead, predecessor, alpha=alpha, settings=settings)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_circle_is_the_least_of_j(seed: int) -> None:
+    """Eq. (5) minimised by iteration from elsewhere, in its own unknowns and weights."""
+    random = np.random.default_rng(seed)
+    angles = np.linspace(0.1, random.uniform(0.4, 4.0), 17)
+    radius = random.uniform(8.0, 60.0)
+    x, y = (radius * f(angles) + random.normal(0.0, 0.05, 17) for f in (np.cos, np.sin))
+    alpha = random.uniform(0.1, 0.9)
+    weight = np.where(random.random(17) < 0.5, alpha, 1.0 - alpha)
+
+    def e(unknowns: np.ndarray) -> np.ndarray:
+        centre_x, centre_y, r = unknowns
+        return np.asarray(np.sqrt(weight) * ((x - centre_x) ** 2 + (y - centre_y) ** 2 - r * r))
+
+    found = circle_of_least_squares(x, y, weight)
+    assert found is not None
+    least = least_squares(e, [0.0, 0.0, radius], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert found == pytest.approx(tuple(least.x), rel=1e-6, abs=1e-6)
+
+
+@given(start=STARTS, radius=st.floats(20.0, 600.0), side=st.sampled_from([-1.0, 1.0]))
+def test_exact_arcs_ahead_are_found_anywhere_and_carry_on_to_the_car(
+    start: tuple[float, float, float], radius: float, side: float
+) -> None:
+    path = course([(side / radius, 30.0)], start)
+    lead = window(path, np.linspace(4.0, 30.0, 18), 3.0)
+    predecessor = window(path, np.linspace(3.4, 18.0, 11), 3.0)
+    offset, heading, bend = misses(fit(lead, predecessor), path, 3.0)
+    # So far from the origin a place is a number of 1e-9 m, and a sagitta of 20 cm.
+    assert abs(offset) < 1e-5
+    assert abs(heading) < 1e-6
+    assert abs(bend) * radius < 1e-4
+
+
+def test_an_arc_of_more_than_half_a_turn_keeps_its_sense() -> None:
+    for side in (-1.0, 1.0):
+        path = course([(side / 8.0, 36.0)], (3.0, -4.0, 2.0))  # 258 degrees
+        found = fit(window(path, np.linspace(0.5, 36.0, 25), 0.0), None)
+        assert max(map(abs, misses(found, path, 0.0))) < 1e-9
+
+
+@pytest.mark.parametrize(("radius", "straight"), [(725.0, True), (715.0, False)])
+def test_ten_centimetres_from_the_chord_tell_a_line(radius: float, *, straight: bool) -> None:
+    path = course([(1.0 / radius, 24.0)])
+    found = fit(window(path, np.linspace(0.0, 24.0, 17), 0.0), None)  # 24² / 8 R = 10 cm at 720 m
+    (piece,) = found.spline.pieces
+    assert (piece.curvature == 0.0) is straight
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi, 0.7])
+def test_lines_have_a_heading_in_every_direction_and_side_by_side(yaw: float) -> None:
+    path = course([(0.0, 30.0)], (1000.0, 2000.0, yaw))
+    stations = np.linspace(0.5, 24.0, 17)
+    found = fit(window(path, stations, 0.0), window(path, stations, 0.0, left=0.06))
+    offset, heading, bend = misses(found, path, 0.0)
+    assert offset == pytest.approx(-0.03, abs=1e-4)
+    assert (heading, bend) == pytest.approx((0.0, 0.0), abs=2e-3)
+
+
+def test_alpha_weighs_the_predecessor() -> None:
+    path, stations = course([(0.0, 20.0)]), np.linspace(1.0, 20.0, 15)
+    lead, aside = window(path, stations, 0.0), window(path, stations, 0.0, left=0.09)
+    for alpha in (0.0, 0.25, 0.5, 1.0):
+        offset, _, _ = misses(fit(lead, aside, alpha), path, 10.0)
+        assert offset == pytest.approx(-0.09 * alpha, abs=1e-6)
+
+
+def test_with_equal_weights_both_sources_are_as_one() -> None:
+    """As Section III-A.1 says of α = 0.5."""
+    path, random = course([(1 / 60, 30.0)]), np.random.default_rng(3)
+    lead = shaken(window(path, np.linspace(2.0, 30.0, 15), 0.0), random)
+    other = shaken(window(path, np.linspace(1.0, 16.0, 9), 0.0), random)
+    both = Window(*(np.concatenate(pair) for pair in zip(lead, other, strict=True)))
+    order = both.station.argsort()
+    one = Window(*(values[order] for values in both))
+    apart, together = fit(lead, other), fit(one, None)
+    assert apart.spline.pieces == together.spline.pieces
+
+
+def test_noise_makes_the_circle_small() -> None:
+    """Least squares of e are biased, as those of distances are not: 14 % with 2 cm at 500 m."""
+    path, random = course([(1 / 500, 30.0)]), np.random.default_rng(9)
+    exact = window(path, np.linspace(0.5, 24.0, 16), 0.0)
+    found = {}
+    for settings in (PAPER, FitSettings()):
+        noisy = [fit(shaken(exact, random), None, settings=settings) for _ in range(300)]
+        bends = [one.spline.pieces[0].curvature * 500.0 for one in noisy]
+        found[settings.trajectory] = float(np.mean(bends))
+    assert found["paper"] == pytest.approx(1.14, abs=0.03)
+    assert found["fitted"] == pytest.approx(1.0, abs=0.03)
+
+
+def test_no_sample_is_left_out_and_none_behind_is_asked_for() -> None:
+    path = course([(0.0, 30.0)])
+    seen = window(path, np.linspace(1.0, 24.0, 17), 0.0)
+    seen.north[9] += 1.5
+    found = fit(seen, None)
+    assert found.outliers == 0
+    assert len(found.east) == 17
+    assert found.residual_max > 0.5
+    assert PAPER.behind(30.0) == PREFIX.behind(30.0) == 0.0
+    assert FitSettings().behind(30.0) > 0.0
+
+
+def test_the_longest_prefix_swallows_an_arc() -> None:
+    """Trap of Section III-A: 15 m of an arc of 300 m are within 10 cm of their chord."""
+    path = course([(1 / 300, 24.0)])
+    seen = window(path, np.linspace(0.0, 24.0, 17), 0.0)
+    line, arc = fit(seen, None, settings=PREFIX).spline.pieces
+    assert line.curvature == 0.0
+    assert line.length == pytest.approx(15.0, abs=0.1)
+    assert arc.curvature == pytest.approx(1 / 300, rel=1e-3)
+    assert fit(seen, None).spline.pieces[0].curvature == pytest.approx(1 / 300, rel=1e-6)
+
+
+def test_the_prefix_of_a_road_that_begins_to_bend_is_its_straight() -> None:
+    path = course([(0.0, 10.0), (1 / 40, 14.0)])
+    found = fit(window(path, np.linspace(0.0, 24.0, 25), 0.0), None, settings=PREFIX)
+    line, arc = found.spline.pieces
+    assert 10.0 <= line.length <= 13.5
+    assert abs(line.yaw) < 0.02
+    assert arc.curvature == pytest.approx(1 / 40, rel=1e-3)
+
+
+@pytest.mark.parametrize("settings", [PAPER, PREFIX])
+def test_whatever_comes_gives_finite_numbers_or_none(settings: FitSettings) -> None:
+    random = np.random.default_rng(1)
+    for _ in range(300):
+        count = int(random.integers(0, 12))
+        scale = 10.0 ** random.uniform(-3.0, 3.0)
+        east, north = scale * random.standard_normal((2, count))
+        if random.random() < 0.3 and count:
+            east[:], north[:] = east[0], north[0]
+        station = np.sort(scale * random.random(count))
+        curve = recipe_curve(east, north, station, np.ones(count), settings)
+        if curve is None:
+            continue
+        for piece in curve.spline.pieces:
+            values = (piece.east, piece.north, piece.yaw, piece.curvature, piece.length)
+            assert all(map(math.isfinite, values))
+        assert math.isfinite(curve.rms)
+
+
+def test_too_little_travel_gives_no_trajectory() -> None:
+    path = course([(0.0, 30.0)])
+    for stations in ([0.0, 5.0], [1.0, 1.3, 1.9], [2.0, 2.0, 2.0]):
+        assert fit_composite(window(path, stations, 0.0), None, alpha=0.5, settings=PAPER) is None
+
+
+def test_every_fusion_knows_the_recipe() -> None:
+    path = course([(1 / 200, 30.0)])
+    lead = window(path, np.linspace(1.0, 24.0, 17), 0.0)
+    other = window(path, np.linspace(1.5, 16.0, 10), 0.0, left=0.02)
+    for fusion, count in (("composite", 1), ("predecessor", 1), ("blend", 2)):
+        made = fuse(fusion, lead, other, alpha=0.5, settings=PAPER)  # type: ignore[arg-type]
+        assert len(made) == count
+        assert all(len(one.spline.pieces) == 1 for _, one in made)
+
+
+def test_beside_is_left() -> None:
+    """The builder of these tests: a point to the left has a positive lateral error."""
+    path = course([(-1 / 50, 30.0)], (7.0, 8.0, 2.5))
+    found = fit(window(path, np.linspace(1.0, 24.0, 17), 0.0), None)
+    assert found.spline.project(*beside(path, 3.0, 0.4)).lateral == pytest.approx(0.4, abs=1e-6)

@@ -1,0 +1,89 @@
+"""What accelerations may add up to, against the transition matrix of the system itself."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from vehicles.car.parameters import (
+    LINCOLN_MKZ,
+    NOMINAL_GAINS,
+    Gains,
+    Loading,
+    VehicleParameters,
+    loaded,
+)
+from vehicles.theory.integrated_acceleration import (
+    energy_root,
+    error_growth,
+    integral_bound,
+    transition,
+)
+from vehicles.theory.linear_model import closed_loop_at, speed_change_matrix
+from vehicles.theory.varying_speed import certify
+
+SLOWEST, FASTEST = 5.0, 30.0
+HEAVY = loaded(LINCOLN_MKZ, Loading(front_passengers=1, rear_passengers=3))
+
+
+@pytest.mark.parametrize(
+    ("car", "low", "high", "acceleration"),
+    [
+        (LINCOLN_MKZ, 5.0, 30.0, 6.0),
+        (LINCOLN_MKZ, 5.0, 9.0, 3.0),
+        (LINCOLN_MKZ, 12.0, 30.0, 1.0),
+        (HEAVY, 5.0, 30.0, 3.0),
+    ],
+)
+def test_the_bound_holds_over_a_cycle_of_speeds(
+    car: VehicleParameters, low: float, high: float, acceleration: float
+) -> None:
+    """Down and up again, so that the weight of the speed drops out: V after against V before."""
+    bound = integral_bound(car, NOMINAL_GAINS, SLOWEST, FASTEST)
+    weights = certify(car, NOMINAL_GAINS, SLOWEST, FASTEST).weights
+    cycle = transition(car, NOMINAL_GAINS, low, high, acceleration) @ transition(
+        car, NOMINAL_GAINS, high, low, acceleration
+    )
+    root = energy_root(car, NOMINAL_GAINS, high, weights)
+    grown = float(np.linalg.norm(root @ cycle @ np.linalg.inv(root), 2)) ** 2
+    change = 2.0 * (high - low)
+    assert grown <= bound.energy_ratio(change / acceleration, change)
+
+
+def test_below_the_mean_every_cycle_decays() -> None:
+    """Short and violent changes among long rests: |v'| of 8 m/s², in the mean below mu*."""
+    bound = integral_bound(LINCOLN_MKZ, NOMINAL_GAINS, SLOWEST, FASTEST)
+    swing = transition(LINCOLN_MKZ, NOMINAL_GAINS, 30.0, 22.0, 8.0)
+    back = transition(LINCOLN_MKZ, NOMINAL_GAINS, 22.0, 30.0, 8.0)
+    rest = 16.0 / (0.95 * bound.mean_acceleration) - 2.0
+    still = np.linalg.matrix_power(
+        transition(LINCOLN_MKZ, NOMINAL_GAINS, 30.0, 30.0 - 1e-9, 1e-9 / (rest / 8.0)), 8
+    )
+    assert max(abs(np.linalg.eigvals(still @ back @ swing))) < 1.0
+    assert bound.energy_ratio(rest + 2.0, 16.0) < 1.0
+
+
+def test_the_transition_is_that_of_an_integrator() -> None:
+    before, after, acceleration = 25.0, 8.0, 4.0
+
+    def slope(at: float, flat: np.ndarray) -> np.ndarray:
+        speed = before - acceleration * at
+        matrix = closed_loop_at(LINCOLN_MKZ, NOMINAL_GAINS, speed)
+        moving = matrix - acceleration * speed_change_matrix()
+        return np.asarray(moving @ flat.reshape(6, 6)).ravel()
+
+    span = (before - after) / acceleration
+    exact = solve_ivp(slope, (0.0, span), np.eye(6).ravel(), rtol=1e-10, atol=1e-12).y[:, -1]
+    found = transition(LINCOLN_MKZ, NOMINAL_GAINS, before, after, acceleration)
+    assert found == pytest.approx(exact.reshape(6, 6), abs=5e-3 * float(np.abs(exact).max()))
+
+
+def test_accelerations_of_a_constant_speed_do_nothing() -> None:
+    bound = integral_bound(LINCOLN_MKZ, NOMINAL_GAINS, SLOWEST, FASTEST)
+    assert bound.energy_ratio(10.0, 0.0) < 1.0
+    assert bound.mean_acceleration == pytest.approx(bound.decay / bound.sensitivity)
+    assert error_growth(LINCOLN_MKZ, NOMINAL_GAINS, 30.0, 5.0, 6.0) < 1.0
+
+
+def test_unstable_gains_have_no_bound() -> None:
+    with pytest.raises(ValueError, match="not stable at every speed"):
+        integral_bound(LINCOLN_MKZ, Gains(0.06, -0.5, 0.08), SLOWEST, FASTEST)

@@ -1,0 +1,170 @@
+"""The paper's own trajectory: a straight line where the samples pass for one, else one circle.
+
+Section III-B joins the first and the last sample of the preview by a line L; if no sample is 10 cm
+from it the trajectory is straight, else the circle that minimises J of eq. (5). Section III-A has
+another rule, which keeps the longest straight prefix and fits the circle to the rest; it swallows
+arcs. Both are here to be held against `curve_fit`, which a convoy had better follow.
+
+Departures, each because the recipe cannot be followed to the letter: samples come in order of
+travel, the samples are centred, turned along L and scaled before the sums (far from the origin the
+three linear equations are ill-conditioned), the circle has a sign, and the heading is that of the
+line or circle fitted, not of the closest and the second closest sample, which can lie side by side.
+"""
+
+from math import atan2, hypot, inf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.geometry.arc_spline import ArcSpline, Piece
+from vehicles.preview.curve_fit import Curve, FitSettings
+
+Floats = NDArray[np.float64]
+_sum = np.add.reduce
+
+PREFIX_LEAST = 3
+"""The k ≥ 3 of Section III-A: so many samples make a straight prefix at least."""
+DETERMINED = 1e-12
+"""Share of the squared spread below which the samples do not determine a circle."""
+
+
+def recipe_curve(
+    east: Floats, north: Floats, station: Floats, weight: Floats, settings: FitSettings
+) -> Curve | None:
+    """Line or circle of Section III-B through samples in order of `station` (m; world, m).
+
+    `weight` is that of each sample in J of eq. (5); `settings.tolerance` the paper's 10 cm. With
+    the trajectory `paper_prefix` the longest straight prefix of Section III-A is split off first.
+    None with fewer than three samples, travel shorter than `span_min`, or a last sample at the
+    place of the first.
+    """
+    if len(station) < PREFIX_LEAST or station.item(-1) - station.item(0) < settings.span_min:
+        return None
+    origin_east, origin_north = east.item(0), north.item(0)
+    ux, uy = east.item(-1) - origin_east, north.item(-1) - origin_north
+    chord = hypot(ux, uy)
+    if not 0.0 < chord < inf:
+        return None
+    ux, uy = ux / chord, uy / chord
+    dx, dy = east - origin_east, north - origin_north
+    x, y = dx * ux + dy * uy, dy * ux - dx * uy  # along L and left of it
+    if float(np.maximum.reduce(np.abs(y))) < settings.tolerance:
+        pieces = _line(x, y, weight)
+    elif settings.trajectory == "paper_prefix":
+        pieces = _split(x, y, weight, _straight_prefix(x, y, settings.tolerance))
+    else:
+        pieces = _circle(x, y, weight)
+    local = ArcSpline(pieces)
+    offsets = np.array([local.project(*place).lateral for place in zip(x, y, strict=True)])
+    rms = sqrt(float(_sum(weight * offsets * offsets)) / float(_sum(weight)))
+    turned = atan2(uy, ux)
+    world = ArcSpline(
+        tuple(
+            Piece(
+                origin_east + piece.east * ux - piece.north * uy,
+                origin_north + piece.east * uy + piece.north * ux,
+                turned + piece.yaw,
+                piece.curvature,
+                piece.length,
+            )
+            for piece in pieces
+        )
+    )
+    return Curve(world, offsets, rms)
+
+
+def circle_of_least_squares(
+    x: Floats, y: Floats, weight: Floats
+) -> tuple[float, float, float] | None:
+    """Centre and radius (X_c, Y_c, R) (m) that minimise J of eq. (5); None if undetermined.
+
+    Three linear equations in X_c, Y_c and R² − X_c² − Y_c² (Section III-A.1). About the weighted
+    mean the third one stands alone, so two are left; lengths are divided by the samples' spread.
+    """
+    total = float(_sum(weight))
+    mean_x, mean_y = float(_sum(weight * x)) / total, float(_sum(weight * y)) / total
+    dx, dy = x - mean_x, y - mean_y
+    size = sqrt(float(_sum(weight * (dx * dx + dy * dy))) / total)
+    if not size > 0.0:
+        return None
+    dx, dy = dx / size, dy / size
+    square = dx * dx + dy * dy
+    xx, xy, yy = (float(_sum(weight * one)) / total for one in (dx * dx, dx * dy, dy * dy))
+    right_x = 0.5 * float(_sum(weight * dx * square)) / total
+    right_y = 0.5 * float(_sum(weight * dy * square)) / total
+    determinant = xx * yy - xy * xy
+    if not determinant > DETERMINED:
+        return None
+    centre_x = (right_x * yy - right_y * xy) / determinant
+    centre_y = (right_y * xx - right_x * xy) / determinant
+    radius = sqrt(centre_x * centre_x + centre_y * centre_y + 1.0)  # the mean square is 1
+    return mean_x + size * centre_x, mean_y + size * centre_y, size * radius
+
+
+def _line(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
+    """Give the line of least squares, from the first sample's foot to the last one's."""
+    total = float(_sum(weight))
+    mean_x, mean_y = float(_sum(weight * x)) / total, float(_sum(weight * y)) / total
+    dx = x - mean_x
+    spread = float(_sum(weight * dx * dx))
+    slope = float(_sum(weight * dx * y)) / spread if spread > 0.0 else 0.0
+    line = Piece(mean_x, mean_y, atan2(slope, 1.0), 0.0, 0.0)
+    return (_between(line, x, y),)
+
+
+def _circle(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
+    """Give the circle of eq. (5), run through in the direction of travel; a line if undetermined.
+
+    The chord of an arc of any extent has the direction of the tangent at its middle: that tells
+    left turns from right ones.
+    """
+    found = circle_of_least_squares(x, y, weight)
+    if found is None:
+        return _line(x, y, weight)
+    centre_x, centre_y, radius = found
+    middle = len(x) // 2
+    out_x, out_y = x.item(middle) - centre_x, y.item(middle) - centre_y
+    away = hypot(out_x, out_y)
+    if not away > 0.0:
+        return _line(x, y, weight)
+    side = 1.0 if out_y < 0.0 else -1.0  # a left turn has its centre to the left
+    out_x, out_y = out_x / away, out_y / away
+    arc = Piece(
+        centre_x + radius * out_x,
+        centre_y + radius * out_y,
+        atan2(side * out_x, -side * out_y),
+        side / radius,
+        0.0,
+    )
+    return (_between(arc, x, y),)
+
+
+def _between(piece: Piece, x: Floats, y: Floats) -> Piece:
+    """Give a line or arc the ends beside the first and the last sample."""
+    start = piece.project(x.item(0), y.item(0)).station
+    end = piece.project(x.item(-1), y.item(-1)).station
+    begin = piece.at(start)
+    return Piece(begin.east, begin.north, begin.yaw, piece.curvature, max(end - start, 0.0))
+
+
+def _straight_prefix(x: Floats, y: Floats, tolerance: float) -> int:
+    """How many samples make the longest prefix that passes for a line (Section III-A); or 0."""
+    for count in range(len(x) - 1, PREFIX_LEAST - 1, -1):
+        dx, dy = x[:count] - x.item(0), y[:count] - y.item(0)
+        chord = hypot(dx.item(-1), dy.item(-1))
+        across = np.abs(dy * dx.item(-1) - dx * dy.item(-1))
+        if chord > 0.0 and float(np.maximum.reduce(across)) <= tolerance * chord:
+            return count
+    return 0
+
+
+def _split(x: Floats, y: Floats, weight: Floats, count: int) -> tuple[Piece, ...]:
+    """Line through the first `count` samples, then on its tangent the curvature of the rest."""
+    if count < PREFIX_LEAST:
+        return _circle(x, y, weight)
+    (line,) = _line(x[:count], y[:count], weight[:count])
+    if len(x) - count < PREFIX_LEAST:
+        return (line,)
+    (rest,) = _circle(x[count:], y[count:], weight[count:])
+    end = line.at(line.length)
+    return line, Piece(end.east, end.north, end.yaw, rest.curvature, rest.length)

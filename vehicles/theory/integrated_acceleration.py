@@ -1,0 +1,122 @@
+"""Stability while the speed changes, by what its acceleration adds up to (Proposition 1).
+
+With V = w(v) z'P(v)z, A'P + PA = -Q and z' = (A(1/v) + v'E) z (see `varying_speed`),
+
+    dV/dt = w(v) z' (-Q + v' (S + h P)) z  <=  (-c + k |v'|) V,    h = (dw/dv) / w,
+
+c being the least rate at which V falls at constant speed and k the largest share by which an
+acceleration of 1 m/s² makes it grow, both over all speeds of the interval. The eigenvalues of S in
+terms of P are moved by h, so the best h centres them. So
+
+    V(t) <= V(0) exp(-c t + k * integral of |v'|),
+
+and V falls in the long run if the mean of |v'| stays below mu* = c / k, whatever it does meanwhile:
+condition (i). By the Cauchy-Schwarz inequality a mean of v'² below mu*² is enough, condition (ii),
+and so is a finite integral of v'², whose mean goes to nothing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh, expm
+
+from vehicles.car.parameters import Gains, VehicleParameters
+from vehicles.theory.linear_model import closed_loop_at, speed_change_matrix
+from vehicles.theory.varying_speed import certify, lyapunov_change
+
+Array = NDArray[np.float64]
+Weights = tuple[float, ...]
+
+SPEEDS = 60
+"""Speeds at which c and k are taken, evenly spaced in ln v; both change little between two."""
+
+STEPS = 100
+"""Steps of a transition matrix; an integrator differs by less than 5e-3 of its size."""
+
+
+@dataclass(frozen=True, slots=True)
+class IntegralBound:
+    """c (1/s) and k (s/m) of one car and one choice of gains (Proposition 1, beyond its text)."""
+
+    decay: float
+    sensitivity: float
+
+    @property
+    def mean_acceleration(self) -> float:
+        """The mu* (m/s²) of Proposition 1, (i) and (ii): what |v'| may be in the mean."""
+        return self.decay / self.sensitivity
+
+    def energy_ratio(self, span: float, change: float) -> float:
+        """Bound on V after `span` (s) over V before, if |v'| adds up to `change` (m/s) meanwhile.
+
+        Lyapunov's method, for Proposition 1.
+        """
+        return float(np.exp(self.sensitivity * change - self.decay * span))
+
+
+def integral_bound(
+    parameters: VehicleParameters,
+    gains: Gains,
+    slowest: float,
+    fastest: float,
+    *,
+    speed_term: bool = True,
+) -> IntegralBound:
+    """Bounds c and k over [slowest, fastest] (m/s), for Proposition 1, with the Q of `certify`.
+
+    Without `speed_term` for the system as the paper has it, without E. Raises ValueError if the
+    loop is not stable at every constant speed between.
+    """
+    certificate = certify(parameters, gains, slowest, fastest)
+    if not certificate.holds:
+        raise ValueError(f"not stable at every speed from {slowest} to {fastest} m/s")
+    decay, sensitivity = np.inf, 0.0
+    for speed in np.geomspace(slowest, fastest, SPEEDS).tolist():
+        change, energy = lyapunov_change(
+            parameters, gains, speed, certificate.weights, speed_term=speed_term
+        )
+        decay = min(decay, 1.0 / float(np.linalg.eigvalsh(energy)[-1]))
+        growth = eigh(change, energy, eigvals_only=True)  # in rising order
+        sensitivity = max(sensitivity, 0.5 * float(growth[-1] - growth[0]))
+    return IntegralBound(decay, sensitivity)
+
+
+def transition(
+    parameters: VehicleParameters, gains: Gains, before: float, after: float, acceleration: float
+) -> Array:
+    """Transition matrix of Proposition 1's system while the speed changes evenly; shape (6, 6).
+
+    From `before` to `after` (m/s) by `acceleration` (m/s², positive), with the term v' E. In STEPS
+    steps, each with the speed of its middle (matrix exponential).
+    """
+    span = abs(after - before) / acceleration / STEPS
+    rate = (after - before) / (span * STEPS)
+    found = np.eye(6)
+    for k in range(STEPS):
+        speed = before + (k + 0.5) * (after - before) / STEPS
+        matrix = closed_loop_at(parameters, gains, speed) + rate * speed_change_matrix()
+        found = expm(matrix * span) @ found
+    return np.asarray(found)
+
+
+def energy_root(
+    parameters: VehicleParameters, gains: Gains, speed: float, weights: Weights
+) -> Array:
+    """A root F of P = F'F at `speed` (m/s), so that |F z|² is Lyapunov's z'Pz; shape (6, 6)."""
+    _, energy = lyapunov_change(parameters, gains, speed, weights)
+    return np.asarray(np.linalg.cholesky(energy).T * np.sqrt(np.array(weights)))
+
+
+def error_growth(
+    parameters: VehicleParameters, gains: Gains, before: float, after: float, acceleration: float
+) -> float:
+    """How large the worst initial error is, relative to it, once the speed has changed evenly.
+
+    Both measured by the P of the first speed; see `transition`. To hold the bound of Lyapunov's
+    method, for Proposition 1, against.
+    """
+    certificate = certify(parameters, gains, min(before, after), max(before, after))
+    root = energy_root(parameters, gains, before, certificate.weights)
+    moved = transition(parameters, gains, before, after, acceleration)
+    return float(np.linalg.norm(root @ moved @ np.linalg.inv(root), 2))
