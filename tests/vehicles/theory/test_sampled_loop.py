@@ -108,7 +108,8 @@ class Driven:
                 pose = estimator.at(now) if loop.imu_hz else exactly(body)
                 errors = TrackingErrors(pose.north, pose.yaw, pose.yaw_rate, 0.0)
                 steering = law.steer(errors, self.speed).steering
-            places.append((now - settling, abs(body.north)))
+            off = math.hypot(body.north, body.yaw, body.yaw_rate, body.steering)
+            places.append((now - settling, off))
             body = advance(body, Actuation(steering, 0.0), (after - now) / SECOND, CAR)
         thirds = [
             max(place for at, place in places if first <= at / SECOND / seconds < first + 0.3)
