@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.check.preview import preview_warnings
+from scenarios.definition.check.sampled_loop import sampled_loop_warnings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.definition.schema.tables import LinkTable, ScenarioTables, SteeringTable
@@ -172,6 +173,7 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *_trace_warnings(scenario),
         *_vehicle_warnings(scenario),
         *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
+        *sampled_loop_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *_speed_warnings(scenario, run),
     )
 
