@@ -52,8 +52,8 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
         yield (
             f"{names}: at {sight.speed:g} m/s {sight.samples:.1f} poses of {sight.source} lie in "
             f"the preview, {sight.preview:.1f} m of which are known, and a trajectory takes "
-            f"{LEAST_SAMPLES}: it is laid through poses {sight.spacing:.3g} m apart from further away, "
-            "cuts the curves between them and is extrapolated; raise gnss.rate_hz or widen the gap"
+            f"{LEAST_SAMPLES}: it joins poses {sight.spacing:.3g} m apart from further away, cuts "
+            "the curves between them and is extrapolated; raise gnss.rate_hz or widen the gap"
         )
     for names, sight in _alike(short):
         yield (
