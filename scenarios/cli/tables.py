@@ -16,7 +16,7 @@ from scenarios.results.holes import hole_lines
 from scenarios.results.summary import RunSummary
 
 if TYPE_CHECKING:  # brings scipy, which a run does without
-    from scenarios.studies.gains.results import GainsReport
+    from scenarios.studies.gains.results import GainsReport, SampledAt
 
 
 MOST_EVENTS = 40
@@ -209,14 +209,26 @@ def gains_table(report: "GainsReport") -> Table:
         "slowest pole\n1/s",
         "to the\nboundary",
         "predecessor only\npeak |G|, rad/s",
+        "lowest rate, Hz\nIMU, none, control",
     ):
         table.add_column(heading, justify="right")
-    for row, passed_on in zip(report.speeds, report.propagation, strict=True):
+    rows = zip(report.speeds, report.propagation, report.sampled, strict=True)
+    for row, passed_on, sampled in rows:
         peak = passed_on.second_order
         table.add_row(
             f"{row.speed_mps:.1f}",
             f"{row.abscissa_per_s:.2f}",
             f"{row.ball_radius:.3f}",
             f"{peak.norm_ratio:.3f} @ {peak.peak_radps:.2f}" if peak else "unstable",
+            _lowest_rates(sampled),
         )
     return table
+
+
+def _lowest_rates(sampled: "SampledAt") -> str:
+    rates = (
+        sampled.lowest_imu_rate_hz,
+        sampled.lowest_rate_without_imu_hz,
+        sampled.lowest_control_rate_hz,
+    )
+    return ", ".join("-" if rate is None else str(rate) for rate in rates)

@@ -15,6 +15,8 @@ from scenarios.definition.schema.tables import (
     ScenarioTables,
     SteeringTable,
 )
+from vehicles.car.gnss import GnssNoise
+from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, Loading, VehicleParameters, loaded
 
 
@@ -48,6 +50,28 @@ class VehicleSetup:
     def knows_itself(self) -> bool:
         """Whether its own state is exact, without the errors of sensors."""
         return self.steering.own_state == "exact"
+
+    @property
+    def gnss_noise(self) -> GnssNoise:
+        """Noise of its receiver."""
+        table = self.gnss
+        return GnssNoise(
+            position=table.position_noise_m,
+            heading=math.radians(table.heading_noise_deg),
+            speed=table.speed_noise_mps,
+            yaw_rate=table.yaw_rate_noise_radps,
+        )
+
+    @property
+    def imu_noise(self) -> InertialNoise:
+        """Noise and biases of its inertial sensor."""
+        table = self.imu
+        return InertialNoise(
+            speed=table.speed_noise_mps,
+            yaw_rate=table.yaw_rate_noise_radps,
+            speed_bias=table.speed_bias_mps,
+            yaw_rate_bias=table.yaw_rate_bias_radps,
+        )
 
     @property
     def gains(self) -> Gains:

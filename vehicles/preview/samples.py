@@ -23,7 +23,9 @@ class TraceSettings:
     The ego's station moves per call at most `back` backwards, and forwards at most `margin` plus
     `reach_ratio` (1) times the distance the ego moved, never more than `reach`. Samples further
     behind than `memory` are dropped, and never more than `capacity` are held. A window holds at
-    most `window_samples`. A bridge has a point every `bridge_spacing` and at most `bridge_length`.
+    most `window_samples`, and at least `least_samples` where a source is heard so rarely that fewer
+    lie in it: half of them ahead, as far as there are any. A bridge has a point every
+    `bridge_spacing` and at most `bridge_length`.
     """
 
     spacing: float = 0.2
@@ -37,6 +39,7 @@ class TraceSettings:
     memory: float = 100.0
     capacity: int = 20_000
     window_samples: int = 40
+    least_samples: int = 4
     bridge_spacing: float = 1.0
     bridge_length: float = 150.0
 

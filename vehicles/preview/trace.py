@@ -183,6 +183,7 @@ class Trace:
 
         The preview data of Section III-A, which sorts by distance and keeps none behind.
 
+        Where fewer than `least_samples` lie there, the next ones on both sides are taken in.
         Thinned to every second, fourth, … sample until at most `window_samples` are left. The same
         ones are left out while the ego moves, so that thinning does not shake the fit.
         """
@@ -190,6 +191,8 @@ class Trace:
         line = self._line
         first = bisect_left(line.station, here - behind)
         last = bisect_right(line.station, here + ahead)
+        if last - first < self.settings.least_samples:
+            first, last = self._widened(here, first, last)
         stride = 1 << (max(last - first - 1, 0) // self.settings.window_samples).bit_length()
         first += -(first + line.dropped) % stride
         chosen = slice(first, last, stride)
@@ -198,6 +201,13 @@ class Trace:
             np.array(line.north[chosen], dtype=np.float64),
             np.array(line.station[chosen], dtype=np.float64) - here,
         )
+
+    def _widened(self, here: float, first: int, last: int) -> tuple[int, int]:
+        """Take in the next samples on either side of the ego where too few lie in the window."""
+        place = bisect_left(self._line.station, here)
+        half = self.settings.least_samples // 2
+        last = max(last, min(place + half, len(self._line)))
+        return max(min(first, last - self.settings.least_samples, place - half), 0), last
 
     def gap(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego at (east, north) to the source's newest place.

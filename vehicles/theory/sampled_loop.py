@@ -14,10 +14,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from math import gcd, inf, log
+from math import ceil, gcd, inf, log, log2
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
 
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
 from vehicles.car.gnss import GnssNoise
@@ -25,11 +24,15 @@ from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.linear_model import Array, open_loop, steering_input
 
-FINEST = 100
-"""Rates are taken to 1/FINEST Hz, so that a common period exists."""
+FINENESS, MOST_INSTANTS = (100, 10, 2, 1), 4000
+"""Rates are taken to a hundredth of a hertz, so that a common period exists; to a coarser part, at
+last to whole ones, where that period would hold more instants than these."""
 
 LEAST_NOISE = 1e-6
 """Noise (m, rad) of a receiver that has none; its fixes are taken over nearly as they are."""
+
+DOUBLINGS, TERMS = 24, 14
+"""Enough for both series: 2^24 fixes, and 0.5^14 / 14! is no more than rounding."""
 
 CAR, COMMAND, PLACE, HEADING, SLIP, READING = slice(0, 6), 6, 7, 8, 9, 10
 """The state: z of `linear_model`, command, and what the filter holds: e_lat, theta~, v_y, and the
@@ -133,8 +136,31 @@ def _stationary_gains(  # noqa: PLR0917 - all that they depend on
         [[across, 0.5 * distance * drift.heading], [0.5 * distance * drift.heading, drift.heading]]
     )
     noise = np.diag([max(gnss.position, LEAST_NOISE) ** 2, max(gnss.heading, LEAST_NOISE) ** 2])
-    predicted = solve_discrete_are(moved.T, np.eye(2), walk, noise)
+    predicted = _riccati(moved, walk, noise)
     return np.asarray(predicted @ np.linalg.inv(predicted + noise), dtype=np.float64)
+
+
+def _riccati(moved: Array, walk: Array, noise: Array) -> Array:
+    """P = F (P - P (P + R)^-1 P) F' + Q by doubling: as if 2^k fixes had been taken; (2, 2)."""
+    step, known, predicted = moved.T, np.linalg.inv(noise), walk
+    for _ in range(DOUBLINGS):
+        shared = np.linalg.inv(np.eye(2) + known @ predicted)
+        known = known + step @ shared @ known @ step.T
+        predicted = predicted + step.T @ predicted @ shared @ step
+        step = step @ shared @ step
+    return predicted
+
+
+def _exponential(matrix: Array) -> Array:
+    """Matrix exponential by Taylor's series of a small part of it, squared again and again."""
+    halvings = max(ceil(log2(max(float(np.abs(matrix).sum(axis=1).max()), 1e-9))) + 1, 0)
+    part, term = np.eye(len(matrix)), np.eye(len(matrix))
+    for k in range(1, TERMS):
+        term = term @ matrix / (k * 2.0**halvings)
+        part = part + term
+    for _ in range(halvings):
+        part = part @ part
+    return part
 
 
 class _Steps:
@@ -145,9 +171,7 @@ class _Steps:
         rates = [loop.control_hz]
         if loop.imu_hz is not None:
             rates += [loop.imu_hz, loop.gnss_hz]
-        self._rates = [
-            max(Fraction(rate).limit_denominator(FINEST), Fraction(1, FINEST)) for rate in rates
-        ]
+        self._rates = _rounded(rates)
         self.period = 1 / _common(self._rates)
         self._slip = SlipModel(loop.assumed)
         constant, inverse_speed = open_loop(loop.parameters)
@@ -183,7 +207,7 @@ class _Steps:
     def _flow(self, span: Fraction) -> Array:
         if span not in self._flows:
             flow = np.eye(SIZE)
-            flow[:7, :7] = expm(self._motion * float(span))
+            flow[:7, :7] = _exponential(self._motion * float(span))
             self._flows[span] = flow
         return self._flows[span]
 
@@ -230,6 +254,18 @@ class _Steps:
             row = row @ self._moved(span, read=False)
         step[COMMAND] = -row
         return step
+
+
+def _rounded(rates: Sequence[float]) -> list[Fraction]:
+    """Rates as fractions whose common period holds few enough instants."""
+    rounded: list[Fraction] = []
+    for fineness in FINENESS:
+        rounded = [
+            max(Fraction(round(rate * fineness), fineness), Fraction(1, fineness)) for rate in rates
+        ]
+        if sum(rounded) <= MOST_INSTANTS * _common(rounded):
+            break
+    return rounded
 
 
 def _common(rates: Sequence[Fraction]) -> Fraction:

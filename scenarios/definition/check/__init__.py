@@ -2,5 +2,6 @@
 
 report        figures of the lead's planned run, and warnings
 preview       whether followers receive enough of the path ahead of them
+sampled_loop  whether cars know themselves and decide often enough for their speed
 certificate   whether changes of speed stay within what the gains are certified for
 """

@@ -18,7 +18,8 @@ class _Sight:
     """What a follower receives of a source at one speed (m/s).
 
     The path is known `reach` (m) ahead at the greatest age of the newest pose; the preview takes
-    `preview` (m) of it, with so many `samples`. The fit keeps `behind` (m) behind the ego.
+    `preview` (m) of it, with so many `samples`, `spacing` (m) apart. The fit keeps `behind` (m)
+    behind the ego.
     """
 
     source: str
@@ -27,6 +28,7 @@ class _Sight:
     preview: float
     samples: float
     behind: float
+    spacing: float
 
 
 def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterator[str]:
@@ -35,7 +37,7 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
     `speeds` (m/s) are the least and the greatest that are planned. The path is known up to the last
     pose received of a source: a gap ahead, less the distance driven during latency and the time
     between two poses. Where that is less than the fit keeps behind the ego, curves are recognised
-    late, and errors may grow; where fewer samples lie ahead than a fit takes, it extrapolates.
+    late, and errors may grow; where fewer samples lie ahead than a fit takes, it joins rarer ones.
     """
     thin: dict[str, _Sight] = {}
     short: dict[str, _Sight] = {}
@@ -52,7 +54,8 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
         yield (
             f"{names}: at {sight.speed:g} m/s {sight.samples:.1f} poses of {sight.source} lie in "
             f"the preview, {sight.preview:.1f} m of which are known, and a trajectory takes "
-            f"{LEAST_SAMPLES}: it will be extrapolated"
+            f"{LEAST_SAMPLES}: it joins poses {sight.spacing:.3g} m apart from further away, cuts "
+            "the curves between them and is extrapolated; raise gnss.rate_hz or widen the gap"
         )
     for names, sight in _alike(short):
         yield (
@@ -88,7 +91,15 @@ def _sight(
     age = (link.latency_ms + link.jitter_ms) / 1000.0 + (1.0 / rate if rate else float("inf"))
     reach = _gap(scenario, setup.place, source, speed) - speed * age
     preview = min(settings.ahead(speed), max(reach, 0.0))
-    return _Sight(source, speed, reach, preview, preview * rate / speed, settings.behind(speed))
+    return _Sight(
+        source=source,
+        speed=speed,
+        reach=reach,
+        preview=preview,
+        samples=preview * rate / speed,
+        behind=settings.behind(speed),
+        spacing=speed / rate if rate else float("inf"),
+    )
 
 
 def _gap(scenario: Scenario, place: int, source: str, speed: float) -> float:

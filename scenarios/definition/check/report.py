@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.check.preview import preview_warnings
+from scenarios.definition.check.sampled_loop import sampled_loop_warnings
 from scenarios.definition.road.replayed import replay_warnings
 from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
@@ -209,6 +210,7 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *_replay_warnings(scenario),
         *_vehicle_warnings(scenario),
         *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
+        *sampled_loop_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *_speed_warnings(scenario, run),
     )
 

@@ -1,7 +1,7 @@
 """Builds one vehicle from its part of the scenario."""
 
 from collections.abc import Iterator
-from math import cos, radians, sin
+from math import cos, sin
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.link import Link
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss import GnssNoise, GnssReceiver
-from vehicles.car.imu import ExactSensor, InertialNoise, InertialSensor
+from vehicles.car.gnss import GnssReceiver
+from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
@@ -117,16 +117,7 @@ class VehicleBuilder:
     def _receiver(self, start_at: int) -> GnssReceiver:
         # A stream for each receiver: its noise does not depend on the number of vehicles.
         random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
-        return GnssReceiver(self._gnss_noise(), self._setup.gnss.rate_hz, start_at, random)
-
-    def _gnss_noise(self) -> GnssNoise:
-        table = self._setup.gnss
-        return GnssNoise(
-            position=table.position_noise_m,
-            heading=radians(table.heading_noise_deg),
-            speed=table.speed_noise_mps,
-            yaw_rate=table.yaw_rate_noise_radps,
-        )
+        return GnssReceiver(self._setup.gnss_noise, self._setup.gnss.rate_hz, start_at, random)
 
     def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
         if self._setup.knows_itself:
@@ -134,23 +125,14 @@ class VehicleBuilder:
         # A stream apart from the receiver's, whose noise is the same with and without this sensor.
         words = [self._scenario.seed, self._setup.place, INERTIAL]
         random = np.random.Generator(np.random.PCG64(words))
-        return InertialSensor(self._imu_noise(), self._setup.imu_rate_hz, start_at, random)
-
-    def _imu_noise(self) -> InertialNoise:
-        table = self._setup.imu
-        return InertialNoise(
-            speed=table.speed_noise_mps,
-            yaw_rate=table.yaw_rate_noise_radps,
-            speed_bias=table.speed_bias_mps,
-            yaw_rate_bias=table.yaw_rate_bias_radps,
-        )
+        return InertialSensor(self._setup.imu_noise, self._setup.imu_rate_hz, start_at, random)
 
     def _own_state(self) -> OwnState:
         setup = self._setup
         if setup.knows_itself:
             return KnownState()
         return PoseEstimator(
-            setup.assumed_parameters, self._gnss_noise(), self._imu_noise(), setup.imu_rate_hz
+            setup.assumed_parameters, setup.gnss_noise, setup.imu_noise, setup.imu_rate_hz
         )
 
     def _driver(self, start_at: int) -> Driver:

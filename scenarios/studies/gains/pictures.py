@@ -194,6 +194,41 @@ def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
     return figure
 
 
+def lowest_rates(_subject: Subject, report: GainsReport) -> Figure:
+    """Lowest stable rates of inertial sensor, fixes alone and control, against speed."""
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = figure.subplots()
+    speeds = [row.speed_mps for row in report.sampled]
+    for rates, label, colour, marker in (
+        (
+            [row.lowest_rate_without_imu_hz for row in report.sampled],
+            "own motion from fixes alone",
+            RED,
+            "s",
+        ),
+        (
+            [row.lowest_imu_rate_hz for row in report.sampled],
+            "inertial sensor, fixes at 20 Hz",
+            BLUE,
+            "o",
+        ),
+        (
+            [row.lowest_control_rate_hz for row in report.sampled],
+            "control, with its inertial sensor",
+            ORANGE,
+            "^",
+        ),
+    ):
+        values = [np.nan if rate is None else rate for rate in rates]
+        axes.plot(speeds, values, color=colour, marker=marker, markersize=4.5, label=label)
+    axes.set_ylim(0.0, 50.0)
+    axes.set_xlabel("speed (m/s)")
+    axes.set_ylabel("lowest stable rate (Hz)")
+    axes.set_title("Rates from which on the loop is stable as it is run")
+    axes.legend(loc="best")
+    return figure
+
+
 OF_SETS: dict[str, Callable[[Subject], Figure]] = {
     "stabilising_slices.png": stabilising_slices,
     "stabilising_set.png": stabilising_set,
@@ -204,6 +239,7 @@ OF_NUMBERS: dict[str, Callable[[Subject, GainsReport], Figure]] = {
     "certified_acceleration.png": certified_acceleration,
     "propagation.png": error_propagation,
     "roots_over_loadings.png": roots_over_loadings,
+    "lowest_rates.png": lowest_rates,
 }
 
 

@@ -26,6 +26,7 @@ from scenarios.studies.gains.results import (
     Verification,
     as_json,
 )
+from scenarios.studies.gains.sampled import sampled_at
 from vehicles.car.parameters import (
     Gains,
     Loading,
@@ -143,6 +144,7 @@ def gains_report(
         loadings=tuple(_at_loading(subject, loading) for loading in loadings),
         varying_speed=_varying_speed(subject),
         propagation=tuple(_propagation_at(subject, speed) for speed in subject.speeds),
+        sampled=tuple(sampled_at(subject, speed) for speed in subject.speeds),
     )
     if out_dir is not None:
         if pictures:

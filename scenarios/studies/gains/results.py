@@ -209,6 +209,22 @@ class PropagationAt:
 
 
 @dataclass(frozen=True, slots=True)
+class SampledAt:
+    """What holds at one speed of the loop as it is run: control and inertial sensor at 50 Hz.
+
+    `decay_per_s` is negative where errors grow. The lowest rates, in whole Hz up to 50, from which
+    on the loop is stable: of the inertial sensor alone, of own motion known with the fixes only, of
+    control and inertial sensor together. None where it is not stable at 50 Hz.
+    """
+
+    speed_mps: float
+    decay_per_s: float
+    lowest_imu_rate_hz: int | None
+    lowest_rate_without_imu_hz: int | None
+    lowest_control_rate_hz: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class GainsReport:
     """All that `convoy gains` finds; `pictures` are the names of the files drawn."""
 
@@ -220,6 +236,7 @@ class GainsReport:
     loadings: tuple[AtLoading, ...]
     varying_speed: VaryingSpeed
     propagation: tuple[PropagationAt, ...]
+    sampled: tuple[SampledAt, ...]
     pictures: tuple[str, ...] = ()
 
 

@@ -33,7 +33,7 @@ def nominal(folder: Path) -> GainsReport:
 def _check_files(folder: Path, report: GainsReport) -> None:
     read = json.loads((folder / "gains.json").read_text(encoding="utf-8"))
     assert read["pictures"] == list(report.pictures)
-    assert len(report.pictures) == 7
+    assert len(report.pictures) == 8
     for name in report.pictures:
         pixels = imread(folder / name)
         assert pixels.shape[0] > 400
@@ -58,6 +58,21 @@ def test_what_the_paper_says_of_its_gains(nominal: GainsReport) -> None:
     assert all(row.stable_at_every_speed for row in nominal.loadings)
     assert nominal.verification.disagreements_with_roots == 0
     assert nominal.verification.random_points == 300 * len(DEFAULT_SPEEDS)
+
+
+def test_lowest_rates_are_those_that_convoys_showed(nominal: GainsReport) -> None:
+    """Own motion that came with the fixes was too slow below 6 Hz at 15 m/s, 10 Hz at 30 m/s."""
+    rows = {round(row.speed_mps): row for row in nominal.sampled}
+    assert all(row.decay_per_s > 0.0 for row in nominal.sampled)
+    alone = [rows[speed].lowest_rate_without_imu_hz for speed in (13, 18, 30)]
+    assert alone[0] is not None
+    assert alone[2] is not None
+    assert 4 <= alone[0] <= 7
+    assert 10 < alone[2] <= 20
+    for row in nominal.sampled:
+        assert row.lowest_imu_rate_hz is not None
+        assert row.lowest_rate_without_imu_hz is not None
+        assert row.lowest_imu_rate_hz <= row.lowest_rate_without_imu_hz
 
 
 def test_roots_are_those_of_the_loaded_cars(nominal: GainsReport) -> None:

@@ -33,6 +33,21 @@ def test_a_window_holds_what_lies_around_the_ego_in_order_of_travel() -> None:
     assert not seen.north.any()
 
 
+def test_a_source_heard_rarely_is_seen_further_away() -> None:
+    def rare() -> Trace:
+        trace = Trace()
+        for k in range(10):
+            send(trace, 50 * k, straight(15.0 * k), 30.0)
+        return trace
+
+    seen = rare().window(62.0, 0.0, 10.0, 24.0)
+    assert seen.station.tolist() == pytest.approx([-17.0, -2.0, 13.0, 28.0])
+    last = rare().window(130.0, 0.0, 10.0, 24.0)  # one is left ahead of it
+    assert last.station.tolist() == pytest.approx([-40.0, -25.0, -10.0, 5.0])
+    dense = driven(step=1.0).window(50.0, 0.0, 4.0, 6.0)
+    assert (dense.station[0], dense.station[-1]) == pytest.approx((-4.0, 6.0))
+
+
 def test_nothing_heard_is_an_empty_window_and_no_gap() -> None:
     trace = Trace()
     assert len(trace.window(1.0, 2.0, 5.0, 20.0).station) == 0

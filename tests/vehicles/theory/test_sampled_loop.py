@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm, solve_discrete_are
 
 from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.gnss import Fix, GnssNoise
@@ -19,6 +20,8 @@ from vehicles.schedule import SECOND, Cadence, instants
 from vehicles.theory.linear_model import closed_loop_at
 from vehicles.theory.sampled_loop import (
     SampledLoop,
+    _exponential,
+    _riccati,
     lowest_stable_rate,
     sampled_stability,
     stationary_gains,
@@ -44,6 +47,19 @@ def test_sampled_ever_faster_it_becomes_the_continuous_loop(
         errors.append(abs(sampled_stability(loop, speed).decay - continuous))
     assert errors[2] < 0.05
     assert errors[0] > 1.8 * errors[1] > 3.2 * errors[2]  # a hold is a delay of half a period
+
+
+def test_exponential_and_riccati_are_those_of_a_library() -> None:
+    random = np.random.default_rng(4)
+    for size in (0.01, 1.0, 40.0):
+        matrix = size * random.standard_normal((7, 7))
+        expected = expm(matrix)
+        assert _exponential(matrix) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+    for distance in (0.1, 1.5, 30.0):
+        moved = np.array([[1.0, distance], [0.0, 1.0]])
+        walk, noise = np.diag([1e-6, 1e-7]), np.diag([4e-4, 3e-6])
+        expected = solve_discrete_are(moved.T, np.eye(2), walk, noise)
+        assert _riccati(moved, walk, noise) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("noise", [GnssNoise(), GnssNoise(position=0.3, heading=0.01)])
@@ -108,7 +124,8 @@ class Driven:
                 pose = estimator.at(now) if loop.imu_hz else exactly(body)
                 errors = TrackingErrors(pose.north, pose.yaw, pose.yaw_rate, 0.0)
                 steering = law.steer(errors, self.speed).steering
-            places.append((now - settling, abs(body.north)))
+            off = math.hypot(body.north, body.yaw, body.yaw_rate, body.steering)
+            places.append((now - settling, off))
             body = advance(body, Actuation(steering, 0.0), (after - now) / SECOND, CAR)
         thirds = [
             max(place for at, place in places if first <= at / SECOND / seconds < first + 0.3)

@@ -1,0 +1,59 @@
+"""Warnings of a steering loop that is too slow for its speed."""
+
+import pytest
+
+from scenarios.definition.check.report import check
+from scenarios.definition.scenario import library
+
+SWERVE = "speed.lateral_acceleration_mps2_max=15"
+"""So that the lead need not slow down."""
+
+
+def said(*overrides: str) -> list[str]:
+    return [line for line in check("lane_change", overrides).warnings if "unstable" in line]
+
+
+def test_nothing_is_said_of_loops_that_are_stable() -> None:
+    assert said() == []
+    assert said("control.own_state=exact") == []
+    assert said("gnss.rate_hz=1") == []  # the inertial sensor suffices
+    for name in library():
+        assert not any("unstable" in line for line in check(name).warnings)
+
+
+def test_a_sensor_too_slow_for_the_speed_is_named_with_the_rate_that_does() -> None:
+    (line,) = said("imu.rate_hz=8", "gnss.rate_hz=8")
+    assert "v1, v2, v3, v4: " in line
+    assert "own motion known at 8 Hz" in line
+    assert "30.0 m/s" in line
+    assert "stable from imu.rate_hz = " in line
+    (line,) = said("vehicle.v3.imu.rate_hz=8")
+    assert line.startswith("v3: ")
+
+
+def test_the_rate_that_is_named_is_stable() -> None:
+    (line,) = said("imu.rate_hz=8")
+    rate = line.rsplit("= ", 1)[1].split()[0]
+    assert said(f"imu.rate_hz={rate}") == []
+    assert said(f"imu.rate_hz={int(rate) - 1}") != []
+
+
+@pytest.mark.parametrize("own_state", ["exact", "estimated"])
+def test_control_too_slow_for_the_speed_is_named(own_state: str) -> None:
+    (line,) = said(
+        "control.rate_hz=5",
+        "speed.set_mps=60",
+        "duration_s=10",
+        SWERVE,
+        f"control.own_state={own_state}",
+    )
+    assert "raise control.rate_hz" in line
+
+
+def test_gains_that_never_do_are_named() -> None:
+    (line,) = said("control.gains.lateral_rad_per_m=5")
+    assert "other gains" in line
+
+
+def test_of_other_laws_nothing_is_said() -> None:
+    assert said("control.controller=stanley", "imu.rate_hz=8") == []
