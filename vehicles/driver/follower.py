@@ -9,6 +9,7 @@ from vehicles.car.gnss import Fix, from_message
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.pose_estimator import Pose, PoseEstimator
+from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors, track
@@ -46,10 +47,12 @@ class Follower:
         fusion: Fusion,
         settings: FitSettings,
         limit: CommandLimit | None = None,
+        load: LoadWatch | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
-        `limit` is that of the steering command, if there is one.
+        `limit` is that of the steering command, `load` watches how heavily the car is laden, if
+        there are such.
         """
         self._estimator = estimator
         self._controller = controller
@@ -63,6 +66,7 @@ class Follower:
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
         self._settings = settings
         self._limit = limit or CommandLimit()
+        self._load = load or LoadWatch()
         self._traces = {name: Trace() for name in (lead, predecessor)}
         self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
         self._along: tuple[tuple[float, Fit], ...] = ()
@@ -77,6 +81,7 @@ class Follower:
 
         Sections III-A to III-E in a row, as in Fig. 1.
         """
+        self._load.observe(now, fix)
         if fix is not None:
             self._estimator.correct(fix)
         for message in received:
@@ -103,6 +108,7 @@ class Follower:
         errors, asked = self._steer(pose)
         steering = self._limit.held_back(asked)
         ahead = self._vehicles_ahead(now, pose)
+        self._load.commanded(steering.steering)
         speed = self._speed_law.command(now, pose, ahead)
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),

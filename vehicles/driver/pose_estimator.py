@@ -77,6 +77,10 @@ class PoseEstimator:
         self._track: _Track | None = None
         self._rival: _Track | None = None
 
+    def assume(self, parameters: VehicleParameters) -> None:
+        """Take other parameters of the car for its slip, by eqs. (1), (2), from now on."""
+        self._parameters = parameters
+
     def correct(self, fix: Fix) -> None:
         """Take in a fix of the vehicle itself; they come in the order of measurement.
 
