@@ -113,7 +113,7 @@ class SlipEstimator:
         return with_load(self._assumed, self.ratio)
 
     def move(self, span: float, speed: float, command: float) -> None:
-        """Go on by `span` (s) at `speed` (m/s) with the command (rad) held, by eqs. (1), (2), (4)."""
+        """Go on by `span` (s) at `speed` (m/s) with a command (rad) held, by eqs. (1), (2), (4)."""
         if span <= 0.0:
             return
         parts = math.ceil(span / LONGEST_STEP - 1e-9)
