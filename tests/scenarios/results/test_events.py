@@ -61,7 +61,8 @@ def gripping(vehicle: str, shares: list[float]) -> list[TruePose]:
 
 def test_a_slide_is_who_when_how_long_and_how_far() -> None:
     (event,) = detected(*gripping("v2", [0.5, 0.98, 0.99, 1.0, 1.0, 0.6]))
-    assert (event.kind, event.vehicles, event.at_s) == ("slide", ("v2",), pytest.approx(0.04))
+    assert (event.kind, event.vehicles) == ("slide", ("v2",))
+    assert event.at_s == pytest.approx(0.04)
     assert event.figures == {
         "friction_ratio_max": 1.0,
         "slip_rad_max": pytest.approx(0.1),
