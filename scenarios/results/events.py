@@ -188,9 +188,7 @@ class SlideWatch:
         self._open: dict[str, Episode] = {}
 
     def add(self, pose: TruePose) -> Iterator[Episode]:
-        """Take a pose; gives each slide as it begins."""
-        if pose.friction_ratio < SLIDING_SHARE:
-            return
+        """Take a pose in which it slides; gives each slide as it begins."""
         name, at = pose.vehicle, pose.true_at_ns
         episode = self._open.get(name)
         if episode is None or episode.is_over(at):
@@ -241,7 +239,8 @@ class EventDetector:
         if met := self.encounters.add(pose):
             self.collisions += sum(episode.kind == "collision" for episode in met)
             self._found += met
-        self._found += self._slide.add(pose)
+        if pose.friction_ratio >= SLIDING_SHARE:
+            self._found += self._slide.add(pose)
         for episode in self._lane.add(pose):  # as it begins
             episode.place = self._places[episode.vehicles[0]]
             self._found.append(episode)

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from math import inf, sqrt
 
 from scenarios.results.holes import MOST_RANGES, RecordedNumbers
+from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING
-from vehicles.messages import Health
+from vehicles.messages import Health, TruePose
 
 
 @dataclass(slots=True)
@@ -75,6 +76,33 @@ class BelievedErrors:
 
 
 @dataclass(slots=True)
+class TyreFigures:
+    """Largest magnitudes of what the tyres of one vehicle did, and how many poses it slid in.
+
+    m/s², rad, and the share of the friction; plain numbers, because every true pose changes them.
+    """
+
+    lateral_acceleration: float = 0.0
+    front_slip: float = 0.0
+    rear_slip: float = 0.0
+    friction: float = 0.0
+    poses: int = 0
+    sliding: int = 0
+
+    def add(self, pose: TruePose) -> None:
+        """Take the next true pose."""
+        across, share = abs(pose.lateral_acceleration_mps2), pose.friction_ratio
+        front, rear = abs(pose.front_slip_rad), abs(pose.rear_slip_rad)
+        self.poses += 1
+        self.lateral_acceleration = max(self.lateral_acceleration, across)
+        self.front_slip = max(self.front_slip, front)
+        self.rear_slip = max(self.rear_slip, rear)
+        self.friction = max(self.friction, share)
+        if share >= SLIDING_SHARE:
+            self.sliding += 1
+
+
+@dataclass(slots=True)
 class VehicleFigures:
     """What one vehicle did."""
 
@@ -86,11 +114,7 @@ class VehicleFigures:
     mode: str = ""
     lateral_error: Extremes = field(default_factory=Extremes)
     heading_error: Extremes = field(default_factory=Extremes)
-    lateral_acceleration: Extremes = field(default_factory=Extremes)
-    front_slip: Extremes = field(default_factory=Extremes)
-    rear_slip: Extremes = field(default_factory=Extremes)
-    friction: Extremes = field(default_factory=Extremes)
-    sliding: int = 0
+    tyres: TyreFigures = field(default_factory=TyreFigures)
     cross_track_error: Extremes = field(default_factory=Extremes)
     belief: BelievedErrors = field(default_factory=BelievedErrors)
     gap_min: float = inf

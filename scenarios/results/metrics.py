@@ -11,14 +11,14 @@ from scenarios.definition.schema.tables import LinkTable
 from scenarios.results.bodies import BodySize
 from scenarios.results.deviations import Deviations
 from scenarios.results.events import EventDetector, detector_of
-from scenarios.results.figures import Extremes, LinkFigures, VehicleFigures
+from scenarios.results.figures import LinkFigures, VehicleFigures
 from scenarios.results.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.summary import LinkSummary, VehicleSummary
 from transport.links.gate import CLOCKS_DIFFER
 from transport.reasons import counts_as_loss
 from transport.topics import TOPIC_OF, valid_at
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.car.tyres import SLIDING_SHARE, linear_range
+from vehicles.car.tyres import linear_range
 from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.messages import (
     GpsPose,
@@ -143,13 +143,10 @@ class Metrics:
                 self.deviations.add_gap(name, gap.now_at_ns, gap.now_m)
 
     def _add_tyres(self, figures: VehicleFigures, pose: TruePose) -> None:
-        figures.lateral_acceleration.add(pose.lateral_acceleration_mps2)
-        figures.front_slip.add(pose.front_slip_rad)
-        figures.rear_slip.add(pose.rear_slip_rad)
-        figures.friction.add(pose.friction_ratio)
-        figures.sliding += pose.friction_ratio >= SLIDING_SHARE
+        tyres = figures.tyres
+        tyres.add(pose)
         name, (front, rear) = pose.vehicle, self._linear_slips[pose.vehicle]
-        left = abs(pose.front_slip_rad) > front or abs(pose.rear_slip_rad) > rear
+        left = tyres.front_slip > front or tyres.rear_slip > rear
         if left and name not in self.out_of_linear:
             self.out_of_linear[name] = self._out_of_linear(pose, front, rear)
 
@@ -265,7 +262,7 @@ class Metrics:
 
     def _vehicle(self, name: str, ran_ns: int) -> VehicleSummary:
         figures = self.vehicles[name]
-        health, true = figures.health, figures.cross_track_error
+        health, true, tyres = figures.health, figures.cross_track_error, figures.tyres
         is_lead = name == self._names[0]
         gap, seconds = self.events.encounters.gaps.get(name), self.events.seconds
         known = gap is not None and isfinite(gap.min_m)
@@ -289,11 +286,11 @@ class Metrics:
             true_gap_min_at_s=seconds(gap.min_at_ns) if gap and known else None,
             gap_m_min=figures.gap_min if isfinite(figures.gap_min) else None,
             distance_m=figures.distance,
-            lateral_acceleration_mps2_max=_largest(figures.lateral_acceleration),
-            front_slip_rad_max=_largest(figures.front_slip),
-            rear_slip_rad_max=_largest(figures.rear_slip),
-            friction_ratio_max=_largest(figures.friction),
-            sliding_s=figures.sliding / self._control_rate_hz if figures.friction.count else None,
+            lateral_acceleration_mps2_max=tyres.lateral_acceleration if tyres.poses else None,
+            front_slip_rad_max=tyres.front_slip if tyres.poses else None,
+            rear_slip_rad_max=tyres.rear_slip if tyres.poses else None,
+            friction_ratio_max=tyres.friction if tyres.poses else None,
+            sliding_s=tyres.sliding / self._control_rate_hz if tyres.poses else None,
             ticks_by_mode=dict(sorted(figures.modes.items())),
             ticks=health.ticks if health else 0,
             late_ticks=health.late_ticks if health else 0,
@@ -324,8 +321,3 @@ class Metrics:
             else 0.0,
             latency_ms_max=figures.latency_ns_max / MILLISECOND,
         )
-
-
-def _largest(values: Extremes) -> float | None:
-    """Largest magnitude, None where nothing was recorded."""
-    return values.largest if values.count else None

@@ -180,7 +180,8 @@ class Recorder:
 
     def say_news(self, at: int) -> None:
         """Write a line for each event on the road, and each warning, that has been found since."""
-        for line in self._metrics.news():
-            self.say(at, line, "warning")
+        if self._metrics.out_of_linear:
+            for line in self._metrics.news():
+                self.say(at, line, "warning")
         for event in self._metrics.events.news():
             self.say(at, event.line, event.level)

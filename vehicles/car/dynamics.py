@@ -9,7 +9,7 @@ Integration: Runge-Kutta of order 4 with the command held over the span, in sub-
 h * rate <= STEP_PER_RATE, where `rate` is the fastest of the tyres' and the steering's. Stated
 tolerance: over an emergency lane change in spans of 20 ms the path stays within 0.005 mm of the
 exact solution; after a steering step of 0.05 rad lateral speed (m/s) and yaw rate (rad/s) are
-within 4e-4 of it. While the steering turns as fast as it can its angle is within 1e-4 rad.
+within 4e-4 of it. While the steering turns as fast as it can its angle is within 5e-4 rad.
 
 Below WALKING_PACE the tyres' 1/v would make the equations arbitrarily stiff. There the lateral
 speed and yaw rate relax, as fast as they do at WALKING_PACE (some 5 ms), to the steady state that

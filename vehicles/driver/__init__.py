@@ -8,6 +8,7 @@ tracking         errors against the trajectory
 steering         from errors to a steering command: the paper's law and others
 command_limit    no command that the wheels cannot follow
 speed            from gaps and profiles to an acceleration
+slip_estimator   how heavily the car is laden, from how it answers its steering
 leader           the lead
 follower         a follower: what it knows of lead and predecessor, and what it makes of it
 """

@@ -29,9 +29,10 @@ class CommandLimit:
 
         To be called once at every control instant. The parts δ_ff and δ_fb stay what they were.
         """
-        if math.isinf(self._step):
+        asked, step, limit = command.steering, self._step, self._limit
+        if (-step <= asked - self._last <= step and -limit <= asked <= limit) or step == math.inf:
+            self._last = asked
             return command
-        asked = min(max(command.steering, -self._limit), self._limit)
-        given = min(max(asked, self._last - self._step), self._last + self._step)
-        self._last = given
-        return command if given == command.steering else replace(command, steering=given)
+        asked = min(max(asked, -limit), limit)
+        self._last = min(max(asked, self._last - step), self._last + step)
+        return replace(command, steering=self._last)

@@ -10,6 +10,7 @@ from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
+from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors, track
@@ -47,10 +48,12 @@ class Follower:
         fusion: Fusion,
         settings: FitSettings,
         limit: CommandLimit | None = None,
+        load: LoadWatch | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
-        `limit` is that of the steering command, if there is one.
+        `limit` is that of the steering command, `load` watches how heavily the car is laden, if
+        there are such.
         """
         self._own_state = own_state
         self._controller = controller
@@ -64,6 +67,7 @@ class Follower:
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
         self._settings = settings
         self._limit = limit or CommandLimit()
+        self._load = load or LoadWatch()
         self._traces = {name: Trace() for name in (lead, predecessor)}
         self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
         self._along: tuple[tuple[float, Fit], ...] = ()
@@ -84,6 +88,7 @@ class Follower:
 
         Sections III-A to III-E in a row, as in Fig. 1.
         """
+        self._load.observe(now, fix)
         self._own_state.update(now, fix, motion)
         for message in received:
             self._receive(now, message)
@@ -109,6 +114,7 @@ class Follower:
         errors, asked = self._steer(pose)
         steering = self._limit.held_back(asked)
         ahead = self._vehicles_ahead(now, pose)
+        self._load.commanded(steering.steering)
         speed = self._speed_law.command(now, pose, ahead)
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),

@@ -9,6 +9,7 @@ from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
+from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors
@@ -31,8 +32,12 @@ class Leader:
         path: Path,
         station: float,
         limit: CommandLimit | None = None,
+        load: LoadWatch | None = None,
     ) -> None:
-        """`station` is the arc length at which the lead starts; `limit` that of its steering."""
+        """`station` is the arc length at which the lead starts; `limit` that of its steering.
+
+        `load` watches how heavily it is laden, if anything does.
+        """
         self._own_state = own_state
         self._controller = controller
         self._speed_law = speed_law
@@ -40,6 +45,7 @@ class Leader:
         self._path = path
         self._near = station
         self._limit = limit or CommandLimit()
+        self._load = load or LoadWatch()
         self._decision: Decision | None = None
 
     def step(
@@ -53,12 +59,14 @@ class Leader:
 
         Errors of Section III-B against the path itself, steering of Section III-C.
         """
+        self._load.observe(now, fix)
         self._own_state.update(now, fix, motion)
         if self._decision is not None and not self._control.due(now):
             return replace(self._decision, fresh=False)
         pose = self._own_state.at(now)
         errors = self._track(pose)
         steering = self._limit.held_back(self._controller.steer(errors, pose.speed))
+        self._load.commanded(steering.steering)
         speed = self._speed_law.command(now, pose, VehiclesAhead())
         self._decision = Decision(
             actuation=Actuation(steering.steering, speed.acceleration),

@@ -56,6 +56,7 @@ class PoseEstimator:
         slip, noise = SlipModel(parameters), imu or InertialNoise()
         drift = DriftModel(slip, noise, imu_rate_hz)
         self._model = _Model(slip, drift, gnss or GnssNoise(), noise)
+        self._imu_rate_hz = imu_rate_hz
         self._motion: Motion | None = None
         self._track: _Track | None = None
         self._rival: _Track | None = None
@@ -82,6 +83,12 @@ class PoseEstimator:
             if self._rival is not None:
                 self._rival.move(now, speed, yaw_rate)
                 self._rival.read_at = now
+
+    def assume(self, parameters: VehicleParameters) -> None:
+        """Take other parameters of the car for its slip, by eqs. (1), (2), from now on."""
+        slip = SlipModel(parameters)
+        self._model.slip = slip
+        self._model.drift = DriftModel(slip, self._model.imu, self._imu_rate_hz)
 
     def correct(self, fix: Fix) -> None:
         """Take in a fix of the vehicle itself; they come in the order of measurement.
@@ -133,7 +140,7 @@ class PoseEstimator:
         return math.sqrt(along.aa), math.sqrt(across.cc), math.sqrt(across.hh)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Model:
     """How the car moves, how wrong dead reckoning becomes, and how wrong the sensors are."""
 

@@ -69,6 +69,10 @@ class FeedforwardFeedback:
         self._parameters = parameters
         self._gains = gains
 
+    def assume(self, parameters: VehicleParameters) -> None:
+        """Take other parameters of the car for K_sg, eq. (6), from now on."""
+        self._parameters = parameters
+
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """Eqs. (6), (7): δ_ff = (a+b)/R + K_sg v²/R, δ_fb = −k_e e_lat − k_θ θ̃ − k_ω dθ̃/dt."""
         car, gains = self._parameters, self._gains
@@ -105,6 +109,10 @@ class SlipCompensated:
         self._parameters = parameters
         self._gains = gains
         self._delay = self.HOLD + 2.0 * parameters.steering_damping / parameters.steering_frequency
+
+    def assume(self, parameters: VehicleParameters) -> None:
+        """Take other parameters of the car for K_sg, eq. (6), and the slip, from now on."""
+        self._parameters = parameters
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """Steer by eqs. (6) and (7) with θ̃ + β for θ̃, and curvatures from where they count."""

@@ -96,6 +96,7 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
 def _controller(asked: Mapping[str, Any]) -> str:
     gains = ", ".join(f"{gain:g}" for gain in asked["gains"].values())
     load = "knows" if asked["knows_loading"] else "does not know"
+    load = "learns" if asked["estimate_slip"] else load
     return f"{asked['controller']}, gains {gains}, {load} the load"
 
 

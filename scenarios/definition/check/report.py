@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.definition.schema.tables import LinkTable, ScenarioTables, SteeringTable
 from scenarios.definition.vehicle_setup import VehicleSetup
+from vehicles.car.parameters import VehicleParameters
+from vehicles.car.tyres import GRAVITY
 from vehicles.geometry.smoothing import SmoothedPath
 
 USUAL_GNSS_RATE = 20.0
@@ -263,6 +266,16 @@ def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:
             yield f"{name} measures at {rate:g} Hz, receivers reach about {USUAL_GNSS_RATE:g} Hz"
 
 
+def _friction_warnings(cars: Sequence[VehicleParameters], run: _Run) -> Iterator[str]:
+    """Say that the lead's plan, which all follow, asks for more than the most slippery tyres."""
+    least = min((car.friction for car in cars if car.tyres == "brush"), default=inf)
+    if run.lateral_max > least * GRAVITY:
+        yield (
+            f"the plan takes curves at {run.lateral_max:.1f} m/s², tyres hold up to "
+            f"{least * GRAVITY:.1f} m/s² (parameters.friction_ratio = {least:g}): cars will slide"
+        )
+
+
 def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     speed = scenario.tables.speed
     sharpest = max(map(abs, run.curvatures))
@@ -274,6 +287,7 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
             f"the path has a least radius of {1.0 / sharpest:.1f} m, the cars turn at "
             f"{tightest:.1f} m: widen path.smoothing_m, or expect them beside the path"
         )
+    yield from _friction_warnings(cars, run)
     if speed.profile and speed.lead != "profile":
         yield f'speed.profile is not used, since speed.lead = "{speed.lead}"'
     if speed.lead == "set" and min(run.speeds) < speed.set_mps:

@@ -75,6 +75,7 @@ class SteeringTable(Table):
     preview_s: float = Field(default=0.8, ge=0.1, le=10)
     tolerance_m: float = Field(default=0.1, gt=0, le=10)
     knows_loading: bool = False
+    estimate_slip: bool = False
     own_state: Literal["estimated", "exact"] = "estimated"
     gains: GainsTable = GainsTable()
 

@@ -25,6 +25,7 @@ from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
 from vehicles.driver.own_state import KnownState, OwnState
 from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.slip_estimator import Assuming, LoadWatch, SlipEstimator
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import LocalPlane
@@ -139,20 +140,23 @@ class VehicleBuilder:
         setup = self._setup
         control = Cadence(start_at, self.control_rate_hz)
         own_state = self._own_state()
+        controller = self._controller()
+        load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
             return Leader(
                 own_state=own_state,
-                controller=self._controller(),
+                controller=controller,
                 speed_law=self._profile(start_at),
                 control=control,
                 path=self._route.path,
                 station=self._route.start_station(0),
                 limit=self._command_limit(),
+                load=load,
             )
         steering = setup.steering
         return Follower(
             own_state=own_state,
-            controller=self._controller(),
+            controller=controller,
             speed_law=self._speed_law(start_at),
             control=control,
             plane=self._plane,
@@ -162,7 +166,16 @@ class VehicleBuilder:
             fusion=steering.fusion,
             settings=self._fit_settings(),
             limit=self._command_limit(),
+            load=load,
         )
+
+    def _load_watch(self, *told: object) -> LoadWatch:
+        """What tells those who can assume another car than they were made for."""
+        setup = self._setup
+        if not setup.steering.estimate_slip:
+            return LoadWatch()
+        estimator = SlipEstimator(setup.assumed_parameters, setup.gnss.yaw_rate_noise_radps)
+        return LoadWatch(estimator, [one for one in told if isinstance(one, Assuming)])
 
     def _command_limit(self) -> CommandLimit:
         car = self._setup.parameters

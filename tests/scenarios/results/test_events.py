@@ -49,6 +49,38 @@ def approach(gaps: list[float], speed: float = 0.0) -> list[TruePose]:
     ]
 
 
+def gripping(vehicle: str, shares: list[float]) -> list[TruePose]:
+    """Poses of a vehicle whose tyres use so much of the friction, one every 20 ms."""
+    return [
+        replace(
+            truth(vehicle, seq, 0.5 * seq, 0.0), friction_ratio=share, rear_slip_rad=-share / 10
+        )
+        for seq, share in enumerate(shares)
+    ]
+
+
+def test_a_slide_is_who_when_how_long_and_how_far() -> None:
+    (event,) = detected(*gripping("v2", [0.5, 0.98, 0.99, 1.0, 1.0, 0.6]))
+    assert (event.kind, event.vehicles) == ("slide", ("v2",))
+    assert event.at_s == pytest.approx(0.04)
+    assert event.figures == {
+        "friction_ratio_max": 1.0,
+        "slip_rad_max": pytest.approx(0.1),
+        "duration_s": pytest.approx(0.04),
+    }
+    assert event.level == "warning"
+    assert event.line == "slide: v2 has no more friction to steer by, 0.04 s after the start"
+
+
+def test_a_slide_that_flickers_is_one_and_a_later_one_another() -> None:
+    calm = [0.3] * (QUIET_NS // (SECOND // 50) + 2)
+    flickering = [1.0, 0.9, 1.0, 0.8, 1.0]
+    events = detected(*gripping("v1", [*flickering, *calm, 1.2]))
+    assert [event.kind for event in events] == ["slide", "slide"]
+    assert events[0].figures["duration_s"] == pytest.approx(0.08)
+    assert events[1].figures["friction_ratio_max"] == 1.2  # linear tyres carry more than there is
+
+
 QUIET = [5.0] * (QUIET_NS // (SECOND // 50) + 2)
 
 

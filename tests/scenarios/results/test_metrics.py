@@ -73,6 +73,43 @@ def test_a_run_without_messages_has_a_summary_too() -> None:
         assert (link.sent, link.judged, link.loss_ratio) == (0, 0, 0.0)
 
 
+def cornering(seq: int, across: float, front: float, rear: float, share: float) -> TruePose:
+    return replace(
+        truth("v2", seq, float(seq), 0.0), lateral_acceleration_mps2=across, front_slip_rad=front,
+        rear_slip_rad=rear, friction_ratio=share,
+    )  # fmt: skip
+
+
+def test_what_the_tyres_did_is_summed_up() -> None:
+    poses = [
+        cornering(0, 1.0, -0.004, -0.003, 0.2), cornering(1, -8.5, 0.06, 0.05, 1.0),
+        cornering(2, 4.0, -0.02, -0.08, 0.995), cornering(3, 0.0, 0.0, 0.0, 0.98),
+    ]  # fmt: skip
+    row = vehicle("v2", *poses)
+    assert (row.lateral_acceleration_mps2_max, row.friction_ratio_max) == (8.5, 1.0)
+    assert (row.front_slip_rad_max, row.rear_slip_rad_max) == (0.06, 0.08)
+    assert row.sliding_s == pytest.approx(2 / 50)
+    untold = vehicle("v3", *poses)
+    assert untold.lateral_acceleration_mps2_max is None
+    assert untold.sliding_s is None
+
+
+def test_leaving_the_linear_range_is_told_once_with_the_first_instant() -> None:
+    metrics = Metrics(CONVOY, ASKED, linear_slips=dict.fromkeys(CONVOY, (0.015, 0.012)))
+    metrics.add(start())
+    metrics.add(cornering(0, 3.0, -0.0149, -0.0119, 0.4))
+    assert metrics.news() == []
+    metrics.add(cornering(1, -5.0, 0.01, 0.0121, 0.6))
+    (line,) = metrics.news()
+    assert line == (
+        "v2: its tyres left their linear range, up to 0.0150 rad of slip in front and 0.0120 rad "
+        "behind, 0.02 s after the start"
+    )
+    metrics.add(cornering(2, -6.0, 0.05, 0.05, 0.7))
+    assert metrics.news() == []
+    assert list(metrics.out_of_linear.values()) == [line]
+
+
 def test_tracking_errors_are_summed_up() -> None:
     errors = [(0.1, 0.01), (-0.4, 0.03), (0.2, -0.05), (0.2, 0.0)]
     row = vehicle(
