@@ -126,7 +126,11 @@ def _knots(
     stations = local_cubic(t, s[None, :], times, reach)[0]
     # A cubic swings over the beginning and the end of a stand by some centimetres.
     stations = np.maximum.accumulate(np.clip(stations, s[0], s[-1]))
-    speeds = np.gradient(stations, times)
+    means = np.diff(stations) / np.diff(times)
+    slower = np.minimum(np.append(means, math.inf), np.append(math.inf, means))
+    # Up to three times the slower mean beside a knot a cubic never goes backwards (Fritsch and
+    # Carlson, 1980).
+    speeds = np.minimum(np.gradient(stations, times), 3.0 * slower)
     return tuple(times.tolist()), tuple(stations.tolist()), tuple(speeds.tolist())
 
 

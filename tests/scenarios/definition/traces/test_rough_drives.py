@@ -10,26 +10,10 @@ from scenarios.definition.check.report import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.path import PointsPath
-from tests.made.scenarios.recorded_drives import ORIGIN
-from tests.made.scenarios.rough_drives import CASES, Expected, Rough, off_the_truth
+from tests.made.scenarios.rough_drives import CASES, Expected, Rough, off_the_truth, scenario_of
 
-PLACE = (
-    f"[origin]\nlatitude_deg = {ORIGIN.latitude_deg}\nlongitude_deg = {ORIGIN.longitude_deg}\n"
-    f"altitude_m = {ORIGIN.altitude_m}\n"
-)
 DRIVABLE = {name: case for name, case in CASES.items() if not case[1].refused}
 REFUSED = {name: case for name, case in CASES.items() if case[1].refused}
-
-
-def scenario_of(rough: Rough, folder: Path, more: str = "") -> Scenario:
-    """The lead drives `rough`, by its times where it has some."""
-    (folder / rough.file_name).write_bytes(rough.write())
-    text = (
-        f'name = "rough"\n{more}[path]\nkind = "trace"\nfile = "{rough.file_name}"\n{rough.keys}\n'
-    )
-    text += PLACE if rough.is_geodetic else ""
-    text += "" if rough.form == "places" else '[speed]\nlead = "recorded"\n'
-    return scenario_from_text(text, label="rough.toml", folder=folder)
 
 
 def path_off_truth(scenario: Scenario, rough: Rough) -> float:
