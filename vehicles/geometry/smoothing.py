@@ -204,8 +204,11 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
     at_x, at_y = math.inf, math.inf
     noise = max(noise, scatter(np.stack((x, y))))
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
-    for px, py in zip(x.tolist(), y.tolist(), strict=True):
-        fresh = not math.hypot(px - at_x, py - at_y) <= distance
+    # How far noisy points have come is told by their means: one far off begins nothing new.
+    told = (x, y) if distance == MERGE_DISTANCE else (_of_five(x), _of_five(y))
+    moved = np.append(math.inf, lengths(np.stack((x, y)))) > 0.0
+    for px, py, left in zip(told[0].tolist(), told[1].tolist(), moved.tolist(), strict=False):
+        fresh = left and not math.hypot(px - at_x, py - at_y) <= distance
         if fresh:
             at_x, at_y = px, py
         group.append((group[-1] if group else -1) + fresh)
@@ -226,6 +229,12 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
     holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in whole.holes)
     t = np.concatenate((np.zeros(1), np.cumsum(lengths(whole.points))))
     return _Merged(_Record(t, whole.points, float(t[-1])), whole.given[members], holes, noise)
+
+
+def _of_five(values: FloatArray) -> FloatArray:
+    """Mean of each value with two to either side."""
+    padded = np.pad(values, 2, mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5).mean(axis=1))
 
 
 def _closed(record: _Record, half_width: float) -> _Record:

@@ -43,6 +43,9 @@ USUAL = 20
 LEAST_STAND = 3.0
 """A car stands for at least so long (s), or for this many points without times..."""
 
+DRIFTS = (10.0, 20.0)
+"""Times (s) over which a receiver that drifts gets nowhere."""
+
 LEAST_RADIUS = 0.5
 """...within this distance (m) of one place, or within UNLIKELY times the noise."""
 
@@ -171,6 +174,8 @@ class _Track:
     def _suspects(self) -> list[int]:
         """Points that lie off the line between their neighbours, with those next to them."""
         odd = [k for k in range(1, len(self.kept) - 1) if self._excess(k, k - 1, k + 1) > 0.0]
+        if not self.timed:
+            odd += [k for k in range(1, len(self.kept) - 1) if not self._is_in_step(k, k + 1)]
         ends = [0, len(self.kept) - 1]
         return [*ends, *(near for k in odd for near in (k - 1, k, k + 1))]
 
@@ -243,8 +248,8 @@ class _Track:
         return max(self._offset(self._k(k), before, after)[0] for k in range(place, place + count))
 
 
-def _stands(points: Floats, at: Floats, *, timed: bool) -> Iterator[Stand]:
-    """Give the stands among `points` (2, n) at instants or numbers `at`, in their order."""
+def _stands(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
+    """Find the stands among `points` (2, n) at instants or numbers `at`, in their order."""
     noise = scatter(points)
     gone = np.diff(at)
     usual = float(np.median(gone[gone > 0.0])) if (gone > 0.0).any() else 1.0
@@ -254,19 +259,43 @@ def _stands(points: Floats, at: Floats, *, timed: bool) -> Iterator[Stand]:
         got = np.hypot(*(points[:, ahead:] - points[:, :-ahead]))
         slowest = SLOW_SHARE * float(np.median(got)) / ahead
     if slowest <= 0.0:
-        return
+        return []
     # Half the points of a window against the other half: 4 noise / (span sqrt(points)).
     count = (10.0 * noise / (slowest * usual)) ** (2.0 / 3.0)
     span = max(LEAST_STAND, count * usual) if timed else max(FEWEST, count)
-    slow = _slow(points, at, span, slowest)
     radius = max(LEAST_RADIUS, UNLIKELY * noise)
-    reached = -1
-    for first, last in _joined(points, _runs(slow), radius):
-        run = max(first, reached + 1), last
-        one = _stand(points, at, run, radius, span if timed else math.inf)
-        if one is not None and one.first > reached:
-            reached = one.last
-            yield one
+    free = np.ones(at.size, dtype=bool)
+    found: list[Stand] = []
+    # What drifts seems to move over a few seconds, and what stands for a few is lost in many.
+    for window in sorted({span, *(DRIFTS if timed else ())}, reverse=True):
+        slow = _slow(points, at, max(window, span), slowest) & free
+        for run in _joined(points, _runs(slow), radius):
+            one = _stand(points, at, run, radius, window if timed else math.inf)
+            if one is not None and free[one.first : one.last + 1].all():
+                free[one.first : one.last + 1] = False
+                found.append(one)
+    return _in_one(sorted(found, key=lambda one: one.first), points, at)
+
+
+def _in_one(stands: list[Stand], points: Floats, at: Floats) -> list[Stand]:
+    """Make one of stands that follow one another at once and nearly at one place."""
+    found: list[Stand] = []
+    for stand in stands:
+        before = found[-1] if found else None
+        if before is None or not _are_one(before, stand, at):
+            found.append(stand)
+            continue
+        core = before.core[0], stand.core[1]
+        x, y = np.median(points[:, core[0] : core[1] + 1], axis=1).tolist()
+        wander = max(before.wander, stand.wander)
+        found[-1] = Stand(before.first, stand.last, core, (x, y), wander)
+    return found
+
+
+def _are_one(before: Stand, stand: Stand, at: Floats) -> bool:
+    apart = math.dist(before.place, stand.place)
+    soon = at[stand.core[0]] - at[before.core[1]] <= DRIFTS[0]
+    return bool(soon and apart <= LEAST_RADIUS + UNLIKELY * max(before.wander, stand.wander))
 
 
 def _slow(points: Floats, at: Floats, span: float, slowest: float) -> NDArray[np.bool_]:
@@ -329,7 +358,7 @@ def _stand(
     if float(np.quantile(away, SURELY_STILL if math.isinf(span) else STILL)) > radius:
         if math.isinf(span) or not _wanders(core, at[first : last + 1], span):
             return None
-        radius = float(np.max(away))
+        radius = float(np.quantile(away, SURELY_STILL))
     # The windows reach into what was driven before and after.
     still = np.flatnonzero(away <= radius) + first
     first, last = int(still[0]), int(still[-1])
