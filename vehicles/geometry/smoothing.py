@@ -93,7 +93,7 @@ class _Record:
 
 
 @dataclass(frozen=True, slots=True)
-class _Merged:
+class _MergedPoints:
     """The record that given points make, and for each of them the number of its point there."""
 
     record: _Record
@@ -198,7 +198,7 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
         raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
 
 
-def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _Merged:
+def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _MergedPoints:
     """Merge given points to distinct ones and fill the holes between those."""
     group: list[int] = []
     at_x, at_y = math.inf, math.inf
@@ -228,7 +228,7 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
     steps = lengths(points)
     holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in whole.holes)
     t = np.concatenate((np.zeros(1), np.cumsum(lengths(whole.points))))
-    return _Merged(_Record(t, whole.points, float(t[-1])), whole.given[members], holes, noise)
+    return _MergedPoints(_Record(t, whole.points, float(t[-1])), whole.given[members], holes, noise)
 
 
 def _of_five(values: FloatArray) -> FloatArray:
