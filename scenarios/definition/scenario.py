@@ -25,7 +25,7 @@ from scenarios.definition.road.route import (
     vehicle_names,
 )
 from scenarios.definition.schema.tables import LinkTable, OriginTable, ScenarioTables
-from scenarios.definition.traces.recorded import with_points, with_replays
+from scenarios.definition.traces.placed import with_points, with_replays
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import Origin

@@ -93,7 +93,7 @@ class _Record:
 
 
 @dataclass(frozen=True, slots=True)
-class _Merged:
+class _MergedPoints:
     """The record that given points make, and for each of them the number of its point there."""
 
     record: _Record
@@ -198,14 +198,17 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
         raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
 
 
-def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _Merged:
+def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _MergedPoints:
     """Merge given points to distinct ones and fill the holes between those."""
     group: list[int] = []
     at_x, at_y = math.inf, math.inf
     noise = max(noise, scatter(np.stack((x, y))))
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
-    for px, py in zip(x.tolist(), y.tolist(), strict=True):
-        fresh = not math.hypot(px - at_x, py - at_y) <= distance
+    # How far noisy points have come is told by their means: one far off begins nothing new.
+    told = (x, y) if distance == MERGE_DISTANCE else (_of_five(x), _of_five(y))
+    moved = np.append(math.inf, lengths(np.stack((x, y)))) > 0.0
+    for px, py, left in zip(told[0].tolist(), told[1].tolist(), moved.tolist(), strict=False):
+        fresh = left and not math.hypot(px - at_x, py - at_y) <= distance
         if fresh:
             at_x, at_y = px, py
         group.append((group[-1] if group else -1) + fresh)
@@ -225,7 +228,13 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
     steps = lengths(points)
     holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in whole.holes)
     t = np.concatenate((np.zeros(1), np.cumsum(lengths(whole.points))))
-    return _Merged(_Record(t, whole.points, float(t[-1])), whole.given[members], holes, noise)
+    return _MergedPoints(_Record(t, whole.points, float(t[-1])), whole.given[members], holes, noise)
+
+
+def _of_five(values: FloatArray) -> FloatArray:
+    """Mean of each value with two to either side."""
+    padded = np.pad(values, 2, mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5).mean(axis=1))
 
 
 def _closed(record: _Record, half_width: float) -> _Record:

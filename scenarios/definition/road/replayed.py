@@ -121,12 +121,18 @@ def _knots(
     t, s = given[kept] - given[0], np.maximum.accumulate(road.stations[kept])
     if t.size < NEIGHBOURS:
         return None
+    # Stands and holes are long steps in time, over which a cubic would swing: filled evenly.
+    even = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / float(np.median(np.diff(t)))), t.size) + 1)
     times = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / STEP), 1) + 1)
     reach = max(REACH, REACH_PER_METRE * road.noise)
-    stations = local_cubic(t, s[None, :], times, reach)[0]
+    stations = local_cubic(even, np.interp(even, t, s)[None, :], times, reach)[0]
     # A cubic swings over the beginning and the end of a stand by some centimetres.
     stations = np.maximum.accumulate(np.clip(stations, s[0], s[-1]))
-    speeds = np.gradient(stations, times)
+    means = np.diff(stations) / np.diff(times)
+    slower = np.minimum(np.append(means, math.inf), np.append(math.inf, means))
+    # Up to three times the slower mean beside a knot a cubic never goes backwards (Fritsch and
+    # Carlson, 1980).
+    speeds = np.minimum(np.gradient(stations, times), 3.0 * slower)
     return tuple(times.tolist()), tuple(stations.tolist()), tuple(speeds.tolist())
 
 

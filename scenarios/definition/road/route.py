@@ -34,8 +34,8 @@ STRAIGHT = 1e-6
 """Curvature (1/m) below which a path counts as straight."""
 
 SLOW = 5.0
-"""A recorded drive that begins slower than this (m/s) is begun at its first point, though the road
-may bend there: at such a speed nobody who starts in the road's direction has an error from it."""
+"""A recorded drive that begins slower than this (m/s) is begun at its first point, on a straight
+that does not bend into the drive: at such a speed nobody has an error from the step."""
 
 SPEED_RATIOS = (0.8, 1.25)
 """Recorded speeds that cover the path less exactly than this are not in m/s."""
@@ -102,6 +102,8 @@ def plan_route(tables: ScenarioTables) -> Route:
     path, start, smoothed = _path(tables, lead_in)
     if tables.speed.lead == "recorded":
         profile, start, ratio = _recorded(tables, start, smoothed)
+        if smoothed is not None and start == smoothed.start:
+            path = _straight_before(path, start)
     else:
         profile, ratio = _planned(tables, path, start), 1.0
     return Route(
@@ -142,6 +144,20 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
     curved = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
     first_curve = float(smoothed.path.station[curved[0]]) if curved.size else math.inf
     return smoothed.path, min(max(first_curve, lead_in), smoothed.start), smoothed
+
+
+def _straight_before(path: Path, start: float) -> Path:
+    """Let a path be the straight before station `start` (m) that it has further back anyway."""
+    first = path.at(start)
+    before = path.station < start - 1e-9
+    way = start - path.station
+    return Path(
+        path.station.copy(),
+        np.where(before, first.east - way * math.cos(first.yaw), path.east),
+        np.where(before, first.north - way * math.sin(first.yaw), path.north),
+        np.where(before, first.yaw, path.yaw),
+        np.where(before, 0.0, path.curvature),
+    )
 
 
 def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:

@@ -1,6 +1,9 @@
-"""Recorded drives for the lead, which a scenario names as a trace.
+"""Recorded drives, which a scenario names: the lead's trace, a follower's replay.
 
 formats    CSV, GPX, NMEA 0183 and logs: points as the file holds them, and its bad lines
-cleaning   jumps of a receiver, and its wander while it stands
-recorded   read, checked, laid into the plane, and put into the scenario
+jumps      of a receiver
+stands     of a car, while its receiver wanders
+cleaning   a drive without either
+recorded   read, checked, laid into the plane
+placed     put into the scenario
 """

@@ -1,4 +1,4 @@
-"""The lead's recorded drive: read from any of the formats, checked, and laid into the plane."""
+"""A recorded drive: read from any of the formats, checked, and laid into the plane."""
 
 import itertools
 import math
@@ -8,10 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.definition.errors import Refused
-from scenarios.definition.library import TRACES
-from scenarios.definition.schema.path import PointsPath, TracePath
-from scenarios.definition.schema.tables import OriginTable, ScenarioTables, VehicleTable
 from scenarios.definition.traces.cleaning import Cleaned, cleaned
 from scenarios.definition.traces.formats import (
     Clock,
@@ -23,9 +19,7 @@ from scenarios.definition.traces.formats import (
     read_log,
     read_nmea,
 )
-from vehicles.geometry.bridges import lengths
-from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
-from vehicles.geometry.smoothing import MERGED_NOISE
+from vehicles.geometry.geodesy import LocalPlane, Origin
 
 MAX_BYTES = 200_000_000
 """Larger files are refused: no drive is that long."""
@@ -35,18 +29,6 @@ MAX_JUMP = 1000.0
 
 LEAST_EXTENT = 1.0
 """Points that all lie within this distance (m) of the first make no path."""
-
-FAR = 10_000.0
-"""Coordinates in a plane that begin further from its origin than this (m) are laid at it: so far
-out a map's easting and northing are meant, such as UTM's. Where the scenario says where on earth
-the origin is, they are as long as the plane reaches."""
-
-CURVATURE_NOISE = 0.004
-"""Smoothing leaves so much noise in the curvature (1/m) at most: 0.4 m/s² of lateral acceleration
-at 10 m/s."""
-
-ELSEWHERE = 5_000.0
-"""A second drive that comes no nearer than this (m) to the start of the lead's is elsewhere."""
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
@@ -78,165 +60,12 @@ class DriveInPlane:
     skipped: tuple[str, ...] = ()
 
 
-def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
-    """Replace a path that names a trace by its points, and fill in the origin; raises Refused.
-
-    A trace is sought in `folder`, then among the shipped ones. Without an origin in the scenario
-    the plane touches the earth at the first point.
-    """
-    table = tables.path
-    given = Origin(**tables.origin.model_dump()) if tables.origin else None
-    if isinstance(table, TracePath):
-        try:
-            trace = read_trace(_file(table.file, folder), origin=given, vehicle=table.vehicle)
-        except TraceError as error:
-            raise Refused("path.file", str(error)) from error
-        given = trace.origin or given
-        table = points_of(trace, table)
-    if isinstance(table, PointsPath):
-        table = _laid_near(table, REACH if tables.origin else FAR)
-    return tables.model_copy(update={"origin": _origin_table(given), "path": table})
-
-
-def with_replays(tables: ScenarioTables, folder_of: Callable[[str], Path]) -> ScenarioTables:
-    """Read the drives of the vehicles that are replayed into the lead's plane; raises Refused.
-
-    `folder_of` gives the folder in which the file that a key names is sought.
-    """
-    read = {
-        name: own.model_copy(update={"drive": _second(tables, name, own, folder_of)})
-        for name, own in tables.vehicle.items()
-        if own.replay is not None and own.drive is None
-    }
-    return tables.model_copy(update={"vehicle": {**tables.vehicle, **read}}) if read else tables
-
-
-def _second(
-    tables: ScenarioTables, name: str, own: VehicleTable, folder_of: Callable[[str], Path]
-) -> PointsPath:
-    key, lead = f"vehicle.{name}.replay", tables.path
-    origin = Origin(**(tables.origin or OriginTable()).model_dump())
-    table = TracePath(kind="trace", file=own.replay or "")
-    try:
-        trace = read_trace(
-            _file(table.file, folder_of(key)), origin=origin, vehicle=own.replay_vehicle
-        )
-    except TraceError as error:
-        raise Refused(key, str(error)) from error
-    points = points_of(trace, table)
-    if not isinstance(lead, PointsPath):
-        return points
-    if lead.source and lead.geodetic != (trace.origin is not None):
-        kinds = "latitudes" if lead.geodetic else "plane coordinates"
-        raise Refused(
-            key, f"{table.file}: given in another plane, allowed {kinds} as {lead.source} has"
-        )
-    if trace.origin is None:
-        points = _moved(points, lead.east_offset_m, lead.north_offset_m)
-    east, north = lead.east_m[0], lead.north_m[0]
-    away = min(
-        math.hypot(x - east, y - north) for x, y in zip(points.east_m, points.north_m, strict=True)
-    )
-    if away > ELSEWHERE:
-        raise Refused(
-            key,
-            f"{table.file}: comes no nearer than {away / 1000.0:.1f} km to the start of the lead's "
-            f"path, allowed at most {ELSEWHERE / 1000.0:g} km: is it of the same road?",
-        )
-    return points
-
-
-def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
-    """Return the points that a scenario has in place of a trace.
-
-    Without a width of smoothing it is the usual one, or what their noise needs.
-    """
-    remarks, smoothing = trace.remarks, table.smoothing_m
-    needed = _needed_smoothing(trace)
-    if "smoothing_m" not in table.model_fields_set and needed > smoothing:
-        smoothing = needed
-        remarks = (
-            *remarks,
-            f"the points scatter by {trace.noise_m:.2g} m, so path.smoothing_m is {needed:g} where "
-            f"it is left out, not {table.smoothing_m:g}: tighter curves are cut",
-        )
-    return PointsPath(
-        kind="points",
-        source=table.file,
-        skipped_lines=len(trace.skipped),
-        skipped_first=trace.skipped[0] if trace.skipped else "",
-        geodetic=trace.origin is not None,
-        remarks=remarks,
-        smoothing_m=smoothing,
-        **{key: getattr(trace, key) for key in _KEPT},
-        **table.model_dump(include={"closed", "laps"}),
-    )
-
-
-def _needed_smoothing(trace: DriveInPlane) -> float:
-    """Half width (m) that leaves CURVATURE_NOISE of the points' noise; see `smooth_path`."""
-    steps = lengths(np.array((trace.east_m, trace.north_m)))
-    moved = steps[steps > 0.0]
-    spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * trace.noise_m)
-    kept = 20.0 * trace.noise_m * math.sqrt(spacing) / CURVATURE_NOISE
-    return float(math.ceil(math.pow(kept, 0.4)))
-
-
-_KEPT = (
-    "east_m", "north_m", "time_s", "speed_mps", "clock", "began_at_s", "place_word",
-    "place_numbers", "noise_m", "jumping_points", "standing_points",
-)  # fmt: skip
-"""What points have in common with the drive that they are from."""
-
-
-def _laid_near(table: PointsPath, far: float) -> PointsPath:
-    """Subtract from points that begin further than `far` m from the origin where they begin."""
-    if not table.east_m or not table.north_m:
-        return table
-    if math.hypot(table.east_m[0], table.north_m[0]) <= far:
-        return table
-    moved = _moved(table, float(round(table.east_m[0])), float(round(table.north_m[0])))
-    east, north = moved.east_offset_m, moved.north_offset_m
-    remark = (
-        f"the coordinates begin {math.hypot(east, north) / 1000.0:.0f} km from their origin, so "
-        f"the plane has its own: {east:.0f} m are subtracted from all eastings, {north:.0f} m from "
-        "all northings"
-    )
-    return moved.model_copy(update={"remarks": (*table.remarks, remark)})
-
-
-def _moved(table: PointsPath, east: float, north: float) -> PointsPath:
-    """Subtract an offset (m) from points, and keep it."""
-    return table.model_copy(
-        update={
-            "east_m": tuple(x - east for x in table.east_m),
-            "north_m": tuple(y - north for y in table.north_m),
-            "east_offset_m": table.east_offset_m + east,
-            "north_offset_m": table.north_offset_m + north,
-        }
-    )
-
-
-def _file(given: str, folder: Path) -> Path:
-    own, shipped = folder / given, TRACES / given
-    return shipped if _is_file(shipped) and not _is_file(own) else own
-
-
-def _is_file(path: Path) -> bool:
+def is_file(path: Path) -> bool:
+    """Tell whether there is a file, whatever its name."""
     try:
         return path.is_file()
     except OSError:  # such as a name that is too long for any file
         return False
-
-
-def _origin_table(origin: Origin | None) -> OriginTable:
-    if origin is None:
-        return OriginTable()
-    return OriginTable(
-        latitude_deg=origin.latitude_deg,
-        longitude_deg=origin.longitude_deg,
-        altitude_m=origin.altitude_m,
-    )
 
 
 def read_trace(
@@ -275,7 +104,7 @@ def _read(path: Path, vehicle: str | None) -> RecordedDrive:
 def _content(path: Path) -> bytes:
     try:
         size = path.stat().st_size
-        if _is_file(path) and size <= MAX_BYTES:
+        if is_file(path) and size <= MAX_BYTES:
             return path.read_bytes()
     except FileNotFoundError as error:
         raise TraceError("no such file") from error
@@ -284,7 +113,7 @@ def _content(path: Path) -> bytes:
     except ValueError as error:  # a zero byte in its name
         raise TraceError(str(error)) from error
     too_large = f"larger than {MAX_BYTES // 1_000_000} MB"
-    raise TraceError(too_large if _is_file(path) else "not a file")
+    raise TraceError(too_large if is_file(path) else "not a file")
 
 
 def _reader(suffix: str, text: str) -> Callable[[str], RecordedDrive]:

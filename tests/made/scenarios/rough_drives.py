@@ -7,11 +7,14 @@ drift, jumps and holes writes what it takes for its place.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarios.definition.scenario import Scenario, scenario_from_text
 from tests.made.scenarios.recorded_drives import (
+    ORIGIN,
     Drive,
     as_geodetic_csv,
     as_gpx,
@@ -200,6 +203,27 @@ def off_the_truth(
         share = np.clip((rx * dx + ry * dy) / (dx * dx + dy * dy + 1e-12), 0.0, 1.0)
         found.append(float(np.min(np.hypot(rx - share * dx, ry - share * dy))))
     return np.array(found)
+
+
+PLACE = (
+    f"[origin]\nlatitude_deg = {ORIGIN.latitude_deg}\nlongitude_deg = {ORIGIN.longitude_deg}\n"
+    f"altitude_m = {ORIGIN.altitude_m}\n"
+)
+
+
+def text_of(rough: Rough, folder: Path, more: str = "") -> str:
+    """A scenario whose lead drives `rough`, which is written, by its times where it has some."""
+    (folder / rough.file_name).write_bytes(rough.write())
+    text = (
+        f'name = "rough"\n{more}[path]\nkind = "trace"\nfile = "{rough.file_name}"\n{rough.keys}\n'
+    )
+    text += PLACE if rough.is_geodetic else ""
+    text += "" if rough.form == "places" else '[speed]\nlead = "recorded"\n'
+    return text
+
+
+def scenario_of(rough: Rough, folder: Path, more: str = "") -> Scenario:
+    return scenario_from_text(text_of(rough, folder, more), label="rough.toml", folder=folder)
 
 
 @dataclass(frozen=True, kw_only=True)

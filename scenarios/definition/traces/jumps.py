@@ -1,0 +1,152 @@
+"""Jumps of a receiver: points that lie where no car gets and comes back from in their time."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicles.geometry.bridges import NEARBY, lengths, scatter
+
+LONGEST_JUMP = 10
+"""A jump goes away and comes back within so many points."""
+
+LEAST_JUMP = 0.5
+"""A point that lies this close (m) to where its neighbours put it has not jumped."""
+
+UNLIKELY = 6.0
+"""Noise moves a point by so many of its standard deviations practically never."""
+
+MOST_ACCELERATION = 15.0
+"""No car brakes or corners harder than this (m/s²)."""
+
+TIGHTEST = 3.0
+"""No car turns tighter than with this radius (m)."""
+
+LONG_STEP = 1.5
+"""Points without times jump by more than so many of the steps nearby."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """Points `first` to `last` (from 0), up to `size` m from where the drive is."""
+
+    first: int
+    last: int
+    size: float
+
+
+class JumpFinder:
+    """Points (2, n), with times (s) or () where not known, that are freed of those that jump.
+
+    `kept` are the numbers of those that are left.
+    """
+
+    def __init__(self, points: Floats, times: Sequence[float]) -> None:
+        self.points = points
+        self.timed = bool(times)
+        count = points.shape[1]
+        self.at = np.asarray(times if self.timed else range(count), dtype=np.float64)
+        self.kept = list(range(count))
+        self._xy = list(zip(*points.tolist(), strict=True))
+        self._t = self.at.tolist()
+        self._steps = lengths(points)
+        self._least = max(LEAST_JUMP, UNLIKELY * scatter(points))
+
+    def without_jumps(self) -> list[Jump]:
+        """Take out what jumps, and say what that was."""
+        found: list[Jump] = []
+        place = 0
+        suspects = set(self._suspects())
+        while place < len(self.kept):
+            jump = self._jump(place) if self.kept[place] in suspects else None
+            if jump is None:
+                place += 1
+                continue
+            found.append(
+                Jump(self.kept[place], self.kept[place + jump - 1], self._size(place, jump))
+            )
+            around = self.kept[max(0, place - 2) : place + jump + 2]
+            del self.kept[place : place + jump]
+            suspects.update(around)
+            place = max(0, place - 2)
+        return found
+
+    def _suspects(self) -> list[int]:
+        """Points that lie off the line between their neighbours, with those next to them."""
+        odd = [k for k in range(1, len(self.kept) - 1) if self._excess(k, k - 1, k + 1) > 0.0]
+        if not self.timed:
+            odd += [k for k in range(1, len(self.kept) - 1) if not self._is_in_step(k, k + 1)]
+        ends = [0, len(self.kept) - 1]
+        return [*ends, *(near for k in odd for near in (k - 1, k, k + 1))]
+
+    def _jump(self, place: int) -> int | None:
+        """How many points from `place` on jump; None if it does not."""
+        last = len(self.kept) - 1
+        for count in range(1, LONGEST_JUMP + 1):
+            before, after = place - 1, place + count
+            if after > last:
+                break
+            ends = {place, place + count - 1}
+            if before < 0:
+                off = count == 1 and self._excess(self._k(0), self._k(1), self._k(2)) > 0.0
+            else:
+                off = all(
+                    self._excess(self._k(k), self._k(before), self._k(after)) > 0.0 for k in ends
+                )
+            if off and self._is_plausible_without(before, after):
+                return count
+        if place == last and self._excess(*(self._k(last - k) for k in range(3))) > 0.0:
+            return 1
+        return None
+
+    def _k(self, place: int) -> int:
+        return self.kept[min(max(place, 0), len(self.kept) - 1)]
+
+    def _is_plausible_without(self, before: int, after: int) -> bool:
+        """Whether the points around a gap fit one another once what is between has gone."""
+        row = [k for k in (before - 2, before - 1, before, after, after + 1, after + 2) if k >= 0]
+        row = [k for k in row if k < len(self.kept)]
+        threes = zip(row, row[1:], row[2:], strict=False)
+        return all(self._excess(self._k(b), self._k(a), self._k(c)) <= 0.0 for a, b, c in threes)
+
+    def _offset(self, k: int, a: int, b: int) -> tuple[float, float]:
+        """How far (m) point k is from the line from a to b at its time, and how far it may be."""
+        (x0, y0), (x1, y1), (x, y) = self._xy[a], self._xy[b], self._xy[k]
+        t0, t1, t = self._t[a], self._t[b], self._t[k]
+        share = (t - t0) / (t1 - t0) if t1 != t0 else 0.5
+        if not self.timed and a < k < b:  # as far along as its distances say, for holes
+            way = math.hypot(x - x0, y - y0)
+            share = way / max(way + math.hypot(x1 - x, y1 - y), 1e-9)
+        beyond = max(1.0, abs(share), abs(1.0 - share))
+        off = math.hypot(x - x0 - share * (x1 - x0), y - y0 - share * (y1 - y0))
+        if self.timed:
+            curve = 0.5 * MOST_ACCELERATION * abs((t - t0) * (t - t1))
+        else:
+            curve = (math.hypot(x1 - x0, y1 - y0) * beyond) ** 2 / (8.0 * TIGHTEST)
+        return off, max(self._least * beyond, curve)
+
+    def _excess(self, k: int, a: int, b: int) -> float:
+        """By how much (m) point k is further from its neighbours a and b than a car gets."""
+        off, allowed = self._offset(k, a, b)
+        if off > allowed and not self.timed and self._is_in_step(k, a) and self._is_in_step(k, b):
+            return 0.0  # on a loop that is tight for its points
+        return off - allowed
+
+    def _is_in_step(self, k: int, other: int) -> bool:
+        """Whether a point is as far from another one as points without times usually are."""
+        steps = self._steps[max(0, k - NEARBY) : k + NEARBY]
+        (x0, y0), (x1, y1) = self._xy[k], self._xy[other]
+        usual = LONG_STEP * float(np.median(steps)) * abs(k - other)
+        return bool(np.hypot(x1 - x0, y1 - y0) <= usual)
+
+    def _size(self, place: int, count: int) -> float:
+        before, after = self._k(place - 1), self._k(place + count)
+        if place == 0:
+            before, after = self._k(1), self._k(2)
+        elif place + count >= len(self.kept):
+            before, after = self._k(place - 2), self._k(place - 1)
+        return max(self._offset(self._k(k), before, after)[0] for k in range(place, place + count))

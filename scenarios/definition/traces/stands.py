@@ -1,0 +1,198 @@
+"""Stands: where a car gets nowhere, though its receiver wanders."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.definition.traces.jumps import UNLIKELY
+from vehicles.geometry.bridges import scatter
+
+FEWEST = 8
+"""Fewer points than this are left as they are: they do not tell what is unusual among them."""
+
+SLOWEST = 0.5
+"""What moves slower than this (m/s) on average may be standing..."""
+
+SLOW_SHARE = 0.25
+"""...or, of points without times, by less than this share of how far they usually get."""
+
+USUAL = 20
+"""How far points usually get is measured over so many of them."""
+
+LEAST_STAND = 3.0
+"""A car stands for at least so long (s), or for this many points without times..."""
+
+DRIFTS = (10.0, 20.0)
+"""Times (s) over which a receiver that drifts gets nowhere."""
+
+LEAST_RADIUS = 0.5
+"""...within this distance (m) of one place, or within UNLIKELY times the noise."""
+
+STILL = 0.6
+"""So large a share of a slow stretch is within that distance if it is a stand: the rest is what the
+car drove before it stopped and after it went on."""
+
+SURELY_STILL = 0.9
+"""The same for points without times."""
+
+WANDERING = 0.5
+"""What gets less far than this share of its way is no crawl, however far it drifts."""
+
+_RAYLEIGH = 1.1774
+"""Median distance of plane normal noise, in its standard deviations."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """A stand: points `first` to `last` belong to it, of which the car stands in `core`.
+
+    `place` is the median of the core's points (m), `wander` their standard deviation (m, per axis).
+    """
+
+    first: int
+    last: int
+    core: tuple[int, int]
+    place: tuple[float, float]
+    wander: float
+
+
+def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
+    """Find the stands among `points` (2, n) at instants or numbers `at`, in their order."""
+    noise = scatter(points)
+    gone = np.diff(at)
+    usual = float(np.median(gone[gone > 0.0])) if (gone > 0.0).any() else 1.0
+    slowest = SLOWEST
+    if not timed:
+        ahead = min(USUAL, at.size - 1)
+        got = np.hypot(*(points[:, ahead:] - points[:, :-ahead]))
+        slowest = SLOW_SHARE * float(np.median(got)) / ahead
+    if slowest <= 0.0:
+        return []
+    # Half the points of a window against the other half: 4 noise / (span sqrt(points)).
+    count = (10.0 * noise / (slowest * usual)) ** (2.0 / 3.0)
+    span = max(LEAST_STAND, count * usual) if timed else max(FEWEST, count)
+    radius = max(LEAST_RADIUS, UNLIKELY * noise)
+    free = np.ones(at.size, dtype=bool)
+    found: list[Stand] = []
+    # What drifts seems to move over a few seconds, and what stands for a few is lost in many.
+    for window in sorted({span, *(DRIFTS if timed else ())}, reverse=True):
+        slow = _slow(points, at, max(window, span), slowest) & free
+        for run in _joined(points, _runs(slow), radius):
+            one = _stand(points, at, run, radius, window if timed else math.inf)
+            if one is not None and free[one.first : one.last + 1].all():
+                free[one.first : one.last + 1] = False
+                found.append(one)
+    return _in_one(sorted(found, key=lambda one: one.first), points, at)
+
+
+def _in_one(stands: list[Stand], points: Floats, at: Floats) -> list[Stand]:
+    """Make one of stands that follow one another at once and nearly at one place."""
+    found: list[Stand] = []
+    for stand in stands:
+        before = found[-1] if found else None
+        if before is None or not _are_one(before, stand, at):
+            found.append(stand)
+            continue
+        core = before.core[0], stand.core[1]
+        x, y = np.median(points[:, core[0] : core[1] + 1], axis=1).tolist()
+        wander = max(before.wander, stand.wander)
+        found[-1] = Stand(before.first, stand.last, core, (x, y), wander)
+    return found
+
+
+def _are_one(before: Stand, stand: Stand, at: Floats) -> bool:
+    apart = math.dist(before.place, stand.place)
+    soon = at[stand.core[0]] - at[before.core[1]] <= DRIFTS[0]
+    return bool(soon and apart <= LEAST_RADIUS + UNLIKELY * max(before.wander, stand.wander))
+
+
+def _slow(points: Floats, at: Floats, span: float, slowest: float) -> NDArray[np.bool_]:
+    """Which points are part of a window of `span` s in which the car gets nowhere."""
+    first = np.arange(at.size)
+    last = np.searchsorted(at, at + span * (1.0 - 1e-9))
+    whole = last < at.size
+    first, last = first[whole], last[whole]
+    middle = (first + last + 1) // 2
+    sums = np.concatenate((np.zeros((2, 1)), np.cumsum(points, axis=1)), axis=1)
+    early = (sums[:, middle] - sums[:, first]) / np.maximum(middle - first, 1)
+    late = (sums[:, last + 1] - sums[:, middle]) / np.maximum(last + 1 - middle, 1)
+    moved = np.hypot(*(late - early))
+    quiet = moved < slowest * 0.5 * span
+    marks = np.zeros(at.size + 1, dtype=np.int64)
+    np.add.at(marks, first[quiet], 1)
+    np.add.at(marks, last[quiet] + 1, -1)
+    return np.asarray(np.cumsum(marks)[:-1] > 0)
+
+
+def _runs(slow: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], slow, [False]))))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _joined(
+    points: Floats, runs: list[tuple[int, int]], radius: float
+) -> Iterator[tuple[int, int]]:
+    """Runs between which the car stays where it is are one."""
+    held: tuple[int, int] | None = None
+    for run in runs:
+        if held is None:
+            held = run
+            continue
+        between = points[:, held[0] : run[1] + 1]
+        middle = np.median(between, axis=1)[:, None]
+        if float(np.max(np.hypot(*(between - middle)))) <= 2.0 * radius:
+            held = held[0], run[1]
+        else:
+            yield held
+            held = run
+    if held is not None:
+        yield held
+
+
+def _stand(
+    points: Floats, at: Floats, run: tuple[int, int], radius: float, span: float
+) -> Stand | None:
+    """The stand that a slow `run` of points is; None for a crawl.
+
+    Where its points drift further than noise, all that lies among them belongs to it. An infinite
+    `span` says that without times nobody can tell a drift from a crawl.
+    """
+    first, last = run
+    if last <= first:
+        return None
+    core = points[:, first : last + 1]
+    middle = np.median(core, axis=1)[:, None]
+    away = np.hypot(*(core - middle))
+    if float(np.quantile(away, SURELY_STILL if math.isinf(span) else STILL)) > radius:
+        if math.isinf(span) or not _wanders(core, at[first : last + 1], span):
+            return None
+        radius = float(np.quantile(away, SURELY_STILL))
+    # The windows reach into what was driven before and after.
+    still = np.flatnonzero(away <= radius) + first
+    first, last = int(still[0]), int(still[-1])
+    if at[last] - at[first] < LEAST_STAND - 1e-9:
+        return None
+    place = np.median(points[:, first : last + 1], axis=1)
+    wander = float(np.median(np.hypot(*(points[:, first : last + 1] - place[:, None])))) / _RAYLEIGH
+    begin, end = first, last
+    while begin > 0 and np.hypot(*(points[:, begin - 1] - place)) <= radius:
+        begin -= 1
+    while end < at.size - 1 and np.hypot(*(points[:, end + 1] - place)) <= radius:
+        end += 1
+    return Stand(begin, end, (first, last), (float(place[0]), float(place[1])), wander)
+
+
+def _wanders(core: Floats, at: Floats, span: float) -> bool:
+    """Whether points end up far closer to their beginning than their way, window by window, is."""
+    edges = np.searchsorted(at, np.arange(at[0], at[-1] + span, span))
+    means = [np.mean(core[:, a:b], axis=1) for a, b in pairwise(edges.tolist()) if b > a]
+    if len(means) < 3:
+        return False
+    way = sum(float(np.hypot(*(after - before))) for before, after in pairwise(means))
+    return float(np.hypot(*(means[-1] - means[0]))) < WANDERING * way

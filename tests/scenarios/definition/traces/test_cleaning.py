@@ -1,0 +1,141 @@
+"""Jumps and stands: found where they are, and nothing else is taken for one."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.definition.traces.cleaning import Cleaned, cleaned
+from tests.made.scenarios.rough_drives import LEFT, STRAIGHT, SWEEP, Rough
+
+
+def of(rough: Rough, *, timed: bool = True) -> Cleaned:
+    rows = np.array(rough.points())
+    return cleaned(rows[:, 1:3].T.copy(), rows[:, 0].tolist() if timed else ())
+
+
+@settings(max_examples=80)
+@given(
+    pieces=st.lists(
+        st.tuples(st.sampled_from([6.0, 8.0, 12.0, 20.0, 50.0, 200.0, math.inf]), st.booleans()),
+        min_size=1,
+        max_size=5,
+    ),
+    speed=st.floats(1.5, 35.0),
+    rate_hz=st.sampled_from([1.0, 5.0, 10.0, 20.0]),
+    noise=st.sampled_from([0.0, 0.005, 0.02, 0.1]),
+    timed=st.booleans(),
+    hole=st.booleans(),
+    seed=st.integers(0, 1000),
+)
+def test_a_clean_drive_is_left_as_it_is(  # noqa: PLR0917 - what is drawn
+    pieces: list[tuple[float, bool]],
+    speed: float,
+    rate_hz: float,
+    noise: float,
+    timed: bool,
+    hole: bool,
+    seed: int,
+) -> None:
+    course = tuple(
+        (min(80.0, 2.5 * radius), (1.0 if left else -1.0) / radius) for radius, left in pieces
+    )
+    tightest = min(radius for radius, _ in pieces)
+    speed = min(speed, math.sqrt(8.0 * tightest))
+    rough = Rough(
+        course=course,
+        speed=speed,
+        rate_hz=rate_hz,
+        noise=noise,
+        holes=((30.0, 15.0),) if hole and math.isinf(tightest) else (),
+        seed=seed,
+    )
+    points = rough.points()
+    found = of(rough, timed=timed)
+    assert not found.jumps
+    assert not found.stands
+    assert found.kept == list(range(len(points)))
+
+
+@settings(max_examples=40)
+@given(
+    size=st.floats(1.0, 50.0),
+    count=st.integers(1, 4),
+    timed=st.booleans(),
+    seed=st.integers(0, 1000),
+)
+def test_jumps_are_left_out_and_nothing_else(
+    size: float, count: int, timed: bool, seed: int
+) -> None:
+    if not timed:  # places 0.75 m apart do not tell where several of them belong
+        size, count = size + 2.0, 1
+    rough = Rough(
+        course=SWEEP,
+        speed=15.0,
+        rate_hz=20.0,
+        jumps=6,
+        jump_size=size,
+        jump_length=count,
+        seed=seed,
+    )
+    plain = np.array(Rough(course=SWEEP, speed=15.0, rate_hz=20.0, seed=seed).points())
+    rows = np.array(rough.points())
+    jumped = set(np.flatnonzero(np.any(rows[:, 1:3] != plain[:, 1:3], axis=1)).tolist())
+    assert len(jumped) == 6 * count
+    found = of(rough, timed=timed)
+    left_out = set(range(len(rows))) - set(found.kept)
+    assert jumped <= left_out
+    assert len(left_out - jumped) <= 2 * 6
+    assert max(jump.size for jump in found.jumps) == pytest.approx(1.25 * size, rel=0.35)
+
+
+def test_the_first_and_the_last_point_may_jump() -> None:
+    rows = np.array(Rough(course=STRAIGHT).points())
+    rows[0, 2] += 5.0
+    rows[-1, 2] -= 5.0
+    found = cleaned(rows[:, 1:3].T.copy(), rows[:, 0].tolist())
+    assert found.kept == list(range(1, len(rows) - 1))
+
+
+def test_a_lane_change_and_a_hard_stop_are_no_jumps() -> None:
+    t = np.arange(0.0, 20.0, 0.05)
+    aside = 3.5 / (1.0 + np.exp(-(t - 10.0) / 0.3))  # within a second
+    along = np.where(t < 10.0, 30.0 * t, 300.0 + np.minimum(30.0 * (t - 10.0), 45.0))
+    points = np.stack((along, aside))
+    assert cleaned(points, t.tolist()).jumps == []
+
+
+def test_a_stand_becomes_one_place_from_its_beginning_to_its_end() -> None:
+    rough = Rough(course=LEFT, stands=((100.0, 20.0),))
+    rows = np.array(rough.points())
+    still = np.flatnonzero(rows[:, 3] < 0.05)
+    found = of(rough)
+    (stand,) = found.stands
+    assert abs(stand.core[0] - still[0]) <= 10
+    assert abs(stand.core[1] - still[-1]) <= 10
+    at = [found.kept.index(k) for k in stand.core]
+    assert at[1] == at[0] + 1
+    assert np.array_equal(found.points[:, at[0]], found.points[:, at[1]])
+    assert stand.wander == pytest.approx(0.02, rel=0.3)
+
+
+def test_a_crawl_is_no_stand() -> None:
+    t = np.arange(0.0, 200.0, 0.2)
+    points = np.stack((0.4 * t, np.zeros(t.size)))
+    points += np.random.default_rng(1).normal(0.0, 0.02, points.shape)
+    assert cleaned(points, t.tolist()).stands == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_wander_of_a_phone_while_it_stands_is_one_place(seed: int) -> None:
+    rough = Rough(
+        course=SWEEP, noise=0.2, drift=2.5, rate_hz=1.0, speed=13.0, seed=seed,
+        stands=((150.0, 60.0), (400.0, 40.0)),
+    )  # fmt: skip
+    rows = np.array(rough.points())
+    still = set(np.flatnonzero(rows[:, 3] < 0.05).tolist())
+    found = of(rough)
+    assert len(found.stands) == 2
+    assert len(still & set(found.kept)) <= 12

@@ -1,0 +1,151 @@
+"""Holes in recorded points: found, bridged from both sides, and seen in the figures."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.made.vehicles.recorded_points import Points, circle, noisy, smooth
+from vehicles.geometry import bridges
+from vehicles.geometry.bridges import UnbridgedError, filled, holes_in, lengths, scatter
+from vehicles.geometry.smoothing import NoPathError
+
+
+def without(points: Points, begin: int, count: int) -> Points:
+    return np.delete(points, np.arange(begin, begin + count), axis=1)
+
+
+@pytest.mark.parametrize("spacing", [0.3, 1.0, 3.0, 12.0])
+@pytest.mark.parametrize("size", [0.0, 0.02, 0.5, 2.5])
+def test_the_noise_of_points_is_found_on_arcs_whatever_their_spacing(
+    spacing: float, size: float
+) -> None:
+    found = scatter(noisy(circle(100.0, 1500.0 * spacing, spacing, yaw=1.0), size))
+    assert found == pytest.approx(size, rel=0.15, abs=0.01 * spacing)
+
+
+def test_uneven_steps_and_jumps_are_no_noise() -> None:
+    way = np.cumsum(np.random.default_rng(3).uniform(0.2, 3.0, 400))
+    points = np.stack((way * math.cos(0.7), way * math.sin(0.7)))
+    assert scatter(points) < 1e-9
+    points[:, 50:400:40] += 5.0
+    assert scatter(noisy(points)) == pytest.approx(0.02, rel=0.3)
+
+
+def test_a_hole_is_long_and_unusual() -> None:
+    steps = np.full(60, 1.0)
+    steps[[10, 20, 30]] = 4.9, 5.1, 50.0
+    assert holes_in(steps).tolist() == [20, 30]
+    assert holes_in(np.full(60, 30.0)).tolist() == []  # a receiver at 1 Hz on a motorway
+    speeding = np.concatenate((np.full(30, 2.0), np.full(30, 9.0)))
+    assert holes_in(speeding).tolist() == []
+
+
+@settings(max_examples=60)
+@given(
+    radius=st.sampled_from([20.0, 40.0, 100.0, 400.0, 1e6]),
+    length=st.floats(6.0, 50.0),
+    spacing=st.floats(0.3, 1.2),
+    yaw=st.floats(-3.1, 3.1),
+    left=st.booleans(),
+    seed=st.integers(0, 1000),
+)
+def test_an_arc_is_bridged_by_an_arc(  # noqa: PLR0917 - what is drawn
+    radius: float, length: float, spacing: float, yaw: float, left: bool, seed: int
+) -> None:
+    length = min(length, 1.6 * radius)
+    exact = circle(radius, 100.0 + length, spacing, yaw=yaw)
+    begin, count = round(50.0 / spacing), math.ceil(length / spacing)
+    centre = np.array([-math.sin(yaw), math.cos(yaw)])[:, None] * radius
+    if not left:
+        exact[1], centre[1] = -exact[1], -centre[1]
+    points = without(noisy(exact, seed=seed), begin, count)
+    found = filled(points, 8.0)
+    assert found.holes == (begin - 1,)
+    assert np.array_equal(found.points[:, found.given], points)
+    bridge = np.delete(found.points, found.given, axis=1)
+    off = np.hypot(*(bridge - centre)) - radius
+    # By the noise of the headings of both sides, which grows over the hole.
+    assert np.max(np.abs(off)) < 0.05 + 0.004 * length
+    # No overshoot: every step goes on, and turns no more than the arc and noise.
+    steps = np.diff(found.points[:, begin - 1 : begin + bridge.shape[1] + 1])
+    course = np.unwrap(np.arctan2(steps[1], steps[0]))[1:-1]
+    assert np.all(np.abs(np.diff(course)) < 3.0 * lengths(bridge)[1:].max() / radius + 0.05)
+
+
+def test_sides_that_point_apart_are_not_joined() -> None:
+    points = circle(10.0, 80.0, 0.5)
+    with pytest.raises(UnbridgedError, match=r"a hole of .* point 1\d\d° away"):
+        filled(without(points, 20, 95), 8.0)
+
+
+def test_a_side_of_few_points_is_a_line() -> None:
+    straight = np.stack((np.arange(0.0, 100.0), np.zeros(100)))
+    for kept in (2, 3, 6):
+        few = np.concatenate((straight[:, :kept], straight[:, 30:]), axis=1)
+        bridge = filled(few, 8.0)
+        assert np.max(np.abs(bridge.points[1])) < 1e-9
+    with pytest.raises(UnbridgedError, match="next to a single point"):
+        filled(np.concatenate((straight[:, :1], straight[:, 30:]), axis=1), 8.0)
+
+
+@pytest.mark.parametrize("length", [10, 20, 30, 50])
+def test_a_path_over_a_hole_is_the_arc_and_its_figures_say_so(length: int) -> None:
+    worst, stated = 0.0, 0.0
+    for seed in range(8):
+        points = without(noisy(circle(60.0, 180.0, 0.5), seed=seed), 150, 2 * length)
+        smoothed = smooth(points, 8.0)
+        inside = (smoothed.path.station > 10.0) & (smoothed.path.station < 170.0)
+        off = np.hypot(smoothed.path.east, smoothed.path.north - 60.0) - 60.0
+        worst = max(worst, float(np.max(np.abs(off[inside]))))
+        stated = max(stated, smoothed.deviation_max)
+        (hole,) = smoothed.holes
+        assert hole.point == 149
+        assert hole.length == pytest.approx(length, abs=1.0 + length**3 / 24.0 / 60.0**2)
+    assert worst < 0.12
+    assert stated < 0.1
+
+
+def test_without_a_bridge_the_figures_would_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = without(noisy(circle(60.0, 180.0, 0.5), 0.05), 150, 80)
+    bridged = smooth(points, 8.0)
+    monkeypatch.setattr(bridges, "HOLE", math.inf)
+    swung = smooth(points, 8.0)
+    off = np.hypot(swung.path.east, swung.path.north - 60.0) - 60.0
+    assert np.max(np.abs(off)) > 2.0
+    assert swung.deviation_rms < 0.1  # at the points nothing shows
+    assert swung.deviation_max > 1.0
+    assert bridged.deviation_max < 0.3
+
+
+def test_holes_of_a_closed_drive_are_bridged_on_every_lap() -> None:
+    angle = np.arange(0.0, 2.0 * math.pi, 0.02)
+    points = 30.0 * np.stack((np.sin(angle), -np.cos(angle)))
+    smoothed = smooth(without(points, 100, 30), 8.0, closed=True, laps=3)
+    assert np.hypot(smoothed.path.east, smoothed.path.north) == pytest.approx(
+        np.full(smoothed.path.east.size, 30.0), abs=0.02
+    )
+    assert smoothed.lap_length == pytest.approx(60.0 * math.pi, abs=0.05)
+    assert len(smoothed.holes) == 1
+
+
+def test_the_point_to_blame_is_named() -> None:
+    x = np.concatenate((np.arange(0.0, 30.0), np.arange(30.0, 0.0, -1.0)))
+    with pytest.raises(NoPathError) as caught:
+        smooth(np.stack((x, np.zeros(x.size))), 5.0)
+    assert 25 <= caught.value.point <= 35
+    apart = without(circle(10.0, 80.0, 0.5), 20, 95)
+    with pytest.raises(NoPathError) as caught:
+        smooth(apart, 8.0)
+    assert caught.value.point == 19
+
+
+def test_noisy_points_close_together_do_not_double_back() -> None:
+    points = noisy(circle(300.0, 600.0, 1.0), 1.0)
+    smoothed = smooth(points, 30.0)
+    off = np.hypot(smoothed.path.east, smoothed.path.north - 300.0) - 300.0
+    assert np.sqrt(np.mean(off * off)) < 0.5
+    assert smoothed.path.length == pytest.approx(600.0, rel=0.02)
+    assert smoothed.noise == pytest.approx(1.0, rel=0.15)
