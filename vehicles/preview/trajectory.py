@@ -69,7 +69,7 @@ def fit_composite(
     alpha: float,
     settings: FitSettings,
 ) -> Fit | None:
-    """Line, arc, line→arc or arc→line of the fewest pieces that explains the samples.
+    """The curve that explains the samples (`curve_fit`): of one piece, or two with one tangent.
 
     Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (J of eq. (5),
     with e the distance from the curve); a source alone gets all the weight. A sample that has
