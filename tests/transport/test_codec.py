@@ -180,6 +180,14 @@ def test_columns_of_unequal_length_are_refused(name: str) -> None:
         decode(TOPICS["trajectory"], encode(replace(trajectory(2, 2), **one_more)))
 
 
+def test_a_trajectory_of_an_earlier_version_has_arcs_only() -> None:
+    earlier = encode(replace(trajectory(2, 3), piece_curvature_rate_per_m2=()))
+    read = decode(TOPICS["trajectory"], earlier)
+    assert read == replace(trajectory(2, 3), piece_curvature_rate_per_m2=(0.0, 0.0))
+    with pytest.raises(RefusedMessageError, match="differ in length"):
+        decode(TOPICS["trajectory"], earlier, exact=True)
+
+
 def test_the_longest_message_fits() -> None:
     # Four pieces and two seconds of both sources at 100 Hz are more than any fit takes.
     assert len(encode(trajectory(4, 400))) < MAX_BYTES

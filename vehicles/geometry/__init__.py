@@ -2,7 +2,7 @@
 
 geodesy             WGS84 against the local east-north plane, compass course against yaw
 path_point          a point of a path, and the foot of a point beside it
-arc_spline          straight lines and circular arcs with a continuous tangent
+arc_spline          lines, arcs and clothoids with a continuous tangent
 path                a path that a lead can drive: place, direction and curvature by arc length
 local_regression    local polynomials through noisy points
 bridges             holes in recorded points, and their noise

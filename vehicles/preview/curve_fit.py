@@ -42,6 +42,10 @@ STRAYING = 0.5
 """Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
 which no further shape is tried. Half of all lines and arcs stay below."""
 
+POOR = 2.0
+"""Scatter, in tolerances, from which on the samples are taken for those of poor receivers. Two good
+ones that drive a few decimetres beside one another scatter by less."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
@@ -78,12 +82,16 @@ class FitSettings:
     joins: int = 12
     piece_min: float = 2.0
     piece_ratio: float = 0.15
-    passes: int = 2
+    passes: int = 3
     span_min: float = 1.0
     trajectory: Trajectory = "fitted"
 
     def price(self, freedom: int, joins: int = 0) -> float:
-        """How much squared residual, in noise squared, so many unknowns and joins must explain."""
+        """How much squared residual, in noise squared, so many unknowns and joins must explain.
+
+        Akaike's criterion asks 2 for each (beyond the paper); a join's place may be anywhere, and
+        asks more.
+        """
         if joins:
             return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
         return (0.0, self.evidence, self.rate_evidence)[freedom - 2]
@@ -166,29 +174,50 @@ def _tried(data: FitData, settings: FitSettings) -> tuple[list[Graph], Joined | 
     if through is None or arc is None:
         return None
     count = through.weight
-    noise = _variance(arc.distance, arc.freedom, count, settings)
-    graphs = [best_line(through), arc]
-    if not drift(arc, data) > STRAYING * sqrt(noise * count):
-        return graphs, None, noise
-    clothoid = best_clothoid(data, through, arc)
-    if clothoid is not None:
-        graphs.append(clothoid.graph)
-        noise = _variance(clothoid.graph.distance, clothoid.graph.freedom, count, settings)
-        if not clothoid.drift > STRAYING * sqrt(noise * count):
-            return graphs, None, noise
-    joined = _joined(data, through, settings, noise)
-    if joined is not None:
-        curve = joined.curve
-        noise = min(noise, _variance(curve.misfit, curve.freedom, count, settings))
+    graphs, joined = [best_line(through), arc], None
+    variance = _variance(arc.distance, arc.freedom, count, settings)
+    noise = _noise(variance, settings)
+    if drift(arc, data) > STRAYING * sqrt(noise * count):
+        clothoid = best_clothoid(data, through, arc)
+        strays = True
+        if clothoid is not None:
+            graphs.append(clothoid.graph)
+            variance = _variance(clothoid.graph.distance, clothoid.graph.freedom, count, settings)
+            noise = _noise(variance, settings)
+            strays = clothoid.drift > STRAYING * sqrt(noise * count)
+        if strays:
+            joined = _joined(data, through, settings, noise)
+        if joined is not None:
+            curve = joined.curve
+            variance = min(variance, _variance(curve.misfit, curve.freedom, count, settings))
+    noise = _noise(variance, settings)
+    if variance > settings.tolerance**2:  # nothing explains the samples
+        scatter = _scatter(arc, data)
+        noise = scatter if scatter > (POOR * settings.tolerance) ** 2 else noise
     return graphs, joined, noise
 
 
+def _scatter(arc: Graph, data: FitData) -> float:
+    """Variance of the noise (m²) by the differences between neighbours, whatever the shape is.
+
+    J. von Neumann, "Distribution of the ratio of the mean square successive difference to the
+    variance", Annals of Mathematical Statistics 12(4), 1941: large only if receivers are poorer
+    than assumed.
+    """
+    away = offsets(as_curve(arc), data)
+    steps = away[1:] - away[:-1]
+    return 0.5 * float(np.add.reduce(steps * steps)) / len(steps)
+
+
 def _variance(misfit: float, freedom: int, count: float, settings: FitSettings) -> float:
-    """Variance of the samples' distances (m²), if the curve is right; as assumed, or less."""
-    assumed, spare = settings.position_noise**2, count - freedom
-    if spare < 1.0:
-        return assumed
-    return min(max(misfit / spare, settings.noise_floor**2), assumed)
+    """Variance of the samples' distances (m²), if the curve is right."""
+    spare = count - freedom
+    return misfit / spare if spare >= 1.0 else settings.position_noise**2
+
+
+def _noise(variance: float, settings: FitSettings) -> float:
+    """Variance of the noise (m²): as assumed, or less, if a curve comes closer than that."""
+    return min(max(variance, settings.noise_floor**2), settings.position_noise**2)
 
 
 def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
@@ -206,5 +235,5 @@ def _joined(data: FitData, line: Centred, settings: FitSettings, noise: float) -
     if high - low < 2:
         return None
     stride = -(-(high - low) // settings.joins)
-    dearer = settings.arcs_evidence * noise
-    return best_joined(data, line, slice(low, high, stride), dearer)
+    within = (settings.noise_floor**2, noise)
+    return best_joined(data, line, slice(low, high, stride), settings.arcs_evidence, within)

@@ -27,6 +27,8 @@ SINGULAR = 1e-12
 """Least share of a diagonal that elimination may leave."""
 SETTLED = 0.25
 """A join that moves less than this (m) has settled: what is left is of the order of its square."""
+TELLING = 0.5
+"""A pass that takes away at least this share of the misfit is followed by another."""
 TINY = 1e-30
 """Keeps an undetermined curvature from being zero by zero."""
 
@@ -43,11 +45,14 @@ class Joined(NamedTuple):
     station: float
 
 
-def best_joined(data: FitData, line: Centred, joins: slice, dearer: float) -> Joined:
+def best_joined(
+    data: FitData, line: Centred, joins: slice, evidence: float, noise: tuple[float, float]
+) -> Joined:
     """Best line→arc or arc→line with its join near one of the samples `joins`, or best two arcs.
 
-    Two arcs have to lower the sum of squared residuals by `dearer` (m²) more. Each join is tried
-    by linear least squares; Section III-A splits off the longest straight prefix instead.
+    Two arcs have to lower the sum of squared residuals by `evidence` times the noise squared more;
+    that is what they leave, held within `noise` (m²). Each join is tried by linear least squares;
+    Section III-A splits off the longest straight prefix instead.
     """
     rows, station = data.rows[:, joins], data.station[joins]
     count = len(station)
@@ -71,6 +76,8 @@ def best_joined(data: FitData, line: Centred, joins: slice, dearer: float) -> Jo
     gain_of_both = np.add.reduce(both * cross, 0)
     place = int(gain_of_both.argmax())
     side, k = divmod(int(gain.argmax()), count)
+    left = (line.misfit - gain_of_both.item(place)) / max(line.weight - 5.0, 1.0)
+    dearer = evidence * min(max(left, noise[0]), noise[1])
     if gain_of_both.item(place) - dearer > gain.item(side, k):
         chosen, half, k, gain = [0, 1], both, place, gain_of_both
     else:
@@ -82,7 +89,7 @@ def best_joined(data: FitData, line: Centred, joins: slice, dearer: float) -> Jo
         slope -= h * of.item(1, one, k) / sqrt(line.xx)
         offset -= h * of.item(0, one, k) / sqrt(line.weight)
     offset -= slope * line.mean_x
-    shift = _top(gain, k, station)
+    shift, height = _top(gain, k, station)
     px, norm = rows.item(X, k) + shift, hypot(1.0, slope)
     curve = LocalCurve(
         px,
@@ -90,7 +97,7 @@ def best_joined(data: FitData, line: Centred, joins: slice, dearer: float) -> Jo
         atan(slope),
         bends[1] / norm,
         bends[0] / norm,
-        max(line.misfit - gain.item(k), 0.0) / (norm * norm),
+        max(line.misfit - height, 0.0) / (norm * norm),
         3 + len(chosen),
     )
     return Joined(curve, station.item(k) + shift)
@@ -108,23 +115,25 @@ def _about(line: Centred) -> Floats:
     return np.array(factors).reshape(3, 4)
 
 
-def _top(gain: Floats, best: int, station: Floats) -> float:
-    """How far (m) from the best join the parabola through its gain and two others' is highest.
+def _top(gain: Floats, best: int, station: Floats) -> tuple[float, float]:
+    """Where the parabola through the best gain and its neighbours is highest, and how high.
 
-    At the edge it may lie up to a step beyond.
+    How far (m) from the best join. At the edge it may lie up to a step beyond.
     """
     if len(gain) < 3:
-        return 0.0
+        return 0.0, gain.item(best)
     k = min(max(best, 1), len(gain) - 2)
     low, top, high = gain[k - 1 : k + 2].tolist()
     here = station.item(k)
     back, on = here - station.item(k - 1), station.item(k + 1) - here
     fall_back, fall_on = top - low, top - high
     curving = fall_back * on + fall_on * back
-    if not curving > 0.0:
-        return 0.0
-    shift = 0.5 * (fall_back * on * on - fall_on * back * back) / curving
-    return float(here + min(max(shift, -2.0 * back), 2.0 * on) - station.item(best))
+    if not (curving > 0.0 and back * on > 0.0):
+        return 0.0, gain.item(best)
+    rise = fall_back * on * on - fall_on * back * back
+    shift = min(max(0.5 * rise / curving, -2.0 * back), 2.0 * on)
+    height = top + shift * (rise - shift * curving) / (back * on * (back + on))
+    return here + shift - station.item(best), max(height, gain.item(best))
 
 
 def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, float]) -> LocalCurve:
@@ -145,9 +154,11 @@ def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, flo
         if not here <= misfit:
             return before
         before, misfit = curve, here
+        falls = [row[-1] for row in rows]
         step = solved(rows, first - station, last - station)
         if step is None:
             break
+        fall = sum(one * by for one, by in zip(step, falls, strict=True))
         left, turn, *change, along = step
         station += along
         ux, uy = cos(curve.angle), sin(curve.angle)
@@ -160,7 +171,7 @@ def refined(joined: Joined, data: FitData, passes: int, within: tuple[float, flo
             curve.misfit,
             curve.freedom,
         )
-        if abs(along) < SETTLED:
+        if abs(along) < SETTLED and fall < TELLING * here:
             break
     return curve
 

@@ -70,7 +70,7 @@ def fit_composite(
     alpha: float,
     settings: FitSettings,
 ) -> Fit | None:
-    """Line, arc, line→arc or arc→line of the fewest pieces that explains the samples.
+    """The curve that explains the samples (`curve_fit`): of one piece, or two with one tangent.
 
     Or what the paper's own rules give, if `settings.trajectory` asks for them (`paper_recipe`).
 

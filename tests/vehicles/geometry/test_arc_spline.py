@@ -1,5 +1,6 @@
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -78,6 +79,58 @@ def test_stations_and_curvatures_run_through_the_joins() -> None:
     assert [path.curvature_at(s) for s in (-1.0, 9.9, 10.1, 14.9, 15.1, 30.0)] == [
         *(0.0, 0.0, 0.1, 0.1, 0.0, 0.0)
     ]
+
+
+def laid_by_steps(piece: Piece, station: float, steps: int = 20_000) -> tuple[float, float, float]:
+    """Second method: the curvature summed up in small steps."""
+    step = station / steps
+    along = step * (np.arange(steps) + 0.5)
+    yaw = piece.yaw + piece.curvature * along + 0.5 * piece.rate * along * along
+    east, north = step * np.cos(yaw).sum(), step * np.sin(yaw).sum()
+    turned = piece.curvature * station + 0.5 * piece.rate * station**2
+    return piece.east + float(east), piece.north + float(north), piece.yaw + turned
+
+
+CLOTHOIDS = st.builds(
+    Piece,
+    st.floats(-1e3, 1e3),
+    st.floats(-1e3, 1e3),
+    YAWS,
+    st.floats(-0.08, 0.08),
+    st.just(20.0),
+    st.floats(-0.004, 0.004),
+)
+
+
+@given(piece=CLOTHOIDS, station=st.floats(0.0, 20.0))
+def test_a_clothoid_is_where_its_curvature_leads(piece: Piece, station: float) -> None:
+    east, north, yaw = laid_by_steps(piece, station)
+    place = piece.at(station)
+    assert math.hypot(place.east - east, place.north - north) < 1e-5
+    assert math.remainder(place.yaw - yaw, math.tau) == pytest.approx(0.0, abs=1e-9)
+    assert place.curvature == piece.curvature_at(station)
+
+
+@given(
+    piece=CLOTHOIDS.filter(lambda piece: abs(piece.curvature + 20.0 * piece.rate) < 0.1),
+    station=st.floats(-10.0, 30.0),
+    left=st.floats(-4.0, 4.0),
+)
+def test_projection_on_a_clothoid_undoes_the_placing_of_a_point(
+    piece: Piece, station: float, left: float
+) -> None:
+    path = ArcSpline((piece,))
+    foot = path.project(*beside(path, station, left))
+    assert foot.lateral == pytest.approx(left, abs=1e-6)
+    assert foot.station == pytest.approx(station, abs=1e-3)
+    assert foot.curvature == pytest.approx(path.curvature_at(station), abs=1e-5)
+
+
+def test_beyond_its_ends_a_clothoid_goes_on_as_an_arc() -> None:
+    piece = Piece(0.0, 0.0, 0.0, 0.01, 10.0, 0.004)
+    assert [piece.curvature_at(s) for s in (-5.0, 0.0, 10.0, 99.0)] == [0.01, 0.01, 0.05, 0.05]
+    end = piece.at(10.0)
+    assert piece.at(13.0) == Piece(end.east, end.north, end.yaw, 0.05, 5.0).at(3.0)
 
 
 def test_no_pieces_are_no_path() -> None:

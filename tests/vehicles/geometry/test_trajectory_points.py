@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -6,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.transport import drive
+from vehicles.geometry.arc_spline import Piece
 from vehicles.geometry.trajectory_points import LONGEST_M, points_along
 from vehicles.messages import CompositeTrajectory
 
@@ -44,6 +46,14 @@ def test_points_lie_on_the_circle_and_along_it(
             assert radius == pytest.approx(1.0 / abs(curvature), abs=1e-6)
     for (x, y, _), (next_x, next_y, _) in pairwise(points):
         assert math.hypot(next_x - x, next_y - y) <= 1.0 + 1e-9
+
+
+def test_a_clothoid_is_drawn_where_it_is() -> None:
+    drawn = replace(one_piece(3.0, 4.0, 0.5, 0.01, 12.0), piece_curvature_rate_per_m2=(0.005,))
+    piece = Piece(3.0, 4.0, 0.5, 0.01, 12.0, 0.005)
+    for k, (east, north, yaw) in enumerate(points_along(drawn, 1.0)):
+        place = piece.at(float(k))
+        assert (east, north, yaw) == pytest.approx((place.east, place.north, place.yaw))
 
 
 def test_a_left_bend_turns_left() -> None:

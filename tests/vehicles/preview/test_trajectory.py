@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,12 +35,12 @@ def two_sources(path: ArcSpline, length: float, ego: float) -> tuple[Window, Win
     return lead, window(path, np.linspace(0.04 * length, 0.97 * length, 18), ego)
 
 
-def assert_exact(path: ArcSpline, length: float, ego: float, curvature: float) -> None:
+def assert_exact(path: ArcSpline, length: float, ego: float, tightest: float) -> None:
     found = fit(*two_sources(path, length, ego))
     offset, heading, bend = misses(found, path, ego)
     assert abs(offset) < 1e-3
     assert abs(heading) < 1e-4
-    assert abs(bend) <= 0.01 * abs(curvature) + 1e-9
+    assert abs(bend) <= 0.01 * abs(tightest) + 1e-9
     assert found.residual_max < 2e-3
 
 
@@ -85,8 +86,7 @@ def test_exact_joins_of_line_and_arc_are_recovered(  # noqa: PLR0917 - drawn by 
     assume(abs(join - behind) > 0.05)
     bends = (0.0, side / radius) if line_first else (side / radius, 0.0)
     path = course([(bends[0], join * length), (bends[1], (1.0 - join) * length)], start)
-    curvature = path.curvature_at(behind * length)
-    assert_exact(path, length, behind * length, curvature)
+    assert_exact(path, length, behind * length, 1.0 / radius)
 
 
 def test_a_wide_arc_is_not_mistaken_for_a_line() -> None:
@@ -117,11 +117,16 @@ def test_fewest_pieces_explain_noisy_samples(seed: int) -> None:
 def test_noise_on_a_straight_road_is_not_taken_for_a_bend() -> None:
     random = np.random.default_rng(7)
     seen = two_sources(course([(0.0, 30.0)]), 30.0, 7.0)
-    bent = 0
+    both = Window(*(np.concatenate(pair) for pair in zip(*seen, strict=True)))
+    of_arc = model_spread([(1e-9, 30.0)], both, 7.0)[2]
+    bends = []
     for _ in range(400):
         found = fit(shaken(seen[0], random), shaken(seen[1], random))
-        bent += any(piece.curvature for piece in found.spline.pieces)
-    assert bent <= 16
+        assert len(found.spline.pieces) == 1
+        bends.append(found.spline.curvature_at(7.0))
+    # An arc fitted to each would bend by `of_arc`, rms; most of that is averaged away.
+    assert np.median(np.abs(bends)) < 0.15 * of_arc
+    assert np.sqrt(np.mean(np.square(bends))) < 0.7 * of_arc
 
 
 def model_spread(pieces: list[tuple[float, float]], seen: Window, ego: float) -> list[float]:
@@ -187,9 +192,10 @@ def test_spread_under_noise_is_that_of_least_squares(pieces: list[tuple[float, f
     mean = np.mean(found, axis=0)
     for measured, bias, expected in zip(spread, mean, model_spread(pieces, both, ego), strict=True):
         # 400 draws know a standard deviation to 3.5 %, a mean to 5 % of it.
-        # On a line one fit in fifty is bent a little, hence the 5e-5 /m.
-        assert measured == pytest.approx(expected, rel=0.3, abs=5e-5)
-        assert abs(bias) < 0.35 * expected + 1e-5
+        # On a line some fits are bent a little, and some curves with a join are taken in part for
+        # one whose curvature changes evenly: hence the 7e-4 /m, and the bias.
+        assert measured == pytest.approx(expected, rel=0.4, abs=7e-4)
+        assert abs(bias) < 0.4 * expected + 2e-4
 
 
 def test_a_noisy_arc_is_the_one_of_least_distances() -> None:
@@ -202,7 +208,10 @@ def test_a_noisy_arc_is_the_one_of_least_distances() -> None:
 
     east, north = beside(path, 5.0, 25.0)
     radius = least_squares(away, [east, north, 25.0]).x[2]
-    assert fit(seen, None).spline.pieces[0].curvature == pytest.approx(1.0 / radius, rel=2e-4)
+    best_alone = replace(SETTINGS, ignored=0.999)
+    found = fit_composite(seen, None, alpha=0.5, settings=best_alone)
+    assert found is not None
+    assert found.spline.pieces[0].curvature == pytest.approx(1.0 / radius, rel=2e-4)
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.25, 0.5, 0.9, 1.0])

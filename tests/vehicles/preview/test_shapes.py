@@ -1,0 +1,132 @@
+"""Curves whose curvature changes: exact ones, noisy ones, and how one shape becomes another."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from tests.made.vehicles.arc_courses import course, misses, shaken, window
+from tests.made.vehicles.true_shapes import JUMPING, SMOOTH, drawn
+from vehicles.geometry.arc_spline import ArcSpline, Piece
+from vehicles.preview.fit_clothoid import RATE_MOST
+from vehicles.preview.trajectory import Fit, FitSettings, fit_composite
+
+SETTINGS = FitSettings()
+YAWS = st.floats(-math.pi, math.pi)
+
+
+def fit(path: ArcSpline, places: Sequence[float], ego: float, noise: float = 0.0) -> Fit:
+    seen = shaken(window(path, places, ego), np.random.default_rng(3), noise)
+    found = fit_composite(seen, None, alpha=0.5, settings=SETTINGS)
+    assert found is not None
+    return found
+
+
+@given(
+    bend=st.floats(-0.03, 0.03),
+    rate=st.floats(1e-4, 4e-3),
+    side=st.sampled_from([-1.0, 1.0]),
+    yaw=YAWS,
+)
+def test_exact_clothoids_are_recovered(bend: float, rate: float, side: float, yaw: float) -> None:
+    length, ego = 24.0, 6.0
+    path = ArcSpline((Piece(400.0, -300.0, yaw, bend, length, side * rate),))
+    found = fit(path, np.linspace(0.0, length, 40).tolist(), ego)
+    # To first order in the rate: what the clothoid leaves the arc by is itself bent.
+    off = 2e-5 + 0.003 * rate * length**3 / 24.0
+    offset, heading, curvature = misses(found, path, ego)
+    assert abs(offset) < off
+    assert abs(heading) < off
+    assert abs(curvature) < 0.03 * rate * length + 1e-6
+    end = path.at(length)
+    assert abs(found.spline.project(end.east, end.north).lateral) < 3.0 * off
+
+
+@given(
+    radii=st.tuples(st.floats(12.0, 500.0), st.floats(12.0, 500.0)),
+    side=st.sampled_from([-1.0, 1.0]),
+    opposite=st.booleans(),
+    join=st.floats(0.3, 0.7),
+    yaw=YAWS,
+)
+def test_exact_joins_of_two_arcs_are_recovered(
+    radii: tuple[float, float], side: float, opposite: bool, join: float, yaw: float
+) -> None:
+    length = min(24.0, radii[0], radii[1])
+    before, after = side / radii[0], side / radii[1] * (-1.0 if opposite else 1.0)
+    assume(abs(after - before) > 0.3 * max(abs(before), abs(after)))
+    path = course([(before, join * length), (after, (1.0 - join) * length)], (5.0, 7.0, yaw))
+    found = fit(path, np.linspace(0.0, length, 40).tolist(), 0.2 * length)
+    assert max(map(abs, misses(found, path, 0.2 * length)[:2])) < 1e-3
+    end = path.at(length)
+    assert abs(found.spline.project(end.east, end.north).lateral) < 3e-3
+
+
+def test_a_hairpin_is_no_clothoid() -> None:
+    # Half a circle of 2 m radius and straight on: the series of the clothoid does not reach round.
+    path = course([(0.0, 2.5), (0.5, 2.0 * math.pi), (0.0, 4.0)])
+    for ego in np.arange(2.5, 9.0, 0.25).tolist():
+        places = np.arange(ego - 2.5, ego + 4.0, 0.2).tolist()
+        found = fit(path, places, ego, noise=0.02)
+        for piece in found.spline.pieces:
+            assert abs(piece.rate) <= RATE_MOST
+            assert max(map(abs, (piece.curvature_at(0.0), piece.curvature_at(99.0)))) < 1.0
+        assert abs(misses(found, path, ego)[0]) < 0.3
+
+
+def test_curvature_is_not_extrapolated_beyond_the_samples() -> None:
+    path = ArcSpline((Piece(0.0, 0.0, 0.0, 0.0, 30.0, 2e-3),))
+    spline = fit(path, np.linspace(0.0, 20.0, 40).tolist(), 5.0).spline
+    assert spline.curvature_at(20.0) == pytest.approx(0.04, rel=0.01)
+    assert spline.curvature_at(60.0) == spline.curvature_at(spline.length)
+    assert spline.curvature_at(-60.0) == spline.curvature_at(0.0)
+
+
+def test_shapes_follow_one_another_without_a_jump() -> None:
+    # A straight runs through a clothoid into an arc: each fit sees a little more of it. What moves
+    # the curve from one to the next is noise and no choice, so no step is far above the usual.
+    path = ArcSpline(
+        (
+            Piece(0.0, 0.0, 0.0, 0.0, 60.0),
+            Piece(60.0, 0.0, 0.0, 0.0, 30.0, 1.0 / 3000.0),
+        )
+    )
+    end = path.at(90.0)
+    path = ArcSpline(
+        (*path.pieces, Piece(end.east, end.north, end.yaw, end.curvature, 60.0)),
+    )
+    random, places = np.random.default_rng(8), np.arange(0.0, 150.0, 0.75)
+    seen = shaken(window(path, places.tolist(), 0.0), random)
+    bends = []
+    for ego in np.arange(10.0, 120.0, 0.25):
+        chosen = (places > ego - 5.0) & (places < ego + 16.0)
+        cut = seen._replace(
+            east=seen.east[chosen], north=seen.north[chosen], station=seen.station[chosen] - ego
+        )
+        found = fit_composite(cut, None, alpha=0.5, settings=SETTINGS)
+        assert found is not None
+        here = path.at(float(ego))
+        bends.append(found.spline.project(here.east, here.north).curvature)
+    steps = np.abs(np.diff(bends))
+    assert steps.max() < 2e-3
+    assert np.sqrt(np.mean(steps**2)) < 4e-4
+
+
+@pytest.mark.campaign(60, 300)
+@pytest.mark.parametrize("name", SMOOTH)
+def test_smooth_shapes_are_met_nearly_as_well_as_if_they_were_known(
+    name: str, campaign: int
+) -> None:
+    # 60 draws know a root mean square to 9 %.
+    assert max(drawn(SMOOTH[name], campaign).ratios) < (1.3 if campaign > 60 else 1.45)
+
+
+@pytest.mark.campaign(60, 300)
+@pytest.mark.parametrize("name", JUMPING)
+def test_shapes_with_a_jump_of_curvature_are_met_half_as_well_at_least(
+    name: str, campaign: int
+) -> None:
+    assert max(drawn(JUMPING[name], campaign).ratios) < 2.0
