@@ -303,6 +303,7 @@ def test_scipy_is_for_the_analysis_alone() -> None:
     analysis = {
         "vehicles.theory.gain_sets",
         "vehicles.theory.varying_speed",
+        "vehicles.theory.mean_acceleration",
         "vehicles.theory.string_stability",
     }
     assert set(imported_by("vehicles")["scipy"]) <= analysis

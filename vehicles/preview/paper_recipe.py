@@ -11,7 +11,7 @@ three linear equations are ill-conditioned), the circle has a sign, and the head
 line or circle fitted, not of the closest and the second closest sample, which can lie side by side.
 """
 
-from math import atan2, hypot, inf, sqrt
+from math import atan2, cos, hypot, inf, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +54,10 @@ def recipe_curve(
         pieces = _split(x, y, weight, _straight_prefix(x, y, settings.tolerance))
     else:
         pieces = _circle(x, y, weight)
-    local = ArcSpline(pieces)
-    offsets = np.array([local.project(*place).lateral for place in zip(x, y, strict=True)])
+    offsets = _offsets(pieces[0], x, y)
+    if len(pieces) > 1:
+        beyond = x > pieces[1].east
+        offsets[beyond] = _offsets(pieces[1], x[beyond], y[beyond])
     rms = sqrt(float(_sum(weight * offsets * offsets)) / float(_sum(weight)))
     turned = atan2(uy, ux)
     world = ArcSpline(
@@ -145,6 +147,18 @@ def _between(piece: Piece, x: Floats, y: Floats) -> Piece:
     end = piece.project(x.item(-1), y.item(-1)).station
     begin = piece.at(start)
     return Piece(begin.east, begin.north, begin.yaw, piece.curvature, max(end - start, 0.0))
+
+
+def _offsets(piece: Piece, x: Floats, y: Floats) -> Floats:
+    """Distances (m, left positive) from a line or arc: `Piece.project` for all samples at once."""
+    forward, left = cos(piece.yaw), sin(piece.yaw)
+    dx, dy = x - piece.east, y - piece.north
+    xi, eta = dx * forward + dy * left, dy * forward - dx * left
+    kappa = piece.curvature
+    u, w = 1.0 - kappa * eta, kappa * xi
+    found: Floats = 2.0 * eta - kappa * (xi * xi + eta * eta)
+    found /= 1.0 + np.sqrt(u * u + w * w)
+    return found
 
 
 def _straight_prefix(x: Floats, y: Floats, tolerance: float) -> int:

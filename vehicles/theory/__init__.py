@@ -6,8 +6,7 @@ gain_sets          which gains stabilise the car
 gain_margins       how far chosen gains are inside that set
 constant_speed     stability proven at every speed between two
 varying_speed      certified accelerations
-integrated_acceleration
-                   what accelerations may add up to
+mean_acceleration  what accelerations may add up to
 propagation        transfer functions from car to car
 simulated_chain    the same in time
 sampled_loop       the loop as it is run: rates, hold, filter; lowest stable rates

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 FREQUENCIES = (0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0)
 """Frequencies (rad/s) of the sine: from a slow lane change to above what a car can follow."""
 
+SHORT_FREQUENCIES = FREQUENCIES[2:]
+"""Those driven with the short preview: lower ones take long, and it changes nothing there."""
+
 PREVIEW_S = 0.8
 SHORT_PREVIEW_S = 0.25
 """The paper's preview, and one with which the fit smooths little away."""

@@ -41,7 +41,7 @@ def why_growing(key: RunKey, findings: Findings) -> str:
     wide = "cars with the paper's law run wide, and " if low == 0.0 else ""
     bands = f"{low:.1f} to {min(high, LANE_CHANGE_BAND):.1f}"
     shape = (
-        "A composite runs through two paths centimetres apart, which no one arc spline explains"
+        "A composite runs through two paths centimetres apart, which no one curve explains"
         if findings.trajectory == "fitted"
         else "One line or one circle is laid through a preview that is half straight, half bend"
     )

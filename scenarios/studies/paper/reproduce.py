@@ -21,6 +21,7 @@ from scenarios.studies.paper.fitted_samples import SampleCounter, SampleFigures
 from scenarios.studies.paper.frequency_response import (
     FREQUENCIES,
     PREVIEW_S,
+    SHORT_FREQUENCIES,
     SHORT_PREVIEW_S,
     SineResponse,
     drive_sine,
@@ -116,8 +117,11 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
             key = Along(trajectory, run)
             jobs[key] = partial(run_experiment, experiment.along(trajectory), out / str(key))
     if Part.PROPAGATION in cases:
-        for preview in (PREVIEW_S, SHORT_PREVIEW_S):
-            for frequency in FREQUENCIES:
+        for preview, frequencies in (
+            (PREVIEW_S, FREQUENCIES),
+            (SHORT_PREVIEW_S, SHORT_FREQUENCIES),
+        ):
+            for frequency in frequencies:
                 for trajectory in TRAJECTORIES:
                     key = Along(trajectory, SineKey(frequency, preview))
                     jobs[key] = partial(drive_sine, frequency, preview, trajectory)

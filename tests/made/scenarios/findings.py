@@ -12,6 +12,7 @@ from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import (
     FREQUENCIES,
     PREVIEW_S,
+    SHORT_FREQUENCIES,
     SHORT_PREVIEW_S,
     SineResponse,
 )
@@ -72,8 +73,11 @@ def a_paper_come_true() -> Findings:
     trials[FIELD_WITH], trials[FIELD_WITHOUT] = field.with_lead_data, field.without_lead_data
     responses = [
         SineResponse(frequency, preview, (1.0, 1.1, 1.2, 1.3))
-        for frequency in FREQUENCIES
-        for preview in (PREVIEW_S, SHORT_PREVIEW_S)
+        for preview, frequencies in (
+            (PREVIEW_S, FREQUENCIES),
+            (SHORT_PREVIEW_S, SHORT_FREQUENCIES),
+        )
+        for frequency in frequencies
     ]
     samples = {BASE: SampleFigures(16, 15, 1.5)}
     return Findings(

@@ -608,13 +608,16 @@ def test_gains_does_not_overwrite_what_it_did_not_write(name: str, tmp_path: Pat
     assert (tmp_path / name).read_text(encoding="utf-8") == '{"precious": true}'
 
 
-@pytest.mark.parametrize("name", ["report.md", "report.json", "base/run.mcap"])
+@pytest.mark.parametrize(
+    "name", ["report.md", "report.json", "fitted/base/run.mcap", "paper_recipe.png"]
+)
 def test_reproduce_does_not_overwrite_anything(name: str, tmp_path: Path) -> None:
     file = tmp_path / name
-    file.parent.mkdir(exist_ok=True)
+    file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("precious", encoding="utf-8")
     line = refused(convoy("reproduce", "--case", "base", "--out", tmp_path))
-    assert line.startswith(f"{tmp_path / name.partition('/')[0]}: exists")
+    taken = file.parent if "/" in name else file  # the folder of a log, or a file
+    assert line.startswith(f"{taken}: exists")
     assert file.read_text(encoding="utf-8") == "precious"
 
 

@@ -126,6 +126,17 @@ def test_noise_makes_the_circle_small() -> None:
     assert found["fitted"] == pytest.approx(1.0, abs=0.03)
 
 
+@pytest.mark.parametrize("settings", [PAPER, PREFIX])
+@pytest.mark.parametrize("radius", [-150.0, 150.0, 5000.0])
+def test_residuals_are_distances_from_the_trajectory(settings: FitSettings, radius: float) -> None:
+    path = course([(0.0, 6.0), (1.0 / radius, 20.0)], (300.0, -40.0, 2.0))
+    seen = shaken(window(path, np.linspace(0.5, 25.0, 17), 0.0), np.random.default_rng(4))
+    found = fit(seen, None, settings=settings)
+    away = [abs(found.spline.project(*place).lateral) for place in zip(*seen[:2], strict=True)]
+    assert found.residual_max == pytest.approx(max(away), rel=1e-6)
+    assert found.residual_rms == pytest.approx(float(np.sqrt(np.mean(np.square(away)))), rel=1e-6)
+
+
 def test_no_sample_is_left_out_and_none_behind_is_asked_for() -> None:
     path = course([(0.0, 30.0)])
     seen = window(path, np.linspace(1.0, 24.0, 17), 0.0)

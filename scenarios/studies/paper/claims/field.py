@@ -61,6 +61,7 @@ def propagation_measured(findings: Findings) -> Answer:
     short_driven, short = findings.ratios(SHORT_PREVIEW_S)
     closer = short.prod(axis=1) ** (1.0 / short.shape[1])
     best, high = int(mean.argmax()), int(np.argmin(np.abs(frequencies - 7.0)))
+    short_high = int(np.argmin(np.abs(short_driven - 7.0)))
     settings = FitSettings(trajectory=findings.trajectory)
     low = (mean[frequencies <= LOW_FREQUENCY] > 1.0).tolist()
     window = settings.ahead(BASE_SPEED) + settings.behind(BASE_SPEED)
@@ -75,7 +76,7 @@ def propagation_measured(findings: Findings) -> Answer:
         "car follows the path that the other left, with feedforward (F), and fits it over "
         f"{window:.0f} m, which smooths away what is shorter: at {frequencies[high]:g} rad/s the "
         f"ratio is {mean[high]:.2f}, with a preview of {SHORT_PREVIEW_S:g} instead of 0.8 s "
-        f"{closer[high]:.2f}, and |F| {trace[high]:.2f}",
+        f"{closer[short_high]:.2f}, and |F| {trace[high]:.2f}",
         numbers={
             "frequency_radps": frequencies.tolist(),
             "measured_ratio": ratios.tolist(),

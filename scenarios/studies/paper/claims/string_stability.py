@@ -6,8 +6,11 @@ from scenarios.results.drives import Array, Trial
 from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.claims.other_cases import SIMULATIONS
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
-from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, A, B, C, D
+from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, VARIABLE_SPEED, A, B, C, D
 from vehicles.theory.string_stability import head_to_tail, is_string_stable
+
+OTHERS = (A, B, C, D, VARIABLE_SPEED)
+"""The simulations beside the base case."""
 
 SPACING = 0.5
 """Distance (m) of the places at which cars are compared along the lead's path."""
@@ -41,21 +44,21 @@ def definition_1(findings: Findings) -> Answer:
 
 
 @CLAIMS.claim(
-    where="V-C.2; IV-B (none will be off-track)",
-    paper="In A to D, too, no car is further off than the one ahead: string stability",
-    needs=(A, B, C, D),
+    where="V-C.2, V-C.3; IV-B (none will be off-track)",
+    paper="In A to D and at variable speed, too, no car is further off than the one ahead",
+    needs=OTHERS,
 )
 def others_true(findings: Findings) -> Answer:
     def stays_on_track(*runs: Trial) -> bool:
         return all(non_increasing(run.cross_track) for run in runs)
 
-    trials = {key: findings.trials[key] for key in (A, B, C, D)}
+    trials = {key: findings.trials[key] for key in OTHERS}
     return Answer(
         ours="against the lead's driven path "
         + "; ".join(f"{key.label} {in_cm(trial.cross_track)}" for key, trial in trials.items()),
         holds=stays_on_track(*trials.values()),
-        phases=findings.phases(stays_on_track, A, B, C, D),
-        noise=findings.seeds(stays_on_track, A, B, C, D),
+        phases=findings.phases(stays_on_track, *OTHERS),
+        noise=findings.seeds(stays_on_track, *OTHERS),
         reason="as in the base case: every car adds its own error to half of the one before",
         numbers={str(key): trial.cross_track for key, trial in trials.items()},
     )

@@ -9,8 +9,8 @@ from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, all_loadings, loaded
 from vehicles.theory.constant_speed import guaranteed_decay
 from vehicles.theory.gain_sets import PAPER_SPEEDS
-from vehicles.theory.integrated_acceleration import error_growth, integral_bound
 from vehicles.theory.linear_model import characteristic_polynomial, closed_loop_at
+from vehicles.theory.mean_acceleration import error_growth, integral_bound
 from vehicles.theory.propagation import low_frequency_growth, propagation
 from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
 from vehicles.theory.string_stability import amplified_band, largest_singular_value, peak

@@ -26,8 +26,7 @@ DRAWS = 400
 """Noisy arcs from which the mean of a fitted curvature is taken."""
 
 HOW: dict[Trajectory, str] = {
-    "fitted": "Here line, arc, line→arc and arc→line are all fitted, and the simplest that "
-    "explains the samples is taken",
+    "fitted": "Here several shapes are fitted, and the simplest that explains the samples counts",
     "paper": "Taken by the letter here: a line where the whole preview passes, else one circle",
 }
 
@@ -172,6 +171,7 @@ def recipe_suffices(findings: Findings) -> Answer:
         ours="largest error in a lane change at 30 m/s on radii of "
         + ", ".join(f"{r:.0f} m {cm(exact[r])} (with noise {cm(noisy[r])})" for r in shown),
         holds=max(exact.values()) < LIMIT,
+        phases=Tally(sum(error < LIMIT for error in exact.values()), len(exact), "radii"),
         noise=Tally(below, len(noisy), "radii with noise"),
         reason=f"measured by the paper's 9 cm on each of {len(RADII)} roads. "
         + HOW[findings.trajectory],

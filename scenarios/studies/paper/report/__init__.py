@@ -1,8 +1,7 @@
 """The report of a reproduction.
 
-report     report.md
-machine_readable
-           report.json
-tables     its tables
-pictures   its pictures
+report            report.md
+machine_readable  report.json
+tables            its tables
+pictures          its pictures
 """

@@ -364,7 +364,7 @@ def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
     bars = {
         "fitted": [fitted.trials[BASE]],
         "fitted,\nnoise": fitted.noisy(BASE),
-        "the paper's": [paper.trials[BASE]],
+        "the\npaper's": [paper.trials[BASE]],
         "the paper's,\nnoise": paper.noisy(BASE),
         "prefix\nrule": [paper.trials[BASE.varied("paper_prefix")]],
     }

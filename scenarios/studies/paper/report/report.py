@@ -197,9 +197,9 @@ def _recipe(findings: AllFindings) -> Iterator[str]:
 
 GROUPS = {
     "does not hold": "Do not hold",
-    "undecided": "Undecided: hold or not with where on the road the samples fall",
-    "noise spoils": "Hold with exact measurements, but with noise not for every seed",
-    "noise helps": "Do not hold with exact measurements, but with noise for some seeds",
+    "undecided": "Undecided: hold in some of the exact runs only",
+    "noise spoils": "Hold with exact measurements, but with noise not in every run",
+    "noise helps": "Do not hold with exact measurements, but in some runs with noise",
 }
 
 
@@ -246,8 +246,9 @@ def _method() -> Iterator[str]:
         "- What a fit makes of a bend depends on where the samples fall on it. Exact runs are "
         "repeated with the road moved by a quarter, half and three quarters of 0.1 s, after which "
         "the pattern of poses and decisions repeats. One rule for all: a claim on runs holds if it "
-        "does in all four phases, does not if in none, and is undecided in between. What noise "
-        "changes is said beside it and decides nothing.",
+        "does in all its exact runs (these four phases, or the radii or frequencies tried), does "
+        "not if in none, and is undecided in between. What noise changes is said beside it and "
+        "decides nothing.",
         "- The paper measures errors against the trajectory that a car itself has fitted. That is "
         "given first, largest values of the followers front to back; true errors are distances "
         f"from the lead's driven path. Values that differ by less than {1000 * SAME:.0f} mm count "

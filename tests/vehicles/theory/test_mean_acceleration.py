@@ -12,13 +12,13 @@ from vehicles.car.parameters import (
     VehicleParameters,
     loaded,
 )
-from vehicles.theory.integrated_acceleration import (
+from vehicles.theory.linear_model import closed_loop_at, speed_change_matrix
+from vehicles.theory.mean_acceleration import (
     energy_root,
     error_growth,
     integral_bound,
     transition,
 )
-from vehicles.theory.linear_model import closed_loop_at, speed_change_matrix
 from vehicles.theory.varying_speed import certify
 
 SLOWEST, FASTEST = 5.0, 30.0
