@@ -6,7 +6,7 @@ reckoning by fixes has to allow for.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import VehicleParameters
@@ -33,8 +33,7 @@ JERK = 10.0
 """Change of acceleration (m/s³) between readings: the onset of hard braking."""
 
 
-@dataclass(frozen=True, slots=True)
-class Drift:
+class Drift(NamedTuple):
     """Densities of the random walks of dead reckoning, standard deviation² per time.
 
     along and across the body (m²/s), heading (rad²/s); beyond the paper.

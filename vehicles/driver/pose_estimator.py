@@ -76,13 +76,12 @@ class PoseEstimator:
         """
         if not math.isfinite(speed + yaw_rate):
             return
-        self._motion = Motion(speed, yaw_rate)
-        if self._track is not None and now >= self._track.at:
-            self._track.move(now, speed, yaw_rate)
-            self._track.read_at = now
+        if self._track is None:
+            self._motion = Motion(speed, yaw_rate)
+        elif now >= self._track.at:
+            self._track.read(now, speed, yaw_rate)
             if self._rival is not None:
-                self._rival.move(now, speed, yaw_rate)
-                self._rival.read_at = now
+                self._rival.read(now, speed, yaw_rate)
 
     def assume(self, parameters: VehicleParameters) -> None:
         """Take other parameters of the car for its slip, by eqs. (1), (2), from now on."""
@@ -110,8 +109,7 @@ class PoseEstimator:
             self._rival = None
             return
         if self._rival is None or not self._rival.take(fix):
-            self._rival = self._started(fix)
-            self._rival.keep_biases(track)
+            self._rival = track.restarted(fix)
         if self._rival.fixes >= JUMPS_BELIEVED:
             self._track, self._rival = self._rival, None
 
@@ -170,10 +168,18 @@ class _Track:
         self.along = AlongCovariance(gnss.position**2, imu.speed_bias**2)
         self.across = AcrossCovariance(gnss.position**2, gnss.heading**2, imu.yaw_rate_bias**2)
 
-    def keep_biases(self, other: "_Track") -> None:
-        """Take over what another track has learnt of the sensor, which a jump does not change."""
-        self._speed_bias, self._yaw_rate_bias = other._speed_bias, other._yaw_rate_bias
-        self.along.ss, self.across.gg = other.along.ss, other.across.gg
+    def restarted(self, fix: Fix) -> "_Track":
+        """Begin another track at `fix`; a jump of the place changes nothing of the sensors."""
+        other = _Track(fix, Motion(self._speed, self._yaw_rate), self._model)
+        other._speed_bias, other._yaw_rate_bias = self._speed_bias, self._yaw_rate_bias
+        other.along.ss, other.across.gg = self.along.ss, self.across.gg
+        other.read_at = self.read_at
+        return other
+
+    def read(self, now: int, speed: float, yaw_rate: float) -> None:
+        """Move on to `now`, where these are read."""
+        self.move(now, speed, yaw_rate)
+        self.read_at = now
 
     def pose(self, now: int) -> Pose:
         """Pose at `now`, with the last readings."""
