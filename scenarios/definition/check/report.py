@@ -29,9 +29,9 @@ STEP = 0.05
 class CheckReport:
     """What a valid scenario asks for, and figures of the lead's planned run.
 
-    `control`, `gnss` and `masses_kg` (with the load) are by vehicle, as are the `offsets` from the
-    path of those that start with one. `gap_policy` is None where followers drive the lead's speed,
-    `radius_m_min` on a straight road. `deviation_m_rms` and `deviation_m_max` say how far the path
+    `control`, `gnss`, `tyres` and `masses_kg` (with the load) are by vehicle, as are the `offsets`
+    from the path of those that start with one. `gap_policy` is None where followers drive the
+    lead's speed, `radius_m_min` on a straight road. `deviation_m_rms` and `deviation_m_max` say how far the path
     lies from the recorded points, None where it is made of segments.
     """
 
@@ -47,6 +47,7 @@ class CheckReport:
     control: dict[str, dict[str, Any]]
     gnss: dict[str, dict[str, float]]
     masses_kg: dict[str, float]
+    tyres: dict[str, dict[str, Any]]
     offsets: dict[str, dict[str, float]]
     links: dict[str, dict[str, float | None]]
     when_a_vehicle_dies: str
@@ -108,6 +109,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         control={name: _steering(car.steering) for name, car in cars.items()},
         gnss={name: car.gnss.model_dump() for name, car in cars.items()},
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
+        tyres={name: _tyres(car.parameters) for name, car in cars.items()},
         offsets=_offsets(tables),
         when_a_vehicle_dies=tables.convoy.when_a_vehicle_dies,
         clock_offset_ms_max=tables.convoy.clock_offset_ms_max,
@@ -136,6 +138,16 @@ def report_of(scenario: Scenario) -> CheckReport:
 def _steering(table: SteeringTable) -> dict[str, Any]:
     """What one vehicle is asked for; the rate of control is the convoy's."""
     return table.model_dump(include=set(SteeringTable.model_fields))
+
+
+def _tyres(car: VehicleParameters) -> dict[str, Any]:
+    """What keeps a car on the road; without a limit of its rate the steering has None."""
+    rate = car.steering_rate_limit
+    return {
+        "tyres": car.tyres,
+        "friction_ratio": car.friction,
+        "steering_rate_limit_radps": None if rate == inf else rate,
+    }
 
 
 def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:
