@@ -31,8 +31,8 @@ class CheckReport:
 
     `control`, `gnss`, `tyres` and `masses_kg` (with the load) are by vehicle, as are the `offsets`
     from the path of those that start with one. `gap_policy` is None where followers drive the
-    lead's speed, `radius_m_min` on a straight road. `deviation_m_rms` and `deviation_m_max` say how far the path
-    lies from the recorded points, None where it is made of segments.
+    lead's speed, `radius_m_min` on a straight road. `deviation_m_rms` and `deviation_m_max` say
+    how far the path lies from the recorded points, None where it is made of segments.
     """
 
     name: str
