@@ -38,7 +38,7 @@ ASKED = {
     "control.estimate_slip=true": ("controller", "learns the load"),
     "parameters.tyres=linear": ("tyres", "linear; steering up to 1.18 rad/s"),
     "parameters.friction_ratio=0.4": ("tyres", "brush, friction 0.4"),
-    'parameters.steering_rate_limit_radps="none"': ("tyres", "no limit of the steering rate"),
+    "parameters.steering_rate_limit_radps=inf": ("tyres", "no limit of the steering rate"),
     "loading.rear_passengers=0": ("mass", "2016 kg"),
 }
 """Settings, and the row in which each of them is said."""
