@@ -125,10 +125,9 @@ def _car(table: ParametersTable) -> VehicleParameters:
         "length": table.length_m,
         "width": table.width_m,
     }
-    rate = table.steering_rate_limit_radps
     return replace(
         LINCOLN_MKZ,
-        steering_rate_limit=math.inf if rate == "none" else rate,
+        steering_rate_limit=table.steering_rate_limit_radps,
         tyres=table.tyres,
         friction=table.friction_ratio,
         **{key: value for key, value in given.items() if value is not None},

@@ -87,9 +87,9 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield "control", f"at {report.control_rate_hz:g} Hz"
     yield from _of_some("controller", report.control, _controller)
     yield from _of_some("fusion", followers, _fusion)
-    yield from _of_some("own state", report.control, lambda asked: asked["own_state"])
     yield from _of_some("GNSS", report.gnss, _receiver)
     yield from _of_some("own state", report.imu, _own_state)
+    yield from _of_some("tyres", report.tyres, _tyres)
     yield from _of_some("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
 
 
@@ -98,6 +98,13 @@ def _controller(asked: Mapping[str, Any]) -> str:
     load = "knows" if asked["knows_loading"] else "does not know"
     load = "learns" if asked["estimate_slip"] else load
     return f"{asked['controller']}, gains {gains}, {load} the load"
+
+
+def _tyres(asked: Mapping[str, Any]) -> str:
+    brush = f"brush, friction {asked['friction_ratio']:g}"
+    rate = asked["steering_rate_limit_radps"]
+    wheels = "no limit of the steering rate" if rate is None else f"steering up to {rate:g} rad/s"
+    return f"{brush if asked['tyres'] == 'brush' else 'linear'}; {wheels}"
 
 
 def _fusion(asked: Mapping[str, Any]) -> str:

@@ -37,8 +37,8 @@ STEP = 0.05
 class CheckReport:
     """What a valid scenario asks for, and figures of the lead's planned run.
 
-    `control`, `gnss`, `imu` (None with exact own state) and `masses_kg` (with the load) are by
-    vehicle, as are the `offsets` from the path of those that start with one, and `replays` of those
+    `control`, `gnss`, `imu` (None with exact own state), `tyres` and `masses_kg` (with the load) are
+    by vehicle, as are the `offsets` from the path of those that start with one, and `replays` of those
     that move as they were recorded. `gap_policy` is None where followers drive the lead's speed,
     `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is about a recorded
     drive, None where the path is made of segments: what was left out on reading it, its holes, the
@@ -59,6 +59,7 @@ class CheckReport:
     gnss: dict[str, dict[str, float]]
     imu: dict[str, dict[str, float] | None]
     masses_kg: dict[str, float]
+    tyres: dict[str, dict[str, Any]]
     offsets: dict[str, dict[str, float]]
     replays: dict[str, dict[str, Any]]
     links: dict[str, dict[str, float | None]]
@@ -129,6 +130,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         gnss={name: car.gnss.model_dump() for name, car in cars.items()},
         imu={name: _imu(car) for name, car in cars.items()},
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
+        tyres={name: _tyres(car.parameters) for name, car in cars.items()},
         offsets=_offsets(tables),
         replays=_replays(scenario),
         when_a_vehicle_dies=tables.convoy.when_a_vehicle_dies,
@@ -169,6 +171,16 @@ def _steering(table: SteeringTable) -> dict[str, Any]:
 def _imu(setup: VehicleSetup) -> dict[str, float] | None:
     """The inertial sensor of one vehicle, with the rate that it has."""
     return None if setup.knows_itself else setup.imu.model_dump() | {"rate_hz": setup.imu_rate_hz}
+
+
+def _tyres(car: VehicleParameters) -> dict[str, Any]:
+    """What keeps a car on the road; without a limit of its rate the steering has None."""
+    rate = car.steering_rate_limit
+    return {
+        "tyres": car.tyres,
+        "friction_ratio": car.friction,
+        "steering_rate_limit_radps": None if rate == inf else rate,
+    }
 
 
 def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:

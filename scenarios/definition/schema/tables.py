@@ -169,15 +169,12 @@ class LinkEntry(LinkTable):
     receiver: str
 
 
-SteeringRate = Annotated[float, Field(ge=0.01, le=100)]
-
-
 class ParametersTable(Table):
     """The empty car; a key that is left out keeps the value of the paper's Table I.
 
     What Table I does not know: tyres that saturate ("brush") where the paper's are "linear",
     the friction between them and the road (0.9: dry asphalt), and how fast the front wheels can be
-    turned, or "none" for no limit. 1.18 rad/s is what the drive-by-wire kit for the paper's car
+    turned, or inf for no limit. 1.18 rad/s is what the drive-by-wire kit for the paper's car
     takes, 17.5 rad/s at the steering wheel (VELOCITY_MAX in dbw_mkz_msgs/SteeringCmd; its first
     releases took half of that), over the steering ratio of 14.8.
     """
@@ -193,7 +190,7 @@ class ParametersTable(Table):
     steering_limit_rad: float | None = Field(default=None, gt=0.01, le=1.5)
     length_m: float | None = Field(default=None, gt=0.5, le=50)
     width_m: float | None = Field(default=None, gt=0.3, le=10)
-    steering_rate_limit_radps: SteeringRate | Literal["none"] = 1.18
+    steering_rate_limit_radps: float = Field(default=1.18, ge=0.01, allow_inf_nan=True)
     tyres: Literal["linear", "brush"] = "brush"
     friction_ratio: float = Field(default=0.9, ge=0.05, le=2)
 

@@ -41,6 +41,10 @@ ASKED = {
     "events.path_lost_s=0.6": ("path lost", "0.6 s"),
     "limits.collisions_max=2": ("limits that fail the run", "collisions_max = 2"),
     "limits.after_collision=go_on": ("limits that fail the run", "after_collision = go_on"),
+    "control.estimate_slip=true": ("controller", "learns the load"),
+    "parameters.tyres=linear": ("tyres", "linear; steering up to 1.18 rad/s"),
+    "parameters.friction_ratio=0.4": ("tyres", "brush, friction 0.4"),
+    "parameters.steering_rate_limit_radps=inf": ("tyres", "no limit of the steering rate"),
     "loading.rear_passengers=0": ("mass", "2016 kg"),
 }
 """Settings, and the row in which each of them is said."""

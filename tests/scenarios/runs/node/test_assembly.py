@@ -168,7 +168,7 @@ def test_controller_and_gains_are_those_of_the_scenario() -> None:
         "gnss.yaw_rate_noise_radps=0", "vehicle.v1.lateral_offset_m=0.5",
         "imu.speed_noise_mps=0", "imu.speed_bias_mps=0",
         "imu.yaw_rate_noise_radps=0", "imu.yaw_rate_bias_radps=0",
-        'parameters.steering_rate_limit_radps="none"',
+        "parameters.steering_rate_limit_radps=inf",
     ]  # fmt: skip
     plain = scenario(*quiet, "control.controller=feedforward_feedback")
     assert first_steering(plain) == pytest.approx(-0.06 * 0.5)
