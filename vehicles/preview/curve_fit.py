@@ -67,9 +67,9 @@ class FitSettings:
     """
 
     preview_time: float = 0.8
-    preview_min: float = 4.0
+    preview_min: float = 6.0
     behind_time: float = 0.35
-    behind_min: float = 2.5
+    behind_min: float = 3.0
     tolerance: float = 0.10
     position_noise: float = 0.02
     noise_floor: float = 2e-4

@@ -47,7 +47,7 @@ def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
         return None
     column = cubic(data.rows[X], data.rows[SQUARE], arc.half)
     weighted: Floats = data.weight * column
-    of_square, of_x, of_y, of_one = np.einsum("ik,k->i", data.rows, weighted).tolist()
+    of_square, of_x, of_y, of_one = np.add.reduce(data.rows * weighted, 1).tolist()
     total = data.sums[:, :, -1].tolist()
     row = total[SQUARE]
     # The column about 1, x and x² + y², one after the other, each about the ones before.

@@ -24,7 +24,8 @@ GAP_KEPT = ('speed.followers="gap"', "speed.gap.headway_s=0.3")
         (("links.loss_ratio=1.0",), "v2, v3, v4:", "0.0 poses"),
         (SLOW_POSES, "v2, v3, v4:", "a trajectory takes 3"),
         (("convoy.gap_m=60.0", *SLOW_POSES), "v2, v3, v4:", "1.6 poses"),
-        (("control.preview_s=0.1",), "v2, v3, v4:", "2.7 poses"),
+        # At least 6 m are looked ahead.
+        (("control.preview_s=0.1", "gnss.rate_hz=14.0"), "v2, v3, v4:", "2.8 poses"),
         # 8 m and 0.3 s: 17 m at 30 m/s
         (GAP_KEPT, "", ""),
         ((*GAP_KEPT, *LATE), "v2:", "known 10.1 m ahead"),
