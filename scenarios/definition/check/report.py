@@ -37,13 +37,13 @@ STEP = 0.05
 class CheckReport:
     """What a valid scenario asks for, and figures of the lead's planned run.
 
-    `control`, `gnss`, `imu` (None with exact own state), `tyres` and `masses_kg` (with the load) are
-    by vehicle, as are the `offsets` from the path of those that start with one, and `replays` of those
-    that move as they were recorded. `gap_policy` is None where followers drive the lead's speed,
-    `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is about a recorded
-    drive, None where the path is made of segments: what was left out on reading it, its holes, the
-    noise of its points, what was subtracted from their coordinates, and how far the path lies from
-    them, at the points (rms) and between them, too (max).
+    `control`, `gnss`, `imu` (None with exact own state), `tyres` and `masses_kg` (with the load)
+    are by vehicle, as are the `offsets` from the path of those that start with one, and `replays`
+    of those that move as they were recorded. `gap_policy` is None where followers drive the lead's
+    speed, `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is about a
+    recorded drive, None where the path is made of segments: what was left out on reading it, its
+    holes, the noise of its points, what was subtracted from their coordinates, and how far the
+    path lies from them, at the points (rms) and between them, too (max).
     """
 
     name: str
