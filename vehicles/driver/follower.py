@@ -88,7 +88,7 @@ class Follower:
 
         Sections III-A to III-E in a row, as in Fig. 1.
         """
-        self._load.observe(now, fix)
+        self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
         for message in received:
             self._receive(now, message)

@@ -59,7 +59,7 @@ class Leader:
 
         Errors of Section III-B against the path itself, steering of Section III-C.
         """
-        self._load.observe(now, fix)
+        self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
         if self._decision is not None and not self._control.due(now):
             return replace(self._decision, fresh=False)

@@ -18,7 +18,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
-from vehicles.car.gnss import Fix
+from vehicles.car.dynamics import Body
+from vehicles.car.imu import Motion
 from vehicles.car.parameters import VehicleParameters
 from vehicles.schedule import SECOND
 
@@ -187,8 +188,8 @@ class LoadWatch:
         self._command = self._speed = 0.0
         self._at: int | None = None
 
-    def observe(self, now: int, fix: Fix | None) -> None:
-        """Go on to `now` (ns), and learn from the fix made then, if there is one; Section V-B.
+    def observe(self, now: int, motion: Motion | Body | None) -> None:
+        """Go on to `now` (ns), and learn from the reading made then, if there is one; Section V-B.
 
         To be called at every step, before anything is decided.
         """
@@ -197,10 +198,10 @@ class LoadWatch:
         if self._at is not None:
             self._estimator.move((now - self._at) / SECOND, self._speed, self._command)
         self._at = now
-        if fix is None or not math.isfinite(fix.yaw_rate + fix.speed):
+        if motion is None or not math.isfinite(motion.yaw_rate + motion.speed):
             return
-        self._speed = fix.speed
-        self._estimator.correct(fix.yaw_rate, fix.speed)
+        self._speed = motion.speed
+        self._estimator.correct(motion.yaw_rate, motion.speed)
         if abs(self._estimator.ratio - self._ratio) > NEWS:
             self._ratio = self._estimator.ratio
             parameters = self._estimator.parameters

@@ -174,7 +174,8 @@ class VehicleBuilder:
         setup = self._setup
         if not setup.steering.estimate_slip:
             return LoadWatch()
-        estimator = SlipEstimator(setup.assumed_parameters, setup.gnss.yaw_rate_noise_radps)
+        noise = 0.0 if setup.knows_itself else setup.imu.yaw_rate_noise_radps
+        estimator = SlipEstimator(setup.assumed_parameters, noise)
         return LoadWatch(estimator, [one for one in told if isinstance(one, Assuming)])
 
     def _command_limit(self) -> CommandLimit:

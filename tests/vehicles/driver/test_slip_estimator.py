@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vehicles.car.dynamics import Actuation, Body, advance
-from vehicles.car.gnss import Fix
+from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
 from vehicles.driver.slip_estimator import (
     PRIOR,
@@ -132,8 +132,8 @@ def test_those_who_assume_are_told_of_news_only() -> None:
     watch = LoadWatch(SlipEstimator(LINCOLN_MKZ, 0.0), [told])
     body = Body(0.0, 0.0, 0.0, 30.0)
     for k in range(300):
-        fix = Fix(k, k * 20_000_000, 0.0, 0.0, 0.0, body.speed, body.yaw_rate)
-        watch.observe(k * 20_000_000, fix if k % 2 == 0 else None)
+        reading = Motion(body.speed, body.yaw_rate)
+        watch.observe(k * 20_000_000, reading if k % 2 == 0 else None)
         watch.commanded(bends(k * TICK))
         body = advance(body, Actuation(bends(k * TICK), 0.0), TICK, FULL)
     assert 3 < len(told.assumed) < 150
@@ -146,7 +146,7 @@ def test_those_who_assume_are_told_of_news_only() -> None:
 def test_without_an_estimator_nobody_is_told() -> None:
     told = Told()
     watch = LoadWatch(None, [told])
-    watch.observe(0, Fix(0, 0, 0.0, 0.0, 0.0, 30.0, 0.1))
+    watch.observe(0, Motion(30.0, 0.1))
     watch.observe(1, None)
     assert told.assumed == []
 
