@@ -61,8 +61,12 @@ NOISE = (
     "gnss.heading_noise_deg=0.1",
     "gnss.speed_noise_mps=0.03",
     "gnss.yaw_rate_noise_radps=0.00175",
+    "imu.speed_noise_mps=0.03",
+    "imu.speed_bias_mps=0.1",
+    "imu.yaw_rate_noise_radps=0.00175",
+    "imu.yaw_rate_bias_radps=0.00175",
 )
-"""An RTK receiver, and a car that knows itself by it, as in the other scenarios."""
+"""An RTK receiver and an inertial sensor, by which a car knows itself, as in other scenarios."""
 
 PHASES = (0.25, 0.5, 0.75)
 """Shares of `SAMPLING_S` by which the road is moved, to show the effect of where samples fall."""
