@@ -34,6 +34,10 @@ from vehicles.schedule import SECOND
 __all__ = ["Scenario", "library", "load_scenario", "scenario_from_text", "template"]
 
 
+FOLLOWERS_LATERAL = 1.5
+"""Followers that keep a gap may have so many times the lead's lateral acceleration in bends: at its
+own limit noise alone would leave them behind."""
+
 LONGEST_SLUG = 80
 """Letters of a folder's name: file systems allow 255 bytes, a line of a terminal fewer."""
 
@@ -175,9 +179,10 @@ class Scenario:
 
     @property
     def gap_limits(self) -> GapLimits:
-        """What gap keeping may ask of the drive."""
-        gap = self.tables.speed.gap
-        return GapLimits(gap.acceleration_mps2_max, gap.braking_mps2_max)
+        """What gap keeping may ask of the drive, and of the tyres in bends."""
+        gap, speed = self.tables.speed.gap, self.tables.speed
+        lateral = FOLLOWERS_LATERAL * speed.lateral_acceleration_mps2_max
+        return GapLimits(gap.acceleration_mps2_max, gap.braking_mps2_max, lateral)
 
     def vehicle(self, name: str) -> VehicleSetup:
         """All about the vehicle called `name`; raises ScenarioError if there is none."""

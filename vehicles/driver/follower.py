@@ -114,6 +114,7 @@ class Follower:
         errors, asked = self._steer(pose)
         steering = self._limit.held_back(asked)
         ahead = self._vehicles_ahead(now, pose)
+        ahead.curvature_ahead = errors.curvature_ahead
         self._load.commanded(steering.steering)
         speed = self._speed_law.command(now, pose, ahead)
         return Decision(

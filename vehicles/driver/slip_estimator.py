@@ -56,7 +56,7 @@ def with_load(p: VehicleParameters, ratio: float) -> VehicleParameters:
     return replace(p, mass=p.mass * ratio, yaw_inertia=inertia)
 
 
-class _Model:
+class _Answer:
     """Lateral speed (m/s) and yaw rate (rad/s) by eqs. (1), (2), by the trapezoidal rule."""
 
     def __init__(self, p: VehicleParameters) -> None:
@@ -96,7 +96,7 @@ class SlipEstimator:
         """`parameters` are those assumed; the noise (rad/s) is that of the measured yaw rate."""
         self._assumed = parameters
         self._noise = max(yaw_rate_noise, LEAST_NOISE)
-        self._models = (_Model(parameters), _Model(with_load(parameters, LADEN)))
+        self._models = (_Answer(parameters), _Answer(with_load(parameters, LADEN)))
         self._steering = self._steering_rate = 0.0
         self.ratio = 1.0
         self._bias = 0.0

@@ -5,6 +5,7 @@ SI units.
 
 import math
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Protocol
@@ -29,6 +30,12 @@ STABLE_HEADWAY = 0.35
 
 CATCH_UP_DISTANCE = 5.0
 """A gap that is too large by more than this (m) asks for no more acceleration."""
+
+BEND_RATE = 2.0
+"""Share of the speed that is too high for a bend which is taken back each second (1/s)."""
+
+BEND_TIMES = (0.0, 0.4, 0.8)
+"""Times ahead (s) at which a follower looks at its way, up to the paper's preview."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +123,12 @@ class GapLimits:
 
     Both are positive. 2 m/s² is brisk driving; 6 m/s² is hard braking on a dry road with some grip
     in reserve, twice what a lead should use, so that followers can make up for their delay.
+    `lateral` (m/s²) is what may act sideways in bends, infinite for no limit.
     """
 
     acceleration: float = 2.0
     deceleration: float = 6.0
+    lateral: float = math.inf
 
     def __post_init__(self) -> None:
         _require_not_negative(self)
@@ -128,7 +137,7 @@ class GapLimits:
 def _require_not_negative(values: GapPolicy | GapLimits) -> None:
     for field in fields(values):
         value = getattr(values, field.name)
-        if not (math.isfinite(value) and value >= 0.0):
+        if not (value >= 0.0 and (math.isfinite(value) or field.name == "lateral")):
             raise ValueError(f"{field.name} must be a number of at least 0, not {value}")
 
 
@@ -167,17 +176,39 @@ def gap_acceleration(
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
+def bend_acceleration(
+    speed: float, curvature_ahead: Callable[[float], float] | None, limits: GapLimits
+) -> float:
+    """Acceleration (m/s²) that a follower may have in the bends of its way (m/s, 1/m).
+
+    A predecessor that leaves a bend accelerates while those behind are still in it. At a distance s
+    the bend allows v² <= a_lat/|κ| + 2 b s with half the braking limit for b (uniformly accelerated
+    motion: elementary algebra, not in the paper); what is too fast is taken back at `BEND_RATE`.
+    """
+    if curvature_ahead is None or limits.lateral == math.inf:
+        return math.inf
+    allowed = math.inf
+    for time in BEND_TIMES:
+        bend = abs(curvature_ahead(time * speed))
+        if bend > 0.0:
+            squared = limits.lateral / bend + limits.deceleration * time * speed
+            allowed = min(allowed, squared)
+    return max(BEND_RATE * (math.sqrt(allowed) - speed), -limits.deceleration)
+
+
 @dataclass(slots=True)
 class VehiclesAhead:
     """What a follower has received of the vehicles ahead, NaN where nothing.
 
     For keeping gaps after Swaroop and Hedrick, 1996. The gap to the predecessor (m) is along its
-    trace, extrapolated to now; speeds (m/s) are those received last.
+    trace, extrapolated to now; speeds (m/s) are those received last. `curvature_ahead` gives the
+    curvature (1/m) of the way so many metres ahead.
     """
 
     gap: float = math.nan
     predecessor_speed: float = math.nan
     lead_speed: float = math.nan
+    curvature_ahead: Callable[[float], float] | None = None
 
 
 @dataclass(slots=True)
@@ -240,4 +271,5 @@ class GapKeeping:
             policy=self._policy,
             limits=self._limits,
         )
+        wanted = min(wanted, bend_acceleration(pose.speed, ahead.curvature_ahead, self._limits))
         return SpeedCommand(wanted, ahead.predecessor_speed)

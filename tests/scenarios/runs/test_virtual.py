@@ -328,12 +328,12 @@ def test_a_lead_that_starts_askew_does_not_put_its_followers_off_the_path(tmp_pa
 
 def test_alpha_is_the_weight_of_the_predecessor() -> None:
     """Without weight it does not matter where the predecessor drives and says it is."""
-    noisy = "vehicle.v2.gnss.position_noise_m=0.2"
+    beside = "vehicle.v2.lateral_offset_m=0.5"
     for alpha, matters in ((0, False), (1, True)):
         weight = f"vehicle.v3.control.alpha_ratio={alpha}"
-        quiet, loud = ran(weight), ran(weight, noisy)
-        assert loud.true_path("v2") != quiet.true_path("v2")
-        assert (loud.true_path("v3") != quiet.true_path("v3")) == matters
+        straight, aside = ran(weight), ran(weight, beside)
+        assert aside.true_path("v2") != straight.true_path("v2")
+        assert (aside.true_path("v3") != straight.true_path("v3")) == matters
 
 
 def test_a_trajectory_reaches_as_far_as_the_preview() -> None:

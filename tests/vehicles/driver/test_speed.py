@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from vehicles.driver.own_state import Pose
 from vehicles.driver.speed import (
+    BEND_RATE,
     DAMPING,
     GAP_STIFFNESS,
     LEAD_SHARE,
@@ -19,6 +20,7 @@ from vehicles.driver.speed import (
     ProfileSpeed,
     SpeedProfile,
     VehiclesAhead,
+    bend_acceleration,
     gap_acceleration,
 )
 from vehicles.schedule import SECOND, instant
@@ -379,3 +381,28 @@ def test_a_follower_settles_at_the_gap_of_the_policy() -> None:
         speed += PERIOD * command.acceleration
     assert speed == pytest.approx(20.0, abs=1e-3)
     assert gap == pytest.approx(18.0, abs=1e-3)
+
+
+def test_a_bend_slows_a_follower_down_before_it_and_in_it() -> None:
+    limits = GapLimits(lateral=3.0)
+    assert bend_acceleration(12.0, None, limits) == math.inf
+    assert bend_acceleration(12.0, lambda _: 0.1, GapLimits()) == math.inf  # no limit
+    assert bend_acceleration(12.0, lambda _: 0.0, limits) == math.inf  # no bend
+    right = math.sqrt(3.0 / 0.03)
+    assert bend_acceleration(right, lambda _: -0.03, limits) == pytest.approx(0.0, abs=1e-12)
+    assert bend_acceleration(right + 1.0, lambda _: 0.03, limits) == -BEND_RATE
+    assert bend_acceleration(30.0, lambda _: 0.1, limits) == -limits.deceleration
+    ahead = bend_acceleration(12.0, lambda distance: 0.1 if distance > 6.0 else 0.0, limits)
+    assert (
+        -limits.deceleration < ahead < BEND_RATE * (math.sqrt(3.0 / 0.1 + 6.0 * 9.6) - 12.0) + 1e-9
+    )
+
+
+def test_a_follower_takes_a_bend_at_the_speed_that_it_allows() -> None:
+    law = GapKeeping(GapPolicy(8.0, 0.5), GapLimits(lateral=3.0))
+    speed = 12.0
+    for _ in range(500):  # its predecessor is far ahead and fast
+        ahead = VehiclesAhead(60.0, 20.0, 20.0, lambda _: 0.05)
+        pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
+        speed += 0.02 * law.command(0, pose, ahead).acceleration
+    assert speed == pytest.approx(math.sqrt(3.0 / 0.05), rel=1e-3)

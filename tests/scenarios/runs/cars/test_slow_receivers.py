@@ -1,6 +1,6 @@
 """Lane changes with receivers from 1 to 20 Hz at 10 to 36 m/s, against what `convoy check` says.
 
-`python -m tests.scenarios.runs.test_slow_receivers` prints all cases as a table.
+`python -m tests.scenarios.runs.cars.test_slow_receivers` prints all cases as a table.
 """
 
 import re
