@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import EventsTable
@@ -100,6 +101,7 @@ class LaneWatch:
         points = [f"{name}/{number}" for name in followers for number in range(4)]
         self._paths = CrossTrackError(self._lead, road_yaw, points)
         self._corners: defaultdict[str, dict[int, list[float]]] = defaultdict(dict)
+        self._seen: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
         self._open: dict[str, Episode] = {}
         self._next_look: dict[str, int] = {}
 
@@ -111,6 +113,10 @@ class LaneWatch:
             return
         else:
             places = corners(body_of(pose, self._sizes[pose.vehicle]))
+            seen = self._seen[pose.vehicle]
+            if len(seen) > MOST_WAITING:
+                del seen[next(iter(seen))]
+            seen[pose.true_at_ns] = (pose.east_m, pose.north_m)
             feet = [
                 foot
                 for number, (east, north) in enumerate(places)
@@ -127,17 +133,22 @@ class LaneWatch:
             known = waiting.setdefault(foot.at_ns, [])
             known.append(abs(foot.lateral))
             if len(known) == 4:
-                for at in [at for at in waiting if at <= foot.at_ns]:
-                    del waiting[at]
-                yield from self._follow(vehicle, foot.at_ns, max(known) - self._half_width)
+                seen = self._seen[vehicle]
+                place = seen.get(foot.at_ns, (0.0, 0.0))
+                _forget(waiting, foot.at_ns)
+                _forget(seen, foot.at_ns)
+                yield from self._follow(vehicle, foot.at_ns, place, max(known) - self._half_width)
 
-    def _follow(self, vehicle: str, at: int, excess: float) -> Iterator[Episode]:
+    def _follow(
+        self, vehicle: str, at: int, place: tuple[float, float], excess: float
+    ) -> Iterator[Episode]:
         self._next_look[vehicle] = at + LANE_LOOK_NS if excess < -WELL_INSIDE_M else 0
         episode = self._open.get(vehicle)
         if excess > 0.0:
             begins = episode is None
             if episode is None:
-                episode = self._open[vehicle] = Episode("lane_departure", (vehicle,), at, at)
+                found = Episode("lane_departure", (vehicle,), at, at, place=place)
+                episode = self._open[vehicle] = found
             episode.until_ns = at
             episode.most("excess_m_max", excess)
             episode.most("duration_s", (at - episode.at_ns) / SECOND)
@@ -145,6 +156,12 @@ class LaneWatch:
                 yield episode
         elif episode is not None and episode.is_over(at):
             del self._open[vehicle]
+
+
+def _forget(known: dict[int, Any], until: int) -> None:
+    """Drop what was known of instants up to `until` (ns)."""
+    for at in [at for at in known if at <= until]:
+        del known[at]
 
 
 class PathWatch:
@@ -241,9 +258,7 @@ class EventDetector:
             self._found += met
         if pose.friction_ratio >= SLIDING_SHARE:
             self._found += self._slide.add(pose)
-        for episode in self._lane.add(pose):  # as it begins
-            episode.place = self._places[episode.vehicles[0]]
-            self._found.append(episode)
+        self._found += self._lane.add(pose)
 
     def add_tracking(self, tracking: Tracking) -> None:
         """Take what one of the vehicles steers along."""
