@@ -34,7 +34,7 @@ from vehicles.schedule import SECOND
 __all__ = ["Scenario", "library", "load_scenario", "scenario_from_text", "template"]
 
 
-FOLLOWERS_LATERAL = 1.5
+FOLLOWERS_LATERAL = 1.25
 """Followers that keep a gap may have so many times the lead's lateral acceleration in bends: at its
 own limit noise alone would leave them behind."""
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from math import ceil, gcd, inf, log, log2
+from math import ceil, exp, gcd, inf, log, log2
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from vehicles.theory.linear_model import Array, open_loop, steering_input
 FINENESS, MOST_INSTANTS = (100, 10, 2, 1), 4000
 """Rates are taken to a hundredth of a hertz, so that a common period exists; to a coarser part, at
 last to whole ones, where that period would hold more instants than these."""
+
+LARGE, LARGEST_LOG = 1e100, 700.0
+"""A matrix beyond the first is scaled; e to the second is near the largest floating number."""
 
 LEAST_NOISE = 1e-6
 """Noise (m, rad) of a receiver that has none; its fixes are taken over nearly as they are."""
@@ -61,32 +64,40 @@ class SampledLoop:
 
 @dataclass(frozen=True, slots=True)
 class SampledStability:
-    """Spectral radius of the map over the common period (s): stable below 1 (Section III-F)."""
+    """Spectral radius of the map over the common period (s), as its logarithm (Section III-F)."""
 
-    radius: float
+    log_radius: float
     period: float
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius: stable below 1 (Section III-F); infinite beyond all floating numbers."""
+        return exp(self.log_radius) if self.log_radius < LARGEST_LOG else inf
 
     @property
     def stable(self) -> bool:
         """Whether errors die out."""
-        return self.radius < 1.0
+        return self.log_radius < 0.0
 
     @property
     def decay(self) -> float:
         """Rate (1/s) at which errors die out, negative where they grow (elementary algebra)."""
-        return -log(self.radius) / self.period if self.radius > 0.0 else inf
+        return -self.log_radius / self.period
 
 
 def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
     """Spectral radius of the sampled closed loop, eqs. (3), (4), (7), at `speed` (m/s)."""
     steps = _Steps(loop, speed)
-    total = np.eye(SIZE)
+    total, scale = np.eye(SIZE), 0.0
     for step in steps.over_a_period():
         total = step @ total
+        size = float(np.max(np.abs(total)))
+        if size > LARGE:  # of a loop that is far from stable over a long period
+            total, scale = total / size, scale + log(size)
     if loop.imu_hz is None:
         total = total[:PLACE, :PLACE]  # there is no filter
     radius = float(np.max(np.abs(np.linalg.eigvals(total))))
-    return SampledStability(radius, float(steps.period))
+    return SampledStability(log(radius) + scale if radius > 0.0 else -inf, float(steps.period))
 
 
 def lowest_stable_rate(

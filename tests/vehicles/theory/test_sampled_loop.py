@@ -11,7 +11,7 @@ from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.gnss import Fix, GnssNoise
 from vehicles.car.imu import InertialNoise, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.car.parameters import NOMINAL_GAINS, Loading, VehicleParameters, loaded
+from vehicles.car.parameters import NOMINAL_GAINS, Gains, Loading, VehicleParameters, loaded
 from vehicles.driver.own_state import Pose
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.steering import FeedforwardFeedback
@@ -217,3 +217,14 @@ def test_rates_that_hardly_nest_have_a_period_all_the_same() -> None:
     stability = sampled_stability(replace(LOOP, gnss_hz=19.9), 20.0)
     assert stability.period == pytest.approx(10.0)
     assert stability.decay == pytest.approx(sampled_stability(LOOP, 20.0).decay, abs=0.25)
+
+
+def test_a_loop_that_explodes_within_its_period_is_unstable_and_no_error() -> None:
+    """Growth beyond all floating numbers within a period, at the rate of a shorter one."""
+    wild = replace(LOOP, gains=Gains(2.0, 20.0, 2.0))
+    often, seldom = (replace(wild, gnss_hz=rate) for rate in (0.5, 0.02))
+    with np.errstate(over="raise", invalid="raise"):
+        found = sampled_stability(seldom, 40.0)
+    assert found.radius == math.inf
+    assert not found.stable
+    assert found.decay == pytest.approx(sampled_stability(often, 40.0).decay, rel=0.05)
