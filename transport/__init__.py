@@ -4,6 +4,7 @@ topics     the table of topics: name, message, who logs it, how urgent
 reasons    the table of reasons why a message was not used
 codec      bytes from messages and back
 texts      what of a text may reach a terminal and a line of the log
+closing    what closes itself at the end of a `with`
 colours    colours of the vehicles in every picture
 clock      wall clock and virtual time
 bus/       between processes: Zenoh, or memory within one process

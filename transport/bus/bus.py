@@ -1,6 +1,5 @@
 """The interface of a bus, which carries bytes between the vehicles of a convoy."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
@@ -34,25 +33,6 @@ AliveHandler = Callable[[Member, bool], None]
 
 class BusError(Exception):
     """The bus could not do what was asked: one line that says what, where, and what is allowed."""
-
-
-class Closing(ABC):
-    """Closes itself at the end of a `with`, also when that ends by an exception."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Release all resources; a second call has no effect."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 class Bus(Protocol):

@@ -2,7 +2,8 @@
 
 from itertools import count
 
-from transport.bus.bus import AliveHandler, Answer, Closing, Handler, Member
+from transport.bus.bus import AliveHandler, Answer, Handler, Member
+from transport.closing import Closing
 
 
 def matches(key_expression: str, key: str) -> bool:

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import zenoh
 
-from transport.bus.bus import AliveHandler, Answer, BusError, Closing, Handler, Member
+from transport.bus.bus import AliveHandler, Answer, BusError, Handler, Member
 from transport.bus.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, VEHICLE_DEFAULTS, ZenohOptions
+from transport.closing import Closing
 from transport.topics import TOPICS, alive_key
 
 __all__ = ["DEFAULT_ENDPOINT", "Router", "ZenohBus", "ZenohOptions", "open_bus", "open_router"]

@@ -11,9 +11,9 @@ import os
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn
 
+from transport.closing import Closing
 from transport.codec import PROTOBUF, decode
 from transport.convoy_pb2 import Deviation
 from transport.log.fast_mcap import FastWriter, new_writer
@@ -44,7 +44,7 @@ class _Channel:
         self.twins = twins
 
 
-class LogWriter:
+class LogWriter(Closing):
     """Writes the log of one run to `path`; the same calls give the same bytes.
 
     No clock is read. A kill loses what was written after the last `flush()`: on a wall
@@ -219,14 +219,3 @@ class LogWriter:
         with contextlib.suppress(OSError):
             self._file.close()
         raise LogError(f"{self._path}: cannot write the log: {error.strerror}") from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

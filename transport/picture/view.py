@@ -7,10 +7,10 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 from urllib.parse import quote, urlsplit
 
+from transport.closing import Closing
 from transport.picture import viewer_process
 from transport.picture.option import (
     DATA_PORT,
@@ -29,7 +29,7 @@ FLUSH_S = 5.0
 FLUSH_TICK_S = 0.1
 
 
-class RerunView:
+class RerunView(Closing):
     """Shows a run, live or from its log: `draw` takes every message as it was recorded.
 
     `vehicles` are in order, the lead first; `gap_m` is their usual distance; `cars` are their
@@ -156,17 +156,6 @@ class RerunView:
         if self._page is not None:
             viewer_process.stop(self._page)
             self._page = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _save(rr: Any, path: str) -> Any:

@@ -31,13 +31,12 @@ from vehicles.car.integration import (
     stopped_at_limits,
 )
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.tyres import WALKING_PACE
+from vehicles.car.tyres import WALKING_PACE, Coefficients, lateral_coefficients
 
 FASTEST_SLIDE = 1000.0
 """Lateral speed (m/s) beyond which the linear tyres of an unstable car have long lost all sense."""
 
 _Lateral = tuple[float, float, float, float, float, float]
-_Tyres = tuple[float, float, float, float, float, float]
 
 
 class OutOfModelError(ValueError):
@@ -125,27 +124,13 @@ def _advance_on_brushes(
         acceleration=held.acceleration,
         span=span,
         parameters=p,
-        fastest=_fastest_rate(slowest, _tyres(p), p),
+        fastest=_fastest_rate(slowest, lateral_coefficients(p), p),
         substeps=substeps,
     )
     return Body(place[0], place[1], place[2], *state, place[3])
 
 
-def _tyres(p: VehicleParameters) -> _Tyres:
-    """Coefficients of eqs. (1), (2) solved for the derivatives, without the speed.
-
-    v_y' = (A v_y + B r) / v - v r + C delta and r' = (D v_y + E r) / v + F delta.
-    """
-    front, rear = p.front_cornering_stiffness, p.rear_cornering_stiffness
-    a, b, mass, inertia = p.front_axle_distance, p.rear_axle_distance, p.mass, p.yaw_inertia
-    coupling = a * front - b * rear
-    return (
-        *(-(front + rear) / mass, -coupling / mass, front / mass),
-        *(-coupling / inertia, -(a * a * front + b * b * rear) / inertia, a * front / inertia),
-    )
-
-
-def _lateral_rates(speed: float, tyres: _Tyres, p: VehicleParameters) -> _Lateral:
+def _lateral_rates(speed: float, tyres: Coefficients, p: VehicleParameters) -> _Lateral:
     """Coefficients (a, b, c, d, e, f) of v_y' = a v_y + b r + c delta, r' = d v_y + e r + f delta.
 
     Below WALKING_PACE the matrix stays as it is there and the steering's column is chosen so that
@@ -170,16 +155,16 @@ def fastest_rate(p: VehicleParameters) -> float:
     Of the tyres it is the larger damping of eqs. (1), (2), of the steering the faster pole of
     eq. (4).
     """
-    return _fastest_rate(WALKING_PACE, _tyres(p), p)
+    return _fastest_rate(WALKING_PACE, lateral_coefficients(p), p)
 
 
-def _fastest_rate(speed: float, tyres: _Tyres, p: VehicleParameters) -> float:
+def _fastest_rate(speed: float, tyres: Coefficients, p: VehicleParameters) -> float:
     damping = p.steering_damping
     overdamped = damping + math.sqrt(damping * damping - 1.0) if damping > 1.0 else 1.0
     return max(-min(tyres[0], tyres[4]) / speed, overdamped * p.steering_frequency)
 
 
-def _substeps(slowest: float, span: float, tyres: _Tyres, p: VehicleParameters) -> int:
+def _substeps(slowest: float, span: float, tyres: Coefficients, p: VehicleParameters) -> int:
     """Count the sub-steps for a span in which the speed does not fall below `slowest`."""
     return math.ceil(span * _fastest_rate(max(slowest, WALKING_PACE), tyres, p) / STEP_PER_RATE)
 
@@ -196,7 +181,7 @@ def _integrate(
     """Advance while the speed changes evenly from the body's to `final_speed`."""
     if span <= 0.0:
         return body
-    tyres = _tyres(p)
+    tyres = lateral_coefficients(p)
     near_limit = steps_for_steering(span, command - body.steering, body.steering_rate, p)
     slowest = min(body.speed, final_speed)
     count = substeps or max(_substeps(slowest, span, tyres, p), near_limit)

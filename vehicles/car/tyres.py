@@ -40,6 +40,10 @@ class LateralState(Protocol):
     steering: float
 
 
+Coefficients = tuple[float, float, float, float, float, float]
+"""A to F of `lateral_coefficients`."""
+
+
 class TyreUse(NamedTuple):
     """What the tyres of the single-track model (Section II) do at an instant.
 
@@ -52,6 +56,20 @@ class TyreUse(NamedTuple):
     front_slip: float
     rear_slip: float
     friction_share: float
+
+
+def lateral_coefficients(p: VehicleParameters) -> Coefficients:
+    """Coefficients of eqs. (1), (2) solved for the derivatives, without the speed.
+
+    v_y' = (A v_y + B r) / v - v r + C delta and r' = (D v_y + E r) / v + F delta.
+    """
+    front, rear = p.front_cornering_stiffness, p.rear_cornering_stiffness
+    a, b, mass, inertia = p.front_axle_distance, p.rear_axle_distance, p.mass, p.yaw_inertia
+    coupling = a * front - b * rear
+    return (
+        *(-(front + rear) / mass, -coupling / mass, front / mass),
+        *(-coupling / inertia, -(a * a * front + b * b * rear) / inertia, a * front / inertia),
+    )
 
 
 def axle_loads(p: VehicleParameters) -> tuple[float, float]:

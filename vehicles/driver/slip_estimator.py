@@ -20,7 +20,9 @@ from typing import Protocol, runtime_checkable
 
 from vehicles.car.dynamics import Body
 from vehicles.car.imu import Motion
+from vehicles.car.integration import actuator
 from vehicles.car.parameters import VehicleParameters
+from vehicles.car.tyres import lateral_coefficients
 from vehicles.schedule import SECOND
 
 LADEN = 1.3
@@ -60,15 +62,7 @@ class _Answer:
     """Lateral speed (m/s) and yaw rate (rad/s) by eqs. (1), (2), by the trapezoidal rule."""
 
     def __init__(self, p: VehicleParameters) -> None:
-        front, rear = p.front_cornering_stiffness, p.rear_cornering_stiffness
-        a, b = p.front_axle_distance, p.rear_axle_distance
-        coupling = a * front - b * rear
-        self._a, self._b, self._c = -(front + rear) / p.mass, -coupling / p.mass, front / p.mass
-        self._d, self._e = (
-            -coupling / p.yaw_inertia,
-            -(a * a * front + b * b * rear) / p.yaw_inertia,
-        )
-        self._f = a * front / p.yaw_inertia
+        self._a, self._b, self._c, self._d, self._e, self._f = lateral_coefficients(p)
         self.lateral_speed = self.yaw_rate = 0.0
 
     def move(self, h: float, v: float, steering: float) -> None:
@@ -137,8 +131,7 @@ class SlipEstimator:
     def _steer(self, span: float, command: float) -> float:
         """Move the wheels by eq. (4), by the trapezoidal rule; returns their mean angle (rad)."""
         car, half = self._assumed, 0.5 * span
-        square = car.steering_frequency * car.steering_frequency
-        damping = 2.0 * car.steering_damping * car.steering_frequency
+        square, damping = actuator(car)
         angle, rate = self._steering, self._steering_rate
         push = rate + half * (square * (2.0 * command - 2.0 * angle - half * rate) - damping * rate)
         after = push / (1.0 + half * (damping + half * square))

@@ -1,12 +1,11 @@
 """Draws a run with its events and true gaps, the same live and from its log."""
 
 from itertools import pairwise
-from types import TracebackType
-from typing import Self
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events import sizes_of
 from scenarios.results.metrics import Metrics
+from transport.closing import Closing
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
 from vehicles.messages import Message, TruePose
@@ -14,7 +13,7 @@ from vehicles.messages import Message, TruePose
 USUAL_GAP_M = 15.0
 
 
-class RunDrawing:
+class RunDrawing(Closing):
     """The picture of a run, with what its figures tell; `draw` is a listener of a recorder.
 
     `where` tells the user where it is shown.
@@ -60,17 +59,6 @@ class RunDrawing:
             self._events.finish()
             self._draw_marks()
         self._view.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def open_drawing(
