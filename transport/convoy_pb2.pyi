@@ -35,6 +35,11 @@ class GpsPose(_message.Message):
     HEADING_DEG_FIELD_NUMBER: _builtins.int
     SPEED_MPS_FIELD_NUMBER: _builtins.int
     YAW_RATE_RADPS_FIELD_NUMBER: _builtins.int
+    SENT_AT_NS_FIELD_NUMBER: _builtins.int
+    FIX_FIELD_NUMBER: _builtins.int
+    POSITION_ACCURACY_M_FIELD_NUMBER: _builtins.int
+    TRUE_EAST_M_FIELD_NUMBER: _builtins.int
+    TRUE_NORTH_M_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     measured_at_ns: _builtins.int
@@ -44,6 +49,11 @@ class GpsPose(_message.Message):
     heading_deg: _builtins.float
     speed_mps: _builtins.float
     yaw_rate_radps: _builtins.float
+    sent_at_ns: _builtins.int
+    fix: _builtins.str
+    position_accuracy_m: _builtins.float
+    true_east_m: _builtins.float
+    true_north_m: _builtins.float
     def __init__(
         self,
         *,
@@ -56,13 +66,20 @@ class GpsPose(_message.Message):
         heading_deg: _builtins.float | None = ...,
         speed_mps: _builtins.float | None = ...,
         yaw_rate_radps: _builtins.float | None = ...,
+        sent_at_ns: _builtins.int | None = ...,
+        fix: _builtins.str | None = ...,
+        position_accuracy_m: _builtins.float | None = ...,
+        true_east_m: _builtins.float | None = ...,
+        true_north_m: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_fix", b"_fix", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "fix", b"fix", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_fix", b"_fix", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "fix", b"fix", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__altitude_m: _TypeAlias = _typing.Literal["altitude_m"]  # noqa: Y015
     _WhichOneofArgType__altitude_m: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m"]  # noqa: Y015
+    _WhichOneofReturnType__fix: _TypeAlias = _typing.Literal["fix"]  # noqa: Y015
+    _WhichOneofArgType__fix: _TypeAlias = _typing.Literal["_fix", b"_fix"]  # noqa: Y015
     _WhichOneofReturnType__heading_deg: _TypeAlias = _typing.Literal["heading_deg"]  # noqa: Y015
     _WhichOneofArgType__heading_deg: _TypeAlias = _typing.Literal["_heading_deg", b"_heading_deg"]  # noqa: Y015
     _WhichOneofReturnType__latitude_deg: _TypeAlias = _typing.Literal["latitude_deg"]  # noqa: Y015
@@ -71,16 +88,26 @@ class GpsPose(_message.Message):
     _WhichOneofArgType__longitude_deg: _TypeAlias = _typing.Literal["_longitude_deg", b"_longitude_deg"]  # noqa: Y015
     _WhichOneofReturnType__measured_at_ns: _TypeAlias = _typing.Literal["measured_at_ns"]  # noqa: Y015
     _WhichOneofArgType__measured_at_ns: _TypeAlias = _typing.Literal["_measured_at_ns", b"_measured_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__position_accuracy_m: _TypeAlias = _typing.Literal["position_accuracy_m"]  # noqa: Y015
+    _WhichOneofArgType__position_accuracy_m: _TypeAlias = _typing.Literal["_position_accuracy_m", b"_position_accuracy_m"]  # noqa: Y015
+    _WhichOneofReturnType__sent_at_ns: _TypeAlias = _typing.Literal["sent_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__sent_at_ns: _TypeAlias = _typing.Literal["_sent_at_ns", b"_sent_at_ns"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__speed_mps: _TypeAlias = _typing.Literal["speed_mps"]  # noqa: Y015
     _WhichOneofArgType__speed_mps: _TypeAlias = _typing.Literal["_speed_mps", b"_speed_mps"]  # noqa: Y015
+    _WhichOneofReturnType__true_east_m: _TypeAlias = _typing.Literal["true_east_m"]  # noqa: Y015
+    _WhichOneofArgType__true_east_m: _TypeAlias = _typing.Literal["_true_east_m", b"_true_east_m"]  # noqa: Y015
+    _WhichOneofReturnType__true_north_m: _TypeAlias = _typing.Literal["true_north_m"]  # noqa: Y015
+    _WhichOneofArgType__true_north_m: _TypeAlias = _typing.Literal["_true_north_m", b"_true_north_m"]  # noqa: Y015
     _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
     _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
     _WhichOneofReturnType__yaw_rate_radps: _TypeAlias = _typing.Literal["yaw_rate_radps"]  # noqa: Y015
     _WhichOneofArgType__yaw_rate_radps: _TypeAlias = _typing.Literal["_yaw_rate_radps", b"_yaw_rate_radps"]  # noqa: Y015
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__altitude_m) -> _WhichOneofReturnType__altitude_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__fix) -> _WhichOneofReturnType__fix | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__heading_deg) -> _WhichOneofReturnType__heading_deg | None: ...
     @_typing.overload
@@ -90,9 +117,17 @@ class GpsPose(_message.Message):
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__measured_at_ns) -> _WhichOneofReturnType__measured_at_ns | None: ...
     @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__position_accuracy_m) -> _WhichOneofReturnType__position_accuracy_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__sent_at_ns) -> _WhichOneofReturnType__sent_at_ns | None: ...
+    @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__speed_mps) -> _WhichOneofReturnType__speed_mps | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__true_east_m) -> _WhichOneofReturnType__true_east_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__true_north_m) -> _WhichOneofReturnType__true_north_m | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
     @_typing.overload
@@ -497,6 +532,9 @@ class LinkVerdict(_message.Message):
     VISIBLE_AT_NS_FIELD_NUMBER: _builtins.int
     HEARD_AT_NS_FIELD_NUMBER: _builtins.int
     LATE_FIELD_NUMBER: _builtins.int
+    SENT_AT_NS_FIELD_NUMBER: _builtins.int
+    COPIES_FIELD_NUMBER: _builtins.int
+    CONTENT_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     sender: _builtins.str
@@ -507,6 +545,9 @@ class LinkVerdict(_message.Message):
     visible_at_ns: _builtins.int
     heard_at_ns: _builtins.int
     late: _builtins.bool
+    sent_at_ns: _builtins.int
+    copies: _builtins.int
+    content: _builtins.str
     def __init__(
         self,
         *,
@@ -520,11 +561,18 @@ class LinkVerdict(_message.Message):
         visible_at_ns: _builtins.int | None = ...,
         heard_at_ns: _builtins.int | None = ...,
         late: _builtins.bool | None = ...,
+        sent_at_ns: _builtins.int | None = ...,
+        copies: _builtins.int | None = ...,
+        content: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_heard_at_ns", b"_heard_at_ns", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_sender", b"_sender", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "heard_at_ns", b"heard_at_ns", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "sender", b"sender", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_content", b"_content", "_copies", b"_copies", "_heard_at_ns", b"_heard_at_ns", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_sender", b"_sender", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "content", b"content", "copies", b"copies", "heard_at_ns", b"heard_at_ns", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "sender", b"sender", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_heard_at_ns", b"_heard_at_ns", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_sender", b"_sender", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "heard_at_ns", b"heard_at_ns", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "sender", b"sender", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_content", b"_content", "_copies", b"_copies", "_heard_at_ns", b"_heard_at_ns", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_sender", b"_sender", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "content", b"content", "copies", b"copies", "heard_at_ns", b"heard_at_ns", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "sender", b"sender", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    _WhichOneofReturnType__content: _TypeAlias = _typing.Literal["content"]  # noqa: Y015
+    _WhichOneofArgType__content: _TypeAlias = _typing.Literal["_content", b"_content"]  # noqa: Y015
+    _WhichOneofReturnType__copies: _TypeAlias = _typing.Literal["copies"]  # noqa: Y015
+    _WhichOneofArgType__copies: _TypeAlias = _typing.Literal["_copies", b"_copies"]  # noqa: Y015
     _WhichOneofReturnType__heard_at_ns: _TypeAlias = _typing.Literal["heard_at_ns"]  # noqa: Y015
     _WhichOneofArgType__heard_at_ns: _TypeAlias = _typing.Literal["_heard_at_ns", b"_heard_at_ns"]  # noqa: Y015
     _WhichOneofReturnType__late: _TypeAlias = _typing.Literal["late"]  # noqa: Y015
@@ -539,12 +587,18 @@ class LinkVerdict(_message.Message):
     _WhichOneofArgType__reason: _TypeAlias = _typing.Literal["_reason", b"_reason"]  # noqa: Y015
     _WhichOneofReturnType__sender: _TypeAlias = _typing.Literal["sender"]  # noqa: Y015
     _WhichOneofArgType__sender: _TypeAlias = _typing.Literal["_sender", b"_sender"]  # noqa: Y015
+    _WhichOneofReturnType__sent_at_ns: _TypeAlias = _typing.Literal["sent_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__sent_at_ns: _TypeAlias = _typing.Literal["_sent_at_ns", b"_sent_at_ns"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
     _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
     _WhichOneofReturnType__visible_at_ns: _TypeAlias = _typing.Literal["visible_at_ns"]  # noqa: Y015
     _WhichOneofArgType__visible_at_ns: _TypeAlias = _typing.Literal["_visible_at_ns", b"_visible_at_ns"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__content) -> _WhichOneofReturnType__content | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__copies) -> _WhichOneofReturnType__copies | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__heard_at_ns) -> _WhichOneofReturnType__heard_at_ns | None: ...
     @_typing.overload
@@ -559,6 +613,8 @@ class LinkVerdict(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__reason) -> _WhichOneofReturnType__reason | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__sender) -> _WhichOneofReturnType__sender | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__sent_at_ns) -> _WhichOneofReturnType__sent_at_ns | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload

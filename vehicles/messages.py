@@ -18,13 +18,22 @@ only, the last trajectory extrapolated, or straight ahead (nothing heard yet).""
 
 FloatOrNan = Annotated[float, "NaN where there is nothing to measure"]
 """A number that may be missing; every other number of a message is finite."""
+FixState = Literal["fixed", "float", "single"]
+"""How a receiver knows its place: carrier phases fixed (RTK), not yet fixed, or by code alone.
+
+Without a fix nothing is measured, and nothing sent."""
 Outcome = Literal["delivered", "dropped"]
 Level = Literal["debug", "info", "warning", "error", "fatal"]
 
 
 @dataclass(slots=True, kw_only=True)
 class GpsPose:
-    """One measurement of a GNSS receiver, as broadcast to the convoy."""
+    """One measurement of a GNSS receiver, as broadcast to the convoy.
+
+    `seq` counts what was sent. `position_accuracy_m` is what the receiver says of the standard
+    deviation of its position, per axis, which may be wrong. The true place of the antenna is for
+    the emulated channel alone, whose losses depend on it: no vehicle uses it.
+    """
 
     vehicle: str
     seq: int
@@ -35,6 +44,11 @@ class GpsPose:
     heading_deg: float
     speed_mps: float
     yaw_rate_radps: float
+    sent_at_ns: int
+    fix: FixState
+    position_accuracy_m: float
+    true_east_m: float
+    true_north_m: float
 
 
 @dataclass(slots=True, kw_only=True)
@@ -125,7 +139,9 @@ class Command:
 class LinkVerdict:
     """What the directed link sender → vehicle did to message `pose_seq`, and why.
 
-    `late` means that the message physically came after the tick that should have heard it.
+    `late` means that the message physically came after the tick that should have heard it,
+    `copies` how often it was handed over besides, and `content` what of it the channel made false
+    (nothing: empty).
     """
 
     vehicle: str
@@ -138,6 +154,9 @@ class LinkVerdict:
     visible_at_ns: int
     heard_at_ns: int
     late: bool
+    sent_at_ns: int
+    copies: int
+    content: str
 
 
 @dataclass(slots=True, kw_only=True)

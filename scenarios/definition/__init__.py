@@ -7,7 +7,8 @@ schema/          the tables of a file: keys with units, defaults and limits
 contradictions   keys that do not fit one another
 refusal          what is wrong, in one line each
 errors           the exceptions that carry those lines
-links            who listens to whom, and what is asked of each directed link
+links            who listens to whom
+channel/         what is asked of each directed link, and the effects that follow
 traces/          the lead's recorded drive
 road/            the lead's path and speed, and where each vehicle starts
 vehicle_setup    one vehicle: its own tables laid over the convoy's

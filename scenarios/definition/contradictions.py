@@ -5,7 +5,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from scenarios.definition.links import ANY, directed_links, is_about
+from scenarios.definition.channel.rules import ANY, ROLES, specificity, ties
+from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
 from scenarios.definition.schema.path import SegmentTable
@@ -65,18 +66,27 @@ def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]
 
 def _links(tables: ScenarioTables) -> Iterator[Problem]:
     names = vehicle_names(tables)
+    known = list(dict.fromkeys((*names, *ROLES, ANY)))
     for index, link in enumerate(tables.link):
-        unknown = [end for end in ("sender", "receiver") if getattr(link, end) not in {*names, ANY}]
+        unknown = [end for end in ("sender", "receiver") if getattr(link, end) not in known]
         for end in unknown:
             given = shown(getattr(link, end))
-            allowed = ", ".join(map(shown, [*names, ANY]))
+            allowed = ", ".join(map(shown, known))
             yield f"link[{index}].{end}", f"given {given}, allowed {allowed}"
-        if not unknown and not any(is_about(link, *pair) for pair in directed_links(names)):
+        if unknown:
+            return
+        if all(specificity(link, names, *pair) is None for pair in directed_links(names)):
             yield (
                 f"link[{index}]",
                 f"from {link.sender} to {link.receiver}: no vehicle listens there, followers hear "
                 f"{names[0]} and the vehicle ahead of them",
             )
+    for first, later, key in ties(tables.link, names):
+        yield (
+            f"link[{later}].{key}",
+            f"given by link[{first}] too, which is as specific about a link of both: allowed "
+            "in one of them",
+        )
 
 
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:

@@ -11,10 +11,11 @@ import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
+from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
 from scenarios.definition.extends import merged
 from scenarios.definition.library import ScenarioFile, library, read_file, template
-from scenarios.definition.links import directed_links, requested_link
+from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.replayed import ReplayedDrive, plan_replay, replay_problems
 from scenarios.definition.road.route import (
@@ -24,7 +25,8 @@ from scenarios.definition.road.route import (
     plan_route,
     vehicle_names,
 )
-from scenarios.definition.schema.tables import LinkTable, OriginTable, ScenarioTables
+from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.tables import OriginTable, ScenarioTables
 from scenarios.definition.traces.placed import with_points, with_replays
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from vehicles.driver.speed import GapLimits, GapPolicy
@@ -195,7 +197,7 @@ class Scenario:
     def links(self) -> Mapping[tuple[str, str], LinkTable]:
         """What is asked of each directed link, by sender and receiver, none of them replayed."""
         return {
-            pair: requested_link(self.tables, *pair)
+            pair: requested_link(self.tables, self.vehicle_names, *pair)
             for pair in directed_links(self.vehicle_names)
             if pair[1] not in self.replays
         }

@@ -7,7 +7,7 @@ from math import inf, isfinite
 from typing import Any
 
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.bodies import BodySize
 from scenarios.results.deviations import Deviations
 from scenarios.results.events import EventDetector, detector_of

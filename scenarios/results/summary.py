@@ -15,7 +15,7 @@ from typing import Any, Literal
 from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole
 

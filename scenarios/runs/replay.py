@@ -65,7 +65,13 @@ class RecordedVehicle:
         poses = [p for p in self.poses if p.measured_at_ns + shift >= start_at]
         truth = [t for t in self.truth if t.true_at_ns + shift >= start_at]
         messages: list[GpsPose | TruePose] = [
-            replace(p, vehicle=name, seq=seq, measured_at_ns=p.measured_at_ns + shift)
+            replace(
+                p,
+                vehicle=name,
+                seq=seq,
+                measured_at_ns=p.measured_at_ns + shift,
+                sent_at_ns=p.sent_at_ns + shift,
+            )
             for seq, p in enumerate(poses)
         ]
         messages += [

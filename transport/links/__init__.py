@@ -1,6 +1,6 @@
 """Directed links in the receiver, and what comes through them.
 
-effects   the impairments: rate, loss, latency, jitter
+laws      the impairments, each an effect of its own
 link      the verdict of one link on one message
 gate      which poses can be true at all
 inbox     what one vehicle receives, tick by tick

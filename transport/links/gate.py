@@ -48,9 +48,9 @@ _numbers = attrgetter(*_LIMITS)
 class PoseGate:
     """What is known beforehand of a sender's poses: whose they are, since when and how often.
 
-    `start_at` (ns) is the run's first instant, `rate_hz` the sender's GNSS rate, `plane` the
-    scenario's, within reach of which the convoy drives. `oldest_ns` is how long ago a pose may
-    have been measured: a vehicle cannot use what is a minute old, a recorder can.
+    `start_at` (ns) is the run's first instant, `rate_hz` the rate at which the sender sends at
+    most, `plane` the scenario's, within reach of which the convoy drives. `oldest_ns` is how long
+    ago a pose may have been measured: a vehicle cannot use what is a minute old, a recorder can.
     """
 
     sender: str
@@ -89,7 +89,9 @@ class PoseGate:
             raise RefusedMessageError("past", f"measured at {pose.measured_at_ns}")
         if pose.measured_at_ns > now + HORIZON_NS:
             raise RefusedMessageError("future", f"measured at {pose.measured_at_ns}")
-        if pose.seq > elapsed * self.rate_hz / SECOND + _ROUNDING:
+        if not pose.measured_at_ns <= pose.sent_at_ns <= now + HORIZON_NS:
+            raise RefusedMessageError("future", f"sent at {pose.sent_at_ns}")
+        if pose.seq > (pose.sent_at_ns - self.start_at) * self.rate_hz / SECOND + _ROUNDING:
             raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")
 
 

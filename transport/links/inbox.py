@@ -8,6 +8,7 @@ from threading import Lock
 
 from transport.codec import RefusedMessageError
 from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
+from transport.links.laws.effect import Passage
 from transport.links.link import Link, Verdict
 from transport.reasons import counts_as_late
 from transport.topics import key
@@ -155,7 +156,7 @@ class Inbox:
         link = self.links[sender]
         pose = link.gate.admit(data, now)
         link.check_new(pose.seq)
-        judged = link.link.judge(pose.seq, pose.measured_at_ns)
+        judged = link.link.judge(Passage(pose.seq, pose.sent_at_ns, len(data)))
         late = judged.visible_at <= self._taken_until
         heappush(self._waiting, (judged.visible_at, sender, pose.seq, judged, pose, late))
 
@@ -186,4 +187,7 @@ class Inbox:
             visible_at_ns=judged.visible_at,
             heard_at_ns=now,
             late=late,
+            sent_at_ns=pose.sent_at_ns,
+            copies=0,
+            content="",
         )

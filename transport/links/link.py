@@ -6,12 +6,11 @@ a run in virtual time judge alike.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 from hashlib import blake2b
 from typing import Literal
 
-from transport.links.effects import Effect, Uniform
+from transport.links.laws.effect import Draw, Effect, Passage
 from transport.reasons import DropReason
 from vehicles.messages import Outcome
 
@@ -31,24 +30,28 @@ class Verdict:
     visible_at: int
 
 
-def keyed_uniform(seed: int, sender: str, receiver: str, seq: int, purpose: str) -> float:
-    """Return the number in (0, 1) that belongs to this key, the same on every platform."""
-    key = "\0".join((str(seed), sender, receiver, str(seq), purpose)).encode()
-    drawn = int.from_bytes(blake2b(key, digest_size=8).digest(), "big") >> 12
-    return (drawn + 0.5) / _STEPS
+def keyed_draw(seed: int, sender: str, receiver: str) -> Draw:
+    """Return what draws the numbers in (0, 1) of one link, the same on every platform."""
+    link = f"{seed}\0{sender}\0{receiver}\0".encode()
+
+    def draw(purpose: str, seq: int) -> float:
+        digest = blake2b(link + f"{seq}\0{purpose}".encode(), digest_size=8).digest()
+        return ((int.from_bytes(digest, "big") >> 12) + 0.5) / _STEPS
+
+    return draw
 
 
-def combine(chain: Iterable[Effect], uniform: Uniform, seq: int, measured_at: int) -> Verdict:
-    """Let each effect judge message `seq`: delays add up, the first that drops names the reason."""
+def combine(chain: Iterable[Effect], draw: Draw, passage: Passage) -> Verdict:
+    """Let each effect judge a message: delays add up, the first that drops names the reason."""
     delay = 0
     reason: DropReason | Literal[""] = ""
     for effect in chain:
-        judged = effect.judge(uniform, seq)
+        judged = effect.judge(draw, passage)
         if isinstance(judged, str):
             reason = reason or judged
         else:
             delay += judged
-    return Verdict("dropped" if reason else "delivered", reason, measured_at + delay)
+    return Verdict("dropped" if reason else "delivered", reason, passage.sent_at + delay)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +62,12 @@ class Link:
     seed: int
     sender: str
     receiver: str
+    draw: Draw = field(init=False, repr=False, compare=False)
 
-    def judge(self, seq: int, measured_at: int) -> Verdict:
-        """Judge message `seq`, measured at `measured_at` (ns)."""
-        uniform = partial(keyed_uniform, self.seed, self.sender, self.receiver, seq)
-        return combine(self.chain, uniform, seq, measured_at)
+    def __post_init__(self) -> None:
+        """Key the draws."""
+        object.__setattr__(self, "draw", keyed_draw(self.seed, self.sender, self.receiver))
+
+    def judge(self, passage: Passage) -> Verdict:
+        """Judge one message."""
+        return combine(self.chain, self.draw, passage)

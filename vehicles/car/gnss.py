@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, yaw_from_heading
-from vehicles.messages import GpsPose
+from vehicles.messages import FixState, GpsPose
 from vehicles.schedule import Cadence
 
 
@@ -21,7 +21,8 @@ class Fix:
     """One measurement, with what the vehicle block of Fig. 1 puts out.
 
     Number, instant (ns), position (m), yaw of the body within (-pi, pi] (rad), speed along the
-    body (m/s, never negative), yaw rate (rad/s).
+    body (m/s, never negative), yaw rate (rad/s); how the place is known, and how well (m, standard
+    deviation per axis) by the receiver's own account.
     """
 
     seq: int
@@ -31,6 +32,8 @@ class Fix:
     yaw: float
     speed: float
     yaw_rate: float
+    state: FixState = "fixed"
+    accuracy: float = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +91,22 @@ class GnssReceiver:
             yaw=wrap_angle(body.yaw + noise.heading * yaw),
             speed=max(0.0, body.speed + noise.speed * speed),
             yaw_rate=body.yaw_rate + noise.yaw_rate * yaw_rate,
+            accuracy=noise.position,
         )
 
 
-def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
-    """Convert a fix to a message: WGS84, compass course.
+def to_message(
+    fix: Fix,
+    vehicle: str,
+    plane: LocalPlane,
+    *,
+    seq: int,
+    sent_at: int,
+    true_place: tuple[float, float],
+) -> GpsPose:
+    """Convert a fix to message `seq`, sent at `sent_at` (ns) from `true_place` (east, north; m).
+
+    WGS84, compass course.
 
     The course is counted from the plane's north; true north at the vehicle differs from it by
     the convergence of meridians, about 0.01 deg per km of easting at middle latitudes.
@@ -100,7 +114,7 @@ def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
     latitude_deg, longitude_deg, altitude_m = plane.to_geodetic(fix.east, fix.north)
     return GpsPose(
         vehicle=vehicle,
-        seq=fix.seq,
+        seq=seq,
         measured_at_ns=fix.measured_at,
         latitude_deg=latitude_deg,
         longitude_deg=longitude_deg,
@@ -108,6 +122,11 @@ def to_message(fix: Fix, vehicle: str, plane: LocalPlane) -> GpsPose:
         heading_deg=heading_from_yaw(fix.yaw),
         speed_mps=fix.speed,
         yaw_rate_radps=fix.yaw_rate,
+        sent_at_ns=sent_at,
+        fix=fix.state,
+        position_accuracy_m=fix.accuracy,
+        true_east_m=true_place[0],
+        true_north_m=true_place[1],
     )
 
 
@@ -125,4 +144,6 @@ def from_message(pose: GpsPose, plane: LocalPlane) -> Fix:
         yaw=yaw_from_heading(pose.heading_deg),
         speed=pose.speed_mps,
         yaw_rate=pose.yaw_rate_radps,
+        state=pose.fix,
+        accuracy=pose.position_accuracy_m,
     )

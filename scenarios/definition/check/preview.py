@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.driver.follower import LEAST_SAMPLES
 from vehicles.preview.trajectory import FitSettings

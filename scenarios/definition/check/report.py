@@ -13,8 +13,9 @@ from scenarios.definition.check.sampled_loop import sampled_loop_warnings
 from scenarios.definition.road.replayed import replay_warnings
 from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.path import PointsPath
-from scenarios.definition.schema.tables import LinkTable, ScenarioTables, SteeringTable
+from scenarios.definition.schema.tables import ScenarioTables, SteeringTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import GRAVITY

@@ -2,5 +2,6 @@
 
 table    what they have in common
 path     the path: segments, a recorded trace, or points
+links    what directed links do to messages
 tables   all others, and the file as a whole
 """

@@ -23,12 +23,16 @@ AnyTable = TypeVar("AnyTable", bound=Table)
 
 
 def overlay(base: AnyTable, own: Table | None) -> AnyTable:
-    """Return `base` with every key that was written in `own`, table by table."""
+    """Return `base` with every key that was written in `own`, table by table.
+
+    A table of another kind replaces what was there.
+    """
     if own is None:
         return base
     fields = type(base).model_fields
     changes = {key: getattr(own, key) for key in own.model_fields_set if key in fields}
     for key, value in changes.items():
         if isinstance(value, Table):
-            changes[key] = overlay(getattr(base, key), value)
+            below = getattr(base, key)
+            changes[key] = overlay(below, value) if type(below) is type(value) else value
     return base.model_copy(update=changes)

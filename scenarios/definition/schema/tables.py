@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field, StringConstraints
 
+from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
 
@@ -145,28 +146,6 @@ class SpeedTable(Table):
     acceleration_mps2_max: float = Field(default=1.5, ge=0.1, le=10)
     braking_mps2_max: float = Field(default=2.5, ge=0.1, le=12)
     gap: GapTable = GapTable()
-
-
-class LinkTable(Table):
-    """What a directed link does to messages.
-
-    latency_ms    least delay from measurement to reception, the floor that the wire has to beat
-    jitter_ms     further delay, uniform between 0 and this
-    loss_ratio    share of messages lost, each on its own (Bernoulli)
-    rate_hz       messages a second that the link carries; left out, it carries every message
-    """
-
-    latency_ms: float = Field(default=20.0, ge=0, le=60_000)
-    jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
-    loss_ratio: Ratio = 0.0
-    rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
-
-
-class LinkEntry(LinkTable):
-    """Other values for the link from `sender` to `receiver`; "*" stands for any vehicle."""
-
-    sender: str
-    receiver: str
 
 
 class ParametersTable(Table):

@@ -5,7 +5,7 @@ from math import cos, sin
 
 import numpy as np
 
-from scenarios.definition.links import link_effects
+from scenarios.definition.channel.build import link_effects
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox

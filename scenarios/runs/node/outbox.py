@@ -51,7 +51,7 @@ class Outbox:
         """Send what was measured, received and decided at tick `now` (ns)."""
         self._ticks += 1
         if fix is not None:
-            self._add(to_message(fix, self._vehicle, self._plane))
+            self._add_pose(now, body, fix)
         for verdict in self._inbox.verdicts():
             self._add(verdict)
         if decision.fresh:
@@ -68,7 +68,7 @@ class Outbox:
         """Send what a vehicle that decides nothing measured; `fresh` at instants of control."""
         self._ticks += 1
         if fix is not None:
-            self._add(to_message(fix, self._vehicle, self._plane))
+            self._add_pose(now, body, fix)
         if fresh:
             self._add_truth(now, body, rolling_use(body, self._parameters))
         if self._health.is_due(now):
@@ -123,6 +123,18 @@ class Outbox:
                 memory_bytes=usage.memory_bytes,
                 cpu_ratio=usage.cpu_ratio,
                 final=final,
+            )
+        )
+
+    def _add_pose(self, now: int, body: Body, fix: Fix) -> None:
+        self._add(
+            to_message(
+                fix,
+                self._vehicle,
+                self._plane,
+                seq=self._next[messages.GpsPose],
+                sent_at=now,
+                true_place=(body.east, body.north),
             )
         )
 

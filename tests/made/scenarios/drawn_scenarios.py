@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import tomli_w
 
+from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
@@ -26,8 +27,6 @@ from scenarios.definition.schema.tables import (
     GnssTable,
     ImuTable,
     LimitsTable,
-    LinkEntry,
-    LinkTable,
     LoadingTable,
     OriginTable,
     ParametersTable,

@@ -43,6 +43,11 @@ def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
         heading_deg=90.0,
         speed_mps=20.0,
         yaw_rate_radps=0.0,
+        sent_at_ns=at(seq / 20),
+        fix="fixed",
+        position_accuracy_m=0.02,
+        true_east_m=0.0,
+        true_north_m=0.0,
     )
     return replace(pose, **more)  # type: ignore[arg-type]
 
@@ -129,6 +134,9 @@ def verdict(
         visible_at_ns=measured_at + round(latency_ms * MS),
         heard_at_ns=measured_at + round(heard_after * MS),
         late=late,
+        sent_at_ns=measured_at,
+        copies=0,
+        content="",
     )
 
 

@@ -113,6 +113,11 @@ def write_log(path: Path, points: Drive) -> None:
                     heading_deg=0.0,
                     speed_mps=v,
                     yaw_rate_radps=0.0,
+                    sent_at_ns=at,
+                    fix="fixed",
+                    position_accuracy_m=0.02,
+                    true_east_m=0.0,
+                    true_north_m=0.0,
                 )
                 log.write(TOPICS["gps"], vehicle, encode(pose), at)
 

@@ -69,6 +69,11 @@ def gps(vehicle: str, seq: int, at: int) -> GpsPose:
         heading_deg=270.0,
         speed_mps=SPEED,
         yaw_rate_radps=0.2,
+        sent_at_ns=at,
+        fix="fixed",
+        position_accuracy_m=0.02,
+        true_east_m=0.0,
+        true_north_m=0.0,
     )
 
 
@@ -137,6 +142,9 @@ def verdict(vehicle: str, sender: str, seq: int, at: int, outcome: str = "ok") -
         visible_at_ns=at,
         heard_at_ns=at,
         late=outcome == "late",
+        sent_at_ns=at - TICK,
+        copies=0,
+        content="",
     )
 
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from scenarios.definition.links import link_effects
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.channel.build import link_effects
+from scenarios.definition.schema.links import LinkTable
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.link import Link

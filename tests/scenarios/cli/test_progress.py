@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.cli import progress
 from scenarios.cli.progress import PLAIN_EVERY_S, REDRAW_S, Progress
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.bodies import BodySize
 from scenarios.results.events import EventDetector
 from scenarios.results.metrics import Metrics

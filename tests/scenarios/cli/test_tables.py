@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from scenarios.cli.tables import print_summary
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics

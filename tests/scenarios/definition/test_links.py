@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.links import directed_links, link_effects, senders_to
+from scenarios.definition.channel.build import link_effects
+from scenarios.definition.links import directed_links, senders_to
 from scenarios.definition.scenario import load_scenario
-from scenarios.definition.schema.tables import LinkTable
-from transport.links.effects import Decimation, Jitter, Latency, Loss
+from scenarios.definition.schema.links import LinkTable
+from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 
 RATE_HZ = 20.0
 
@@ -30,7 +31,7 @@ ENTRIES = (
 )
 
 
-def test_later_entries_win_key_by_key() -> None:
+def test_the_more_specific_entry_wins_key_by_key() -> None:
     links = load_scenario("lane_change", ["convoy.vehicles=3", "links.rate_hz=7.0", ENTRIES]).links
     assert links == {
         ("v1", "v2"): LinkTable(latency_ms=70.0, rate_hz=7.0),

@@ -101,14 +101,14 @@ position_noise_m = 0.5
     assert own.gnss.rate_hz == 20.0
 
 
-def test_the_last_entry_that_fits_a_link_wins_key_by_key() -> None:
+def test_the_most_specific_entry_about_a_link_wins_key_by_key() -> None:
     text = (
         STRAIGHT
         + """
 [links]
 latency_ms = 30.0
 [[link]]
-sender = "v1"
+sender = "lead"
 receiver = "*"
 loss_ratio = 0.5
 jitter_ms = 7.0

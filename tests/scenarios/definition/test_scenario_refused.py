@@ -58,7 +58,7 @@ BROKEN_BY_OVERRIDE = {
         "link=[{sender='v1', receiver='v7'}]",
         "link[0].receiver",
         'given "v7"',
-        '"v4", "*"',
+        '"follower", "*"',
     ),
     "link that nobody hears": ("link=[{sender='v3', receiver='v2'}]", "link[0]", "v3", "listens"),
     "touching bumpers": ("convoy.gap_m=4", "convoy.gap_m", "given 4", "more than 4.93"),

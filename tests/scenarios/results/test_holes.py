@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.holes import RecordedNumbers, RecordHole, expected_poses, hole_lines
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary

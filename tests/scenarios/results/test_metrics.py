@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.figures import Extremes
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import LinkSummary, VehicleSummary

@@ -10,7 +10,7 @@ import pytest
 
 from scenarios.cli.tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.encounters import EventKind
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole

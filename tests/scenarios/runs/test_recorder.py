@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary
 from scenarios.runs.recorder import Recorder

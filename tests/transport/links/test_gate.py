@@ -93,8 +93,8 @@ def test_the_date_line_is_no_border(longitude_deg: float) -> None:
         (gps("v1", 0), START + HORIZON_NS + 1, "past"),
         (gps("v1", 1200), START, ""),
         (gps("v1", 1201), START, "future"),
-        (replace(gps("v1", 41), measured_at_ns=at(2.0)), at(2.0), "sequence"),
-        (replace(gps("v1", 39), measured_at_ns=at(2.0)), at(2.0), ""),
+        (replace(gps("v1", 41), measured_at_ns=at(2.0), sent_at_ns=at(2.0)), at(2.0), "sequence"),
+        (replace(gps("v1", 39), measured_at_ns=at(2.0), sent_at_ns=at(2.0)), at(2.0), ""),
     ],
 )
 def test_whose_it_is_and_when_it_was_measured(pose: GpsPose, now: int, word: str) -> None:

@@ -9,13 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import link as link_of
 from transport.clock import ticks
 from transport.codec import encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
 from transport.links.inbox import QUEUE, WINDOW, Inbox
+from transport.links.laws.effect import Passage
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 from vehicles.schedule import SECOND, instant
@@ -37,7 +38,16 @@ def pose(seq: int, vehicle: str = "lead") -> GpsPose:
         heading_deg=90.0,
         speed_mps=30.0,
         yaw_rate_radps=0.01,
+        sent_at_ns=instant(START, seq, RATE_HZ),
+        fix="fixed",
+        position_accuracy_m=0.02,
+        true_east_m=0.0,
+        true_north_m=0.0,
     )
+
+
+def sent(one: GpsPose, at: int) -> GpsPose:
+    return replace(one, measured_at_ns=at, sent_at_ns=at)
 
 
 def ear(links: Mapping[str, LinkTable] | None = None, seed: int = 1) -> Inbox:
@@ -110,7 +120,7 @@ def test_verdicts_say_what_became_of_each_message() -> None:
     assert 0 < len(heard) < 20
     link = link_of(rule, "lead", "follower_2", rate_hz=RATE_HZ)
     for v in verdicts:
-        judged = link.judge(v.pose_seq, v.measured_at_ns)
+        judged = link.judge(Passage(v.pose_seq, v.sent_at_ns))
         assert (v.outcome, v.reason, v.visible_at_ns) == (
             judged.outcome,
             judged.reason,
@@ -228,7 +238,7 @@ NAN, INFINITE = float("nan"), float("inf")
         (spoilt(measured_at_ns=-(2**63)), "early"),
         (spoilt(measured_at_ns=2**63 - 1), "future"),
         (spoilt(seq=3), "sequence"),
-        (spoilt(measured_at_ns=pose(2).measured_at_ns - MS), "sequence"),
+        (encode(sent(pose(2), pose(2).measured_at_ns - MS)), "sequence"),
         (spoilt(seq=2**64 - 1), "sequence"),
     ],
 )
@@ -341,7 +351,7 @@ def test_each_sender_has_its_own_schedule() -> None:
     inbox = inbox_of("f2", links, start_at=START, rate_hz=rates)
     for sender, rate_hz in rates.items():
         for k in range(8):
-            send(inbox, replace(pose(k, sender), measured_at_ns=instant(START, k, rate_hz)))
+            send(inbox, sent(pose(k, sender), instant(START, k, rate_hz)))
     heard = inbox.take(START + SECOND)
     assert [p.seq for p in heard if p.vehicle == "lead"] == [0, 4]
     assert [p.seq for p in heard if p.vehicle == "follower_1"] == [0, 2, 4, 6]
@@ -351,7 +361,7 @@ def test_each_sender_has_its_own_schedule() -> None:
 def test_no_rounding_puts_a_number_ahead_of_its_schedule(rate_hz: float, k: int) -> None:
     now = instant(START, k, rate_hz)
     inbox = inbox_of("f2", {"lead": LinkTable()}, start_at=START, rate_hz=rate_hz)
-    send(inbox, replace(pose(k), measured_at_ns=now))
+    send(inbox, sent(pose(k), now))
     assert len(inbox.take(now + 20 * MS)) == 1
 
 

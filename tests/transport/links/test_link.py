@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.tables import LinkTable
+from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import link
-from transport.links.effects import Decimation, Effect, Uniform
-from transport.links.link import Verdict, combine, keyed_uniform
+from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.plain import Decimation
+from transport.links.link import Verdict, combine, keyed_draw
 from transport.reasons import DropReason
 
 MS = 1_000_000
@@ -33,7 +34,11 @@ def judge(
     source_rate_hz: float = RATE_HZ,
 ) -> Verdict:
     one = link(asked, sender, receiver, seed=seed, rate_hz=source_rate_hz)
-    return one.judge(seq, seq * PERIOD)
+    return one.judge(Passage(seq, seq * PERIOD))
+
+
+def keyed_uniform(seed: int, sender: str, receiver: str, seq: int, purpose: str) -> float:
+    return keyed_draw(seed, sender, receiver)(purpose, seq)
 
 
 def test_keyed_uniform_keeps_its_values() -> None:
@@ -199,7 +204,7 @@ def test_rate_lets_evenly_spread_messages_through(rate_hz: float, through: list[
 @given(top=st.integers(1, 100), bottom=st.integers(1, 100), n=st.integers(1, 3000))
 def test_rate_is_kept_to_within_one_message(top: int, bottom: int, n: int) -> None:
     decimation = Decimation(min(Fraction(top, bottom), Fraction(1)))
-    carried = sum(decimation.judge(no_chance, seq) == 0 for seq in range(n))
+    carried = sum(decimation.judge(no_chance, Passage(seq, 0)) == 0 for seq in range(n))
     assert 0 <= carried - (n - 1) * decimation.kept <= 1
 
 
@@ -212,12 +217,12 @@ def test_the_rate_names_a_drop_before_chance_does() -> None:
 class Fixed:
     answer: int | DropReason
 
-    def judge(self, uniform: Uniform, seq: int) -> int | DropReason:  # noqa: ARG002
+    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002
         return self.answer
 
 
-def no_chance(purpose: str) -> float:
-    raise AssertionError(f"{purpose} needs no chance")
+def no_chance(purpose: str, seq: int) -> float:
+    raise AssertionError(f"{purpose} of {seq} needs no chance")
 
 
 @pytest.mark.parametrize(
@@ -233,4 +238,4 @@ def test_delays_add_up_and_any_drop_wins(
     answers: list[int | DropReason], expected: Verdict
 ) -> None:
     chain: list[Effect] = [Fixed(answer) for answer in answers]
-    assert combine(chain, no_chance, 0, 100) == expected
+    assert combine(chain, no_chance, Passage(0, 100)) == expected

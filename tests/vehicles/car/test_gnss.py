@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver, from_message, to_message
 from vehicles.geometry.geodesy import LocalPlane, Origin, wrap_angle
+from vehicles.messages import GpsPose
 
 START = 1_700_000_000_123_456_789
 BODY = Body(120.0, -45.0, 2.5, 20.0, 0.1, 0.05, 0.01, 0.0, 300.0)
@@ -35,7 +36,7 @@ def test_measures_at_the_rounded_instants_and_only_there(rate_hz: float) -> None
 
 def test_without_noise_the_fix_is_the_body() -> None:
     fix = receiver().measure(BODY, START)
-    assert fix == Fix(0, START, 120.0, -45.0, 2.5, 20.0, 0.05)
+    assert fix == Fix(0, START, 120.0, -45.0, 2.5, 20.0, 0.05, accuracy=0.0)
 
 
 def test_yaw_of_a_fix_is_wrapped() -> None:
@@ -78,6 +79,11 @@ def test_measured_speed_is_never_negative() -> None:
     assert any(fix is not None and fix.speed > 0.0 for fix in fixes)
 
 
+def as_message(fix: Fix) -> GpsPose:
+    place = fix.east, fix.north
+    return to_message(fix, "v1", PLANE, seq=fix.seq, sent_at=fix.measured_at, true_place=place)
+
+
 @given(
     east=st.floats(-5000, 5000),
     north=st.floats(-5000, 5000),
@@ -89,7 +95,7 @@ def test_over_the_wire_and_back(
     east: float, north: float, yaw: float, speed: float, yaw_rate: float
 ) -> None:
     fix = Fix(7, START, east, north, yaw, speed, yaw_rate)
-    message = to_message(fix, "v1", PLANE)
+    message = as_message(fix)
     assert message.vehicle == "v1"
     assert 0.0 <= message.heading_deg < 360.0
     back = from_message(message, PLANE)
@@ -99,15 +105,15 @@ def test_over_the_wire_and_back(
 
 
 def test_wire_carries_a_compass_course() -> None:
-    north_bound = to_message(Fix(0, START, 0.0, 0.0, math.pi / 2, 1.0, 0.0), "v1", PLANE)
+    north_bound = as_message(Fix(0, START, 0.0, 0.0, math.pi / 2, 1.0, 0.0))
     assert north_bound.heading_deg == pytest.approx(0.0, abs=1e-9)
-    west_bound = to_message(Fix(0, START, 0.0, 0.0, math.pi, 1.0, 0.0), "v1", PLANE)
+    west_bound = as_message(Fix(0, START, 0.0, 0.0, math.pi, 1.0, 0.0))
     assert west_bound.heading_deg == pytest.approx(270.0)
 
 
 @pytest.mark.parametrize("altitude_m", [math.nan, math.inf, 1e9])
 def test_poses_far_from_the_plane_are_refused(altitude_m: float) -> None:
-    message = to_message(Fix(3, START, 10.0, 20.0, 0.0, 5.0, 0.0), "v1", PLANE)
+    message = as_message(Fix(3, START, 10.0, 20.0, 0.0, 5.0, 0.0))
     with pytest.raises(ValueError, match="further than"):
         from_message(replace(message, altitude_m=altitude_m), PLANE)
 

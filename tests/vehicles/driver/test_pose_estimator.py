@@ -371,9 +371,9 @@ def test_no_sequence_of_fixes_gives_anything_but_finite_poses(
 ) -> None:
     estimator = PoseEstimator(CAR)
     at = 0
-    for seq, (gap_ms, *values) in enumerate(readings):
+    for seq, (gap_ms, east, north, yaw, speed, yaw_rate) in enumerate(readings):
         at += gap_ms * MS
-        estimator.correct(Fix(seq, at, *values))
+        estimator.correct(Fix(seq, at, east, north, yaw, speed, yaw_rate))
         pose = estimator.at(at + 20 * MS)
         assert all(map(math.isfinite, astuple(pose)))
         assert -math.pi < pose.yaw <= math.pi

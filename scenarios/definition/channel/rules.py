@@ -1,0 +1,77 @@
+"""Which entries of a scenario are about a directed link, and what is asked of it in the end."""
+
+from collections.abc import Iterator, Sequence
+
+from scenarios.definition.links import directed_links
+from scenarios.definition.schema.links import LinkEntry, LinkTable
+from scenarios.definition.schema.table import overlay
+from scenarios.definition.schema.tables import ScenarioTables
+
+ANY = "*"
+"""Stands for every vehicle in a link's `sender` or `receiver`."""
+ROLES = ("lead", "predecessor", "follower")
+"""Stand for vehicles by their place: the first, the one ahead of the receiver, any but the first.
+
+A vehicle that has such a name is meant by it before the role is.
+"""
+_BY_NAME, _BY_ROLE, _BY_ANY = 2, 1, 0
+
+
+def specificity(entry: LinkEntry, names: Sequence[str], sender: str, receiver: str) -> int | None:
+    """How specific an entry is about a link of a convoy of `names`, None if it is about others.
+
+    Each end counts 2 by name, 1 by role and 0 for "*".
+    """
+    ends = _end(entry.sender, sender, names, receiver), _end(entry.receiver, receiver, names, "")
+    return None if None in ends else sum(filter(None, ends))
+
+
+def _end(given: str, vehicle: str, names: Sequence[str], receiver: str) -> int | None:
+    if given == ANY:
+        return _BY_ANY
+    if given in names:
+        return _BY_NAME if given == vehicle else None
+    place = names.index(vehicle)
+    ahead = bool(receiver) and place == names.index(receiver) - 1
+    fits = {"lead": place == 0, "predecessor": ahead, "follower": place > 0}
+    return _BY_ROLE if fits.get(given, False) else None
+
+
+def requested_link(
+    tables: ScenarioTables, names: Sequence[str], sender: str, receiver: str
+) -> LinkTable:
+    """What is asked of one link: the convoy's values, under those of its entries.
+
+    Of several entries the more specific wins, key by key; what it leaves out is inherited.
+    """
+    link = tables.links
+    for _, entry in entries_about(tables.link, names, sender, receiver):
+        link = overlay(link, entry)
+    return link
+
+
+def entries_about(
+    entries: Sequence[LinkEntry], names: Sequence[str], sender: str, receiver: str
+) -> list[tuple[int, LinkEntry]]:
+    """Entries about a link with their specificity, the least specific first."""
+    found = [(specificity(entry, names, sender, receiver), entry) for entry in entries]
+    about = [(grade, entry) for grade, entry in found if grade is not None]
+    return sorted(about, key=lambda one: one[0])
+
+
+def ties(entries: Sequence[LinkEntry], names: Sequence[str]) -> Iterator[tuple[int, int, str]]:
+    """Give the numbers of two entries that are equally specific about one link, and a key of both.
+
+    Each pair once, with the first key that both give.
+    """
+    seen: set[tuple[int, int]] = set()
+    for sender, receiver in directed_links(names):
+        graded = [specificity(entry, names, sender, receiver) for entry in entries]
+        for later, grade in enumerate(graded):
+            for first in range(later):
+                if grade is None or graded[first] != grade or (first, later) in seen:
+                    continue
+                both = entries[first].model_fields_set & entries[later].model_fields_set
+                if keys := sorted(both & LinkTable.model_fields.keys()):
+                    seen.add((first, later))
+                    yield first, later, keys[0]

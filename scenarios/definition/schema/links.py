@@ -1,0 +1,30 @@
+"""What a scenario file may say of the directed links between vehicles."""
+
+from pydantic import Field
+
+from scenarios.definition.schema.table import Ratio, Table
+
+
+class LinkTable(Table):
+    """What a directed link does to messages.
+
+    latency_ms    least delay from sending to reception, the floor that the wire has to beat
+    jitter_ms     further delay, uniform between 0 and this
+    loss_ratio    share of messages lost, each on its own (Bernoulli)
+    rate_hz       messages a second that the link carries; left out, it carries every message
+    """
+
+    latency_ms: float = Field(default=20.0, ge=0, le=60_000)
+    jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
+    loss_ratio: Ratio = 0.0
+    rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
+
+
+class LinkEntry(LinkTable):
+    """Other values for the link from `sender` to `receiver`.
+
+    Each end is a vehicle's name, a role ("lead", "predecessor", "follower"), or "*" for any.
+    """
+
+    sender: str
+    receiver: str

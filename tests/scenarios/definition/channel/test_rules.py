@@ -1,0 +1,98 @@
+"""Which entry of a scenario counts for a link: names before roles before "*", ties refused."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.definition.channel.rules import ANY, ROLES, specificity
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.links import directed_links
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.links import LinkEntry
+
+NAMES = ("v1", "v2", "v3", "v4")
+
+
+def with_entries(*entries: str) -> Scenario:
+    return load_scenario("lane_change", [f"link=[{', '.join(entries)}]"])
+
+
+def losses(*entries: str) -> dict[tuple[str, str], float]:
+    return {pair: link.loss_ratio for pair, link in with_entries(*entries).links.items()}
+
+
+def test_roles_stand_for_vehicles_by_their_place() -> None:
+    of_lead = losses('{sender="lead", receiver="follower", loss_ratio=0.5}')
+    assert {pair for pair, loss in of_lead.items() if loss} == {
+        ("v1", "v2"), ("v1", "v3"), ("v1", "v4"),
+    }  # fmt: skip
+    ahead = losses('{sender="predecessor", receiver="*", loss_ratio=0.5}')
+    assert {pair for pair, loss in ahead.items() if loss} == {
+        ("v1", "v2"), ("v2", "v3"), ("v3", "v4"),
+    }  # fmt: skip
+    assert {
+        pair for pair, loss in losses('{sender="follower", receiver="*", loss_ratio=0.5}').items()
+        if loss
+    } == {("v2", "v3"), ("v3", "v4")}  # fmt: skip
+
+
+def test_a_name_comes_before_a_role_and_a_role_before_any_in_whatever_order() -> None:
+    entries = [
+        '{sender="*", receiver="*", loss_ratio=0.1, jitter_ms=7.0}',
+        '{sender="lead", receiver="*", loss_ratio=0.2}',
+        '{sender="lead", receiver="follower", loss_ratio=0.3}',
+        '{sender="lead", receiver="v3", loss_ratio=0.4}',
+        '{sender="v1", receiver="v4", loss_ratio=0.5}',
+    ]
+    for order in itertools.permutations(entries):
+        scenario = with_entries(*order)
+        assert {pair: link.loss_ratio for pair, link in scenario.links.items()} == {
+            ("v1", "v2"): 0.3, ("v1", "v3"): 0.4, ("v1", "v4"): 0.5,
+            ("v2", "v3"): 0.1, ("v3", "v4"): 0.1,
+        }  # fmt: skip
+        assert all(link.jitter_ms == 7.0 for link in scenario.links.values())
+
+
+def test_a_tie_is_refused_with_both_entries_and_the_key() -> None:
+    with pytest.raises(ScenarioError, match=r"link\[1\]\.loss_ratio: given by link\[0\] too"):
+        losses(
+            '{sender="lead", receiver="*", loss_ratio=0.2}',
+            '{sender="*", receiver="follower", loss_ratio=0.3}',
+        )
+
+
+def test_entries_that_share_no_key_or_no_link_are_no_tie() -> None:
+    losses(
+        '{sender="lead", receiver="*", loss_ratio=0.2}',
+        '{sender="*", receiver="follower", jitter_ms=3.0}',
+    )
+    losses(
+        '{sender="v1", receiver="v3", loss_ratio=0.2}',
+        '{sender="v2", receiver="v3", loss_ratio=0.3}',
+    )
+
+
+@given(
+    st.sampled_from([*NAMES, *ROLES, ANY]), st.sampled_from([*NAMES, *ROLES, ANY]),
+    st.sampled_from(directed_links(NAMES)),
+)  # fmt: skip
+def test_each_end_counts_for_itself(sender: str, receiver: str, pair: tuple[str, str]) -> None:
+    def grade(sender: str, receiver: str) -> int | None:
+        return specificity(LinkEntry(sender=sender, receiver=receiver), NAMES, *pair)
+
+    both, first, second = grade(sender, receiver), grade(sender, ANY), grade(ANY, receiver)
+    if first is None or second is None:
+        assert both is None
+    else:
+        assert both == first + second
+
+
+def test_a_vehicle_called_like_a_role_is_meant_by_its_name() -> None:
+    overrides = [
+        'convoy.names=["front", "lead", "last"]',
+        'link=[{sender="lead", receiver="*", loss_ratio=0.5}]',
+    ]
+    links = load_scenario("lane_change", overrides).links
+    assert {pair for pair, link in links.items() if link.loss_ratio} == {("lead", "last")}
