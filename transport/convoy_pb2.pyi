@@ -40,6 +40,7 @@ class GpsPose(_message.Message):
     POSITION_ACCURACY_M_FIELD_NUMBER: _builtins.int
     TRUE_EAST_M_FIELD_NUMBER: _builtins.int
     TRUE_NORTH_M_FIELD_NUMBER: _builtins.int
+    TRUE_DRIVEN_M_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     measured_at_ns: _builtins.int
@@ -54,6 +55,7 @@ class GpsPose(_message.Message):
     position_accuracy_m: _builtins.float
     true_east_m: _builtins.float
     true_north_m: _builtins.float
+    true_driven_m: _builtins.float
     def __init__(
         self,
         *,
@@ -71,10 +73,11 @@ class GpsPose(_message.Message):
         position_accuracy_m: _builtins.float | None = ...,
         true_east_m: _builtins.float | None = ...,
         true_north_m: _builtins.float | None = ...,
+        true_driven_m: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_fix", b"_fix", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "fix", b"fix", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_fix", b"_fix", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "fix", b"fix", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_fix", b"_fix", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "fix", b"fix", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_fix", b"_fix", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "fix", b"fix", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__altitude_m: _TypeAlias = _typing.Literal["altitude_m"]  # noqa: Y015
     _WhichOneofArgType__altitude_m: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m"]  # noqa: Y015
@@ -96,6 +99,8 @@ class GpsPose(_message.Message):
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__speed_mps: _TypeAlias = _typing.Literal["speed_mps"]  # noqa: Y015
     _WhichOneofArgType__speed_mps: _TypeAlias = _typing.Literal["_speed_mps", b"_speed_mps"]  # noqa: Y015
+    _WhichOneofReturnType__true_driven_m: _TypeAlias = _typing.Literal["true_driven_m"]  # noqa: Y015
+    _WhichOneofArgType__true_driven_m: _TypeAlias = _typing.Literal["_true_driven_m", b"_true_driven_m"]  # noqa: Y015
     _WhichOneofReturnType__true_east_m: _TypeAlias = _typing.Literal["true_east_m"]  # noqa: Y015
     _WhichOneofArgType__true_east_m: _TypeAlias = _typing.Literal["_true_east_m", b"_true_east_m"]  # noqa: Y015
     _WhichOneofReturnType__true_north_m: _TypeAlias = _typing.Literal["true_north_m"]  # noqa: Y015
@@ -124,6 +129,8 @@ class GpsPose(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__speed_mps) -> _WhichOneofReturnType__speed_mps | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__true_driven_m) -> _WhichOneofReturnType__true_driven_m | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__true_east_m) -> _WhichOneofReturnType__true_east_m | None: ...
     @_typing.overload

@@ -31,8 +31,9 @@ class GpsPose:
     """One measurement of a GNSS receiver, as broadcast to the convoy.
 
     `seq` counts what was sent. `position_accuracy_m` is what the receiver says of the standard
-    deviation of its position, per axis, which may be wrong. The true place of the antenna is for
-    the emulated channel alone, whose losses depend on it: no vehicle uses it.
+    deviation of its position, per axis, which may be wrong. The true place of the antenna,
+    and the metres driven since the start, are for the emulated channel alone, whose losses depend
+    on them: no vehicle uses them.
     """
 
     vehicle: str
@@ -49,6 +50,7 @@ class GpsPose:
     position_accuracy_m: float
     true_east_m: float
     true_north_m: float
+    true_driven_m: float
 
 
 @dataclass(slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from threading import Lock
 
 from transport.codec import RefusedMessageError
 from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import NOWHERE, Passage, Whereabouts
 from transport.links.link import Link, Verdict
 from transport.reasons import counts_as_late
 from transport.topics import key
@@ -18,6 +18,8 @@ QUEUE = 4096
 """Messages that wait at most for a tick to take them; the oldest go first."""
 WINDOW = 8192
 """Sequence numbers that lie further behind a sender's newest are refused, so memory is bounded."""
+PLACES = 4096
+"""Ticks of which the receiver remembers where it was, for messages that came late: a minute."""
 
 
 @dataclass(slots=True)
@@ -66,6 +68,7 @@ class Inbox:
         self._refused: Counter[str] = Counter()
         self._overflow = 0
         self._taken_until = start_at - 1
+        self._places: deque[tuple[int, Whereabouts]] = deque(maxlen=PLACES)
         self._arrived: deque[tuple[str, bytes]] = deque(maxlen=QUEUE)
         self._lock = Lock()
         self._senders = {key(sender, GPS): sender for sender in self.links}
@@ -109,12 +112,14 @@ class Inbox:
             # One byte too long is refused like a million, without keeping the million.
             self._arrived.append((sender_key, data[: LONGEST_POSE_BYTES + 1]))
 
-    def take(self, now: int) -> list[GpsPose]:
+    def take(self, now: int, here: Whereabouts = NOWHERE) -> list[GpsPose]:
         """Return the poses that have become visible by the tick at `now` (ns).
 
         They come in the order (visible_at, sender, seq). Instants must not go back. A verdict is
         put out, by `verdicts`, at the tick that hands a pose over, or would have handed it over.
+        `here` is where the receiver truly is, for links that depend on it.
         """
+        self._places.append((now, here))
         if self._arrived:
             with self._lock:
                 arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
@@ -156,9 +161,20 @@ class Inbox:
         link = self.links[sender]
         pose = link.gate.admit(data, now)
         link.check_new(pose.seq)
-        judged = link.link.judge(Passage(pose.seq, pose.sent_at_ns, len(data)))
+        judged = link.link.judge(self._passage(pose, len(data)))
         late = judged.visible_at <= self._taken_until
         heappush(self._waiting, (judged.visible_at, sender, pose.seq, judged, pose, late))
+
+    def _passage(self, pose: GpsPose, size: int) -> Passage:
+        sender = Whereabouts(pose.true_east_m, pose.true_north_m, pose.true_driven_m)
+        return Passage(pose.seq, pose.sent_at_ns, size, sender, self._place_at(pose.sent_at_ns))
+
+    def _place_at(self, instant: int) -> Whereabouts:
+        """Where the receiver was at its last tick until `instant`, or at the first it remembers."""
+        for at, place in reversed(self._places):
+            if at <= instant:
+                return place
+        return self._places[0][1]
 
     def _hand_over(self, now: int) -> list[GpsPose]:
         delivered: list[GpsPose] = []

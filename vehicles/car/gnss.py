@@ -102,9 +102,11 @@ def to_message(
     *,
     seq: int,
     sent_at: int,
-    true_place: tuple[float, float],
+    true_place: tuple[float, float, float],
 ) -> GpsPose:
-    """Convert a fix to message `seq`, sent at `sent_at` (ns) from `true_place` (east, north; m).
+    """Convert a fix to message `seq`, sent at `sent_at` (ns) from `true_place`.
+
+    That is east, north, and the way driven (m).
 
     WGS84, compass course.
 
@@ -127,6 +129,7 @@ def to_message(
         position_accuracy_m=fix.accuracy,
         true_east_m=true_place[0],
         true_north_m=true_place[1],
+        true_driven_m=true_place[2],
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from scenarios.runs.node.outbox import Outbox
 from transport.clock import Tick
 from transport.links.inbox import Inbox
+from transport.links.laws.effect import Whereabouts
 from vehicles.car.dynamics import Body, advance
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.imu import ExactSensor, InertialSensor
@@ -26,7 +27,9 @@ class Node:
 
     def step(self, tick: Tick) -> None:
         """One tick of the schedule: receive, measure, decide, send, advance the car to the next."""
-        received = self.inbox.take(tick.at)
+        body = self.body
+        here = Whereabouts(body.east, body.north, body.distance)
+        received = self.inbox.take(tick.at, here)
         fix = self.gnss.measure(self.body, tick.at)
         motion = self.imu.measure(self.body, tick.at)
         decision = self.driver.step(tick.at, fix, motion, received)

@@ -134,7 +134,7 @@ class Outbox:
                 self._plane,
                 seq=self._next[messages.GpsPose],
                 sent_at=now,
-                true_place=(body.east, body.north),
+                true_place=(body.east, body.north, body.distance),
             )
         )
 

@@ -48,6 +48,7 @@ def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
         position_accuracy_m=0.02,
         true_east_m=0.0,
         true_north_m=0.0,
+        true_driven_m=0.0,
     )
     return replace(pose, **more)  # type: ignore[arg-type]
 

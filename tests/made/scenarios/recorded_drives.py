@@ -118,6 +118,7 @@ def write_log(path: Path, points: Drive) -> None:
                     position_accuracy_m=0.02,
                     true_east_m=0.0,
                     true_north_m=0.0,
+                    true_driven_m=0.0,
                 )
                 log.write(TOPICS["gps"], vehicle, encode(pose), at)
 

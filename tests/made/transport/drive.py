@@ -74,6 +74,7 @@ def gps(vehicle: str, seq: int, at: int) -> GpsPose:
         position_accuracy_m=0.02,
         true_east_m=0.0,
         true_north_m=0.0,
+        true_driven_m=0.0,
     )
 
 

@@ -103,7 +103,7 @@ class Source:
         point = self.path.at(self.place(at))
         turning = self.speed * point.curvature
         fix = Fix(seq, at, point.east, point.north, point.yaw, self.speed, turning)
-        place = point.east, point.north
+        place = point.east, point.north, 0.0
         return to_message(fix, self.name, PLANE, seq=seq, sent_at=at, true_place=place)
 
     def messages_by(self, now: int) -> Iterator[GpsPose]:

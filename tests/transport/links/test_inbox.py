@@ -43,6 +43,7 @@ def pose(seq: int, vehicle: str = "lead") -> GpsPose:
         position_accuracy_m=0.02,
         true_east_m=0.0,
         true_north_m=0.0,
+        true_driven_m=0.0,
     )
 
 

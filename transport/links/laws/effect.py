@@ -32,7 +32,7 @@ class Passage:
 
     `sender` is where the antenna truly was when it sent, as the message says; `receiver` is where
     the node that judges knows it was itself at that instant, at its last tick until then. So both
-    are the same on every clock. The metres driven are known of the receiver only.
+    are the same on every clock.
     """
 
     seq: int
