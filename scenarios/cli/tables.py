@@ -22,6 +22,8 @@ if TYPE_CHECKING:  # brings scipy, which a run does without
 MOST_EVENTS = 40
 MOST_HOLES = 10
 """So many are printed; the summary has them all."""
+SHOWN_AGES_MS = ("200", "500", "1000")
+"""Of the ages up to which data may count as fresh."""
 
 NAMES: dict[EventKind, tuple[str, str]] = {
     "collision": ("collision", "collisions"),
@@ -50,6 +52,7 @@ def print_summary(summary: RunSummary, log: Path | None, console: Console) -> No
     console.print(process_table(summary))
     if summary.links:
         console.print(link_table(summary))
+        console.print(freshness_table(summary))
     if summary.events:
         console.print(event_table(summary))
     for line in (*_unrecorded(summary), *summary.warnings):
@@ -174,22 +177,44 @@ def link_table(summary: RunSummary) -> Table:
     """One row per directed link, requested against achieved."""
     table = Table(title="links, requested / achieved", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("link", no_wrap=True)
-    for heading in ("loss, %", "latency, ms", "sent", "heard", "dropped", "late"):
+    for heading in ("loss, %", "in a row", "latency, ms", "sent", "heard", "dropped", "late"):
         table.add_column(heading, justify="right")
     for row in summary.links:
-        asked = row.requested
-        jitter = f"+{asked.jitter_ms:g}" if asked.jitter_ms else ""
-        dropped = ", ".join(f"{count} {reason}" for reason, count in row.dropped.items())
         table.add_row(
             f"{row.sender} → {row.receiver}",
-            f"{asked.loss_ratio * 100:g} / {row.loss_ratio * 100:.1f}",
-            f"{asked.latency_ms:g}{jitter} / {row.latency_ms_mean:.1f}",
+            f"{_asked(row.requested_loss_ratio, 100)} / {row.loss_ratio * 100:.1f}",
+            f"{_asked(row.requested_burst_messages)} / {_asked(row.burst_messages_mean)}",
+            f"{_asked(row.requested_latency_ms_mean)} / {row.latency_ms_mean:.1f}",
             str(row.sent),
             str(row.heard),
-            dropped or "0",
+            ", ".join(f"{count} {reason}" for reason, count in row.dropped.items()) or "0",
             str(row.late),
         )
     return table
+
+
+def freshness_table(summary: RunSummary) -> Table:
+    """One row per directed link: how often something came, and how old it was when it was used."""
+    table = Table(title="freshness: mean / 95 % / longest", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("link", no_wrap=True)
+    table.add_column("between\narrivals, ms", justify="right", no_wrap=True)
+    table.add_column("age at a\ncommand, ms", justify="right", no_wrap=True)
+    for limit in SHOWN_AGES_MS:
+        table.add_column(f"≤ {limit}\nms, %", justify="right", no_wrap=True)
+    for row in summary.links:
+        gaps = row.arrival_gap_ms_mean, row.arrival_gap_ms_p95, row.arrival_gap_ms_max
+        ages = row.age_ms_mean, row.age_ms_p95, row.age_ms_max
+        table.add_row(
+            f"{row.sender} → {row.receiver}",
+            " / ".join("-" if one is None else f"{one:.0f}" for one in gaps),
+            " / ".join("-" if one is None else f"{one:.0f}" for one in ages),
+            *(_figure(row.safe_time_ratio.get(limit), 100.0) for limit in SHOWN_AGES_MS),
+        )
+    return table
+
+
+def _asked(value: float | None, scale: float = 1.0) -> str:
+    return "-" if value is None else f"{value * scale:.3g}"
 
 
 def _pair_cm(largest: float | None, rms: float | None) -> str:

@@ -1,7 +1,8 @@
 """What a run was, live, in virtual time or from its log.
 
 metrics       figures gathered message by message
-figures       what is kept of one vehicle and of one link
+figures       what is kept of one vehicle
+channel/      what links did, against what was asked
 bodies        the rectangles that cars are: overlap and distance
 encounters    gaps, near misses and collisions
 events        all that must not pass unseen: those, lane departures, paths lost

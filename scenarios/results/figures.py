@@ -1,4 +1,4 @@
-"""What is kept of one vehicle and of one link while a run goes on."""
+"""What is kept of one vehicle while a run goes on."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -34,17 +34,6 @@ class Extremes:
     def rms(self) -> float:
         """Root mean square, 0 without values."""
         return sqrt(self.squares / self.count) if self.count else 0.0
-
-
-@dataclass(slots=True)
-class LinkFigures:
-    """What one directed link did."""
-
-    heard: int = 0
-    late: int = 0
-    dropped: Counter[str] = field(default_factory=Counter)
-    latency_ns_sum: int = 0
-    latency_ns_max: int = 0
 
 
 @dataclass(slots=True)

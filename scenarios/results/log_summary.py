@@ -65,7 +65,7 @@ def summarise(
         links=metrics.link_summaries(),
         events=events,
         holes=metrics.holes(ran_ns),
-        warnings=(*metrics.warnings, *metrics.out_of_linear.values()),
+        warnings=(*metrics.warnings, *metrics.out_of_linear.values(), *metrics.link_misses()),
     )
 
 

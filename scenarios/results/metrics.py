@@ -9,13 +9,14 @@ from typing import Any
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.bodies import BodySize
+from scenarios.results.channel.account import LinkSummary, link_summary, misses
+from scenarios.results.channel.tally import LinkTally
 from scenarios.results.deviations import Deviations
 from scenarios.results.events import EventDetector, detector_of
-from scenarios.results.figures import LinkFigures, VehicleFigures
+from scenarios.results.figures import VehicleFigures
 from scenarios.results.holes import RecordHole, expected_poses, holes_of
-from scenarios.results.summary import LinkSummary, VehicleSummary
+from scenarios.results.summary import VehicleSummary
 from transport.links.gate import CLOCKS_DIFFER
-from transport.reasons import counts_as_loss
 from transport.topics import TOPIC_OF, valid_at
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range
@@ -30,11 +31,9 @@ from vehicles.messages import (
     Tracking,
     TruePose,
 )
-from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
+from vehicles.schedule import SECOND, nanoseconds
 
 USUAL_RATE_HZ, USUAL_CONTROL_RATE_HZ = 20.0, 50.0
-MOST_WORDS, OTHER_WORD = 50, "other"
-"""Reasons that are counted each by itself, far more than there are, and the rest."""
 MOST_WARNINGS = 50
 """Lines about stamps that cannot be right that the summary holds."""
 SILENT_NS = SECOND
@@ -78,10 +77,11 @@ class Metrics:
         self._told_of_linear = 0
         self._linear_slips = linear_slips or dict.fromkeys(vehicles, linear_range(LINCOLN_MKZ))
         self.vehicles = {name: VehicleFigures() for name in vehicles}
-        self.links: defaultdict[tuple[str, str], LinkFigures] = defaultdict(LinkFigures)
+        self.links: defaultdict[tuple[str, str], LinkTally] = defaultdict(LinkTally)
         self._cross_track_error = CrossTrackError(self._names[0], road_yaw, self._names[1:])
         self.deviations = Deviations(self._names[1:])
         self._behind = dict(pairwise(self._names))
+        self._ahead = {behind: ahead for ahead, behind in self._behind.items()}
         self._take: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
             TruePose: self._add_truth,
             Tracking: self._add_tracking,
@@ -175,12 +175,21 @@ class Metrics:
             figures.belief.add_believed(tracking.decided_at_ns, tracking.lateral_error_m)
         if tracking.vehicle != self._names[0]:
             self.events.add_tracking(tracking)
+            self._add_ages(tracking)
         figures.lateral_error.add(tracking.lateral_error_m)
         figures.heading_error.add(tracking.heading_error_rad)
         figures.mode = tracking.mode
         figures.modes[tracking.mode] += 1
         if -inf < tracking.gap_m < figures.gap_min:  # false for NaN: there is no gap to tell
             figures.gap_min = tracking.gap_m
+
+    def _add_ages(self, tracking: Tracking) -> None:
+        """Take how old each source is; the lead is the first follower's predecessor, too."""
+        lead, ahead = self._names[0], self._ahead[tracking.vehicle]
+        if (lead, tracking.vehicle) in self._requested:
+            self.links[lead, tracking.vehicle].add_age(tracking.lead_age_s)
+        if ahead != lead and (ahead, tracking.vehicle) in self._requested:
+            self.links[ahead, tracking.vehicle].add_age(tracking.predecessor_age_s)
 
     def _add_pose(self, figures: VehicleFigures, pose: GpsPose) -> None:
         figures.numbers.add(pose.seq)
@@ -195,18 +204,7 @@ class Metrics:
     def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict) -> None:
         if (verdict.sender, verdict.vehicle) not in self._requested:
             return
-        link = self.links[verdict.sender, verdict.vehicle]
-        if verdict.outcome == "dropped":
-            known = verdict.reason in link.dropped or len(link.dropped) < MOST_WORDS
-            link.dropped[verdict.reason if known else OTHER_WORD] += 1
-            return
-        link.heard += 1
-        link.late += verdict.late
-        latency = (verdict.heard_at_ns if verdict.late else verdict.visible_at_ns) - (
-            verdict.measured_at_ns
-        )
-        link.latency_ns_sum += latency
-        link.latency_ns_max = max(link.latency_ns_max, latency)
+        self.links[verdict.sender, verdict.vehicle].add(verdict)
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         """Figures per vehicle, the lead first, of a run of `ran_ns`."""
@@ -302,22 +300,10 @@ class Metrics:
         )
 
     def _link(self, link: tuple[str, str]) -> LinkSummary:
-        sender, receiver = link
-        figures = self.links[link]
-        lost = sum(count for word, count in figures.dropped.items() if counts_as_loss(word))
-        return LinkSummary(
-            sender=sender,
-            receiver=receiver,
-            requested=self._requested[link],
-            sent=self.vehicles[sender].poses,
-            judged=figures.heard + figures.dropped.total(),
-            heard=figures.heard,
-            dropped=dict(sorted(figures.dropped.items())),
-            # What a link's rate holds back is not sent on it, so it cannot be lost.
-            loss_ratio=lost / (figures.heard + lost) if lost else 0.0,
-            late=figures.late,
-            latency_ms_mean=figures.latency_ns_sum / figures.heard / MILLISECOND
-            if figures.heard
-            else 0.0,
-            latency_ms_max=figures.latency_ns_max / MILLISECOND,
-        )
+        requested, sent = self._requested[link], self.vehicles[link[0]].poses
+        return link_summary(link, requested, sent, self.links[link])
+
+    def link_misses(self) -> Iterator[str]:
+        """Say which links did something else than was asked of them, beyond sampling error."""
+        for link in sorted(self._requested, key=self._order):
+            yield from misses(link, self._requested[link], self.links[link])

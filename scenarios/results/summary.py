@@ -15,7 +15,7 @@ from typing import Any, Literal
 from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.account import LinkSummary
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole
 
@@ -120,23 +120,6 @@ class VehicleSummary:
     memory_bytes_max: int
     cpu_ratio: float
     finished: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkSummary:
-    """Figures of one directed link, requested and achieved."""
-
-    sender: str
-    receiver: str
-    requested: LinkTable
-    sent: int
-    judged: int
-    heard: int
-    dropped: Mapping[str, int]
-    loss_ratio: float
-    late: int
-    latency_ms_mean: float
-    latency_ms_max: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

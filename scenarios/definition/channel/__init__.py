@@ -1,5 +1,6 @@
 """What is asked of each directed link: which rule applies to it, and the effects that follow.
 
-rules    which entries are about a link, the most specific first
-build    the effects of a link, from its table
+rules      which entries are about a link, the most specific first
+build      the effects of a link, from its table
+expected   what a link should achieve by its laws
 """

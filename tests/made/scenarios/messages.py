@@ -53,6 +53,11 @@ def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
     return replace(pose, **more)  # type: ignore[arg-type]
 
 
+def sent(pose: GpsPose, at_ns: int) -> GpsPose:
+    """The pose, measured and sent at another instant."""
+    return replace(pose, measured_at_ns=at_ns, sent_at_ns=at_ns)
+
+
 def truth(
     vehicle: str, seq: int, east: float, north: float, *, yaw: float = 0.0, distance: float = 0.0
 ) -> TruePose:

@@ -11,6 +11,7 @@ import pytest
 from scenarios.cli.tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.account import LinkSummary
 from scenarios.results.encounters import EventKind
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole
@@ -19,7 +20,6 @@ from scenarios.results.meanings import MEANINGS
 from scenarios.results.summary import (
     PACKAGES,
     SCHEMA,
-    LinkSummary,
     RunIdentity,
     RunSummary,
     VehicleSummary,

@@ -17,6 +17,7 @@ from tests.made.scenarios.messages import (
     command,
     gps,
     health,
+    sent,
     start,
     text,
     tracking,
@@ -271,7 +272,7 @@ def test_a_pose_that_vehicles_refuse_is_refused_by_the_recorder_for_the_same_rea
         replace(gps("v1", 3), speed_mps=180.0),
         replace(gps("v1", 3), latitude_deg=-10.0),
         replace(gps("v1", 3), heading_deg=400.0),
-        replace(gps("v1", 9), measured_at_ns=at(3 / 20)),
+        sent(gps("v1", 9), at(3 / 20)),
     ]
     inbox = inbox_of("v2", {"v1": LinkTable()}, start_at=START, origin=PLANE.origin)
     for pose in spoilt:
@@ -304,7 +305,7 @@ def test_a_pose_numbered_ahead_of_its_schedule_makes_none_missing(
     recorder = recorded.recorder
     for seq in range(30):
         recorder.accept("convoy/v1/gps", encode(gps("v1", seq)), at(seq / 20))
-        forged = replace(gps("v1", seq + number), measured_at_ns=at(seq / 20))
+        forged = sent(gps("v1", seq + number), at(seq / 20))
         recorder.accept("convoy/v1/gps", encode(forged), at(seq / 20))
     assert recorder.rejected == {"sequence": 30}
     row = recorded.row("v1")
@@ -315,10 +316,10 @@ def test_a_pose_numbered_ahead_of_its_schedule_makes_none_missing(
 def test_whoever_keeps_its_schedule_is_never_ahead_of_it(tmp_path: Path, rate_hz: float) -> None:
     recorder = Recorded(tmp_path / "run.mcap", v1=rate_hz).recorder
     for seq in (0, 1, 2, 3, 100, 4711, 1_000_000):
-        pose = replace(gps("v1", seq), measured_at_ns=instant(START, seq, rate_hz))
+        pose = sent(gps("v1", seq), instant(START, seq, rate_hz))
         recorder.accept("convoy/v1/gps", encode(pose), pose.measured_at_ns)
     assert not recorder.rejected
-    later = replace(gps("v2", 3), measured_at_ns=at(1.0))  # a receiver may leave numbers out
+    later = sent(gps("v2", 3), at(1.0))  # a receiver may leave numbers out
     recorder.accept("convoy/v2/gps", encode(later), at(1.0))
     assert not recorder.rejected
 

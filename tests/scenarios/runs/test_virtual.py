@@ -13,8 +13,9 @@ import pytest
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.results.channel.account import LinkSummary
 from scenarios.results.log_summary import summary_of
-from scenarios.results.summary import LinkSummary, RunSummary
+from scenarios.results.summary import RunSummary
 from scenarios.runs.run_log import SLOW_WRITER
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual

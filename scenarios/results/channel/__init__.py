@@ -1,0 +1,6 @@
+"""What the links of a run did, against what was asked of them.
+
+tally       what is kept of one link while a run goes on
+estimates   ratios, bursts and delays with their intervals
+account     the figures of one link in the summary
+"""

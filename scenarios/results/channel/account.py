@@ -1,0 +1,195 @@
+"""The figures of one directed link: what was asked, what it did, and whether that fits."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import sqrt
+
+from scenarios.definition.channel.expected import ExpectedChannel, expected_channel
+from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.estimates import (
+    CERTAINTY,
+    CONFIDENCE,
+    Interval,
+    Spread,
+    bursts,
+    inflation,
+    mean_length,
+    quantile_of_normal,
+    share,
+    spread,
+)
+from scenarios.results.channel.tally import RESOLUTION_NS, LinkTally
+from vehicles.schedule import MILLISECOND
+
+SAFE_AGES_MS = tuple(range(100, 1001, 100))
+"""Ages up to which data may count as fresh."""
+LEAST_MESSAGES = 100
+"""With fewer nothing is said of a loss that is not what was asked for."""
+ROUNDING_MS = 0.01
+"""Delays are whole nanoseconds, and counted to 10 µs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSummary:
+    """Figures of one directed link, requested and achieved; None where nothing tells them.
+
+    Intervals are of 95 %; those of the loss allow for its bursts.
+    """
+
+    sender: str
+    receiver: str
+    requested: LinkTable
+    requested_loss_ratio: float | None = None
+    requested_burst_messages: float | None = None
+    requested_latency_ms_mean: float | None = None
+    requested_latency_ms_deviation: float | None = None
+    sent: int
+    judged: int
+    heard: int
+    dropped: Mapping[str, int]
+    copies: int = 0
+    false: Mapping[str, int]
+    reordered: int = 0
+    late: int
+    loss_ratio: float
+    loss_ratio_low: float = 0.0
+    loss_ratio_high: float = 1.0
+    burst_messages_mean: float | None = None
+    burst_messages_low: float | None = None
+    burst_messages_high: float | None = None
+    burst_messages_max: int = 0
+    latency_ms_mean: float
+    latency_ms_low: float | None = None
+    latency_ms_high: float | None = None
+    latency_ms_deviation: float | None = None
+    latency_ms_p95: float | None = None
+    latency_ms_max: float
+    arrival_gap_ms_mean: float | None = None
+    arrival_gap_ms_p95: float | None = None
+    arrival_gap_ms_max: float | None = None
+    age_ms_mean: float | None = None
+    age_ms_p95: float | None = None
+    age_ms_max: float | None = None
+    safe_time_ratio: Mapping[str, float]
+
+
+def link_summary(
+    link: tuple[str, str], requested: LinkTable, sent: int, tally: LinkTally
+) -> LinkSummary:
+    """Put together what a link (sender, receiver) did of which `sent` messages were recorded."""
+    expected = expected_channel(requested)
+    loss, burst, longest = _losses(tally, CONFIDENCE)
+    milliseconds = RESOLUTION_NS / MILLISECOND
+    latency = spread(tally.latencies, milliseconds)
+    mean = tally.latency_ns_sum / tally.heard / MILLISECOND if tally.heard else 0.0
+    half = _half_of_mean(latency)
+    gap, age = spread(tally.arrival_gaps, milliseconds), spread(tally.ages, milliseconds)
+    return LinkSummary(
+        sender=link[0],
+        receiver=link[1],
+        requested=requested,
+        requested_loss_ratio=expected.loss_ratio,
+        requested_burst_messages=expected.burst_messages,
+        requested_latency_ms_mean=expected.latency_ms_mean,
+        requested_latency_ms_deviation=expected.latency_ms_deviation,
+        sent=sent,
+        judged=tally.heard + tally.dropped.total(),
+        heard=tally.heard,
+        dropped=dict(sorted(tally.dropped.items())),
+        copies=tally.copies,
+        false=dict(sorted(tally.false.items())),
+        reordered=tally.reordered,
+        late=tally.late,
+        loss_ratio=loss.value,
+        loss_ratio_low=loss.low,
+        loss_ratio_high=loss.high,
+        burst_messages_mean=burst.value if burst else None,
+        burst_messages_low=burst.low if burst else None,
+        burst_messages_high=burst.high if burst else None,
+        burst_messages_max=longest,
+        latency_ms_mean=mean,
+        latency_ms_low=mean - half if latency else None,
+        latency_ms_high=mean + half if latency else None,
+        latency_ms_deviation=latency.deviation if latency else None,
+        latency_ms_p95=latency.p95 if latency else None,
+        latency_ms_max=tally.latency_ns_max / MILLISECOND,
+        arrival_gap_ms_mean=gap.mean if gap else None,
+        arrival_gap_ms_p95=gap.p95 if gap else None,
+        arrival_gap_ms_max=gap.largest if gap else None,
+        age_ms_mean=age.mean if age else None,
+        age_ms_p95=age.p95 if age else None,
+        age_ms_max=age.largest if age else None,
+        safe_time_ratio=_safe_time(tally),
+    )
+
+
+def _losses(tally: LinkTally, confidence: float) -> tuple[Interval, Interval | None, int]:
+    """Loss and mean length of its bursts with their intervals, and the longest burst."""
+    lost = tally.lost
+    lengths = bursts(lost)
+    burst = mean_length(lengths, confidence)
+    count, of = int(lost.sum()), len(lost)
+    spread_by = inflation(count / of, burst.value) if burst else 1.0
+    return share(count, of, confidence, spread_by), burst, int(lengths.max(initial=0))
+
+
+def _half_of_mean(latency: Spread | None) -> float:
+    """Half the width (ms) of the interval of a mean delay, taken as independent."""
+    if latency is None:
+        return 0.0
+    return quantile_of_normal(CONFIDENCE) * latency.deviation / sqrt(latency.count)
+
+
+def _safe_time(tally: LinkTally) -> dict[str, float]:
+    """Share of commands made with data not older than each of SAFE_AGES_MS, by its text."""
+    if not tally.commands:
+        return {}
+    within = {}
+    for limit_ms in SAFE_AGES_MS:
+        most = limit_ms * MILLISECOND // RESOLUTION_NS
+        within[str(limit_ms)] = sum(n for age, n in tally.ages.items() if age <= most)
+    return {limit: count / tally.commands for limit, count in within.items()}
+
+
+def misses(link: tuple[str, str], requested: LinkTable, tally: LinkTally) -> Iterator[str]:
+    """Say what a link did beyond sampling error of what was asked of it, a line each.
+
+    That is beyond the interval of 99.99 %, so that of ten thousand sound figures one is named.
+    """
+    expected, name = expected_channel(requested), f"{link[0]} → {link[1]}"
+    loss, burst, _ = _losses(tally, CERTAINTY)
+    asked = expected.loss_ratio
+    count = len(tally.lost)
+    if asked is not None and count >= LEAST_MESSAGES:
+        spread_by = inflation(asked, expected.burst_messages or 1.0)
+        wide = share(loss.value * count, count, CERTAINTY, spread_by)
+        low, high = min(loss.low, wide.low), max(loss.high, wide.high)
+        if not low - 1e-12 <= asked <= high + 1e-12:
+            yield (
+                f"{name}: lost {100 * loss.value:.2f} % of {count} messages, {100 * low:.2f} to "
+                f"{100 * high:.2f} % with certainty, asked {100 * asked:g} %"
+            )
+    if expected.burst_messages is not None and burst is not None and count >= LEAST_MESSAGES:
+        yield from _burst_miss(name, expected.burst_messages, burst, tally)
+    yield from _latency_miss(name, expected, tally)
+
+
+def _burst_miss(name: str, asked: float, burst: Interval, tally: LinkTally) -> Iterator[str]:
+    number = len(bursts(tally.lost))
+    half = quantile_of_normal(CERTAINTY) * sqrt(max(asked * (asked - 1.0), 0.0) / number)
+    low, high = min(burst.low, burst.value - half), max(burst.high, burst.value + half)
+    if not low - 1e-9 <= asked <= high + 1e-9:
+        yield (
+            f"{name}: its {number} bursts of losses have {burst.value:.2f} messages on average, "
+            f"{low:.2f} to {high:.2f} with certainty, asked {asked:.2f}"
+        )
+
+
+def _latency_miss(name: str, expected: ExpectedChannel, tally: LinkTally) -> Iterator[str]:
+    mean, deviation = expected.latency_ms_mean, expected.latency_ms_deviation
+    if mean is None or deviation is None or tally.heard < LEAST_MESSAGES or tally.late:
+        return  # what came late was delayed by the machine, which is counted
+    found = tally.latency_ns_sum / tally.heard / MILLISECOND
+    half = quantile_of_normal(CERTAINTY) * deviation / sqrt(tally.heard) + ROUNDING_MS
+    if abs(found - mean) > half:
+        yield (f"{name}: delayed by {found:.3f} ms on average, asked {mean:.3f} ± {half:.3f} ms")

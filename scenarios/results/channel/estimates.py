@@ -1,0 +1,111 @@
+"""Estimates with their intervals: a share of dependent events, the length of bursts, quantiles."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import sqrt
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+CONFIDENCE = 0.95
+"""Of the intervals that are reported."""
+CERTAINTY = 0.9999
+"""Beyond an interval of this confidence something did not do what was asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """An estimate and the ends of its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def quantile_of_normal(confidence: float) -> float:
+    """How many standard deviations to either side hold so much of a normal law."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+
+
+def share(count: float, of: float, confidence: float, inflation: float = 1.0) -> Interval:
+    """Wilson's interval of a share (E. B. Wilson, JASA 22, 1927) of `of` events.
+
+    With `inflation` it is that of so many times fewer independent events: of a chain with the
+    correlation r from one to the next it is (1 + r) / (1 - r). Without events all is possible.
+    """
+    if of <= 0.0:
+        return Interval(0.0, 0.0, 1.0)
+    ratio, n, z = count / of, max(of / inflation, 1.0), quantile_of_normal(confidence)
+    centre = (ratio + z * z / (2.0 * n)) / (1.0 + z * z / n)
+    half = z / (1.0 + z * z / n) * sqrt(ratio * (1.0 - ratio) / n + z * z / (4.0 * n * n))
+    return Interval(ratio, max(0.0, centre - half), min(1.0, centre + half))
+
+
+def inflation(loss_ratio: float, burst: float) -> float:
+    """By how much losses in bursts spread a counted share more than independent ones do.
+
+    Of the two-state chain (Gilbert) with this share and this mean length of bursts the correlation
+    from one message to the next is r = 1 - 1/burst - loss/(burst (1 - loss)), and the variance of
+    the share (1 + r) / (1 - r) times that of independent losses. Never less than 1.
+    """
+    if not 0.0 < loss_ratio < 1.0 or burst <= 1.0:
+        return 1.0
+    correlation = 1.0 - 1.0 / burst - loss_ratio / (burst * (1.0 - loss_ratio))
+    return max(1.0, (1.0 + correlation) / (1.0 - correlation)) if correlation < 1.0 else 1.0
+
+
+def bursts(lost: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Lengths of the runs of losses, of messages in the order of their numbers."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], lost, [False])).astype(np.int8)))
+    lengths: NDArray[np.int_] = edges[1::2] - edges[::2]
+    return lengths
+
+
+def mean_length(lengths: NDArray[np.int_], confidence: float) -> Interval | None:
+    """Mean of lengths with its interval, None without any; of one alone nothing bounds it above.
+
+    The spread of a mean of m geometric lengths is taken from their own mean, sqrt(b (b - 1) / m),
+    or from the sample where that is wider.
+    """
+    count = len(lengths)
+    if not count:
+        return None
+    mean = float(np.mean(lengths))
+    sample = float(np.std(lengths, ddof=1)) if count > 1 else 0.0
+    spread = max(sample, sqrt(mean * (mean - 1.0))) / sqrt(count)
+    half = quantile_of_normal(confidence) * spread
+    return Interval(mean, max(1.0, mean - half), mean + half if count > 1 else float("inf"))
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Mean, standard deviation, 95 % quantile and largest of values that were counted."""
+
+    mean: float
+    deviation: float
+    p95: float
+    largest: float
+    count: int
+
+
+def spread(histogram: Mapping[int, int], unit: float) -> Spread | None:
+    """Figures of values counted as multiples of `unit`, None without any.
+
+    The quantile is the least value that 95 % do not exceed.
+    """
+    if not histogram:
+        return None
+    values = np.array(sorted(histogram))
+    counts = np.array([histogram[value] for value in values.tolist()])
+    total = int(counts.sum())
+    mean = float(values @ counts) / total
+    variance = float((values - mean) ** 2 @ counts) / total
+    at = int(np.searchsorted(np.cumsum(counts), 0.95 * total))
+    return Spread(
+        mean * unit,
+        sqrt(variance) * unit,
+        float(values[at]) * unit,
+        float(values[-1]) * unit,
+        total,
+    )

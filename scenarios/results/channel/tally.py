@@ -1,0 +1,100 @@
+"""What is kept of one directed link while a run goes on."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from transport.reasons import counts_as_loss
+from vehicles.messages import LinkVerdict
+from vehicles.schedule import MILLISECOND
+
+MOST_WORDS, OTHER_WORD = 50, "other"
+"""Reasons that are counted each by itself, far more than there are, and the rest."""
+MOST_NUMBERS = 10_000_000
+"""Messages of which the fate is kept by number, a byte each: a day at 100 Hz."""
+RESOLUTION_NS = MILLISECOND // 100
+"""Delays and ages are counted so finely; the sums are exact."""
+_LOST, _DELIVERED, _NOT_CARRIED = 1, 2, 3
+
+
+@dataclass(slots=True)
+class LinkTally:
+    """What became of the messages of a link, and how old its source was when it was used."""
+
+    heard: int = 0
+    late: int = 0
+    copies: int = 0
+    reordered: int = 0
+    dropped: Counter[str] = field(default_factory=Counter)
+    false: Counter[str] = field(default_factory=Counter)
+    latency_ns_sum: int = 0
+    latency_ns_max: int = 0
+    latencies: Counter[int] = field(default_factory=Counter)
+    arrival_gaps: Counter[int] = field(default_factory=Counter)
+    ages: Counter[int] = field(default_factory=Counter)
+    commands: int = 0
+    _fates: bytearray = field(default_factory=bytearray)
+    _newest: int = -1
+    _heard_at: int | None = None
+
+    def add(self, verdict: LinkVerdict) -> None:
+        """Take the link's verdict on one message."""
+        if verdict.content:
+            self._count(self.false, verdict.content)
+        if verdict.outcome == "dropped":
+            self._count(self.dropped, verdict.reason)
+            lost = counts_as_loss(verdict.reason)
+            self._keep(verdict.pose_seq, _LOST if lost else _NOT_CARRIED)
+            return
+        self._keep(verdict.pose_seq, _DELIVERED)
+        self.heard += 1
+        self.late += verdict.late
+        self.copies += verdict.copies
+        self.reordered += verdict.pose_seq < self._newest
+        self._newest = max(self._newest, verdict.pose_seq)
+        until = verdict.heard_at_ns if verdict.late else verdict.visible_at_ns
+        latency = until - verdict.sent_at_ns
+        self.latency_ns_sum += latency
+        self.latency_ns_max = max(self.latency_ns_max, latency)
+        self.latencies[latency // RESOLUTION_NS] += 1
+        if self._heard_at is not None and verdict.heard_at_ns > self._heard_at:
+            self.arrival_gaps[(verdict.heard_at_ns - self._heard_at) // RESOLUTION_NS] += 1
+        self._heard_at = verdict.heard_at_ns
+
+    def add_age(self, age_s: float) -> None:
+        """Take how old (s) the newest of the source is at a command, NaN before the first."""
+        self.commands += 1
+        if isfinite(age_s):
+            self.ages[round(age_s * 1e9) // RESOLUTION_NS] += 1
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Whether each message that the link carries was lost, in the order of their numbers.
+
+        Those of which no verdict came are left out, as are those that its rate holds back.
+        """
+        fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
+        found: NDArray[np.bool_] = fates[(fates == _LOST) | (fates == _DELIVERED)] == _LOST
+        return found
+
+    @property
+    def numbers(self) -> NDArray[np.int_]:
+        """Numbers of the messages of `lost`."""
+        fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
+        found: NDArray[np.int_] = np.flatnonzero((fates == _LOST) | (fates == _DELIVERED))
+        return found
+
+    def _keep(self, number: int, fate: int) -> None:
+        if number >= MOST_NUMBERS:
+            return
+        missing = number + 1 - len(self._fates)
+        if missing > 0:
+            self._fates.extend(bytes(missing))
+        self._fates[number] = fate
+
+    @staticmethod
+    def _count(words: Counter[str], word: str) -> None:
+        words[word if word in words or len(words) < MOST_WORDS else OTHER_WORD] += 1
