@@ -5,10 +5,11 @@ run        run, router, vehicle, record: drive a convoy, or its parts by hand
 running    what run and record do: folder, listeners, summary
 guide/     completion of the shell, what a scenario asks for
 scenario   list, check, new: look at scenarios
-logs       review, report: look at logs
+logs       review, report, explain: look at logs
 study      gains, reproduce: look at the science
 options    options that several commands share
 progress   the live table of a run
 tables     the tables printed at the end
+channel_tables   what links did, and what a vehicle knew
 failure    errors as clear lines and exit codes
 """

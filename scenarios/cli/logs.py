@@ -63,3 +63,33 @@ def report(log: Path, *, as_json: bool) -> None:
             click.echo(to_json(summary), nl=False)
         else:
             print_summary(summary, log, Console())
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy explain runs/20260101-120000-lossy_lane_change/run.mcap --vehicle v3 --at 12.4
+  convoy explain run.mcap --vehicle v3 --at 12.4 --json
+"""
+)
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--vehicle", required=True, help="Which vehicle.")
+@click.option("--at", "at_s", required=True, type=float, help="Seconds after the start.")
+@click.option("--json", "as_json", is_flag=True, help="As JSON.")
+def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
+    """Say what a vehicle knew at an instant of a recorded LOG, and why it knew no more."""
+    import json
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from scenarios.cli.channel_tables import print_explanation
+    from scenarios.results.inquiry import explain as explaining
+    from scenarios.results.log_summary import log_in
+
+    with clear_errors():
+        found = explaining.explain(log_in(log), vehicle, at_s)
+        if as_json:
+            click.echo(json.dumps(asdict(found) | {"sentence": found.sentence}, indent=2))
+        else:
+            print_explanation(found, Console())

@@ -52,6 +52,7 @@ for command in (
     scenario.new,
     logs.review,
     logs.report,
+    logs.explain,
     study.reproduce,
     reference,
 ):

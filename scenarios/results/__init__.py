@@ -13,5 +13,6 @@ summary       the typed summary, and its JSON
 meanings      what its fields mean
 log_summary   summary and scenario from a log alone
 drives        what each vehicle drove, as arrays
+inquiry/      questions put to a log
 pictures/     the picture of a run and of its log
 """

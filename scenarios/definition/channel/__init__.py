@@ -3,4 +3,5 @@
 rules      which entries are about a link, the most specific first
 build      the effects of a link, from its table
 expected   what a link should achieve by its laws
+origins    which key of which rule is behind what a link did
 """
