@@ -1,0 +1,27 @@
+"""One parameter of a law, estimated."""
+
+from dataclasses import dataclass
+
+from scenarios.results.channel.estimates import CONFIDENCE, quantile_of_normal
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The value of the key of a link, its standard error, and the interval of 95 %."""
+
+    key: str
+    value: float
+    error: float
+    low: float
+    high: float
+
+    @classmethod
+    def normal(
+        cls, key: str, value: float, error: float, least: float = 0.0, most: float = float("inf")
+    ) -> "Estimate":
+        """With the interval of a normal law, within what the key may be."""
+        half = quantile_of_normal(CONFIDENCE) * error
+        return cls(key, value, error, max(least, value - half), min(most, value + half))
+
+    def __str__(self) -> str:
+        return f"{self.key} {self.value:.4g} ({self.low:.4g} to {self.high:.4g})"

@@ -1,0 +1,60 @@
+"""`convoy channel fit`: the links of a log as a block of a scenario that gives them again."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from scenarios.studies.channel.estimate import Estimate
+from scenarios.studies.channel.fit_delay import fit_delay
+from scenarios.studies.channel.fit_loss import fit_losses
+from scenarios.studies.channel.recorded import RecordedLink, recorded_links
+
+
+@dataclass(frozen=True, slots=True)
+class FittedLink:
+    """What was found of one link: keys of a `[[link]]` entry, and their estimates."""
+
+    sender: str
+    receiver: str
+    messages: int
+    keys: dict[str, Any]
+    estimates: tuple[Estimate, ...]
+    delay: str
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """The entry of a scenario."""
+        return {"sender": self.sender, "receiver": self.receiver, **self.keys}
+
+
+def fit_link(link: RecordedLink) -> FittedLink:
+    """Find the laws of one link."""
+    loss_keys, estimates = fit_losses(link)
+    there = link.delivered
+    chosen = there if there.any() else ~there
+    delay = fit_delay(link.number[chosen], link.sent_at_s[chosen], link.delay_ms[chosen])
+    return FittedLink(
+        sender=link.sender,
+        receiver=link.receiver,
+        messages=len(link.number),
+        keys={**loss_keys, **delay.keys},
+        estimates=(*estimates, *delay.estimates),
+        delay=delay.words,
+    )
+
+
+def fit_log(log: Path) -> tuple[FittedLink, ...]:
+    """Find the laws of each link of a log; raises LogError."""
+    return tuple(map(fit_link, recorded_links(log)))
+
+
+def as_toml(links: tuple[FittedLink, ...]) -> str:
+    """The block for a scenario, each entry under its estimates as comments."""
+    blocks = []
+    for link in links:
+        head = f"# {link.sender} → {link.receiver}, {link.messages} messages; 95 % intervals:"
+        lines = [head, *(f"#   {estimate}" for estimate in link.estimates)]
+        blocks.append("\n".join([*lines, tomli_w.dumps({"link": [link.entry]}).rstrip()]))
+    return "\n\n".join(blocks) + "\n"

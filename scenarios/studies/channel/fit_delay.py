@@ -1,0 +1,215 @@
+"""The law of a link's delay from recorded delays: maximum likelihood, of the laws that links know.
+
+Where messages keep their order, a message that had to wait for an earlier one says only that its
+own delay was no longer than that: it enters by the distribution function (left-censored).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import exp, inf, log, log1p, sqrt
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, stats
+
+from scenarios.studies.channel.estimate import Estimate
+
+Floats = NDArray[np.float64]
+Kind = Literal["normal", "lognormal", "gamma"]
+
+SAME_MS = 1e-3
+"""Delays that differ by less are the same: they are whole nanoseconds, and logged as such."""
+LEAST_MESSAGES = 100
+"""Of fewer delays the law is not told apart; they stand as they are."""
+CERTAIN = 1e-3
+"""A law that explains the delays with less chance than this is none of them."""
+MOST_QUANTILES = 500
+
+
+@dataclass(frozen=True, slots=True)
+class FittedDelay:
+    """Keys of a link that give its delays again, and their estimates."""
+
+    keys: dict[str, Any]
+    estimates: tuple[Estimate, ...]
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Law:
+    """A law with its floor and the parameters of the table, all in ms."""
+
+    kind: Kind
+    frozen: Any
+    parameters: tuple[float, ...]
+    likelihood: float
+
+
+def fit_delay(number: NDArray[np.int64], sent_at_s: Floats, delay_ms: Floats) -> FittedDelay:
+    """Find the law of delays (ms) of messages by their numbers and instants of sending (s)."""
+    low, high = float(delay_ms.min()), float(delay_ms.max())
+    if high - low < SAME_MS:
+        value = round(float(np.mean(delay_ms)), 6)
+        exact = Estimate("latency_ms", value, 0.0, value, value)
+        return FittedDelay({"latency_ms": value}, (exact,), f"constant, {value:g} ms")
+    there = sent_at_s * 1e3 + delay_ms
+    waited = np.concatenate(([False], np.diff(there) < SAME_MS))
+    in_order = bool((np.diff(there) > -SAME_MS).all() and waited.any())
+    waited &= in_order
+    if len(delay_ms) < LEAST_MESSAGES:
+        return _as_recorded(delay_ms, in_order=in_order)
+    uniform = None if in_order else _uniform(delay_ms)
+    if uniform is not None:
+        return uniform
+    found = [_fitted(kind, delay_ms, waited) for kind in ("gamma", "lognormal", "normal")]
+    best = max((law for law in found if law), key=lambda law: law.likelihood, default=None)
+    if best is None or not _explains(best, delay_ms, waited):
+        return _as_recorded(delay_ms, in_order=in_order)
+    return _described(best, number, delay_ms, waited, in_order=in_order)
+
+
+def _uniform(delay_ms: Floats) -> FittedDelay | None:
+    """A floor and jitter, if delays are spread evenly."""
+    low, high, count = float(delay_ms.min()), float(delay_ms.max()), len(delay_ms)
+    if stats.kstest((delay_ms - low) / (high - low), "uniform").pvalue < CERTAIN:
+        return None
+    # Each end lies a step of (high - low)/n beyond the extreme, exponentially distributed.
+    step = (high - low) / (count - 1)
+    floor, jitter = max(0.0, low - step), high - low + 2.0 * step
+    estimates = (
+        Estimate("latency_ms", floor, step, max(0.0, low - 3.7 * step), low),
+        Estimate("jitter_ms", jitter, sqrt(2.0) * step, high - low, high - low + 5.6 * step),
+    )
+    keys = {"latency_ms": _rounded(floor), "jitter_ms": _rounded(jitter)}
+    return FittedDelay(keys, estimates, f"uniform from {low:.4g} to {high:.4g} ms")
+
+
+def _distribution(kind: Kind, parameters: Floats) -> Any:
+    """The law with a floor (ms), a mean and a deviation beyond it, the last two as logarithms."""
+    floor, mean, deviation = float(parameters[0]), exp(parameters[1]), exp(parameters[2])
+    match kind:
+        case "gamma":
+            shape = (mean / deviation) ** 2
+            return stats.gamma(shape, loc=floor, scale=mean / shape)
+        case "lognormal":
+            variance = log1p((deviation / mean) ** 2)
+            return stats.lognorm(sqrt(variance), loc=floor, scale=exp(log(mean) - 0.5 * variance))
+        case "normal":
+            return stats.truncnorm(-mean / deviation, inf, loc=floor + mean, scale=deviation)
+
+
+def _fitted(kind: Kind, delay_ms: Floats, waited: NDArray[np.bool_]) -> _Law | None:
+    exact, at_most = delay_ms[~waited], delay_ms[waited]
+    low, deviation = float(exact.min()), float(exact.std())
+
+    def minus_likelihood(parameters: Floats) -> float:
+        if not 0.0 <= parameters[0] < low or max(abs(parameters[1:])) > 20.0:
+            return inf
+        law = _distribution(kind, parameters)
+        with np.errstate(all="ignore"):
+            value = float(law.logpdf(exact).sum() + law.logcdf(at_most).sum())
+        return -value if np.isfinite(value) else inf
+
+    begin = max(0.0, low - 0.05 * deviation)
+    start = np.array([begin, log(max(exact.mean() - begin, 1e-3)), log(deviation)])
+    found = optimize.minimize(
+        minus_likelihood, start, method="Nelder-Mead",
+        options={"xatol": 1e-6, "fatol": 1e-6, "maxiter": 4000, "maxfev": 4000},
+    )  # fmt: skip
+    if not np.isfinite(found.fun):
+        return None
+    law = _distribution(kind, found.x)
+    return _Law(kind, law, (*map(float, found.x), *_errors(minus_likelihood, found.x)), -found.fun)
+
+
+def _errors(minus_likelihood: Callable[[Floats], float], best: Floats) -> tuple[float, ...]:
+    """Standard errors from the curvature of the likelihood; inf where it has none."""
+    steps = np.array([1e-3 * max(1.0, abs(best[0])), 1e-3, 1e-3])
+    size = len(best)
+    hessian = np.empty((size, size))
+    for i in range(size):
+        for j in range(size):
+            one, other = np.eye(size)[i] * steps, np.eye(size)[j] * steps
+            corners = [
+                minus_likelihood(best + a * one + b * other) for a in (1, -1) for b in (1, -1)
+            ]
+            hessian[i, j] = (corners[0] - corners[1] - corners[2] + corners[3]) / (
+                4.0 * steps[i] * steps[j]
+            )
+    if not np.isfinite(hessian).all():
+        return (inf,) * size
+    variances = np.diag(np.linalg.pinv(hessian))
+    return tuple(sqrt(v) if v > 0.0 else inf for v in variances.tolist())
+
+
+def _explains(law: _Law, delay_ms: Floats, waited: NDArray[np.bool_]) -> bool:
+    """Whether what did not wait is as the law has it; what waited is left out of both."""
+    if waited.any():
+        return True  # the chance of having waited differs from message to message
+    return float(stats.kstest(delay_ms, law.frozen.cdf).pvalue) >= CERTAIN
+
+
+def _described(
+    law: _Law,
+    number: NDArray[np.int64],
+    delay_ms: Floats,
+    waited: NDArray[np.bool_],
+    *,
+    in_order: bool,
+) -> FittedDelay:
+    floor, mean, deviation, *errors = law.parameters
+    mean, deviation = exp(mean), exp(deviation)
+    table: dict[str, Any] = {
+        "kind": law.kind, "mean_ms": _rounded(mean), "deviation_ms": _rounded(deviation),
+    }  # fmt: skip
+    estimates = [
+        Estimate.normal("latency_ms", floor, errors[0]),
+        Estimate.normal("delay.mean_ms", mean, mean * errors[1]),
+        Estimate.normal("delay.deviation_ms", deviation, deviation * errors[2]),
+    ]
+    correlation = _correlation(law, number, delay_ms, waited)
+    if correlation is not None and correlation.value > 3.0 * correlation.error:
+        estimates.append(correlation)
+        table["correlation_ratio"] = round(min(correlation.value, 0.99), 3)
+    if in_order:
+        table["order"] = "in_order"
+    words = f"{law.kind}, {mean:.4g} ± {deviation:.4g} ms beyond {floor:.4g} ms"
+    return FittedDelay({"latency_ms": _rounded(floor), "delay": table}, tuple(estimates), words)
+
+
+def _correlation(
+    law: _Law, number: NDArray[np.int64], delay_ms: Floats, waited: NDArray[np.bool_]
+) -> Estimate | None:
+    """Correlation of the normal numbers of messages one after the other."""
+    scores = stats.norm.ppf(np.clip(law.frozen.cdf(delay_ms), 1e-9, 1.0 - 1e-9))
+    pairs = (np.diff(number) == 1) & ~waited[1:] & ~waited[:-1]
+    count = int(pairs.sum())
+    if count < LEAST_MESSAGES:
+        return None
+    value = float(np.corrcoef(scores[:-1][pairs], scores[1:][pairs])[0, 1])
+    error = (1.0 - value * value) / sqrt(count)
+    return Estimate.normal("delay.correlation_ratio", value, error, -1.0, 1.0)
+
+
+def _as_recorded(delay_ms: Floats, *, in_order: bool) -> FittedDelay:
+    """Their own quantiles, where no law explains them."""
+    shares = (np.arange(min(len(delay_ms), MOST_QUANTILES)) + 0.5) / min(
+        len(delay_ms), MOST_QUANTILES
+    )
+    quantiles = np.quantile(delay_ms, shares, method="median_unbiased")
+    floor = float(delay_ms.min())
+    table: dict[str, Any] = {
+        "kind": "empirical",
+        "recorded_ms": [_rounded(value) for value in (quantiles - floor).tolist()],
+    }
+    if in_order:
+        table["order"] = "in_order"
+    error = float(delay_ms.std()) / sqrt(len(delay_ms))
+    mean = Estimate.normal("mean of the delay, ms", float(delay_ms.mean()), error)
+    keys = {"latency_ms": _rounded(floor), "delay": table}
+    return FittedDelay(keys, (mean,), f"as recorded, {mean.value:.4g} ms on average")
+
+
+def _rounded(value: float) -> float:
+    return float(f"{max(value, 0.0):.6g}")

@@ -1,0 +1,222 @@
+"""The losses of a link from recorded fates: each law by the messages that it had to judge.
+
+A log says by which law a message was dropped. Laws judge in the order of ORDER, and the first that
+drops a message names the reason; so a law is estimated from what no earlier one dropped. For it
+those dropped earlier are unknown, and what later ones dropped has passed it.
+"""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.results.channel.estimates import CONFIDENCE, bursts, inflation, share
+from scenarios.studies.channel.estimate import Estimate
+from scenarios.studies.channel.recorded import RecordedLink
+
+Flags = NDArray[np.bool_]
+Found = tuple[dict[str, Any], list[Estimate]]
+
+ORDER = (
+    *("rate", "transmitter_off", "receiver_off", "outage", "loss", "burst", "pattern"),
+    *("collision", "range", "queue", "corrupted"),
+)
+"""Reasons in the order in which the effects of a link judge."""
+OUTAGES = ("outage", "transmitter_off", "receiver_off")
+LEAST_IN_BIN = 200
+"""Messages from which a share of deliveries at a distance is told."""
+NARROWEST_M = 2.0
+"""Distances that differ by less are the same."""
+MOST_BINS = 40
+USUAL_RESERVATION = 10.0
+"""Messages of a reservation of LTE-V2X on average, 5 to 15 at 10 Hz (3GPP TS 36.321)."""
+
+
+def fit_losses(link: RecordedLink) -> Found:
+    """Find all that a link lost messages by: keys of the link, and their estimates."""
+    keys: dict[str, Any] = {}
+    estimates: list[Estimate] = []
+    for part in (_rate, _outages, _independent, _bursts, _collisions, _distance):
+        more, told = part(link)
+        keys |= more
+        estimates += told
+    return keys, estimates
+
+
+def judged_by(link: RecordedLink, *words: str) -> tuple[Flags, Flags]:
+    """Which messages a law judged that drops by any of `words`, and which of all it dropped."""
+    earlier = ORDER[: min(ORDER.index(word) for word in words)]
+    dropped: Flags = np.isin(link.reason, words)
+    judged: Flags = ~np.isin(link.reason, [word for word in earlier if word not in words])
+    return judged, dropped
+
+
+def _rate(link: RecordedLink) -> Found:
+    held = link.reason == "rate"
+    if not held.any() or not link.period_s:
+        return {}, []
+    carried = Fraction(float(1.0 - held.mean())).limit_denominator(100)
+    rate_hz = float(carried) / link.period_s
+    step = 1.0 / (len(held) * link.period_s)
+    value = float(f"{rate_hz:.6g}")
+    return {"rate_hz": value}, [Estimate("rate_hz", value, step, value - step, value + step)]
+
+
+def _outages(link: RecordedLink) -> Found:
+    """Windows of time from the first message that was held back to the first that was not."""
+    off = np.isin(link.reason, OUTAGES)
+    if not off.any():
+        return {}, []
+    known = off | (link.reason != "rate")
+    off, sent_at = off[known], link.sent_at_s[known]
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], off, [False])).astype(np.int8)))
+    windows, estimates = [], []
+    last = float(sent_at[-1]) + link.period_s
+    for place, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+        from_s = float(sent_at[first])
+        to_s = float(sent_at[after]) if after < len(sent_at) else last
+        windows.append({"kind": "window", "from_s": round(from_s, 6), "to_s": round(to_s, 6)})
+        for key, at in (("from_s", from_s), ("to_s", to_s)):
+            low = max(0.0, at - link.period_s)
+            estimates.append(Estimate(f"outages[{place}].{key}", at, link.period_s, low, at))
+    return {"outages": windows}, estimates
+
+
+def _independent(link: RecordedLink) -> Found:
+    judged, dropped = judged_by(link, "loss")
+    if not dropped.any():
+        return {}, []
+    interval = share(int(dropped.sum()), int(judged.sum()), CONFIDENCE)
+    error = sqrt(interval.value * (1.0 - interval.value) / int(judged.sum()))
+    estimate = Estimate("loss_ratio", interval.value, error, interval.low, interval.high)
+    return {"loss_ratio": _rounded(interval.value)}, [estimate]
+
+
+def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, int, int, int]:
+    """Pairs of messages one after the other: from delivered, to lost; from lost, to delivered."""
+    pairs = (np.diff(link.number) == 1) & judged[1:] & judged[:-1]
+    before, after = lost[:-1][pairs], lost[1:][pairs]
+    return (
+        int((~before).sum()), int((~before & after).sum()),
+        int(before.sum()), int((before & ~after).sum()),
+    )  # fmt: skip
+
+
+def _bursts(link: RecordedLink) -> Found:
+    """Gilbert's chain by its transitions: they are binomial, so are their errors."""
+    judged, lost = judged_by(link, "burst", "pattern")
+    if not lost.any():
+        return {}, []
+    good, worsened, bad, mended = _transitions(link, judged, lost)
+    if not worsened or not mended:  # one burst alone, or no end of it
+        return _share_alone(judged, lost)
+    p, r = worsened / good, mended / bad
+    variance_p, variance_r = p * (1.0 - p) / good, r * (1.0 - r) / bad
+    loss, burst = p / (p + r), 1.0 / r
+    loss_error = sqrt(r * r * variance_p + p * p * variance_r) / (p + r) ** 2
+    burst_error = sqrt(variance_r) / (r * r)
+    table = {
+        "kind": "gilbert_elliott",
+        "loss_ratio": _rounded(loss),
+        "burst_messages_mean": max(1.0, _rounded(burst)),
+    }
+    return {"loss": table}, [
+        Estimate.normal("loss.loss_ratio", loss, loss_error, 0.0, 1.0),
+        Estimate.normal("loss.burst_messages_mean", burst, burst_error, 1.0),
+        Estimate.normal("loss.good_to_bad_ratio", p, sqrt(variance_p), 0.0, 1.0),
+        Estimate.normal("loss.bad_to_good_ratio", r, sqrt(variance_r), 0.0, 1.0),
+    ]
+
+
+def _share_alone(judged: Flags, lost: Flags) -> Found:
+    """A chain of which no burst both begins and ends: its length so far is all that is known."""
+    count, of = int(lost.sum()), int(judged.sum())
+    burst = float(bursts(lost[judged]).max())
+    interval = share(count, of, CONFIDENCE, inflation(count / of, burst))
+    table = {
+        "kind": "gilbert_elliott",
+        "loss_ratio": _rounded(interval.value),
+        "burst_messages_mean": burst,
+    }
+    error = 0.5 * (interval.high - interval.low)
+    return {"loss": table}, [
+        Estimate("loss.loss_ratio", interval.value, error, interval.low, interval.high)
+    ]
+
+
+def _collisions(link: RecordedLink) -> Found:
+    """Persistent collisions by their mean burst, for reservations of the usual length.
+
+    With the share p lost and the chance q of keeping a resource, a colliding reservation is
+    followed by another with c = q + (1 - q) p, and a burst has 10 / (1 - c) messages.
+    """
+    judged, lost = judged_by(link, "collision")
+    if not lost.any():
+        return {}, []
+    loss, burst, loss_error, burst_error = _share_and_burst(judged, lost)
+    again = max(0.0, 1.0 - USUAL_RESERVATION / burst)
+    kept = min(0.99, max(0.0, (again - loss) / (1.0 - loss))) if loss < 1.0 else 0.0
+    kept_error = USUAL_RESERVATION * burst_error / (burst * burst * max(1.0 - loss, 1e-9))
+    return {"collisions": {"loss_ratio": _rounded(loss), "keep_ratio": _rounded(kept)}}, [
+        Estimate.normal("collisions.loss_ratio", loss, loss_error, 0.0, 1.0),
+        Estimate.normal("collisions.keep_ratio", kept, kept_error, 0.0, 0.99),
+    ]
+
+
+def _share_and_burst(judged: Flags, lost: Flags) -> tuple[float, float, float, float]:
+    """Share lost and mean burst, with their standard errors."""
+    of = lost[judged]
+    lengths, count = bursts(of), len(of)
+    loss, burst = float(of.mean()), float(lengths.mean())
+    spread_by = inflation(loss, burst)
+    deviation = max(float(lengths.std()), sqrt(burst * (burst - 1.0)))
+    return loss, burst, sqrt(loss * (1 - loss) / count * spread_by), deviation / sqrt(len(lengths))
+
+
+def _distance(link: RecordedLink) -> Found:
+    """Deliveries over distance, as a table with a row for each stretch of distances."""
+    judged, lost = judged_by(link, "range")
+    judged &= np.isfinite(link.distance_m)
+    if not (lost & judged).any():
+        return {}, []
+    distances, ratios, estimates = [], [], []
+    for chosen in _stretches(link.distance_m, judged):
+        within = lost[chosen]
+        count = len(within)
+        runs = bursts(within)
+        burst = float(runs.mean()) if len(runs) else 1.0
+        ratio = 1.0 - float(within.mean())
+        interval = share(count - int(within.sum()), count, CONFIDENCE, inflation(1 - ratio, burst))
+        at = float(link.distance_m[chosen].mean())
+        error = sqrt(max(ratio * (1.0 - ratio), 1e-9) / count * inflation(1 - ratio, burst))
+        distances.append(round(at, 3))
+        ratios.append(round(ratio, 4))
+        key = f"radio.delivery_ratio at {at:.1f} m"
+        estimates.append(Estimate(key, ratio, error, interval.low, interval.high))
+    table = {"kind": "table", **_reaching_on(distances, ratios)}
+    return {"radio": table}, estimates
+
+
+def _reaching_on(distances: list[float], ratios: list[float]) -> dict[str, list[float]]:
+    """The table with its last row held a little on: beyond it nothing is delivered."""
+    return {
+        "distance_m": [*distances, round(distances[-1] + NARROWEST_M, 3)],
+        "delivery_ratio": [*ratios, ratios[-1]],
+    }
+
+
+def _stretches(distance_m: NDArray[np.float64], judged: Flags) -> Iterator[NDArray[np.intp]]:
+    """Messages by stretches of distance: equally many in each, none too narrow; in their order."""
+    places = np.flatnonzero(judged)
+    ordered = places[np.argsort(distance_m[places], kind="stable")]
+    wide = float(distance_m[ordered[-1]] - distance_m[ordered[0]])
+    bins = max(1, min(MOST_BINS, len(ordered) // LEAST_IN_BIN, int(wide / NARROWEST_M)))
+    for part in np.array_split(ordered, bins):
+        yield np.sort(part)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")

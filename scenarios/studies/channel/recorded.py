@@ -1,0 +1,111 @@
+"""What became of the messages of each directed link of a recorded run, as arrays."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.definition.links import directed_links
+from scenarios.definition.scenario import Scenario
+from scenarios.results.log_summary import scenario_in
+from transport.log.reader import LogReader
+from vehicles.messages import GpsPose, LinkVerdict, RunStart, TruePose
+from vehicles.schedule import MILLISECOND, SECOND
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedLink:
+    """The messages of one link on which it decided, by number.
+
+    `sent_at_s` is from the start, `delay_ms` from sending until it was or would have been there,
+    `distance_m` the true one at the sending, `reason` empty for what was delivered.
+    """
+
+    sender: str
+    receiver: str
+    number: NDArray[np.int64]
+    sent_at_s: Floats
+    delay_ms: Floats
+    distance_m: Floats
+    reason: NDArray[np.str_]
+
+    @property
+    def period_s(self) -> float:
+        """Usual time between two messages that were sent one after the other."""
+        steps = np.diff(self.number)
+        return float(np.median(np.diff(self.sent_at_s)[steps == 1])) if (steps == 1).any() else 0.0
+
+    @property
+    def delivered(self) -> NDArray[np.bool_]:
+        """Which messages were delivered."""
+        found: NDArray[np.bool_] = self.reason == ""
+        return found
+
+
+def recorded_links(log: Path) -> tuple[RecordedLink, ...]:
+    """Read the links of the run in `log`, by receiver from the lead back; raises LogError.
+
+    Links on which nothing was decided are left out.
+    """
+    reader = LogReader(log)
+    scenario = scenario_in(log, reader.attachments())
+    start_at = 0
+    verdicts: defaultdict[tuple[str, str], dict[int, LinkVerdict]] = defaultdict(dict)
+    senders: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
+    places: defaultdict[str, list[tuple[int, float, float]]] = defaultdict(list)
+    for _, source, message in reader.messages(("gps", "verdict", "truth", "start")):
+        match message:
+            case RunStart():
+                start_at = message.start_at_ns
+            case GpsPose():
+                senders[source][message.seq] = message.true_east_m, message.true_north_m
+            case LinkVerdict():
+                verdicts[message.sender, source][message.pose_seq] = message
+            case TruePose():
+                places[source].append((message.true_at_ns, message.east_m, message.north_m))
+    return tuple(
+        _link(pair, start_at, list(verdicts[pair].values()), senders[pair[0]], places[pair[1]])
+        for pair in _listening(scenario)
+        if verdicts[pair]
+    )
+
+
+def _listening(scenario: Scenario) -> Sequence[tuple[str, str]]:
+    return [pair for pair in directed_links(scenario.vehicle_names) if pair in scenario.links]
+
+
+def _link(
+    pair: tuple[str, str],
+    start_at: int,
+    verdicts: list[LinkVerdict],
+    sender_at: dict[int, tuple[float, float]],
+    receiver_at: list[tuple[int, float, float]],
+) -> RecordedLink:
+    verdicts.sort(key=lambda one: one.pose_seq)
+    sent_at = np.array([one.sent_at_ns for one in verdicts])
+    nowhere = (np.nan, np.nan)
+    there = np.array([sender_at.get(one.pose_seq, nowhere) for one in verdicts])
+    return RecordedLink(
+        sender=pair[0],
+        receiver=pair[1],
+        number=np.array([one.pose_seq for one in verdicts]),
+        sent_at_s=(sent_at - start_at) / SECOND,
+        delay_ms=np.array([one.visible_at_ns - one.sent_at_ns for one in verdicts]) / MILLISECOND,
+        distance_m=np.hypot(*(there - _places_at(sent_at, receiver_at)).T),
+        reason=np.array([one.reason for one in verdicts], dtype=np.str_),
+    )
+
+
+def _places_at(instants: NDArray[np.int64], places: list[tuple[int, float, float]]) -> Floats:
+    """Where the receiver was at its last true pose until each instant."""
+    if not places:
+        return np.full((len(instants), 2), np.nan)
+    table = np.array([(east, north) for _, east, north in places])
+    before = np.searchsorted(np.array([at for at, _, _ in places]), instants, side="right") - 1
+    found: Floats = table[np.maximum(before, 0)]
+    return found
