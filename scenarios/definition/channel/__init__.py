@@ -1,5 +1,7 @@
 """What is asked of each directed link: which rule applies to it, and the effects that follow.
 
-rules    which entries are about a link, the most specific first
-build    the effects of a link, from its table
+rules       which entries are about a link, the most specific first
+build       the effects of a link, from its table
+loss        those that lose messages, and what keys of them do not fit together
+recordings  patterns and earlier runs, read from their files into the scenario
 """
