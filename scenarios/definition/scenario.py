@@ -11,6 +11,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
+from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
 from scenarios.definition.extends import merged
@@ -258,6 +259,7 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
         raise refuse(problems)
     try:
         placed = with_points(tables, given.folder("path.file"))
+        placed = with_recordings(placed, given.folder)
         scenario = Scenario(with_replays(placed, given.folder))
         problems = list(contradictions.on_the_road(scenario.tables, scenario.route))
         for name, drive in () if problems else scenario.replays.items():

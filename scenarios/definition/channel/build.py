@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+from scenarios.definition.channel.loss import earlier_run, loss_effects
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.effect import Effect
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
@@ -13,11 +14,14 @@ def link_effects(table: LinkTable, source_rate_hz: float) -> tuple[Effect, ...]:
 
     The first that drops a message names the reason.
     """
+    if again := earlier_run(table):
+        return again
     found: list[Effect] = []
     if table.rate_hz is not None and table.rate_hz < source_rate_hz:
         found.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
     if table.loss_ratio > 0.0:
         found.append(Loss(table.loss_ratio))
+    found += loss_effects(table)
     found.append(Latency(round(table.latency_ms * MILLISECOND)))
     if table.jitter_ms > 0.0:
         found.append(Jitter(round(table.jitter_ms * MILLISECOND)))

@@ -2,6 +2,7 @@
 
 table    what they have in common
 path     the path: segments, a recorded trace, or points
+loss     laws of loss of a directed link
 links    what directed links do to messages
 tables   all others, and the file as a whole
 """

@@ -1,5 +1,8 @@
 """The laws of a directed link: effects that drop a message or delay it, each small and pure.
 
-effect    what every one of them is given and answers
-plain     rate, independent loss, constant latency, uniform jitter
+effect      what every one of them is given and answers
+plain       rate, independent loss, constant latency, uniform jitter
+chains      loss in bursts: Gilbert–Elliott, four states
+patterns    loss by number: every n-th, listed, recorded, as in an earlier run
+collisions  loss of whole reservations, as in LTE-V2X
 """

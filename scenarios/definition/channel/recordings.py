@@ -1,0 +1,233 @@
+"""Recorded losses, read from their files into the scenario: patterns, and links of earlier runs.
+
+mcap is imported where it is needed, so that a vehicle's process never loads it.
+"""
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+from typing import TypeVar, cast
+
+from scenarios.definition.channel.rules import entries_about, requested_link
+from scenarios.definition.errors import Refused
+from scenarios.definition.links import directed_links
+from scenarios.definition.refusal import shown
+from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.links import LinkEntry, LinkTable
+from scenarios.definition.schema.loss import LogLoss, PatternLoss
+from scenarios.definition.schema.table import overlay
+from scenarios.definition.schema.tables import ScenarioTables
+from transport.links.laws.patterns import Numbers
+from vehicles.messages import LinkVerdict
+
+COLUMNS = ["number", "received"]
+RECEIVED = {"1": True, "true": True, "0": False, "false": False}
+MOST_LINES = 10_000_000
+"""Of a pattern: six days at 20 Hz."""
+
+AnyLink = TypeVar("AnyLink", bound=LinkTable)
+FolderOf = Callable[[str], Path]
+"""Gives the folder in which the file that a key names is sought."""
+
+
+def with_recordings(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioTables:
+    """Replace the files of `kind = "pattern"` and `"log"` by what they hold; raises Refused."""
+    places = _places(tables)
+    if not any(isinstance(table.loss, PatternLoss | LogLoss) for _, table in places):
+        return tables
+    for key, table in places:
+        loss = table.loss
+        if isinstance(loss, PatternLoss) and loss.file is not None:
+            read = _pattern(loss, loss.file, f"{key}.loss.file", folder_of)
+            tables = _with_loss(tables, key, read)
+    return _with_earlier_runs(tables, folder_of)
+
+
+def _places(tables: ScenarioTables) -> list[tuple[str, LinkTable]]:
+    """Give the tables of links by their keys."""
+    entries = [(f"link[{place}]", entry) for place, entry in enumerate(tables.link)]
+    return [("links", tables.links), *entries]
+
+
+def _with_loss(tables: ScenarioTables, key: str, loss: PatternLoss | None) -> ScenarioTables:
+    """Put another law of loss into one of the tables of links."""
+
+    def changed(table: AnyLink) -> AnyLink:
+        copy = table.model_copy(update={"loss": loss})
+        if loss is None:
+            copy.model_fields_set.discard("loss")
+        return copy
+
+    if key == "links":
+        return tables.model_copy(update={"links": changed(tables.links)})
+    entries = [
+        changed(entry) if key == f"link[{place}]" else entry
+        for place, entry in enumerate(tables.link)
+    ]
+    return tables.model_copy(update={"link": tuple(entries)})
+
+
+def _sought(folder_of: FolderOf, key: str, file: str) -> Path:
+    return folder_of(key.replace("[", ".").replace("]", "")) / file
+
+
+# ---- Patterns
+
+
+def _pattern(table: PatternLoss, file: str, key: str, folder_of: FolderOf) -> PatternLoss:
+    try:
+        text = _sought(folder_of, key, file).read_text(encoding="utf-8-sig")
+        received = list(_received(text))
+    except OSError as error:
+        raise Refused(key, f"{file}: {(error.strerror or str(error)).lower()}") from error
+    except (ValueError, csv.Error) as error:
+        raise Refused(key, f"{file}: {error}") from error
+    lost = Numbers.of((place, place) for place, one in enumerate(received) if not one)
+    changes = {"file": None, "source": file, "length_messages": len(received)}
+    return table.model_copy(update={**changes, "lost_numbers": str(lost)})
+
+
+def _received(text: str) -> Iterator[bool]:
+    """Give whether each message of a pattern was received; raises ValueError."""
+    rows = csv.reader(text.splitlines())
+    header = [cell.strip() for cell in next(rows, [])]
+    if header != COLUMNS:
+        raise ValueError(f"header {shown(','.join(header))}, allowed {shown(','.join(COLUMNS))}")
+    expected: int | None = None
+    for cells in rows:
+        if not cells:
+            continue
+        line = f"line {rows.line_num}"
+        if len(cells) != len(COLUMNS):
+            raise ValueError(f"{line}: {len(cells)} cells, allowed {len(COLUMNS)}")
+        number, received = (cell.strip() for cell in cells)
+        if not (number.isascii() and number.isdigit() and len(number) <= 18):  # fits 64 bits
+            raise ValueError(f"{line}: number {shown(number)}, allowed a whole number from 0")
+        if expected is not None and int(number) != expected:
+            raise ValueError(f"{line}: number {number}, allowed {expected}, the next one")
+        if received.lower() not in RECEIVED:
+            raise ValueError(f"{line}: received {shown(received)}, allowed 0 or 1")
+        if rows.line_num > MOST_LINES:
+            raise ValueError(f"{line}: allowed at most {MOST_LINES} lines")
+        expected = int(number) + 1
+        yield RECEIVED[received.lower()]
+    if expected is None:
+        raise ValueError("no messages below the header")
+
+
+# ---- Earlier runs
+
+
+def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioTables:
+    """Give each link that repeats one of an earlier run an entry of its own with the record.
+
+    An entry with both names is the most specific, so it rules the link as the file's key did.
+    """
+    names = vehicle_names(tables)
+    replayed = {name for name, own in tables.vehicle.items() if own.replay is not None}
+    records: dict[tuple[str, str], LogLoss] = {}
+    read = cache(_links_of)
+    for pair in directed_links(names):
+        loss = requested_link(tables, names, *pair).loss
+        if isinstance(loss, LogLoss) and loss.file is not None and pair[1] not in replayed:
+            key = _giver(tables, loss, pair)
+            try:
+                records[pair] = _record(loss, read(_sought(folder_of, key, loss.file)), pair)
+            except OSError as error:
+                why = (error.strerror or str(error)).lower()
+                raise Refused(key, f"{loss.file}: {why}") from error
+            except ValueError as error:
+                raise Refused(key, f"{loss.file}: {error}") from error
+    for key, table in _places(tables):
+        if isinstance(table.loss, LogLoss) and table.loss.file is not None:
+            tables = _with_loss(tables, key, None)
+    return _with_entries(tables, records)
+
+
+def _giver(tables: ScenarioTables, loss: LogLoss, pair: tuple[str, str]) -> str:
+    """Key of the file of a link's record, in the most specific table that names it."""
+    for _, entry in reversed(entries_about(tables.link, vehicle_names(tables), *pair)):
+        if isinstance(entry.loss, LogLoss) and entry.loss.file == loss.file:
+            place = next(place for place, one in enumerate(tables.link) if one is entry)
+            return f"link[{place}].loss.file"
+    return "links.loss.file"
+
+
+def _links_of(path: Path) -> dict[tuple[str, str], dict[int, LinkVerdict]]:
+    """Verdicts of a log by sender and receiver, then by the message's number."""
+    from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
+    from transport.log.records import LogError  # noqa: PLC0415
+
+    found: dict[tuple[str, str], dict[int, LinkVerdict]] = {}
+    try:
+        for _, receiver, message in LogReader(path).messages(("verdict",)):
+            verdict = cast("LinkVerdict", message)
+            found.setdefault((verdict.sender, receiver), {})[verdict.pose_seq] = verdict
+    except LogError as error:
+        raise ValueError(str(error).removeprefix(f"{path}: ")) from error
+    except OSError:
+        raise
+    except Exception as error:
+        raise ValueError("damaged log") from error
+    return found
+
+
+def _record(
+    loss: LogLoss, found: dict[tuple[str, str], dict[int, LinkVerdict]], pair: tuple[str, str]
+) -> LogLoss:
+    """Put the verdicts of a link in place of the file; raises ValueError if there are none.
+
+    A message without a verdict never came, so it is lost; it has the delay of the one before.
+    """
+    link = loss.sender or pair[0], loss.receiver or pair[1]
+    if link not in found:
+        known = ", ".join(f"{sender} → {receiver}" for sender, receiver in sorted(found))
+        raise ValueError(f"no verdicts of {link[0]} → {link[1]}, allowed {known or 'none'}")
+    verdicts, delays = found[link], list[int]()
+    dropped: dict[str, list[int]] = {}
+    for number in range(max(verdicts) + 1):
+        verdict = verdicts.get(number)
+        if verdict is None:
+            delays.append(delays[-1] if delays else 0)
+            dropped.setdefault("pattern", []).append(number)
+            continue
+        # Logs of versions that did not know when a pose was sent have 0 there.
+        delays.append(verdict.visible_at_ns - (verdict.sent_at_ns or verdict.measured_at_ns))
+        if verdict.reason:
+            dropped.setdefault(verdict.reason, []).append(number)
+    return loss.model_copy(
+        update={
+            "file": None,
+            "source": loss.file,
+            "delays_ns": _run_lengths(delays),
+            "dropped_numbers": {
+                word: str(Numbers.of((one, one) for one in numbers))
+                for word, numbers in sorted(dropped.items())
+            },
+        }
+    )
+
+
+def _run_lengths(delays: Sequence[int]) -> str:
+    runs = [(delay, sum(1 for _ in some)) for delay, some in groupby(delays)]
+    return ", ".join(f"{delay}x{count}" if count > 1 else f"{delay}" for delay, count in runs)
+
+
+def _with_entries(
+    tables: ScenarioTables, records: Mapping[tuple[str, str], LogLoss]
+) -> ScenarioTables:
+    entries = list(tables.link)
+    for (sender, receiver), record in records.items():
+        own = LinkEntry(sender=sender, receiver=receiver, loss=record)
+        place = next(
+            (
+                k
+                for k, one in enumerate(entries)
+                if (one.sender, one.receiver) == (sender, receiver)
+            ),
+            len(entries),
+        )
+        entries[place : place + 1] = [overlay(entries[place], own) if entries[place:] else own]
+    return tables.model_copy(update={"link": tuple(entries)})

@@ -1,0 +1,293 @@
+"""Chains of loss: any verdict alone, netem's own recursions, and chains that never forget."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import inf
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from transport.links.laws.chains import LONGEST_LOOK_BACK, FourState, GilbertElliott
+from transport.links.laws.collisions import Collisions
+from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.link import keyed_draw
+
+Chances = st.floats(0.0, 1.0) | st.sampled_from([0.0, 0.01, 0.5, 1.0])
+
+
+@st.composite
+def laws(random: st.DrawFn) -> Callable[[], Effect]:
+    """What makes a law of loss with a memory, always the same one, with nothing remembered yet."""
+    if random(st.booleans()):
+        least = random(st.integers(1, 20))
+        most = least + random(st.integers(0, 20))
+        loss, keep = random(Chances), random(st.floats(0.0, 0.9))
+        return lambda: Collisions(loss, keep, least, most)
+    if random(st.booleans()):
+        p, r, h, k = (random(Chances) for _ in range(4))
+        made: Callable[[], Effect] = lambda: GilbertElliott(p, r, h, k)  # noqa: E731
+    else:
+        p13, p31, p23 = (random(Chances) for _ in range(3))
+        p32, p14 = random(st.floats(0.0, 1.0 - p31)), random(st.floats(0.0, 1.0 - p13))
+        assume(p13 + p14 <= 1.0 and p31 + p32 <= 1.0)
+        made = lambda: FourState(p13, p31, p32, p23, p14)  # noqa: E731
+    try:
+        law = made()
+    except ValueError:
+        assume(False)
+    assert isinstance(law, GilbertElliott | FourState)
+    assume(law.chain.mean_look_back < 500.0)
+    return made
+
+
+def judged(law: Effect, draw: Draw, seq: int) -> object:
+    return law.judge(draw, Passage(seq, 0))
+
+
+@given(
+    made=laws(),
+    seed=st.integers(0, 2**31),
+    numbers=st.lists(st.integers(0, 300) | st.just(10**9), min_size=1, max_size=40),
+    order=st.randoms(use_true_random=False),
+)
+def test_a_verdict_alone_is_the_verdict_in_the_stream_in_any_order(
+    made: Callable[[], Effect], seed: int, numbers: list[int], order: Random
+) -> None:
+    here, there = keyed_draw(seed, "a", "b"), keyed_draw(seed, "b", "a")
+    stream = made()
+    streamed = {seq: judged(stream, here, seq) for seq in range(301)}
+    shuffled = made()
+    order.shuffle(numbers)
+    for seq in numbers:
+        judged(shuffled, there, seq)  # another link in between
+        alone = judged(made(), keyed_draw(seed, "a", "b"), seq)
+        assert judged(shuffled, here, seq) == alone
+        if seq in streamed:
+            assert streamed[seq] == alone
+
+
+@given(made=laws(), skipped=st.integers(1, 200), first=st.integers(0, 50))
+def test_numbers_that_never_came_count_all_the_same(
+    made: Callable[[], Effect], skipped: int, first: int
+) -> None:
+    draw, with_holes, whole = keyed_draw(5, "a", "b"), made(), made()
+    streamed = [judged(whole, draw, seq) for seq in range(first + skipped + 1)]
+    assert judged(with_holes, draw, first) == streamed[first]
+    assert judged(with_holes, draw, first + skipped) == streamed[first + skipped]
+
+
+def counting(draw: Draw) -> tuple[Draw, list[int]]:
+    """The same draws, and the numbers that were drawn for."""
+    drawn: list[int] = []
+
+    def counted(purpose: str, seq: int) -> float:
+        drawn.append(seq)
+        return draw(purpose, seq)
+
+    return counted, drawn
+
+
+@pytest.mark.parametrize(
+    ("law", "mean"),
+    [
+        (GilbertElliott(0.01, 0.25), 1 / 0.26),
+        (GilbertElliott(0.001, 0.1), 1 / 0.101),
+        (GilbertElliott(0.9, 0.8), 1 / 0.3),
+        (GilbertElliott(0.3, 0.7), 1.0),
+    ],
+)
+def test_looking_back_is_as_short_as_a_draw_that_forgets_is_frequent(
+    law: GilbertElliott, mean: float
+) -> None:
+    """The mean number of draws is 1 / (1 - |1 - p - r|); geometric, so it deviates by as much."""
+    n = 2000
+    draw, drawn = counting(keyed_draw(1, "a", "b"))
+    for seq in range(n):  # backwards, so that nothing is known and the looks back lie apart
+        judged(law, draw, 1000 * (n - seq))
+    assert law.chain.mean_look_back == pytest.approx(mean)
+    assert abs(len(drawn) / n - mean) < 4.0 * np.sqrt(mean * (mean - 1.0) / n) + 1e-9
+
+
+@pytest.mark.parametrize("law", [GilbertElliott(0.01, 0.25), FourState(0.03, 0.2, 0.15, 0.4, 0.02)])
+def test_a_stream_costs_one_draw_for_each_message(law: Effect) -> None:
+    draw, drawn = counting(keyed_draw(1, "a", "b"))
+    for seq in range(1000):
+        judged(law, draw, seq)
+    assert drawn[-999:] == list(range(1, 1000))
+    assert min(drawn) > -200
+
+
+def test_the_first_message_is_as_likely_lost_as_any_other() -> None:
+    """Over many links: a chain that started in its good state would lose none of the first."""
+    n, law = 4000, GilbertElliott.of_bursts(0.3, 10.0)
+    for seq in (0, 1, 5):
+        lost = sum(judged(law, keyed_draw(seed, "a", "b"), seq) != 0 for seed in range(n))
+        assert abs(lost - 0.3 * n) < 4.0 * np.sqrt(0.3 * 0.7 * n)
+
+
+# ---- netem's recursions, as sch_netem.c has them: its own states, its own start
+
+
+def netem_gilbert_elliott(p: float, r: float, h: float, k: float, draws: list[Draw]) -> list[bool]:
+    """loss_gilb_ell(): judges by the state before the step, and starts in the good one.
+
+    `draws` gives for each packet what the step and the fate draw, by the state: netem turns good
+    below r, the law under test stays bad below 1 - r.
+    """
+    good, fates = True, []
+    for draw in draws:
+        step, fate = draw("step", good), draw("fate", good)
+        if good:
+            good = not step < p
+            fates.append(fate < 1.0 - k)
+        else:
+            good = step < r
+            fates.append(fate > h)
+    return fates
+
+
+@pytest.mark.parametrize(
+    ("p", "r", "h", "k"),
+    [(0.03, 0.25, 0.0, 1.0), (0.05, 0.3, 0.25, 0.98), (0.8, 0.7, 0.0, 1.0), (0.6, 0.9, 0.2, 0.9)],
+)
+def test_gilbert_elliott_is_netem_s_once_its_start_is_forgotten(
+    p: float, r: float, h: float, k: float
+) -> None:
+    n, draw = 20_000, keyed_draw(1, "a", "b")
+    law = GilbertElliott(p, r, h, k)
+
+    def of_packet(number: int) -> Draw:
+        def drawn(purpose: str, good: int) -> float:
+            # netem's packet is judged before the step that belongs to the next number
+            u = draw("burst", number + 1) if purpose == "step" else draw("burst fate", number)
+            return u if good else 1.0 - u
+
+        return drawn
+
+    netem = netem_gilbert_elliott(p, r, h, k, [of_packet(number) for number in range(n)])
+    ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
+    forgotten = next(
+        seq for seq in range(1, n) if not min(p, 1 - r) <= draw("burst", seq) < max(p, 1 - r)
+    )
+    assert forgotten < 200
+    assert ours[forgotten:] == netem[forgotten:]
+
+
+def netem_four_state(
+    chances: tuple[float, float, float, float, float], drawn: Callable[[int, int], float], n: int
+) -> list[bool]:
+    """loss_4state(): starts sent in a gap (1); the new state is the packet's fate."""
+    p13, p31, p32, p23, p14 = chances
+    state, fates = 1, list[bool]()
+    for number in range(n):
+        u = drawn(number, state)
+        if state == 1:
+            state = 4 if u < p14 else 3 if u < p13 + p14 else 1
+        elif state == 2:
+            state = 3 if u < p23 else 2
+        elif state == 3:
+            state = 2 if u < p32 else 1 if u < p31 + p32 else 3
+        else:
+            state = 1
+        fates.append(state in {3, 4})
+    return fates
+
+
+@pytest.mark.parametrize(
+    "chances",
+    [
+        (0.03, 0.2, 0.15, 0.4, 0.02),
+        (0.005, 0.3, 0.1, 0.3, 0.08),
+        (0.1, 0.6, 0.4, 0.7, 0.05),
+        (0.04, 0.3, 0.0, 1.0, 0.0),
+        (0.5, 0.5, 0.5, 0.5, 0.5),
+    ],
+)
+def test_four_states_are_netem_s_once_its_start_is_forgotten(
+    chances: tuple[float, float, float, float, float],
+) -> None:
+    """Driven by the same draws: those of a state are cut and laid in netem's order."""
+    p13, p31, p32, _, p14 = chances
+    n, draw = 20_000, keyed_draw(1, "a", "b")
+
+    def in_netem_s_order(number: int, state: int) -> float:
+        u = draw("burst", number)
+        if state == 1:  # 3, 4, 1 here; 4, 3, 1 there
+            return u + p14 if u < p13 else u - p13 if u < p13 + p14 else u
+        if state == 3:  # 3, 2, 1 here; 2, 1, 3 there
+            stays = 1.0 - p31 - p32
+            return u + p31 + p32 if u < stays else u - stays
+        return u
+
+    netem = netem_four_state(chances, in_netem_s_order, n)
+    law = FourState(*chances)
+    ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
+    parted = [seq for seq in range(n) if ours[seq] != netem[seq]]
+    assert max(parted, default=0) < 200
+    assert 0.02 < np.mean(ours) < 0.9
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_four_states_lose_like_netem_with_its_own_draws(seed: int) -> None:
+    """Nothing in common but the five numbers: losses and bursts agree as two samples do."""
+    chances, n = (0.03, 0.2, 0.15, 0.4, 0.02), 40_000
+    random, law, draw = np.random.default_rng(seed), FourState(*chances), keyed_draw(seed, "a", "b")
+    netem = netem_four_state(chances, lambda *_: float(random.random()), n)
+    ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
+    for least in (1, 2, 3, 5):
+        counts = [burst_count(fates, least) for fates in (ours, netem)]
+        # Bursts come more regularly than by chance alone, so this is a wide limit.
+        assert abs(counts[0] - counts[1]) < 4.0 * np.sqrt(sum(counts))
+
+
+def burst_count(fates: list[bool], least: int) -> int:
+    begins = [k for k, (a, b) in enumerate(pairwise(fates), 1) if b and not a]
+    return sum(all(fates[k : k + least]) for k in begins)
+
+
+# ---- Chains that never forget
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: GilbertElliott(1.0, 1.0),
+        lambda: GilbertElliott(1e-5, 1e-5),
+        lambda: FourState(1.0, 1.0),
+        lambda: FourState(0.0, 0.0, isolated=1.0),
+        lambda: FourState(1e-6, 1e-6),
+    ],
+)
+def test_chains_that_never_forget_are_refused(made: Callable[[], Effect]) -> None:
+    with pytest.raises(ValueError, match="forget"):
+        made()
+
+
+def test_chances_out_of_a_state_are_at_most_one() -> None:
+    with pytest.raises(ValueError, match="more than 1"):
+        FourState(0.6, 0.1, isolated=0.5)
+
+
+def test_chains_that_end_somewhere_stay_there() -> None:
+    draw = keyed_draw(1, "a", "b")
+    never, always = GilbertElliott(0.0, 0.3), GilbertElliott(0.2, 0.0)
+    assert {judged(never, draw, seq) for seq in range(200)} == {0}
+    assert {judged(always, draw, seq) for seq in range(200)} == {"burst"}
+    assert (never.mean_loss_ratio, never.mean_burst_messages) == (0.0, None)
+    assert (always.mean_loss_ratio, always.mean_burst_messages) == (1.0, inf)
+    assert FourState(0.1, 0.0, 0.0, 1.0).mean_burst_messages == inf
+
+
+@given(Chances, Chances)
+def test_two_states_forget_as_fast_as_the_closed_form_says(p: float, r: float) -> None:
+    memory = abs(1.0 - p - r)
+    try:
+        chain = GilbertElliott(p, r).chain
+    except ValueError:
+        assert memory > 1.0 - 1.001 / LONGEST_LOOK_BACK
+    else:
+        expected = 1.0 / (1.0 - memory) if p else 0.0  # without p it never leaves the good state
+        assert chain.mean_look_back == pytest.approx(expected, rel=1e-6)

@@ -1,0 +1,130 @@
+"""Losses by number: sets of numbers, every n-th, recorded patterns, an earlier run's link."""
+
+from itertools import groupby
+from math import inf
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transport.links.laws.effect import Effect, Passage
+from transport.links.laws.patterns import (
+    EarlierRun,
+    EveryNth,
+    Listed,
+    Numbers,
+    RecordedPattern,
+    known_reason,
+)
+
+Some = st.sets(st.integers(0, 80))
+
+
+def no_chance(purpose: str, seq: int) -> float:
+    raise AssertionError(f"{purpose} of {seq} needs no chance")
+
+
+def lost(law: Effect, count: int) -> list[int]:
+    return [seq for seq in range(count) if law.judge(no_chance, Passage(seq, 0)) == "pattern"]
+
+
+def numbers(some: set[int]) -> Numbers:
+    return Numbers.of((one, one) for one in some)
+
+
+@given(Some)
+def test_numbers_are_a_set(some: set[int]) -> None:
+    made = numbers(some)
+    assert [number for number in range(-1, 90) if number in made] == sorted(some)
+    assert len(made) == len(some)
+    assert Numbers.read(str(made)) == made
+    assert all(b[0] > a[1] + 1 for a, b in zip(made.ranges, made.ranges[1:], strict=False))
+
+
+@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 9))))
+def test_ranges_may_overlap_and_come_in_any_order(pairs: list[tuple[int, int]]) -> None:
+    text = ", ".join(f"{first}-{first + more}" for first, more in pairs)
+    wanted = {number for first, more in pairs for number in range(first, first + more + 1)}
+    assert Numbers.read(text) == numbers(wanted)
+
+
+@pytest.mark.parametrize("text", ["a", "3-", "-3", "5-3", "1.5", "1 2", "²", "1" * 19])
+def test_what_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="allowed"):
+        Numbers.read(text)
+
+
+@given(st.integers(1, 20), st.integers(0, 30))
+def test_every_nth_is_lost(period: int, first: int) -> None:
+    law = EveryNth(period, first)
+    assert lost(law, 100) == list(range(first, 100, period))
+    assert law.mean_loss_ratio == 1.0 / period
+    assert law.mean_burst_messages == (1.0 if period > 1 else inf)
+    assert f"every {period}" in law.in_words()
+
+
+@given(Some)
+def test_listed_messages_are_lost(some: set[int]) -> None:
+    law = Listed(numbers(some))
+    assert lost(law, 100) == sorted(some)
+    assert law.mean_loss_ratio is None
+    assert f"{len(some)} listed" in law.in_words()
+
+
+@given(Some, st.integers(81, 120))
+def test_a_pattern_repeats_or_ends(some: set[int], length: int) -> None:
+    again, once = (
+        RecordedPattern(numbers(some), length, "repeat"),
+        RecordedPattern(numbers(some), length, "pass"),
+    )
+    assert lost(once, 3 * length) == sorted(some)
+    assert lost(again, 3 * length) == sorted(n + k * length for n in some for k in range(3))
+    assert again.mean_loss_ratio == once.mean_loss_ratio == len(some) / length
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=40))
+def test_bursts_of_a_pattern_are_those_of_its_repetition(fates: list[bool]) -> None:
+    some = numbers({number for number, is_lost in enumerate(fates) if is_lost})
+    law = RecordedPattern(some, len(fates), "repeat")
+    turned = fates[fates.index(False) :] + fates[: fates.index(False)] if not all(fates) else fates
+    runs = [sum(1 for _ in run) for is_lost, run in groupby(turned) if is_lost]
+    expected = inf if all(fates) else sum(runs) / len(runs) if runs else None
+    assert law.mean_burst_messages == expected
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([5, 7, 9]), st.sampled_from(["", "loss", "rate", "burst"])),
+        min_size=1,
+        max_size=60,
+    ),
+    st.sampled_from(["repeat", "pass"]),
+)
+def test_an_earlier_run_is_repeated_to_the_nanosecond(
+    record: list[tuple[int, str]], after_end: str
+) -> None:
+    dropped = {
+        word: numbers({n for n, (_, reason) in enumerate(record) if reason == word})
+        for word in ("loss", "rate", "burst")
+    }
+    delays = tuple((delay, sum(1 for _ in some)) for delay, some in groupby(d for d, _ in record))
+    law = EarlierRun(
+        tuple((known_reason(word), some) for word, some in dropped.items()),
+        delays,
+        "repeat" if after_end == "repeat" else "pass",
+        latency=20,
+    )
+    for seq in range(2 * len(record)):
+        expected = record[seq % len(record)]
+        if seq >= len(record) and after_end == "pass":
+            expected = (20, "")
+        passage = Passage(seq, 0)
+        assert law.recorded_delay.judge(no_chance, passage) == expected[0]
+        assert law.judge(no_chance, passage) == (expected[1] or 0)
+    counted = len(dropped["loss"]) + len(dropped["burst"])  # a link's rate loses nothing
+    assert law.mean_loss_ratio == counted / len(record)
+
+
+def test_a_word_that_this_version_does_not_know_is_a_pattern() -> None:
+    assert known_reason("loss") == "loss"
+    assert known_reason("wormhole") == "pattern"
