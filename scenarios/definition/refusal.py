@@ -70,22 +70,44 @@ def refusals(error: ValidationError) -> list[tuple[str, str]]:
 
 
 def _refusal(problem: ErrorDetails) -> tuple[str, str]:
-    location = _without_tag(problem["loc"])
-    key, kind, given = dotted(location), problem["type"], problem["input"]
+    location = problem["loc"]
+    key, kind, given = dotted(_walk(location)[0]), problem["type"], problem["input"]
     if kind == "extra_forbidden":
         return key, "unknown key" + _suggestion(location)
     if kind == "missing":
         return key, "missing"
     if kind.startswith("union_tag"):
-        tags = '"segments", "trace" or "points"'
+        *others, last = (shown(word) for model in _walk(location)[1] for word in _kinds(model))
         found = f"given {shown(given['kind'])}" if "kind" in given else "missing"
-        return f"{key}.kind", f"{found}, allowed {tags}"
+        return f"{key}.kind", f"{found}, allowed {', '.join(others)} or {last}"
     return key, f"given {shown(given)}, allowed {_allowed(location, problem)}"
 
 
-def _without_tag(location: Location) -> Location:
-    """Pydantic puts the kind of a path between `path` and its key."""
-    return (*location[:1], *location[2:]) if location[0] == "path" else location
+def _kinds(model: type[BaseModel]) -> tuple[str, ...]:
+    """The words for the kind of a table, where tables of several kinds may stand."""
+    field = model.model_fields.get("kind")
+    return get_args(field.annotation) if field else ()
+
+
+def _walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
+    """Key of a problem, and the tables that may be there.
+
+    Names of vehicles and list indices are passed over, and so is the kind that pydantic puts
+    between a table of several kinds, such as `path`, and its key.
+    """
+    kept: Location = ()
+    models: list[type[BaseModel]] = [ScenarioTables]
+    for part in location:
+        of_kind = [model for model in models if part in _kinds(model)]
+        if len(models) > 1 and of_kind:
+            models = of_kind
+            continue
+        kept = (*kept, part)
+        for model in models:
+            if part in model.model_fields:
+                models = list(models_of(model.model_fields[str(part)].annotation))
+                break
+    return kept, models
 
 
 def _allowed(location: Location, problem: ErrorDetails) -> str:
@@ -122,13 +144,8 @@ def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _fields(location: Location) -> dict[str, FieldInfo]:
-    """Keys of the table at `location`; names of vehicles and list indices are passed over."""
-    models: list[type[BaseModel]] = [ScenarioTables]
-    for part in location:
-        for model in models:
-            if part in model.model_fields:
-                models = list(models_of(model.model_fields[str(part)].annotation))
-                break
+    """Keys of the table at `location`."""
+    _, models = _walk(location)
     return {name: field for model in models for name, field in model.model_fields.items()}
 
 
@@ -144,7 +161,7 @@ def _suggestion(location: Location) -> str:
     same_stem = [key for key in here if key.split("_")[0] == stem]
     near_here = get_close_matches(word, same_stem or here, n=1, cutoff=0.4 if same_stem else 0.7)
     if near_here:
-        return f", did you mean {dotted((*table, near_here[0]))}?"
+        return f", did you mean {dotted((*_walk(table)[0], near_here[0]))}?"
     elsewhere = [
         f"{name}.{word}" for name in ScenarioTables.model_fields if word in _fields((name,))
     ]

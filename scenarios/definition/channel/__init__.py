@@ -2,4 +2,5 @@
 
 rules    which entries are about a link, the most specific first
 build    the effects of a link, from its table
+content  copies, messages held back, wrong bits, false content
 """

@@ -3,5 +3,6 @@
 table    what they have in common
 path     the path: segments, a recorded trace, or points
 links    what directed links do to messages
+content  what they do to the content and the number of messages
 tables   all others, and the file as a whole
 """

@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from scenarios.definition.schema.content import ContentTable
 from scenarios.definition.schema.table import Ratio, Table
 
 
@@ -12,12 +13,14 @@ class LinkTable(Table):
     jitter_ms     further delay, uniform between 0 and this
     loss_ratio    share of messages lost, each on its own (Bernoulli)
     rate_hz       messages a second that the link carries; left out, it carries every message
+    content       copies, messages held back, wrong bits and false content
     """
 
     latency_ms: float = Field(default=20.0, ge=0, le=60_000)
     jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
     loss_ratio: Ratio = 0.0
     rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
+    content: ContentTable | None = None
 
 
 class LinkEntry(LinkTable):

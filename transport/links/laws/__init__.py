@@ -1,5 +1,7 @@
 """The laws of a directed link: effects that drop a message or delay it, each small and pure.
 
-effect    what every one of them is given and answers
-plain     rate, independent loss, constant latency, uniform jitter
+effect         what every one of them is given and answers
+plain          rate, independent loss, constant latency, uniform jitter
+content        copies, messages held back, wrong bits
+false_content  places that are not true, content of earlier messages, a vehicle that is not there
 """
