@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-DropReason = Literal["rate", "loss", "burst", "pattern", "collision"]
+DropReason = Literal["rate", "loss", "burst", "pattern", "collision", "corrupted"]
 """Words of a link that drops a message."""
 
 RefusalReason = Literal[
@@ -52,6 +52,7 @@ _ROWS = (
     Reason("burst",     True,  False, "lost by a link that loses several in a row"),
     Reason("pattern",   True,  False, "lost by its number: listed, every n-th, or on record"),
     Reason("collision", True,  False, "sent in a resource that another sender had chosen too"),
+    Reason("corrupted", True,  False, "altered on the link, and refused for it by its receiver"),
     Reason("garbage",   False, False, "the bytes are no whole message of the topic"),
     Reason("oversized", False, False, "larger than any message of the topic"),
     Reason("unknown",   False, False, "under a key without a subscriber"),

@@ -142,8 +142,9 @@ class LinkVerdict:
     """What the directed link sender → vehicle did to message `pose_seq`, and why.
 
     `late` means that the message physically came after the tick that should have heard it,
-    `copies` how often it was handed over besides, and `content` what of it the channel made false
-    (nothing: empty).
+    `copies` how many copies the channel made of it besides. `content` says what of it the channel
+    made false (nothing: empty), kinds joined by "+", or of what was dropped as corrupted, by which
+    reason the receiver's gate refused it (by its frame check: empty).
     """
 
     vehicle: str

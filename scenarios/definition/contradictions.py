@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from scenarios.definition.channel.content import content_problems
 from scenarios.definition.channel.loss import loss_problems
 from scenarios.definition.channel.rules import (
     ANY,
@@ -40,6 +41,7 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     """Give every key that does not fit the others, before the path is made."""
     yield from _names(tables)
     yield from _links(tables)
+    yield from content_problems(tables)
     yield from _speed(tables)
     yield from _path(tables)
     yield from _cars(tables)

@@ -26,7 +26,7 @@ def test_a_word_is_one_word_and_says_what_it_means(word: str) -> None:
 
 def test_what_counts_as_lost_and_as_late() -> None:
     lost = {word for word in REASONS if counts_as_loss(word)}
-    assert lost == {"loss", "burst", "pattern", "collision"}
+    assert lost == {"loss", "burst", "pattern", "collision", "corrupted"}
     assert {word for word in REASONS if counts_as_late(word)} == {"past"}
 
 

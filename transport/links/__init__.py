@@ -2,6 +2,7 @@
 
 laws      the impairments, each an effect of its own
 link      the verdict of one link on one message
+arrival   what the channel makes of a message's content: copies, wrong bits, falsehoods
 gate      which poses can be true at all
 inbox     what one vehicle receives, tick by tick
 """

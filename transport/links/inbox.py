@@ -7,6 +7,7 @@ from heapq import heappop, heappush
 from threading import Lock
 
 from transport.codec import RefusedMessageError
+from transport.links.arrival import COPY, ContentStage
 from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
 from transport.links.laws.effect import NOWHERE, Passage, Whereabouts
 from transport.links.link import Link, Verdict
@@ -26,12 +27,14 @@ PLACES = 4096
 class IncomingLink:
     """The link from one sender, its gate, and what became of its messages so far.
 
+    `content` is what the channel makes of messages themselves, where it is asked for any of it.
     `delivered`, `dropped` (by reason) and `late` count verdicts put out; a late message is among
     the delivered or the dropped as well.
     """
 
     link: Link
     gate: PoseGate
+    content: ContentStage | None = None
     delivered: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     late: int = 0
@@ -58,7 +61,7 @@ class Inbox:
 
     A message is late if it came after the tick that should have judged it, or too late to be of
     any use. `heard` and `dropped` count what the links judged, `rejected`, by a word of the table
-    of reasons, all that no link had to judge.
+    of reasons, all that no link had to judge, and copies that a link made of what was heard.
     """
 
     def __init__(self, receiver: str, links: Iterable[IncomingLink], *, start_at: int) -> None:
@@ -72,7 +75,7 @@ class Inbox:
         self._arrived: deque[tuple[str, bytes]] = deque(maxlen=QUEUE)
         self._lock = Lock()
         self._senders = {key(sender, GPS): sender for sender in self.links}
-        self._waiting: list[tuple[int, str, int, Verdict, GpsPose, bool]] = []
+        self._waiting: list[tuple[int, str, int, int, Verdict, GpsPose, Passage, bool]] = []
         self._verdicts: list[LinkVerdict] = []
         self._verdict_seq = 0
         self._reported: Counter[str] = Counter()
@@ -161,9 +164,13 @@ class Inbox:
         link = self.links[sender]
         pose = link.gate.admit(data, now)
         link.check_new(pose.seq)
-        judged = link.link.judge(self._passage(pose, len(data)))
+        passage = self._passage(pose, len(data))
+        judged = link.link.judge(passage)
+        if link.content is not None:
+            link.content.memory.note(pose)
         late = judged.visible_at <= self._taken_until
-        heappush(self._waiting, (judged.visible_at, sender, pose.seq, judged, pose, late))
+        entry = judged.visible_at, sender, pose.seq, 0, judged, pose, passage, late
+        heappush(self._waiting, entry)
 
     def _passage(self, pose: GpsPose, size: int) -> Passage:
         sender = Whereabouts(pose.true_east_m, pose.true_north_m, pose.true_driven_m)
@@ -179,18 +186,41 @@ class Inbox:
     def _hand_over(self, now: int) -> list[GpsPose]:
         delivered: list[GpsPose] = []
         while self._waiting and self._waiting[0][0] <= now:
-            _, sender, _, judged, pose, late = heappop(self._waiting)
+            _, sender, seq, nth, judged, pose, passage, late = heappop(self._waiting)
             link = self.links[sender]
+            if nth:
+                delivered += self._further(link, seq, nth, pose)
+                continue
+            told, content, copies = pose, "", 0
+            if link.content is not None:
+                judged, told, content, copies, further = link.content.arrive(judged, pose, passage)
+                for one in further:
+                    entry = one.at, sender, seq, one.nth, judged, one.pose, passage, late
+                    heappush(self._waiting, entry)
             link.late += late
             if judged.outcome == "delivered":
                 link.delivered += 1
-                delivered.append(pose)
+                delivered.append(told)
             else:
                 link.dropped[judged.reason] += 1
-            self._verdicts.append(self._message(judged, pose, now, late=late))
+            self._verdicts.append(
+                self._message(judged, pose, now, late=late, copies=copies, content=content)
+            )
         return delivered
 
-    def _message(self, judged: Verdict, pose: GpsPose, now: int, *, late: bool) -> LinkVerdict:
+    def _further(self, link: IncomingLink, seq: int, nth: int, pose: GpsPose) -> list[GpsPose]:
+        """Hand over what the channel made of message `seq` besides, unless its number tells it."""
+        if nth == COPY and link.content is not None and link.content.filters:
+            try:
+                link.check_new(seq)
+            except RefusedMessageError as refusal:
+                self._refused[refusal.reason] += 1
+                return []
+        return [pose]
+
+    def _message(
+        self, judged: Verdict, pose: GpsPose, now: int, *, late: bool, copies: int, content: str
+    ) -> LinkVerdict:
         seq, self._verdict_seq = self._verdict_seq, self._verdict_seq + 1
         return LinkVerdict(
             vehicle=self.receiver,
@@ -204,6 +234,6 @@ class Inbox:
             heard_at_ns=now,
             late=late,
             sent_at_ns=pose.sent_at_ns,
-            copies=0,
-            content="",
+            copies=copies,
+            content=content,
         )

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+from scenarios.definition.channel.content import content_effects
 from scenarios.definition.channel.loss import earlier_run, loss_effects
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.effect import Effect
@@ -25,4 +26,5 @@ def link_effects(table: LinkTable, source_rate_hz: float) -> tuple[Effect, ...]:
     found.append(Latency(round(table.latency_ms * MILLISECOND)))
     if table.jitter_ms > 0.0:
         found.append(Jitter(round(table.jitter_ms * MILLISECOND)))
+    found.extend(content_effects(table.content))
     return tuple(found)

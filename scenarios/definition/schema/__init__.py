@@ -4,5 +4,6 @@ table    what they have in common
 path     the path: segments, a recorded trace, or points
 loss     laws of loss of a directed link
 links    what directed links do to messages
+content  what they do to the content and the number of messages
 tables   all others, and the file as a whole
 """

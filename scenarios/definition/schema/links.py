@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from scenarios.definition.schema.content import ContentTable
 from scenarios.definition.schema.loss import CollisionsTable, LossTable
 from scenarios.definition.schema.table import Ratio, Table
 
@@ -15,6 +16,7 @@ class LinkTable(Table):
     rate_hz       messages a second that the link carries; left out, it carries every message
     loss          another law of loss besides: in bursts, by number, as recorded
     collisions    loss of whole reservations besides
+    content       copies, messages held back, wrong bits and false content
     """
 
     latency_ms: float = Field(default=20.0, ge=0, le=60_000)
@@ -23,6 +25,7 @@ class LinkTable(Table):
     rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
     loss: LossTable | None = None
     collisions: CollisionsTable | None = None
+    content: ContentTable | None = None
 
 
 class LinkEntry(LinkTable):

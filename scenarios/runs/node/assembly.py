@@ -6,6 +6,7 @@ from math import cos, sin
 import numpy as np
 
 from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.content import content_stage
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
@@ -97,11 +98,10 @@ class VehicleBuilder:
         """The link from `sender`, and the gate that its poses pass."""
         scenario = self._scenario
         rate_hz = scenario.vehicle(sender).gnss.rate_hz
-        effects = link_effects(scenario.links[sender, self.name], rate_hz)
-        return IncomingLink(
-            Link(effects, scenario.seed, sender, self.name),
-            PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane),
-        )
+        asked = scenario.links[sender, self.name]
+        link = Link(link_effects(asked, rate_hz), scenario.seed, sender, self.name)
+        gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane)
+        return IncomingLink(link, gate, content_stage(asked.content, link, gate))
 
     def _body(self) -> Body:
         """The car at its start: on the path its gap behind the one ahead, with its offsets."""

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.content import content_stage
 from scenarios.definition.schema.links import LinkTable
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
@@ -29,14 +30,9 @@ def inbox(
     """An inbox with a link from each sender, all at `rate_hz` or each at its own."""
     plane = LocalPlane(origin or Origin(37.72, -122.47, 30.0))
     rates = rate_hz if isinstance(rate_hz, Mapping) else dict.fromkeys(asked, rate_hz)
-    return Inbox(
-        receiver,
-        [
-            IncomingLink(
-                link(table, sender, receiver, seed=seed, rate_hz=rates[sender]),
-                PoseGate(sender=sender, start_at=start_at, rate_hz=rates[sender], plane=plane),
-            )
-            for sender, table in asked.items()
-        ],
-        start_at=start_at,
-    )
+    links = []
+    for sender, table in asked.items():
+        one = link(table, sender, receiver, seed=seed, rate_hz=rates[sender])
+        gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rates[sender], plane=plane)
+        links.append(IncomingLink(one, gate, content_stage(table.content, one, gate)))
+    return Inbox(receiver, links, start_at=start_at)

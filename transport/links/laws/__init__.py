@@ -1,8 +1,10 @@
 """The laws of a directed link: effects that drop a message or delay it, each small and pure.
 
-effect      what every one of them is given and answers
-plain       rate, independent loss, constant latency, uniform jitter
-chains      loss in bursts: Gilbert–Elliott, four states
-patterns    loss by number: every n-th, listed, recorded, as in an earlier run
-collisions  loss of whole reservations, as in LTE-V2X
+effect         what every one of them is given and answers
+plain          rate, independent loss, constant latency, uniform jitter
+chains         loss in bursts: Gilbert–Elliott, four states
+patterns       loss by number: every n-th, listed, recorded, as in an earlier run
+collisions     loss of whole reservations, as in LTE-V2X
+content        copies, messages held back, wrong bits
+false_content  places that are not true, content of earlier messages, a vehicle that is not there
 """
