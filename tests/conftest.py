@@ -6,12 +6,24 @@
 hostile messages.
 """
 
+import os
+import sys
+from pathlib import Path
+
 import pytest
 from hypothesis import settings
 
 settings.register_profile("deterministic", derandomize=True, deadline=None)
 settings.register_profile("explore", derandomize=False, deadline=None, max_examples=1000)
 settings.load_profile("deterministic")
+
+
+SYSTEM = Path(__file__).parent / "system"
+
+# Where the environment forbids to keep compiled modules, each of several hundred processes that
+# tests start would compile the project anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -25,6 +37,20 @@ def pytest_configure(config: pytest.Config) -> None:
     A test gets the number as `campaign`, or is run as often, each time with another `case`.
     """
     config.addinivalue_line("markers", "campaign(few, all): random cases, and with --campaign")
+    config.addinivalue_line("markers", "long: takes more than ten seconds and is begun early")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what is long, then with the convoys of real processes.
+
+    Of two workers of `-n` one gets the first half of the list: it spends most of its time waiting
+    for convoys, and leaves its core to the other one, which calculates. Whoever is through first
+    takes over from the end of the other one's list (`--dist=worksteal`), so that what is left last
+    must be short.
+    """
+    items.sort(
+        key=lambda one: (one.get_closest_marker("long") is None, SYSTEM not in one.path.parents)
+    )
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

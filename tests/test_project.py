@@ -61,6 +61,7 @@ def test_format() -> None:
     run("ruff", "-m", "ruff", "format", "--check", ".")
 
 
+@pytest.mark.long
 def test_types() -> None:
     run("mypy", "-m", "mypy")
 

@@ -67,6 +67,7 @@ def test_the_two_commands_set_themselves_up() -> None:
     assert "pytest" in second
 
 
+@pytest.mark.long
 def test_commands_in_the_order_of_the_readme(tmp_path: Path) -> None:
     by_hand = ("convoy router", "convoy vehicle", "convoy record")
     ran = [line for line in commands() if not line.startswith(by_hand)]

@@ -53,6 +53,7 @@ def where(process: Process) -> str:
     return f"{said()[0]}&renderer=webgl"  # the only one that needs no graphics card
 
 
+@pytest.mark.long
 def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) -> None:
     (tmp_path / "long.toml").write_text(SCENARIO)
     with browser() as page:
