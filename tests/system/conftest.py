@@ -1,16 +1,12 @@
 """Runs that several tests look at are driven once, also when tests run side by side."""
 
-import fcntl
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
+from tests.made.once import first_only, shared
 from tests.system.logs import Run
-from tests.system.processes import run_to_the_end
+from tests.system.processes import run_to_the_end, start
 
 DURATION_S = 8.0
 """By then the last car is in its first lane change."""
@@ -34,11 +30,13 @@ def lane_change(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     arguments = ("run", "lane_change", f"--set=duration_s={DURATION_S}")
     with first_only(folder) as first:
         if first:
-            wall = run_to_the_end(*arguments, "--out", "wall", folder=folder)
-            virtual = run_to_the_end(
-                *arguments, "--clock=virtual", "--quiet", "--out=virtual", folder=folder
-            )
-            assert virtual.exit_code == 0, virtual.err
+            with start(*arguments, "--out", "wall", folder=folder) as wall:
+                virtual = run_to_the_end(
+                    *arguments, "--clock=virtual", "--quiet", "--out=virtual", folder=folder
+                )
+                assert virtual.exit_code == 0, virtual.err
+                wall.wait()
+                assert not wall.everyone()
             (folder / "wall.out").write_text(wall.out)
             (folder / "wall.err").write_text(wall.err)
             (folder / "wall.code").write_text(str(wall.exit_code))
@@ -49,20 +47,3 @@ def lane_change(tmp_path_factory: pytest.TempPathFactory) -> Driven:
         out=(folder / "wall.out").read_text(),
         err=(folder / "wall.err").read_text(),
     )
-
-
-def shared(factory: pytest.TempPathFactory) -> Path:
-    """Return the folder that all processes of one test session have in common."""
-    own = factory.getbasetemp()
-    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
-
-
-@contextmanager
-def first_only(folder: Path) -> Iterator[bool]:
-    """Give True to whoever comes first; the others wait until it is through."""
-    folder.mkdir(exist_ok=True)
-    done = folder / "done"
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield not done.exists()
-        done.touch()

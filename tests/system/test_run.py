@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.made.scenarios.shipped import driven_to_its_end
 from tests.system.conftest import DURATION_S, Driven
 from tests.system.logs import (
     Run,
@@ -76,11 +77,15 @@ class Glimpse:
     said: Process
 
 
-def glimpse(scenario: object, folder: Path) -> Glimpse:
+def beginning(scenario: str) -> tuple[str, ...]:
+    """Arguments that let processes drive the first seconds of a scenario into folder `wall`."""
+    return ("run", scenario, f"--set=duration_s={GLIMPSE_S}", "--quiet", "--out=wall")
+
+
+def glimpse(scenario: str, folder: Path) -> Glimpse:
     """Run a scenario both ways at once; both must end well."""
     whole = ("run", scenario, "--clock=virtual", "--quiet", "--out=virtual")
-    begin = ("run", scenario, f"--set=duration_s={GLIMPSE_S}", "--quiet", "--out=wall")
-    with start(*begin, folder=folder) as said:
+    with start(*beginning(scenario), folder=folder) as said:
         virtual = run_to_the_end(*whole, folder=folder)
         assert virtual.exit_code == 0, virtual.err
         assert said.wait() == 0, said.err
@@ -99,8 +104,13 @@ def assert_follows(seen: Glimpse) -> None:
 
 
 @pytest.mark.parametrize("scenario", ["church_lot", "highway"])
-def test_recorded_drives_are_followed(scenario: str, tmp_path: Path) -> None:
-    seen = glimpse(scenario, tmp_path)
+def test_recorded_drives_are_followed(
+    scenario: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    with start(*beginning(scenario), folder=tmp_path) as said:
+        virtual = Run(driven_to_its_end(scenario, tmp_path_factory))
+        assert said.wait() == 0, said.err
+    seen = Glimpse(virtual, Run(tmp_path / "wall"), said)
     assert_follows(seen)
     assert_sound(seen.virtual.log)
 

@@ -15,12 +15,13 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.scenarios.polygons import common_area
+from tests.made.scenarios.shipped import driven_to_its_end
 from transport.log.reader import LogReader
 from vehicles.messages import LogText, TruePose
 
 BRAKING = """
 name = "braking"
-duration_s = 25.0
+duration_s = 20.0
 [convoy]
 vehicles = 3
 [path]
@@ -42,6 +43,13 @@ def ran(folder: Path, *overrides: str, seed: int = 1) -> tuple[RunSummary, Stop]
     stop = Stop()
     scenario = scenario_from_text(BRAKING, overrides=overrides, seed=seed)
     return run_virtual(scenario, folder, stop), stop
+
+
+@pytest.fixture(scope="module")
+def crashed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunSummary, Stop]:
+    """Seed 1 of the convoy that brakes and hears little: its folder and how it went."""
+    folder = tmp_path_factory.mktemp("crashed")
+    return folder, *ran(folder)
 
 
 def overlapping(log: Path) -> set[tuple[str, str]]:
@@ -84,27 +92,31 @@ def test_without_loss_nothing_happens(tmp_path: Path) -> None:
     assert min(row.true_gap_m_min or 99.0 for row in summary.vehicles) > 3.0
 
 
-def test_a_limit_on_collisions_ends_the_run_there_and_fails_it(tmp_path: Path) -> None:
-    free, _ = ran(tmp_path / "free")
+def test_a_limit_on_collisions_ends_the_run_there_and_fails_it(
+    crashed: tuple[Path, RunSummary, Stop], tmp_path: Path
+) -> None:
+    _, free, _ = crashed
     first = next(one for one in free.events if one.kind == "collision")
     summary, stop = ran(tmp_path / "limited", "limits.collisions_max=0")
     assert (summary.outcome, stop.exit_code) == ("failed", EXIT_FAILED)
     assert summary.reason == f"limits.collisions_max = 0: {first.line}"
     assert summary.ran_s == pytest.approx(first.at_s, abs=0.03)
     on, stop = ran(tmp_path / "on", "limits.collisions_max=0", 'limits.after_collision="go_on"')
-    assert (on.outcome, on.ran_s, stop.exit_code) == ("failed", 25.0, EXIT_FAILED)
+    assert (on.outcome, on.ran_s, stop.exit_code) == ("failed", 20.0, EXIT_FAILED)
     assert on.events == free.events
 
 
 def test_a_figure_s_limit_fails_a_run_that_went_on_to_its_end(tmp_path: Path) -> None:
     summary, stop = ran(tmp_path, "links.loss_ratio=0", "limits.true_gap_m_min=50")
-    assert (summary.outcome, summary.ran_s, stop.exit_code) == ("failed", 25.0, EXIT_FAILED)
+    assert (summary.outcome, summary.ran_s, stop.exit_code) == ("failed", 20.0, EXIT_FAILED)
     assert summary.reason.startswith("limits.true_gap_m_min = 50: v2 was ")
 
 
-def test_a_log_tells_the_same_events_as_the_run_whatever_the_order(tmp_path: Path) -> None:
-    summary, _ = ran(tmp_path)
-    log = tmp_path / LOG_NAME
+def test_a_log_tells_the_same_events_as_the_run_whatever_the_order(
+    crashed: tuple[Path, RunSummary, Stop],
+) -> None:
+    folder, summary, _ = crashed
+    log = folder / LOG_NAME
     assert summary_of(log) == summary
     reader = LogReader(log)
     metrics = Metrics.of(scenario_from_text(reader.attachments()[ATTACHED_AS].decode()))
@@ -118,8 +130,10 @@ def test_a_log_tells_the_same_events_as_the_run_whatever_the_order(tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", ["lane_change", "church_lot", "highway"])
-def test_shipped_scenarios_report_nothing_on_clean_links(tmp_path: Path, name: str) -> None:
-    summary = run_virtual(load_scenario(name), tmp_path, Stop())
+def test_shipped_scenarios_report_nothing_on_clean_links(
+    tmp_path_factory: pytest.TempPathFactory, name: str
+) -> None:
+    summary = summary_of(driven_to_its_end(name, tmp_path_factory) / LOG_NAME)
     slides = [event for event in summary.events if event.kind == "slide"]
     assert (list(summary.events), summary.holes) == (slides, ())
     # In the car park's tightest bends followers turn their wheels in jerks, and slide for moments.
@@ -130,16 +144,16 @@ def test_shipped_scenarios_report_nothing_on_clean_links(tmp_path: Path, name: s
 
 def test_a_log_whose_messages_were_lost_names_the_hole(tmp_path: Path) -> None:
     """Five seconds of a recorded run taken out again: the figures stay those of the rest."""
-    scenario = load_scenario("lane_change", ["duration_s=15"])
+    scenario = load_scenario("lane_change", ["duration_s=12"])
     whole = run_virtual(scenario, tmp_path, Stop())
     start = scenario.start_at_ns
     metrics = Metrics.of(scenario)
     for at, _, message in LogReader(tmp_path / LOG_NAME).messages():
         if not 5.0 <= (at - start) / 1e9 < 10.0:
             metrics.add(message)
-    rows = metrics.vehicle_summaries(round(15e9))
+    rows = metrics.vehicle_summaries(round(12e9))
     assert [row.missing_poses for row in rows] == [100] * 4
-    holes = metrics.holes(round(15e9))
+    holes = metrics.holes(round(12e9))
     assert [(one.vehicle, one.from_s, one.to_s, one.poses) for one in holes] == [
         (name, 5.0, 9.95, 100) for name in scenario.vehicle_names
     ]
