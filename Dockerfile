@@ -19,19 +19,16 @@ RUN mkdir runs && touch owner && printf '%s\n' '#!/bin/sh -e' \
 ENTRYPOINT ["convoy-as-owner"]
 CMD ["run"]
 
+# The project, compiled, as both images take it over into their environment. A layer may take
+# seconds to be stored, so that few of them are made anew when a line of the project changes.
 FROM base AS project
-COPY pyproject.toml README.md LICENSE /tmp/convoy/
-COPY vehicles /tmp/convoy/vehicles
-COPY transport /tmp/convoy/transport
-COPY scenarios /tmp/convoy/scenarios
-RUN pip wheel --no-cache-dir --no-deps --wheel-dir /tmp/wheel /tmp/convoy
+COPY . /tmp/convoy
+RUN pip install --no-cache-dir --no-deps --prefix /tmp/installed /tmp/convoy
 
 FROM base AS vehicle
-COPY --from=project /tmp/wheel /tmp/wheel
-RUN pip install --no-cache-dir --no-deps /tmp/wheel/*.whl
+COPY --from=project /tmp/installed /opt/convoy
 
 FROM base AS whole
 COPY requirements.lock /tmp/
 RUN pip install --no-cache-dir --require-hashes -r /tmp/requirements.lock
-COPY --from=project /tmp/wheel /tmp/wheel
-RUN pip install --no-cache-dir --no-deps /tmp/wheel/*.whl
+COPY --from=project /tmp/installed /opt/convoy

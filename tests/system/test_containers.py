@@ -14,7 +14,8 @@ from uuid import uuid4
 import pytest
 
 from scenarios.definition.scenario import library
-from tests.system.conftest import first_only, shared
+from tests.made.once import first_only, shared
+from tests.system.conftest import DURATION_S, Driven
 from tests.system.logs import (
     Run,
     agreement,
@@ -23,7 +24,7 @@ from tests.system.logs import (
     assert_sound,
     assert_summary_is_in_the_log,
 )
-from tests.system.processes import run_to_the_end, until
+from tests.system.processes import until
 
 PROJECT = Path(__file__).parents[2]
 PARTS = (
@@ -38,7 +39,6 @@ BASE = "python:3.11-slim-bookworm"
 PORT_NAMES = ("CONVOY_PAGE_PORT", "CONVOY_DATA_PORT")
 USER = 4711
 """Somebody who is not root."""
-DURATION_S = 12.0
 SHORT = f"--set=duration_s={DURATION_S:g}"
 BUILD_S = 900.0
 DRIVE_S = 300.0
@@ -162,7 +162,8 @@ def given_to_a_user(project: Path) -> int:
     return USER
 
 
-def test_six_containers_drive_the_default_scenario(project: Path, tmp_path: Path) -> None:
+@pytest.mark.long
+def test_six_containers_drive_the_default_scenario(project: Path, lane_change: Driven) -> None:
     user = given_to_a_user(project)
     ports = free_ports()
     page = ports["CONVOY_PAGE_PORT"]
@@ -179,22 +180,17 @@ def test_six_containers_drive_the_default_scenario(project: Path, tmp_path: Path
     (folder,) = (project / "runs").iterdir()  # Docker made it, as it was not there
     for written in (folder.parent, folder, *folder.iterdir()):
         assert written.stat().st_uid == user, written
-    assert re.fullmatch(r"\d{8}-\d{6}-lane_change-duration_s=12", folder.name)
+    assert re.fullmatch(r"\d{8}-\d{6}-lane_change-duration_s=8", folder.name)
     run = Run(folder)
     assert_sound(run.log)
     assert_nothing_missing(run, DURATION_S)
     assert_summary_is_in_the_log(run)
     assert run.summary["outcome"] == "completed"
-    assert_drives_as_virtual_time_does(run, tmp_path)
+    assert_drives_as_virtual_time_does(run, lane_change.virtual)
 
 
-def assert_drives_as_virtual_time_does(run: Run, folder: Path) -> None:
+def assert_drives_as_virtual_time_does(run: Run, virtual: Run) -> None:
     """True paths agree with those of the virtual run, made here and not in a container."""
-    twin = run_to_the_end(
-        *("run", "lane_change", SHORT, "--clock=virtual", "--quiet", "--out=virtual"), folder=folder
-    )
-    assert twin.exit_code == 0, twin.err
-    virtual = Run(folder / "virtual")
     found = agreement(run, virtual)
     print(f"{found.equal} of {found.compared} true poses are equal to the bit;", end=" ")
     print(f"farthest {found.farthest_m * 100:.3f} cm,", end=" ")
