@@ -24,6 +24,9 @@ from transport.picture.option import parse_rerun_option
 
 START_S = 20.0
 SETTLE_S = 1.5
+"""A picture that is the same after this time has all that was loaded."""
+GLANCE_S = 0.2
+"""From one picture to the next where it is enough that something appears in one of them."""
 TOP_BAR = 36
 """Rows of pixels of the viewer's own menu, which a picture can do without."""
 
@@ -56,9 +59,7 @@ def headless_viewer(
         while not viewer_process.is_listening("127.0.0.1", port):
             assert time.monotonic() < deadline, "the viewer does not start"
             time.sleep(0.1)
-        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-        time.sleep(SETTLE_S)
-        yield client
+        yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
     finally:
         viewer_process.stop(viewer)
 
@@ -85,7 +86,7 @@ def take_picture(client: ViewerClient, at_s: float, *, settled: bool = True) -> 
             time.sleep(0.2)
     before = None
     while True:
-        time.sleep(SETTLE_S)
+        time.sleep(SETTLE_S if settled else GLANCE_S)
         picture = picture_now(client)
         if not settled or picture == before or time.monotonic() > deadline:
             return picture
@@ -98,6 +99,7 @@ def picture_of(log: Path, at_s: float, size: str = "1600x1000") -> Any:
         recording = Path(folder) / "run.rrd"
         review(log, parse_rerun_option(f"save={recording}"), wait=lambda _: None)
         with headless_viewer(str(recording), size) as client:
+            time.sleep(SETTLE_S)  # else the empty window may be what does not change
             return take_picture(client, at_s)
 
 

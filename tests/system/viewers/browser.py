@@ -30,7 +30,7 @@ FLAGS = (
     "--remote-debugging-pipe",
     # The page asks for fonts and the like; no test leaves this machine.
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-    "--window-size=1000,700",
+    "--window-size=800,560",  # drawn without a graphics card, so no larger than it must be,
 )
 WITH_PIPES = """
 import fcntl, os, sys
