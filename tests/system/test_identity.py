@@ -166,22 +166,27 @@ def test_a_router_that_is_away_at_the_end_does_not_fail_a_completed_run(
     assert summary["recorder_rejected_messages"] == {}
 
 
-@pytest.mark.parametrize(
-    ("duration_s", "lost_s", "exit_code"), [(30.0, 0.5, 1), (3.0, 2.6, 0)], ids=["mid", "end"]
-)
-def test_a_router_that_is_lost_for_good_ends_all(
-    place: Place, tmp_path: Path, duration_s: float, lost_s: float, exit_code: int
-) -> None:
-    recorder, *vehicles = place.convoy((*TWO, f"--set=duration_s={duration_s}"), "run")
-    await_driving(recorder, lost_s)
-    place.lose_router()
-    for part in (recorder, *vehicles):
-        assert part.wait(20.0) == exit_code, part.err
-    for name, vehicle in zip(NAMES, vehicles, strict=True):
-        end = "is over" if exit_code == 0 else "failed: the router is gone"
-        assert vehicle.lines()[-1] == f"{name}: run lane_change {end}"
-    outcome = "completed" if exit_code == 0 else "failed"
-    assert Run(tmp_path / "run").summary["outcome"] == outcome
+def test_a_router_that_is_lost_for_good_ends_all(tmp_path: Path) -> None:
+    """In mid-run, and in the last second; side by side, for both wait five seconds for it."""
+    mid, end = tmp_path / "mid", tmp_path / "end"
+    with ExitStack() as stack:
+        places, parts = {}, {}
+        for folder, duration_s in ((mid, 30.0), (end, 3.0)):
+            folder.mkdir()
+            places[folder] = Place(folder, stack)
+            parts[folder] = places[folder].convoy((*TWO, f"--set=duration_s={duration_s}"), "run")
+        for folder, seconds in ((end, 2.6), (mid, 0.0)):
+            await_driving(parts[folder][0], seconds)
+            places[folder].lose_router()
+        for folder, exit_code, said, outcome in (
+            (mid, 1, "failed: the router is gone", "failed"),
+            (end, 0, "is over", "completed"),
+        ):
+            for part in parts[folder]:
+                assert part.wait(20.0) == exit_code, part.err
+            for name, vehicle in zip(NAMES, parts[folder][1:], strict=True):
+                assert vehicle.lines()[-1] == f"{name}: run lane_change {said}"
+            assert Run(folder / "run").summary["outcome"] == outcome
 
 
 _FILTER = '{flows: ["ingress"], messages: ["put"], key_exprs: ["**/gps"], size_limit: 0}'
