@@ -20,7 +20,7 @@ settings.load_profile("deterministic")
 
 SYSTEM = Path(__file__).parent / "system"
 
-# Where the environment forbids to keep compiled modules, each of some five hundred processes that
+# Where the environment forbids to keep compiled modules, each of several hundred processes that
 # tests start would compile the project anew.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
