@@ -102,7 +102,7 @@ def limits(field: FieldInfo) -> str:
     """Put in words the range of a number's key: `0 to 1`, `more than 0, at most 100`."""
     found = {
         name: bound
-        for limit in field.metadata
+        for limit in (*field.metadata, *_metadata(field.annotation))
         for name in ("ge", "gt", "le", "lt")
         if (bound := getattr(limit, name, None)) is not None
     }
@@ -110,6 +110,14 @@ def limits(field: FieldInfo) -> str:
         return f"{found['ge']} to {found['le']}"
     words = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
     return ", ".join(f"{word} {found[name]}" for name, word in words.items() if name in found)
+
+
+def _metadata(annotation: Any) -> Iterator[Any]:
+    """Limits inside the type of a key, such as those of a ratio that may be left out."""
+    for one in getattr(annotation, "__metadata__", ()):
+        yield from one.metadata if isinstance(one, FieldInfo) else (one,)
+    for part in get_args(annotation):
+        yield from _metadata(part)
 
 
 def models_of(annotation: Any) -> Iterator[type[BaseModel]]:

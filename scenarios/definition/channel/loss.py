@@ -121,8 +121,8 @@ def _forgetting(key: str, law: Callable[..., Effect], *chances: float) -> Effect
         value = ", ".join(f"{one:g}" for one in chances)
         raise _Unfit(
             key,
-            f"given {value} as the law's numbers, {error}; allowed a chain that does within "
-            "10000 messages on average, and does not go round in a circle",
+            f"given {value}, {error}; allowed a chain that does within 10000 messages on average, "
+            "and does not go round in a circle",
         ) from error
 
 

@@ -19,6 +19,7 @@ from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.loss import LogLoss, PatternLoss
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.traces.recorded import is_file
 from transport.links.laws.patterns import Numbers
 from vehicles.messages import LinkVerdict
 
@@ -70,7 +71,10 @@ def _with_loss(tables: ScenarioTables, key: str, loss: PatternLoss | None) -> Sc
 
 
 def _sought(folder_of: FolderOf, key: str, file: str) -> Path:
-    return folder_of(key.replace("[", ".").replace("]", "")) / file
+    path = folder_of(key.replace("[", ".").replace("]", "")) / file
+    if not is_file(path):
+        raise ValueError("is a directory" if path.is_dir() else "no such file")
+    return path
 
 
 # ---- Patterns
