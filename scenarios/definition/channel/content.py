@@ -22,11 +22,11 @@ from transport.links.laws.false_content import (
     FalseContent,
     FalseDrift,
     FalseOffset,
+    FalseSpell,
     FrozenContent,
     GhostVehicle,
     ReplayedContent,
     Shift,
-    Span,
 )
 from transport.links.link import Link
 from vehicles.schedule import MILLISECOND, SECOND
@@ -76,9 +76,9 @@ def _false_content(table: AnyFalseTable, gate: PoseGate) -> FalseContent:
             return GhostVehicle(span, Shift(ahead=table.ahead_m, left=table.left_m), after)
 
 
-def _span(table: FalseTable, start_at: int) -> Span:
+def _span(table: FalseTable, start_at: int) -> FalseSpell:
     to_at = inf if table.to_s is None else start_at + round(table.to_s * SECOND)
-    return Span(start_at + round(table.from_s * SECOND), to_at)
+    return FalseSpell(start_at + round(table.from_s * SECOND), to_at)
 
 
 def content_problems(tables: ScenarioTables) -> Iterator[tuple[str, str]]:

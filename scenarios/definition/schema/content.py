@@ -11,7 +11,7 @@ LATEST_S = 86_400
 
 Seconds = Annotated[float, Field(ge=0, le=LATEST_S)]
 Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
-Speed = Annotated[float, Field(ge=-100, le=100)]
+Velocity = Annotated[float, Field(ge=-100, le=100)]
 
 
 class FalseTable(Table):
@@ -38,10 +38,10 @@ class DriftTable(FalseTable):
     """The place told moves away from the true one, from `from_s` on."""
 
     kind: Literal["drift"]
-    east_mps: Speed = 0.0
-    north_mps: Speed = 0.0
-    ahead_mps: Speed = 0.0
-    left_mps: Speed = 0.0
+    east_mps: Velocity = 0.0
+    north_mps: Velocity = 0.0
+    ahead_mps: Velocity = 0.0
+    left_mps: Velocity = 0.0
 
 
 class FrozenTable(FalseTable):

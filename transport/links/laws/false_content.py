@@ -22,7 +22,7 @@ Known is what physically came, lost on the emulated link or not.
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class FalseSpell:
     """From when (ns, inclusive) until when (ns, exclusive) content is false, by when it is sent."""
 
     from_at: int = 0
@@ -51,7 +51,7 @@ class FalseContent(Protocol):
         """Word of the verdicts."""
 
     @property
-    def span(self) -> Span:
+    def span(self) -> FalseSpell:
         """When it acts."""
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
@@ -65,7 +65,7 @@ class FalseContent(Protocol):
 class FalseOffset:
     """Every place is told `by` so much beside the true one."""
 
-    span: Span
+    span: FalseSpell
     by: Shift
     kind: str = "offset"
 
@@ -78,7 +78,7 @@ class FalseOffset:
 class FalseDrift:
     """The place told moves away from the true one by `rate` (m/s) from the start of the span."""
 
-    span: Span
+    span: FalseSpell
     rate: Shift
     kind: str = "drift"
 
@@ -91,7 +91,7 @@ class FalseDrift:
 class FrozenContent:
     """Every message tells what the last one before the span did."""
 
-    span: Span
+    span: FalseSpell
     kind: str = "frozen"
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:  # noqa: ARG002 - as all
@@ -103,7 +103,7 @@ class FrozenContent:
 class ReplayedContent:
     """Every message tells what the newest one that was sent `age` ns earlier did."""
 
-    span: Span
+    span: FalseSpell
     age: int
     kind: str = "replayed"
 
@@ -121,7 +121,7 @@ class GhostVehicle:
     receiver's check of numbers does not see it.
     """
 
-    span: Span
+    span: FalseSpell
     at: Shift
     after: int
     kind: str = "ghost"

@@ -1,0 +1,173 @@
+"""Copies, messages held back and wrong bits: as many as asked, keyed by the message alone."""
+
+from collections import Counter
+from math import comb, exp, log, sqrt
+from random import Random
+from zlib import crc32
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transport.links.laws.content import (
+    BitErrors,
+    Duplication,
+    Reordering,
+    draw_of_copy,
+    flip_places,
+    flipped,
+)
+from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.plain import Jitter
+from transport.links.link import combine, keyed_draw
+
+DRAW = keyed_draw(1, "v1", "v2")
+MS = 1_000_000
+LIMIT = 4.0
+"""Standard errors that a figure may be off."""
+
+
+def off(count: int, n: int, share: float) -> float:
+    """By how many standard errors a count differs from a binomial's mean."""
+    return abs(count - n * share) / sqrt(n * share * (1.0 - share))
+
+
+@pytest.mark.campaign(10_000, 100_000)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("ratio", [0.01, 0.3])
+def test_copies_and_held_back_messages_are_as_many_as_asked(
+    seed: int, ratio: float, campaign: int
+) -> None:
+    draw = keyed_draw(seed, "v1", "v2")
+    copies, held = Duplication(ratio), Reordering(ratio, 70 * MS)
+    numbers = range(campaign)
+    twice = [copies.copies(draw, k) for k in numbers]
+    later = [held.judge(draw, Passage(k, 0)) for k in numbers]
+    assert set(twice) == {0, 1}
+    assert set(later) == {0, 70 * MS}
+    assert off(sum(twice), campaign, ratio) < LIMIT
+    assert off(later.count(70 * MS), campaign, ratio) < LIMIT
+    both = sum(bool(a and b) for a, b in zip(twice, later, strict=True))
+    assert off(both, campaign, ratio**2) < LIMIT  # each for itself
+
+
+@pytest.mark.parametrize(("ratio", "count"), [(0.0, 0), (1.0, 500)])
+def test_none_and_all_are_exact(ratio: float, count: int) -> None:
+    assert sum(Duplication(ratio).copies(DRAW, k) for k in range(500)) == count
+    assert sum(Reordering(ratio, 1).judge(DRAW, Passage(k, 0)) == 1 for k in range(500)) == count
+
+
+@pytest.mark.campaign(10_000, 100_000)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("ratio", "size"), [(1e-5, 150), (3e-4, 150), (2e-3, 190), (0.1, 12)])
+def test_frames_are_hit_as_often_as_the_closed_form_has_it(
+    seed: int, ratio: float, size: int, campaign: int
+) -> None:
+    errors, draw, bits = BitErrors(ratio), keyed_draw(seed, "v1", "v2"), 8 * size
+    flips = [errors.flips(draw, k, size) for k in range(campaign)]
+    hit = 1.0 - (1.0 - ratio) ** bits
+    assert errors.corrupted_share(size) == pytest.approx(hit, rel=1e-9)
+    assert off(sum(map(bool, flips)), campaign, hit) < LIMIT
+    # All of the flips are as many as bits that are flipped each on its own.
+    assert off(sum(flips), campaign * bits, ratio) < LIMIT
+    seen = Counter(flips)
+    for count in range(6):
+        share = comb(bits, count) * ratio**count * (1.0 - ratio) ** (bits - count)
+        if campaign * share > 20.0:
+            assert off(seen[count], campaign, share) < LIMIT
+
+
+def test_a_frame_without_bit_errors_is_never_hit_and_the_worst_still_is_binomial() -> None:
+    assert BitErrors(0.0).flips(DRAW, 0, 512) == 0
+    at_worst = BitErrors(0.1)
+    assert all(300 < at_worst.flips(DRAW, k, 512) < 520 for k in range(200))  # 409.6 ± 5.7 sigma
+
+
+@given(st.floats(1e-6, 0.1), st.integers(1, 512), st.floats(1e-15, 1.0, exclude_max=True))
+def test_any_draw_gives_a_number_of_bits_that_the_frame_has(
+    ratio: float, size: int, drawn: float
+) -> None:
+    count = BitErrors(ratio).flips(lambda _purpose, _seq: drawn, 0, size)
+    hit = 1.0 - exp(8 * size * log(1.0 - ratio))
+    assert 0 <= count <= 8 * size
+    if abs(drawn - hit) > 1e-9:  # nearer than that, rounding may decide
+        assert (count > 0) == (drawn < hit)
+
+
+def test_a_higher_ratio_hits_the_same_frames_and_more() -> None:
+    few = {k for k in range(3000) if BitErrors(1e-4).flips(DRAW, k, 150)}
+    many = {k for k in range(3000) if BitErrors(3e-4).flips(DRAW, k, 150)}
+    assert few < many
+
+
+@given(st.binary(min_size=1, max_size=200), st.integers(0, 1600), st.integers(0, 10_000))
+def test_as_many_bits_differ_as_were_flipped_and_no_others(
+    frame: bytes, count: int, seq: int
+) -> None:
+    bits = 8 * len(frame)
+    places = flip_places(DRAW, seq, count, bits)
+    assert len(set(places)) == len(places) == min(count, bits)
+    assert all(0 <= place < bits for place in places)
+    came = flipped(frame, places)
+    differ = int.from_bytes(frame, "little") ^ int.from_bytes(came, "little")
+    assert differ == sum(1 << place for place in places)
+    assert flipped(came, places) == frame
+
+
+def test_every_bit_is_hit_as_often_as_any_other() -> None:
+    bits, count, n = 40, 4, 5000
+    seen = Counter(place for k in range(n) for place in flip_places(DRAW, k, count, bits))
+    expected = n * count / bits
+    # Places of one frame are drawn without replacement, so this is below a chi-squared's mean, 39.
+    assert sum((seen[place] - expected) ** 2 / expected for place in range(bits)) < 72.0
+
+
+@given(st.binary(min_size=1, max_size=300), st.sets(st.integers(0, 2399), min_size=1, max_size=3))
+def test_the_frame_check_sees_up_to_three_wrong_bits(frame: bytes, places: set[int]) -> None:
+    """Its Hamming distance is 4 and more up to 91 607 bits (Koopman 2002, for IEEE 802.3)."""
+    inside = {place % (8 * len(frame)) for place in places}
+    came = flipped(frame, inside)
+    assert BitErrors(0.1).is_noticed(frame, came)
+    assert not BitErrors(0.1, frame_check=False).is_noticed(frame, came)
+    assert not BitErrors(0.1).is_noticed(frame, frame)
+
+
+def test_what_the_checksum_does_not_see_passes_the_frame_check() -> None:
+    # CRC-32 is affine: the generator polynomial as an error leaves it as it was.
+    sent = bytes(range(40))
+    polynomial = [32 - k for k in (32, 26, 23, 22, 16, 12, 11, 10, 8, 7, 5, 4, 2, 1, 0)]
+    came = flipped(sent, polynomial)
+    assert crc32(came) == crc32(sent)
+    assert not BitErrors(0.1).is_noticed(sent, came)
+    assert BitErrors(0.1).is_noticed(sent, flipped(sent, polynomial[1:]))
+
+
+@given(order=st.randoms(use_true_random=False), seed=st.integers(0, 2**31))
+def test_any_of_it_alone_is_as_in_the_stream(order: Random, seed: int) -> None:
+    def drawn(draw: Draw, seq: int) -> tuple[object, ...]:
+        count = BitErrors(3e-4).flips(draw, seq, 150)
+        return (
+            Duplication(0.4).copies(draw, seq),
+            Reordering(0.4, 5).judge(draw, Passage(seq, 0)),
+            flip_places(draw, seq, count, 1200),
+            combine((Jitter(50 * MS),), draw_of_copy(draw), Passage(seq, 0)),
+        )
+
+    stream = [drawn(keyed_draw(seed, "v1", "v2"), seq) for seq in range(20)]
+    numbers = list(range(20))
+    order.shuffle(numbers)
+    for seq in numbers[:7]:
+        drawn(keyed_draw(seed, "v1", "v3"), seq)
+        assert drawn(keyed_draw(seed, "v1", "v2"), seq) == stream[seq]
+
+
+def test_a_copy_s_delay_is_drawn_apart_from_the_message_s() -> None:
+    n, spread = 4000, 100 * MS
+    own = [combine((Jitter(spread),), DRAW, Passage(k, 0)).visible_at / spread for k in range(n)]
+    copy = [
+        combine((Jitter(spread),), draw_of_copy(DRAW), Passage(k, 0)).visible_at / spread
+        for k in range(n)
+    ]
+    assert abs(sum(copy) / n - 0.5) < LIMIT / sqrt(12 * n)
+    covariance = sum((a - 0.5) * (b - 0.5) for a, b in zip(own, copy, strict=True)) / n
+    assert abs(covariance) < LIMIT / 12 / sqrt(n)

@@ -1,0 +1,395 @@
+"""What a receiver makes of copied, corrupted and false messages, whatever the transport did."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import pairwise
+from math import sqrt
+from random import Random
+from typing import Any
+from zlib import crc32
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.definition.schema.links import LinkTable
+from tests.made.scenarios.messages import MS, START, gps
+from tests.made.transport.links import inbox as inbox_of
+from transport.codec import encode
+from transport.links.arrival import ContentStage, Memory
+from transport.links.inbox import Inbox
+from transport.links.laws.content import BitErrors
+from transport.links.laws.effect import Passage
+from transport.links.link import Link, Verdict
+from transport.topics import TOPICS, key
+from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.messages import GpsPose, LinkVerdict
+from vehicles.schedule import SECOND
+
+ORIGIN = Origin(30.638, -96.481, 80.0)
+PLANE = LocalPlane(ORIGIN)
+TICK = 20 * MS
+SIZE = len(encode(gps("v1", 100)))
+FALSE: list[dict[str, Any]] = [
+    {"kind": "frozen", "from_s": 1.0, "to_s": 2.0},
+    {"kind": "replayed", "age_s": 0.7, "from_s": 2.5, "to_s": 3.5},
+    {"kind": "drift", "left_mps": 1.0, "from_s": 3.0, "to_s": 4.5},
+    {"kind": "offset", "east_m": 2.0, "from_s": 4.0},
+    {"kind": "ghost", "ahead_m": -4.0, "from_s": 0.5, "to_s": 4.0},
+]
+EVERYTHING = {
+    "duplicate_ratio": 0.3,
+    "reorder_ratio": 0.2,
+    "bit_error_ratio": 3e-4,
+    "false": FALSE,
+}
+
+
+def asked(content: dict[str, Any], **plain: float) -> LinkTable:
+    return LinkTable.model_validate({"latency_ms": 20.0, **plain, "content": content})
+
+
+def sent(count: int) -> list[GpsPose]:
+    """Poses of a car that drives north at 20 m/s, a metre from one to the next."""
+    return [
+        gps("v1", k, latitude_deg=30.638 + k * 9.02e-6, heading_deg=0.0, altitude_m=80.0)
+        for k in range(count)
+    ]
+
+
+def ear(content: dict[str, Any], seed: int = 1, start_at: int = START, **plain: float) -> Inbox:
+    return inbox_of(
+        "v2", {"v1": asked(content, **plain)}, start_at=start_at, seed=seed, origin=ORIGIN
+    )
+
+
+def run(
+    inbox: Inbox, arrivals: Iterable[tuple[int, GpsPose]], ticks: int = 500, start_at: int = START
+) -> tuple[list[tuple[int, GpsPose]], list[LinkVerdict]]:
+    """Feed an inbox poses at their instants; returns what was heard when, and the verdicts."""
+    pending = sorted(arrivals, key=lambda row: row[0])
+    heard: list[tuple[int, GpsPose]] = []
+    verdicts: list[LinkVerdict] = []
+    for now in range(start_at, start_at + ticks * TICK, TICK):
+        while pending and pending[0][0] <= now:
+            one = pending.pop(0)[1]
+            inbox.on_bytes(key(one.vehicle, TOPICS["gps"]), encode(one))
+        heard += [(now, pose) for pose in inbox.take(now)]
+        verdicts += inbox.verdicts()
+    return heard, verdicts
+
+
+def at_once(poses: Iterable[GpsPose]) -> list[tuple[int, GpsPose]]:
+    return [(one.sent_at_ns, one) for one in poses]
+
+
+# ---- Whatever the transport does
+
+
+@settings(max_examples=12)
+@given(random=st.randoms(use_true_random=False), seed=st.integers(0, 1000))
+@pytest.mark.parametrize("frame_check", [True, False])
+def test_another_order_and_time_of_arrival_changes_nothing(
+    frame_check: bool, random: Random, seed: int
+) -> None:
+    content = {**EVERYTHING, "frame_check": frame_check, "filter_duplicates": False}
+    poses = sent(100)
+    one, other = (ear(content, seed, jitter_ms=80.0, loss_ratio=0.1) for _ in range(2))
+    plain = run(one, at_once(poses))
+    random.shuffle(poses)
+    delayed = run(other, [(p.sent_at_ns + random.randrange(20 * MS), p) for p in poses])
+    assert delayed == plain
+    assert one.rejected == other.rejected
+    assert {"frozen+ghost", "replayed+drift+ghost", "drift+offset"} <= {
+        verdict.content.removeprefix("corrupted+") for verdict in plain[1]
+    }
+
+
+@pytest.mark.parametrize("frame_check", [True, False])
+def test_the_day_of_the_run_changes_nothing(frame_check: bool) -> None:
+    """A run on the wall clock starts at another instant than one in virtual time."""
+    content = {**EVERYTHING, "frame_check": frame_check, "bit_error_ratio": 2e-3}
+    told = []
+    for later in (0, 86_400 * SECOND, 123_456_789_012_345_678):
+        poses = [
+            replace(
+                one, measured_at_ns=one.measured_at_ns + later, sent_at_ns=one.sent_at_ns + later
+            )
+            for one in sent(100)
+        ]
+        inbox = ear(content, start_at=START + later)
+        heard, verdicts = run(inbox, at_once(poses), start_at=START + later)
+        told.append(
+            (
+                [(at - later, p.seq, p.latitude_deg, p.sent_at_ns - later) for at, p in heard],
+                [(v.pose_seq, v.outcome, v.reason, v.content, v.copies) for v in verdicts],
+                inbox.rejected,
+            )
+        )
+    assert told[0] == told[1] == told[2]
+
+
+def test_what_never_came_does_not_shift_the_others_copies_and_bits() -> None:
+    content = {"duplicate_ratio": 0.5, "bit_error_ratio": 3e-4}
+    _, whole = run(ear(content), at_once(sent(200)), 600)
+    _, holed = run(ear(content), at_once(sent(200)[::3]), 600)
+    kept = {v.pose_seq: (v.outcome, v.reason, v.copies) for v in whole}
+    assert {v.pose_seq: (v.outcome, v.reason, v.copies) for v in holed} == {
+        k: kept[k] for k in range(0, 200, 3)
+    }
+
+
+# ---- Copies and messages held back
+
+
+@pytest.mark.campaign(2000, 100_000)
+def test_copies_are_counted_and_refused_by_their_number(campaign: int) -> None:
+    inbox = ear({"duplicate_ratio": 0.3, "duplicate_delay_ms": 30.0}, loss_ratio=0.2)
+    poses = [gps("v1", k) for k in range(campaign)]
+    heard, verdicts = run(inbox, at_once(poses), 5 * campaign // 2 + 10)
+    copies = sum(v.copies for v in verdicts)
+    delivered = [v for v in verdicts if v.outcome == "delivered"]
+    assert abs(copies - 0.3 * len(delivered)) < 4.0 * sqrt(0.21 * len(delivered))
+    assert not any(v.copies for v in verdicts if v.outcome == "dropped")
+    assert inbox.rejected == {"duplicate": copies}
+    # What was sent is delivered or dropped, each once, copies or not.
+    link = inbox.links["v1"]
+    assert len(verdicts) == campaign == link.delivered + link.dropped.total()
+    assert [p.seq for _, p in heard] == [v.pose_seq for v in delivered]
+    assert inbox.heard == len(heard)
+
+
+def test_a_receiver_without_a_filter_is_told_twice() -> None:
+    content = {"duplicate_ratio": 1.0, "duplicate_delay_ms": 30.0, "filter_duplicates": False}
+    inbox = ear(content)
+    heard, verdicts = run(inbox, at_once(sent(3)))
+    ticks = [((at - START) // MS, p.seq) for at, p in heard]
+    # Visible at 20, 70, 120 ms, the copies at 50, 100, 150 ms; ticks every 20 ms.
+    assert ticks == [(20, 0), (60, 0), (80, 1), (100, 1), (120, 2), (160, 2)]
+    assert [v.copies for v in verdicts] == [1, 1, 1]
+    assert inbox.rejected == {}
+    assert inbox.heard == 3
+
+
+def test_a_copy_with_a_delay_of_its_own_never_comes_before_the_message() -> None:
+    content = {"duplicate_ratio": 1.0, "filter_duplicates": False}
+    heard, verdicts = run(ear(content, jitter_ms=200.0), at_once(sent(200)), 700)
+    first = {v.pose_seq: v.heard_at_ns for v in verdicts}
+    seen = Counter(p.seq for _, p in heard)
+    assert set(seen.values()) == {2}
+    later = [at - first[p.seq] for at, p in heard]
+    assert min(later) == 0
+    # The copy's own draw is the smaller one half of the time, and then both come together.
+    together = sum(delay == 0 for delay in later) - 200
+    assert 70 < together < 150
+    assert 100 * MS < max(later) <= 200 * MS
+
+
+def test_a_message_held_back_is_overtaken() -> None:
+    inbox = ear({"reorder_ratio": 0.2, "reorder_delay_ms": 120.0})
+    heard, verdicts = run(inbox, at_once(sent(200)), 700)
+    numbers = [p.seq for _, p in heard]
+    assert sorted(numbers) == list(range(200))
+    held = {v.pose_seq for v in verdicts if v.visible_at_ns - v.sent_at_ns == 140 * MS}
+    assert 20 < len(held) < 65
+    # It comes between the second and the third after it, unless those are held back as well.
+    for k in held - {198, 199}:
+        if not {k + 1, k + 2} & held:
+            assert numbers.index(k) > numbers.index(k + 2)
+
+
+# ---- Wrong bits
+
+
+def test_the_driver_is_never_told_of_a_corrupted_frame_with_frame_check() -> None:
+    poses = sent(2000)
+    inbox = ear({"bit_error_ratio": 3e-4})
+    heard, verdicts = run(inbox, at_once(poses), 5100)
+    assert all(pose == poses[pose.seq] for _, pose in heard)
+    hit = 1.0 - (1.0 - 3e-4) ** (8 * SIZE)
+    dropped = Counter((v.reason, v.content) for v in verdicts if v.outcome == "dropped")
+    assert set(dropped) == {("corrupted", "")}
+    assert abs(dropped["corrupted", ""] - 2000 * hit) < 4.0 * sqrt(2000 * hit * (1 - hit))
+    assert len(heard) + dropped.total() == 2000
+    assert inbox.rejected == {}
+
+
+def test_without_frame_check_the_gate_decides_and_its_word_is_told() -> None:
+    poses = sent(2000)
+    inbox = ear({"bit_error_ratio": 1e-3, "frame_check": False})
+    heard, verdicts = run(inbox, at_once(poses), 5100)
+    found = Counter((v.outcome, v.reason, v.content) for v in verdicts)
+    assert found.total() == 2000
+    refused = {content for outcome, _, content in found if outcome == "dropped"}
+    assert {"garbage", "absurd", "foreign", "far", "future"} <= refused
+    assert {reason for outcome, reason, _ in found if outcome == "dropped"} == {"corrupted"}
+    taken = {v.pose_seq for v in verdicts if v.content == "corrupted"}
+    assert len(taken) > 100
+    told = dict(zip((v.pose_seq for v in verdicts if v.outcome == "delivered"), heard, strict=True))
+    changed = {seq for seq, (_, pose) in told.items() if pose != poses[seq]}
+    assert changed <= taken
+    assert len(taken - changed) < 0.05 * len(taken)  # a zero's sign, which compares equal
+    # Whoever checks frames refuses the same ones.
+    _, checked = run(ear({"bit_error_ratio": 1e-3}), at_once(poses), 5100)
+    assert {v.pose_seq for v in checked if v.outcome == "dropped"} == taken | {
+        v.pose_seq for v in verdicts if v.outcome == "dropped"
+    }
+
+
+@settings(max_examples=300)
+@given(
+    drawn=st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=1, max_size=12),
+    ratio=st.sampled_from([1e-3, 1e-2, 0.1]),
+    false=st.lists(st.sampled_from(FALSE), max_size=3),
+)
+def test_no_flipped_bits_do_harm(
+    drawn: list[float], ratio: float, false: list[dict[str, Any]]
+) -> None:
+    """Whatever bits are hit, a frame is refused by a word or passes the gate as a whole."""
+
+    def draw(purpose: str, seq: int) -> float:
+        if purpose == "bits":
+            return min(drawn[0], 0.5)  # so that it is hit
+        return (
+            drawn[crc32(f"{purpose} {seq}".encode()) % len(drawn)]
+            if purpose.startswith("bit ")
+            else 0.0
+        )
+
+    inbox = ear({"false": false} if false else {"duplicate_ratio": 1.0})
+    stage = inbox.links["v1"].content
+    assert stage is not None
+    link = Link(stage.link.chain, 1, "v1", "v2")
+    object.__setattr__(link, "draw", draw)
+    hit = ContentStage(
+        link=link,
+        gate=stage.gate,
+        bit_errors=BitErrors(ratio, frame_check=False),
+        false=stage.false,
+    )
+    one = sent(90)[-1]
+    hit.memory.note(one)
+    judged = Verdict("delivered", "", one.sent_at_ns + 20 * MS)
+    arrival = hit.arrive(judged, one, Passage(one.seq, one.sent_at_ns, SIZE))
+    if arrival.verdict.outcome == "delivered":
+        stage.gate.check(arrival.pose, one.sent_at_ns)
+        assert "corrupted" in arrival.content
+    else:
+        assert arrival.verdict == Verdict("dropped", "corrupted", judged.visible_at)
+        assert arrival.content
+        assert not arrival.further
+
+
+# ---- False content
+
+
+def test_verdicts_name_the_false_content_of_their_spell_and_log_what_was_sent() -> None:
+    poses = sent(100)
+    content = {"false": [{"kind": "offset", "left_m": 1.5, "from_s": 1.0, "to_s": 2.0}]}
+    heard, verdicts = run(ear(content), at_once(poses))
+    assert [v.content for v in verdicts] == [""] * 20 + ["offset"] * 20 + [""] * 60
+    assert [(v.pose_seq, v.sent_at_ns) for v in verdicts] == [(p.seq, p.sent_at_ns) for p in poses]
+    for _, pose in heard:
+        true = poses[pose.seq]
+        aside = PLANE.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)[0]
+        # Left of a car that drives north is west.
+        assert aside == pytest.approx(-1.5 if 20 <= pose.seq < 40 else 0.0, abs=1e-3)
+        assert (pose.seq, pose.sent_at_ns, pose.speed_mps) == (
+            true.seq, true.sent_at_ns, true.speed_mps,
+        )  # fmt: skip
+
+
+def test_what_is_frozen_and_replayed_may_have_been_lost_itself() -> None:
+    """It is what was sent, as far as it came: the emulated loss comes after."""
+    content = {
+        "false": [
+            {"kind": "frozen", "from_s": 1.0, "to_s": 2.0},
+            {"kind": "replayed", "age_s": 0.5, "from_s": 3.0, "to_s": 4.0},
+        ]
+    }
+    poses = sent(100)
+    heard, verdicts = run(ear(content, loss_ratio=0.5), at_once(poses))
+    told = {pose.seq: pose.latitude_deg for _, pose in heard}
+    lost = {v.pose_seq for v in verdicts if v.outcome == "dropped"}
+    assert {k - 10 for k in range(60, 80) if k in told} & lost
+    for k, latitude in told.items():
+        source = 19 if 20 <= k < 40 else k - 10 if 60 <= k < 80 else k
+        assert latitude == poses[source].latitude_deg
+
+
+def test_without_anything_to_repeat_messages_stay_as_they_are() -> None:
+    content = {"false": [{"kind": "replayed", "age_s": 1.0}]}
+    _, verdicts = run(ear(content), at_once(sent(40)))
+    assert [v.content for v in verdicts] == [""] * 20 + ["replayed"] * 20
+    content = {"false": [{"kind": "frozen", "from_s": 1.0}]}
+    heard, verdicts = run(ear(content), at_once(sent(40)[20:]))
+    assert [v.content for v in verdicts] == [""] * 20
+    assert [pose for _, pose in heard] == sent(40)[20:]
+
+
+def test_a_ghost_is_heard_in_turn_with_its_sender() -> None:
+    content = {"false": [{"kind": "ghost", "ahead_m": -6.0, "from_s": 1.0, "to_s": 2.0}]}
+    inbox = ear(content)
+    heard, verdicts = run(inbox, at_once(sent(60)))
+    north = [PLANE.to_plane(p.latitude_deg, p.longitude_deg, p.altitude_m)[1] for _, p in heard]
+    steps = [there - here for here, there in pairwise(north[19:])]
+    # 1 m of way between two fixes, of which the ghost has done half when it speaks.
+    assert steps[:20] == pytest.approx([1.0, -5.5] + [6.5, -5.5] * 9, abs=0.01)
+    assert [v.content for v in verdicts[20:40]] == ["ghost"] * 20
+    assert len(heard) == 80
+    assert inbox.heard == len(verdicts) == 60
+    assert inbox.rejected == {}
+
+
+def test_a_false_place_that_no_convoy_reaches_is_dropped_with_the_gate_s_word() -> None:
+    standing = [gps("v1", k) for k in range(1000)]
+    table = asked({"false": [{"kind": "drift", "north_mps": -100.0}]})
+    north_of_it = Origin(31.52, -96.481, 80.0)
+    inbox = inbox_of("v2", {"v1": table}, start_at=START, origin=north_of_it)
+    heard, verdicts = run(inbox, at_once(standing), 2600)
+    away = -LocalPlane(north_of_it).to_plane(30.638, -96.481, 80.0)[1]
+    within = int((100_000.0 - away) / 100.0 * 20.0)
+    assert 400 < within < 450
+    words = [(v.outcome, v.reason, v.content) for v in verdicts]
+    assert words[:within] == [("delivered", "", "drift")] * within
+    assert words[within + 1 :] == [("dropped", "corrupted", "far")] * (999 - within)
+    assert len(heard) == sum(v.outcome == "delivered" for v in verdicts)
+
+
+# ---- Memory
+
+
+@given(order=st.permutations(range(12)), until=st.integers(-1, 13))
+def test_memory_gives_the_newest_until_an_instant_in_whatever_order_they_came(
+    order: list[int], until: int
+) -> None:
+    memory = Memory([START + 5 * 50 * MS], SECOND)
+    for k in order:
+        memory.note(gps("v1", k))
+    newest = memory.newest(START + until * 50 * MS)
+    assert (newest.seq if newest else None) == (min(until, 11) if until >= 0 else None)
+    moment = memory.newest(START + 5 * 50 * MS)
+    assert moment is not None
+    assert moment.seq == 5
+
+
+def test_memory_is_bounded_and_keeps_what_it_promised() -> None:
+    memory = Memory([START + SECOND], 10 * SECOND)
+    last = 20_000
+    for k in range(last + 1):
+        memory.note(gps("v1", k))
+    assert len(memory._poses) == 20 * (10 + 120) + 1
+    kept = memory.newest(START + SECOND)
+    assert kept is not None
+    assert kept.seq == 20
+    reached = memory.newest(gps("v1", last - 20 * 130).sent_at_ns)
+    assert reached is not None
+    assert reached.seq == last - 20 * 130
+    assert len(Memory([], 0)._poses) == 0
+
+
+def test_a_link_that_is_asked_for_none_of_it_has_no_stage() -> None:
+    for content in ({}, {"reorder_ratio": 0.5}, {"filter_duplicates": False}):
+        assert ear(content).links["v1"].content is None
+    assert inbox_of("v2", {"v1": LinkTable()}, start_at=START).links["v1"].content is None
