@@ -52,3 +52,24 @@ class Effect(Protocol):
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Return the delay that this effect adds, in ns, or the word for why it drops it."""
+
+
+class Described(Protocol):
+    """What a law says beforehand of the messages it will judge, in the long run.
+
+    An effect has these where they follow from its own numbers. `mean_loss_ratio` is the share of
+    messages that it drops as lost, 0.0 if it only delays. `mean_burst_messages` is the mean number
+    of messages lost in a row, None if it loses none; inf if it never stops. Both are None where
+    they depend on more than the law, such as where the vehicles are.
+    """
+
+    @property
+    def mean_loss_ratio(self) -> float | None:
+        """Share of messages lost."""
+
+    @property
+    def mean_burst_messages(self) -> float | None:
+        """Mean number of messages lost in a row."""
+
+    def in_words(self) -> str:
+        """Say the law in one line without a full stop, with units, for who checks a scenario."""
