@@ -8,7 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-DropReason = Literal["rate", "loss"]
+DropReason = Literal[
+    "rate",
+    "loss",
+    "queue",
+    "outage",
+    "transmitter_off",
+    "receiver_off",
+]
 """Words of a link that drops a message."""
 
 RefusalReason = Literal[
@@ -49,6 +56,10 @@ _ROWS = (
     #      word         loss   late   meaning
     Reason("rate",      False, False, "the link's own rate does not carry it"),
     Reason("loss",      True,  False, "lost on the link"),
+    Reason("queue",     True,  False, "more waited to be sent than the link's queue holds"),
+    Reason("outage",    True,  False, "sent when or where the link carries nothing"),
+    Reason("transmitter_off", True, False, "the sender's transmitter was off"),
+    Reason("receiver_off", True, False, "the receiver's own receiver was off"),
     Reason("garbage",   False, False, "the bytes are no whole message of the topic"),
     Reason("oversized", False, False, "larger than any message of the topic"),
     Reason("unknown",   False, False, "under a key without a subscriber"),

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from scenarios.definition.channel.delay import delay_problems
+from scenarios.definition.channel.outages import outage_problems
 from scenarios.definition.channel.rules import ANY, ROLES, specificity, ties
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import shown
@@ -32,6 +34,7 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     """Give every key that does not fit the others, before the path is made."""
     yield from _names(tables)
     yield from _links(tables)
+    yield from _channels(tables)
     yield from _speed(tables)
     yield from _path(tables)
     yield from _cars(tables)
@@ -87,6 +90,17 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
             f"given by link[{first}] too, which is as specific about a link of both: allowed "
             "in one of them",
         )
+
+
+def _channels(tables: ScenarioTables) -> Iterator[Problem]:
+    """Give what is wrong inside of one table of a link, or of a vehicle's radio."""
+    named = {"links": tables.links, **{f"link[{k}]": one for k, one in enumerate(tables.link)}}
+    for key, link in named.items():
+        yield from delay_problems(link.delay, f"{key}.delay")
+        yield from outage_problems(link.outages or (), f"{key}.outages")
+    for name, vehicle in tables.vehicle.items():
+        for key in ("transmitter_off", "receiver_off"):
+            yield from outage_problems(getattr(vehicle, key), f"vehicle.{name}.{key}")
 
 
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:

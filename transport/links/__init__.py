@@ -2,6 +2,7 @@
 
 laws      the impairments, each an effect of its own
 link      the verdict of one link on one message
+line      what a link's messages do to one another
 gate      which poses can be true at all
 inbox     what one vehicle receives, tick by tick
 """

@@ -2,6 +2,8 @@
 
 from pydantic import Field
 
+from scenarios.definition.schema.delay import DelayTable, QueueTable
+from scenarios.definition.schema.outages import Outages
 from scenarios.definition.schema.table import Ratio, Table
 
 
@@ -12,12 +14,18 @@ class LinkTable(Table):
     jitter_ms     further delay, uniform between 0 and this
     loss_ratio    share of messages lost, each on its own (Bernoulli)
     rate_hz       messages a second that the link carries; left out, it carries every message
+    delay         further delay by a law, and whether messages keep their order
+    queue         bytes a second that the sender sends, and how many messages wait
+    outages       times and places at which nothing is carried
     """
 
     latency_ms: float = Field(default=20.0, ge=0, le=60_000)
     jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
     loss_ratio: Ratio = 0.0
     rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
+    delay: DelayTable | None = None
+    queue: QueueTable | None = None
+    outages: Outages | None = None
 
 
 class LinkEntry(LinkTable):

@@ -6,6 +6,7 @@ from math import cos, sin
 import numpy as np
 
 from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
@@ -97,9 +98,11 @@ class VehicleBuilder:
         """The link from `sender`, and the gate that its poses pass."""
         scenario = self._scenario
         rate_hz = scenario.vehicle(sender).gnss.rate_hz
-        effects = link_effects(scenario.links[sender, self.name], rate_hz)
+        asked = scenario.links[sender, self.name]
+        setting = scenario.link_setting(sender, self.name, start_at)
+        effects = link_effects(asked, rate_hz, setting)
         return IncomingLink(
-            Link(effects, scenario.seed, sender, self.name),
+            Link(effects, scenario.seed, sender, self.name, link_stages(asked)),
             PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane),
         )
 
