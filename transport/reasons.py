@@ -8,7 +8,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-DropReason = Literal["rate", "loss", "burst", "pattern", "collision", "corrupted"]
+DropReason = Literal[
+    "rate",
+    "transmitter_off",
+    "receiver_off",
+    "outage",
+    "loss",
+    "burst",
+    "pattern",
+    "collision",
+    "queue",
+    "corrupted",
+]
 """Words of a link that drops a message."""
 
 RefusalReason = Literal[
@@ -53,6 +64,10 @@ _ROWS = (
     Reason("pattern",   True,  False, "lost by its number: listed, every n-th, or on record"),
     Reason("collision", True,  False, "sent in a resource that another sender had chosen too"),
     Reason("corrupted", True,  False, "altered on the link, and refused for it by its receiver"),
+    Reason("queue",     True,  False, "more waited to be sent than the link's queue holds"),
+    Reason("outage",    True,  False, "sent when or where the link carries nothing"),
+    Reason("transmitter_off", True, False, "the sender's transmitter was off"),
+    Reason("receiver_off", True, False, "the receiver's own receiver was off"),
     Reason("garbage",   False, False, "the bytes are no whole message of the topic"),
     Reason("oversized", False, False, "larger than any message of the topic"),
     Reason("unknown",   False, False, "under a key without a subscriber"),

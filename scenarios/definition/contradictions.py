@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from scenarios.definition.channel.content import content_problems
+from scenarios.definition.channel.delay import delay_problems
 from scenarios.definition.channel.loss import loss_problems
+from scenarios.definition.channel.outages import outage_problems
 from scenarios.definition.channel.rules import (
     ANY,
     ROLES,
@@ -42,6 +44,7 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     yield from _names(tables)
     yield from _links(tables)
     yield from content_problems(tables)
+    yield from _channels(tables)
     yield from _speed(tables)
     yield from _path(tables)
     yield from _cars(tables)
@@ -109,6 +112,17 @@ def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
             giver = next((one for one in reversed(about) if table in one.model_fields_set), None)
             index = next((place for place, one in enumerate(tables.link) if one is giver), None)
             yield (f"links.{key}" if index is None else f"link[{index}].{key}"), why
+
+
+def _channels(tables: ScenarioTables) -> Iterator[Problem]:
+    """Give what is wrong inside of one table of a link, or of a vehicle's radio."""
+    named = {"links": tables.links, **{f"link[{k}]": one for k, one in enumerate(tables.link)}}
+    for key, link in named.items():
+        yield from delay_problems(link.delay, f"{key}.delay")
+        yield from outage_problems(link.outages or (), f"{key}.outages")
+    for name, vehicle in tables.vehicle.items():
+        for key in ("transmitter_off", "receiver_off"):
+            yield from outage_problems(getattr(vehicle, key), f"vehicle.{name}.{key}")
 
 
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:

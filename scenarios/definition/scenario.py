@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
+from scenarios.definition.channel.delay import with_recorded_delays
+from scenarios.definition.channel.outages import LinkSetting
 from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
@@ -31,7 +34,7 @@ from scenarios.definition.schema.tables import OriginTable, ScenarioTables
 from scenarios.definition.traces.placed import with_points, with_replays
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from vehicles.driver.speed import GapLimits, GapPolicy
-from vehicles.geometry.geodesy import Origin
+from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.schedule import SECOND
 
 __all__ = ["Scenario", "library", "load_scenario", "scenario_from_text", "template"]
@@ -203,6 +206,28 @@ class Scenario:
             if pair[1] not in self.replays
         }
 
+    def link_setting(self, sender: str, receiver: str, start_at: int) -> LinkSetting:
+        """What the effects of a link need to know of a run that starts at `start_at` (ns)."""
+        source, sink = (self.tables.vehicle.get(name) for name in (sender, receiver))
+        return LinkSetting(
+            start_at=start_at,
+            sender_station=self._start_station(sender),
+            receiver_station=self._start_station(receiver),
+            plane=LocalPlane(self.origin),
+            transmitter_off=source.transmitter_off if source else (),
+            receiver_off=sink.receiver_off if sink else (),
+        )
+
+    def _start_station(self, name: str) -> float:
+        """Arc length from the path's first point to where a vehicle starts, negative before it."""
+        route = self.route
+        if name in self.replays:
+            drive = self.replays[name]
+            first = drive.road.path.at(drive.stations[0])
+            away = np.hypot(route.path.east - first.east, route.path.north - first.north)
+            return float(route.path.station[int(np.argmin(away))]) - route.first_point
+        return route.start_station(self.vehicle_names.index(name)) - route.first_point
+
     @property
     def text(self) -> str:
         """The scenario as one self-contained TOML file, which `scenario_from_text` reads back."""
@@ -260,6 +285,7 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
     try:
         placed = with_points(tables, given.folder("path.file"))
         placed = with_recordings(placed, given.folder)
+        placed = with_recorded_delays(placed, given.folder)
         scenario = Scenario(with_replays(placed, given.folder))
         problems = list(contradictions.on_the_road(scenario.tables, scenario.route))
         for name, drive in () if problems else scenario.replays.items():

@@ -10,6 +10,7 @@ from transport.codec import RefusedMessageError
 from transport.links.arrival import COPY, ContentStage
 from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
 from transport.links.laws.effect import NOWHERE, Passage, Whereabouts
+from transport.links.line import Line
 from transport.links.link import Link, Verdict
 from transport.reasons import counts_as_late
 from transport.topics import key
@@ -28,6 +29,8 @@ class IncomingLink:
     """The link from one sender, its gate, and what became of its messages so far.
 
     `content` is what the channel makes of messages themselves, where it is asked for any of it.
+    `line` holds messages that depend on one another until their fate is known; `held` are their
+    poses, by number, and whether they came late.
     `delivered`, `dropped` (by reason) and `late` count verdicts put out; a late message is among
     the delivered or the dropped as well.
     """
@@ -38,8 +41,14 @@ class IncomingLink:
     delivered: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     late: int = 0
+    line: Line | None = field(init=False)
+    held: dict[int, tuple[GpsPose, bool]] = field(default_factory=dict)
     _newest: int = -1
     _seen: set[int] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        """Begin the line, if the link's messages depend on one another."""
+        self.line = Line(self.link) if self.link.stages else None
 
     def check_new(self, seq: int) -> None:
         """Note that `seq` came; raises RefusedMessageError if it did before or is far behind."""
@@ -60,14 +69,16 @@ class Inbox:
     `on_bytes` may be called from another.
 
     A message is late if it came after the tick that should have judged it, or too late to be of
-    any use. `heard` and `dropped` count what the links judged, `rejected`, by a word of the table
-    of reasons, all that no link had to judge, and copies that a link made of what was heard.
+    any use; in a link with stages that tick is the first that its floor lets it through. `heard`
+    and `dropped` count what the links judged, `rejected`, by a word of the table of reasons, all
+    that no link had to judge, and copies that a link made of what was heard.
     """
 
     def __init__(self, receiver: str, links: Iterable[IncomingLink], *, start_at: int) -> None:
         """`start_at` (ns) is the first instant of the run."""
         self.receiver = receiver
         self.links = {one.link.sender: one for one in links}
+        self._lined = [(name, one) for name, one in self.links.items() if one.line is not None]
         self._refused: Counter[str] = Counter()
         self._overflow = 0
         self._taken_until = start_at - 1
@@ -132,6 +143,8 @@ class Inbox:
                 except RefusedMessageError as refusal:
                     self._refused[refusal.reason] += 1
                     self._note_misdated(sender_key, refusal.reason)
+        for sender, link in self._lined:
+            self._settle(sender, link, now)
         self._taken_until = now
         return self._hand_over(now) if self._waiting else []
 
@@ -169,6 +182,23 @@ class Inbox:
         if link.content is not None:
             link.content.memory.note(pose)
         late = judged.visible_at <= self._taken_until
+        if link.line is not None:
+            late = late or link.line.is_missed(passage, self._taken_until)
+            if not link.line.has_passed(passage):
+                link.line.join(passage, judged)
+                link.held[pose.seq] = pose, late
+                return
+        self._wait(sender, judged, pose, passage, late=late)
+
+    def _settle(self, sender: str, link: IncomingLink, now: int) -> None:
+        """Let those of a line wait for their instant whose verdict is known now."""
+        for passage, judged in link.line.settle(now) if link.line else ():
+            pose, late = link.held.pop(passage.seq)
+            self._wait(sender, judged, pose, passage, late=late)
+
+    def _wait(
+        self, sender: str, judged: Verdict, pose: GpsPose, passage: Passage, *, late: bool
+    ) -> None:
         entry = judged.visible_at, sender, pose.seq, 0, judged, pose, passage, late
         heappush(self._waiting, entry)
 

@@ -11,6 +11,8 @@ from hashlib import blake2b
 from typing import Literal
 
 from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.plain import Latency
+from transport.links.laws.queue import StageLaw
 from transport.reasons import DropReason
 from vehicles.messages import Outcome
 
@@ -56,18 +58,27 @@ def combine(chain: Iterable[Effect], draw: Draw, passage: Passage) -> Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A directed link of a run: judges the messages of one sender on their way to one receiver."""
+    """A directed link of a run: judges the messages of one sender on their way to one receiver.
+
+    Its effects judge each message by itself; what `stages` add depends on the others, see Line.
+    """
 
     chain: tuple[Effect, ...]
     seed: int
     sender: str
     receiver: str
+    stages: tuple[StageLaw, ...] = ()
     draw: Draw = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Key the draws."""
         object.__setattr__(self, "draw", keyed_draw(self.seed, self.sender, self.receiver))
 
+    @property
+    def floor(self) -> int:
+        """The least delay in ns, which the wire has to beat."""
+        return sum(effect.floor for effect in self.chain if isinstance(effect, Latency))
+
     def judge(self, passage: Passage) -> Verdict:
-        """Judge one message."""
+        """Judge one message by the effects."""
         return combine(self.chain, self.draw, passage)

@@ -65,6 +65,11 @@ class Route:
         return self.start - sum(self.gaps[: place + 1])
 
     @property
+    def first_point(self) -> float:
+        """Station (m) of the first segment, or of the first recorded point."""
+        return self.smoothed.start if self.smoothed else self.start
+
+    @property
     def start_yaw(self) -> float:
         """Direction (rad) of the path where the lead starts."""
         return self.path.at(self.start).yaw

@@ -5,5 +5,7 @@ path     the path: segments, a recorded trace, or points
 loss     laws of loss of a directed link
 links    what directed links do to messages
 content  what they do to the content and the number of messages
+delay    their laws of delay, and their queue
+outages  when and where they carry nothing
 tables   all others, and the file as a whole
 """

@@ -3,7 +3,9 @@
 from pydantic import Field
 
 from scenarios.definition.schema.content import ContentTable
+from scenarios.definition.schema.delay import DelayTable, QueueTable
 from scenarios.definition.schema.loss import CollisionsTable, LossTable
+from scenarios.definition.schema.outages import Outages
 from scenarios.definition.schema.table import Ratio, Table
 
 
@@ -17,6 +19,9 @@ class LinkTable(Table):
     loss          another law of loss besides: in bursts, by number, as recorded
     collisions    loss of whole reservations besides
     content       copies, messages held back, wrong bits and false content
+    delay         further delay by a law, and whether messages keep their order
+    queue         bytes a second that the sender sends, and how many messages wait
+    outages       times and places at which nothing is carried
     """
 
     latency_ms: float = Field(default=20.0, ge=0, le=60_000)
@@ -26,6 +31,9 @@ class LinkTable(Table):
     loss: LossTable | None = None
     collisions: CollisionsTable | None = None
     content: ContentTable | None = None
+    delay: DelayTable | None = None
+    queue: QueueTable | None = None
+    outages: Outages | None = None
 
 
 class LinkEntry(LinkTable):

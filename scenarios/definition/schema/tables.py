@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import AwareDatetime, Field, StringConstraints
 
 from scenarios.definition.schema.links import LinkEntry, LinkTable
+from scenarios.definition.schema.outages import Spans
 from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
 
@@ -227,7 +228,8 @@ class VehicleTable(Table):
 
     With `replay` it moves as in that recorded drive, `replay_offset_s` later, rather than by its
     own decision; of the log of a run it is `replay_vehicle`. When the file has been read, its
-    points are the `drive`.
+    points are the `drive`. While its transmitter or receiver is off no link from or to it carries
+    anything.
     """
 
     replay: Annotated[str, StringConstraints(min_length=1)] | None = None
@@ -237,6 +239,8 @@ class VehicleTable(Table):
     gap_m: float | None = Field(default=None, gt=0, le=1000)
     lateral_offset_m: float = Field(default=0.0, ge=-20, le=20)
     heading_offset_deg: float = Field(default=0.0, ge=-90, le=90)
+    transmitter_off: Spans = ()
+    receiver_off: Spans = ()
     control: SteeringTable | None = None
     gnss: GnssTable | None = None
     imu: ImuTable | None = None

@@ -7,6 +7,7 @@ import numpy as np
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.content import content_stage
+from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
@@ -99,7 +100,8 @@ class VehicleBuilder:
         scenario = self._scenario
         rate_hz = scenario.vehicle(sender).gnss.rate_hz
         asked = scenario.links[sender, self.name]
-        link = Link(link_effects(asked, rate_hz), scenario.seed, sender, self.name)
+        effects = link_effects(asked, rate_hz, scenario.link_setting(sender, self.name, start_at))
+        link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
         gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane)
         return IncomingLink(link, gate, content_stage(asked.content, link, gate))
 

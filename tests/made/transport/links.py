@@ -2,8 +2,10 @@
 
 from collections.abc import Mapping
 
-from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.build import UNSET, link_effects
 from scenarios.definition.channel.content import content_stage
+from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.outages import LinkSetting
 from scenarios.definition.schema.links import LinkTable
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
@@ -12,10 +14,17 @@ from vehicles.geometry.geodesy import LocalPlane, Origin
 
 
 def link(
-    asked: LinkTable, sender: str, receiver: str, *, seed: int = 1, rate_hz: float = 20.0
+    asked: LinkTable,
+    sender: str = "lead",
+    receiver: str = "follower_1",
+    *,
+    seed: int = 1,
+    rate_hz: float = 20.0,
+    setting: LinkSetting = UNSET,
 ) -> Link:
     """The link that is asked for, from a sender that measures at `rate_hz`."""
-    return Link(link_effects(asked, rate_hz), seed, sender, receiver)
+    effects = link_effects(asked, rate_hz, setting)
+    return Link(effects, seed, sender, receiver, link_stages(asked))
 
 
 def inbox(

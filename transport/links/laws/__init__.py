@@ -2,9 +2,14 @@
 
 effect         what every one of them is given and answers
 plain          rate, independent loss, constant latency, uniform jitter
+outages        when and where a link carries nothing
 chains         loss in bursts: Gilbert–Elliott, four states
 patterns       loss by number: every n-th, listed, recorded, as in an earlier run
 collisions     loss of whole reservations, as in LTE-V2X
+delay          laws of delay beyond the floor
+normals        standard normal numbers, correlated from one message to the next
+gamma          the gamma law as a function of a normal number
+queue          a queue of bounded rate, and arrival in order
 content        copies, messages held back, wrong bits
 false_content  places that are not true, content of earlier messages, a vehicle that is not there
 """

@@ -1,0 +1,246 @@
+"""Laws of delay: distribution, moments and correlation against closed forms and scipy."""
+
+import itertools
+from collections.abc import Callable
+from functools import cache
+from math import asin, exp, log1p, pi, sqrt
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from transport.links.laws.delay import (
+    ConstantDelay,
+    DelayLaw,
+    DrawnDelay,
+    EmpiricalDelay,
+    GammaDelay,
+    LognormalDelay,
+    NormalDelay,
+    UniformDelay,
+)
+from transport.links.laws.effect import Passage
+from transport.links.laws.gamma import log_quantile, log_quantiles
+from transport.links.laws.normals import RECENT, STRONGEST, Normals
+from transport.links.link import keyed_draw
+
+MS = 1e6
+KS_LIMIT = 1.9495
+"""The 0.1 % point of Kolmogorov's law, of D √n."""
+ENTIRE = 100_000
+BATCHES = 50
+
+LAWS: dict[str, DelayLaw] = {
+    "uniform": UniformDelay(5 * MS, 45 * MS),
+    "normal": NormalDelay(30 * MS, 5 * MS),
+    "truncated": NormalDelay(10 * MS, 12 * MS, 30 * MS),
+    "lognormal": LognormalDelay(20 * MS, 12 * MS),
+    "gamma": GammaDelay(20 * MS, 15 * MS),
+    "empirical": EmpiricalDelay(tuple(MS * x for x in (1, 1, 2, 4, 8, 8.5, 30, 31))),
+}
+SCIPY = {
+    "uniform": stats.uniform(5 * MS, 40 * MS),
+    "normal": stats.truncnorm(-6, np.inf, 30 * MS, 5 * MS),
+    "truncated": stats.truncnorm(-10 / 12, 20 / 12, 10 * MS, 12 * MS),
+    "lognormal": stats.lognorm(sqrt(log1p(0.36)), scale=20 * MS * exp(-0.5 * log1p(0.36))),
+    "gamma": stats.gamma((20 / 15) ** 2, scale=15 * MS * 15 / 20),
+}
+
+
+def delays(law: DelayLaw, correlation: float, seed: int, count: int) -> np.ndarray:
+    effect, draw = DrawnDelay(law, Normals("delay", correlation)), keyed_draw(seed, "a", "b")
+    return np.array([effect.judge(draw, Passage(seq, 0)) for seq in range(count)], dtype=float)
+
+
+@cache
+def hermite_weights(law: DelayLaw) -> np.ndarray:
+    """Squares of the law's coefficients in the normalised Hermite polynomials, by quadrature.
+
+    With normal numbers of correlation r two delays have the covariance Σ weight[n] r^n (Mehler).
+    """
+    z = np.linspace(-8.0, 8.0, 16_001)
+    values = np.array([law.at(one) for one in z]) * stats.norm.pdf(z) * (z[1] - z[0])
+    before, here, weights = np.zeros_like(z), np.ones_like(z), []
+    for n in range(200):
+        before, here = here, (z * here - sqrt(n) * before) / sqrt(n + 1)
+        weights.append(float(values @ here) ** 2)
+    return np.array(weights)
+
+
+def correlation_of_delays(law: DelayLaw, r: float) -> float:
+    """Autocorrelation of the delays where that of the normal numbers is `r`."""
+    if law is LAWS["uniform"]:
+        return 6.0 / pi * asin(r / 2.0)
+    if law is LAWS["lognormal"]:
+        return (exp(r * log1p(0.36)) - 1.0) / 0.36
+    weights = hermite_weights(law)  # type: ignore[arg-type]  # frozen dataclasses all
+    return float(weights @ r ** np.arange(1, 201)) / law.deviation_ns**2
+
+
+def scores(law: DelayLaw, correlation: float, sample: np.ndarray) -> list[float]:
+    """Mean, variance and lags 1, 2, 5 in standard errors from theirs, by means of batches."""
+    off = (sample - law.mean_ns) / law.deviation_ns
+    found = [(off, 0.0), (off**2, 1.0)]
+    for lag in (1, 2, 5):
+        wanted = correlation_of_delays(law, correlation**lag)
+        found.append((off[lag:] * off[:-lag], wanted))
+    out = []
+    for series, wanted in found:
+        batches = [float(np.mean(part)) for part in np.array_split(series, BATCHES)]
+        error = float(np.std(batches, ddof=1)) / sqrt(BATCHES)
+        out.append((float(np.mean(series)) - wanted) / error)
+    return out
+
+
+@pytest.mark.campaign(8_000, ENTIRE)
+def test_moments_and_correlation_are_the_law_s(campaign: int) -> None:
+    seeds = (1, 2, 3) if campaign == ENTIRE else (1,)
+    found = {
+        (name, tied, seed): scores(law, tied, delays(law, tied, seed, campaign))
+        for name, law in LAWS.items()
+        for tied in (0.0, 0.6, 0.9)
+        for seed in seeds
+    }
+    each = [abs(one) for row in found.values() for one in row]
+    assert max(each) < 5.0, found
+    assert sum(one > 3.0 for one in each) <= max(0.01 * len(each), 1.0), found
+
+
+@pytest.mark.parametrize("name", SCIPY)
+@pytest.mark.parametrize("tied", [0.0, 0.9])
+@pytest.mark.campaign(4_000, ENTIRE)
+def test_delays_follow_their_law_whatever_the_correlation(
+    name: str, tied: float, campaign: int
+) -> None:
+    apart = 100 if tied else 1  # 0.9 ** 100 is 3e-5: as good as independent
+    sample = delays(LAWS[name], tied, 5, campaign)[::apart]
+    distance = stats.kstest(sample, SCIPY[name].cdf).statistic
+    assert distance * sqrt(sample.size) < KS_LIMIT
+    assert SCIPY[name].mean() == pytest.approx(LAWS[name].mean_ns, rel=1e-6)
+    assert SCIPY[name].std() == pytest.approx(LAWS[name].deviation_ns, rel=1e-6)
+
+
+@pytest.mark.campaign(8_000, ENTIRE)
+def test_recorded_delays_come_as_often_as_they_were_recorded(campaign: int) -> None:
+    sample = delays(LAWS["empirical"], 0.0, 4, campaign)
+    values, counts = np.unique(sample, return_counts=True)
+    assert values.tolist() == [MS * x for x in (1, 2, 4, 8, 8.5, 30, 31)]
+    shares = np.array([2, 1, 1, 1, 1, 1, 1]) / 8
+    assert stats.chisquare(counts, shares * campaign).pvalue > 0.001
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_quantiles_are_scipy_s_and_grow(name: str) -> None:
+    law = LAWS[name]
+    z = np.linspace(-6.0, 6.0, 1201)  # scipy's truncnorm is less exact further out
+    found = np.array([law.at(one) for one in z])
+    assert np.all(np.diff(found) >= 0.0)
+    assert np.all(found >= 0.0)
+    if name in SCIPY:
+        below, above = SCIPY[name].ppf(stats.norm.cdf(z)), SCIPY[name].isf(stats.norm.sf(z))
+        assert found == pytest.approx(np.where(z < 0.0, below, above), rel=1e-7, abs=1e-3)
+
+
+@pytest.mark.parametrize("shape", [0.04, 0.3, 1.0, 4.0, 100.0, 1e4])
+def test_the_table_of_gamma_quantiles_is_exact_enough(shape: float) -> None:
+    z = np.linspace(-8.2, 8.2, 801)
+    table = log_quantiles(shape)
+    found = np.array([log_quantile(table, one) for one in z])
+    law = stats.gamma(shape)
+    wanted = np.where(z < 0.0, law.ppf(stats.norm.cdf(z)), law.isf(stats.norm.sf(z)))
+    seen = wanted > 1e-290  # scipy gives 0 below
+    assert np.abs(found[seen] - np.log(wanted[seen])).max() < 1e-7
+
+
+def test_correlated_numbers_keep_law_and_correlation_across_blocks() -> None:
+    """Of the same draws, the recursion from far back is what each number has to be."""
+    for correlation in (0.05, 0.5, 0.95):
+        normals, draw = Normals("delay", correlation), keyed_draw(3, "a", "b")
+        plain = Normals("delay")
+        value, wanted = 0.0, []
+        for seq in range(-3000, 900):
+            value = correlation * value + sqrt(1 - correlation**2) * plain.at(draw, seq)
+            wanted.append(value)
+        found = [normals.at(draw, seq) for seq in range(900)]
+        assert found == pytest.approx(wanted[3000:], abs=1e-8)
+
+
+@given(
+    correlation=st.sampled_from([0.0, 0.01, 0.3, 0.8]),
+    asked=st.lists(st.integers(0, 400), min_size=1, max_size=12),
+    seed=st.integers(0, 1000),
+)
+def test_a_delay_alone_is_the_one_in_the_stream(
+    correlation: float, asked: list[int], seed: int
+) -> None:
+    law, draw = LAWS["gamma"], keyed_draw(seed, "a", "b")
+    streamed = delays(law, correlation, seed, 401)
+    again = DrawnDelay(law, Normals("delay", correlation))
+    for seq in asked:
+        alone = DrawnDelay(law, Normals("delay", correlation))
+        wanted = streamed[seq]
+        assert alone.judge(draw, Passage(seq, 0)) == wanted
+        assert again.judge(draw, Passage(seq, 0)) == wanted  # in whatever order
+
+
+def test_the_strongest_correlation_is_as_well_found_alone_and_on_another_link() -> None:
+    draw, other = keyed_draw(1, "a", "b"), keyed_draw(1, "a", "c")
+    normals = Normals("delay", STRONGEST)
+    stream = [normals.at(draw, seq) for seq in range(4200)]
+    for seq in (0, 2061, 2062, 4123, 4124, 4199):
+        assert Normals("delay", STRONGEST).at(draw, seq) == stream[seq]
+    there = Normals("delay", STRONGEST).at(other, 4150)
+    assert normals.at(other, 4150) == there != stream[4150]
+    assert normals.at(draw, 4150) == stream[4150]
+
+
+def counted(draw: Callable[[str, int], float], calls: list[int]) -> Callable[[str, int], float]:
+    def counting(purpose: str, seq: int) -> float:
+        calls.append(seq)
+        return draw(purpose, seq)
+
+    return counting
+
+
+def test_a_stream_costs_one_draw_each_and_little_memory() -> None:
+    calls: list[int] = []
+    draw, normals = counted(keyed_draw(1, "a", "b"), calls), Normals("delay", 0.9)
+    for seq in range(1000):
+        normals.at(draw, seq)
+    calls.clear()
+    order = list(range(1000, 5000))
+    for first in range(0, 4000, 10):  # neighbours come in any order
+        part = order[first : first + 10]
+        Random(first).shuffle(part)
+        order[first : first + 10] = part
+    for seq in order:
+        normals.at(draw, seq)
+    assert calls == list(range(1000, 5000))
+    assert len(normals._recent) <= RECENT
+
+
+def test_neighbours_differ_less_the_more_they_are_tied() -> None:
+    rough = [
+        float(np.mean(np.abs(np.diff(delays(LAWS["lognormal"], tied, 2, 2000)))))
+        for tied in (0.0, 0.5, 0.9)
+    ]
+    assert all(more > less for more, less in itertools.pairwise(rough))
+
+
+def test_laws_say_themselves_in_words() -> None:
+    tied = DrawnDelay(LAWS["truncated"], Normals("delay", 0.5))
+    assert tied.in_words() == (
+        "delay normal, 10 ms ± 12 ms, truncated at 0 and 30 ms, correlation 0.5"
+    )
+    assert (tied.mean_loss_ratio, tied.mean_burst_messages) == (0.0, None)
+    assert ConstantDelay(round(3 * MS)).in_words() == "delay of 3 ms"
+    assert all("ms" in law.in_words() for law in LAWS.values())
+
+
+def test_a_correlation_that_never_forgets_is_refused() -> None:
+    for wrong in (-0.1, 0.995, 1.0):
+        with pytest.raises(ValueError, match="correlation"):
+            Normals("delay", wrong)

@@ -1,0 +1,230 @@
+"""Queue and order against closed forms, and against a simulation written another way."""
+
+from itertools import accumulate
+from math import inf, sqrt
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.definition.schema.delay import QueueTable
+from scenarios.definition.schema.links import LinkTable
+from tests.made.transport.links import link
+from transport.links.laws.effect import Passage
+from transport.links.laws.queue import Carried, InOrder, Queue, StageLaw
+from transport.links.line import judge_stream
+from vehicles.schedule import SECOND
+
+MS = SECOND // 1000
+NEVER = 2**62
+
+
+def through(law: StageLaw, sent: list[Carried], until: int = NEVER) -> dict[int, Carried]:
+    found = law.stage().carry(sent, until)
+    return {one.passage.seq: one for one in found}
+
+
+def messages(instants: list[int], sizes: list[int] | int = 100) -> list[Carried]:
+    if isinstance(sizes, int):
+        sizes = [sizes] * len(instants)
+    passages = [
+        Passage(seq, at, size) for seq, (at, size) in enumerate(zip(instants, sizes, strict=True))
+    ]
+    return [Carried(one, one.sent_at) for one in passages]
+
+
+# ---- Closed forms
+
+
+def test_below_its_rate_each_message_takes_its_own_time_and_nobody_waits() -> None:
+    # 100 bytes at 4000 bytes/s are 25 ms; one comes every 50 ms.
+    found = through(Queue(4000.0, 3), messages([50 * MS * k for k in range(1000)]))
+    assert len(found) == 1000
+    for seq, one in found.items():
+        assert (one.reason, one.visible_at) == ("", (50 * seq + 25) * MS)
+
+
+@pytest.mark.parametrize("drop", ["newest", "oldest"])
+@pytest.mark.parametrize("depth", [1, 4, 20])
+def test_above_its_rate_it_fills_and_loses_what_it_cannot_send(depth: int, drop: str) -> None:
+    # 40 ms each, one every 25 ms: 1 - 25/40 are lost, and who is sent has waited a full queue,
+    # which one behind the other takes `depth` times 40 ms.
+    law, count = Queue(2500.0, depth, drop), 20_000  # type: ignore[arg-type]  # of the two
+    found = through(law, messages([25 * MS * k for k in range(count)]))
+    lost = sum(one.reason == "queue" for one in found.values())
+    assert abs(lost / count - 0.375) < (depth + 2) / count
+    delays = [
+        one.visible_at - one.passage.sent_at
+        for one in list(found.values())[500:-100]
+        if not one.reason
+    ]
+    if drop == "newest":  # joins with depth - 1 ahead and the rest of the one that is sent
+        assert depth * 40 * MS <= min(delays)
+        assert max(delays) <= (depth + 1) * 40 * MS
+    else:  # begins when depth that came later than itself have not yet come: fresher
+        assert max(delays) <= (25 * depth + 40) * MS
+
+
+@pytest.mark.parametrize("load", [0.3, 0.6, 0.8])
+@pytest.mark.campaign(10_000, 100_000)
+def test_random_arrivals_wait_as_pollaczek_and_khinchine_have_it(
+    load: float, campaign: int
+) -> None:
+    """M/D/1: the mean wait is load / (2 (1 - load)) services."""
+    service = 10 * MS
+    waits = []
+    for seed in (1, 2, 3):
+        random = Random(seed)
+        gaps = [round(random.expovariate(load / service)) for _ in range(campaign)]
+        found = through(Queue(10_000.0, 10_000), messages(list(accumulate(gaps))))
+        waits += [
+            (found[seq].visible_at - found[seq].passage.sent_at - service) / service
+            for seq in range(len(found))
+        ]
+    parts = [waits[k : k + 1000] for k in range(0, len(waits), 1000)]
+    means = [sum(part) / len(part) for part in parts]
+    mean = sum(means) / len(means)
+    deviation = sqrt(sum((one - mean) ** 2 for one in means) / (len(means) - 1))
+    wanted = load / (2.0 * (1.0 - load))
+    assert abs(mean - wanted) < 3.0 * deviation / sqrt(len(means))
+
+
+# ---- Against another simulation
+
+
+def brute_force(instants: list[int], sizes: list[int], law: Queue) -> dict[int, tuple[str, int]]:
+    """Fate of each message and its instant, nanosecond by nanosecond: one step, one ns."""
+    queue: list[int] = []
+    sending, done_at = None, -1
+    fate: dict[int, tuple[str, int]] = {}
+    now, k = 0, 0
+    while len(fate) < len(instants):
+        if sending is not None and now == done_at:
+            fate[sending], sending = ("", now), None
+        if sending is None and queue:
+            sending = queue.pop(0)
+            done_at = now + law.service(sizes[sending])
+        while k < len(instants) and instants[k] == now:
+            if sending is None:
+                sending, done_at = k, now + law.service(sizes[k])
+            elif len(queue) < law.depth:
+                queue.append(k)
+            elif law.drop == "newest":
+                fate[k] = "queue", now
+            else:
+                fate[queue.pop(0)] = "queue", now
+                queue.append(k)
+            k += 1
+        now += 1
+    return fate
+
+
+@given(
+    gaps=st.lists(st.integers(0, 12), min_size=1, max_size=40),
+    data=st.data(),
+    depth=st.integers(1, 4),
+    drop=st.sampled_from(["newest", "oldest"]),
+)
+def test_it_is_the_queue_of_another_simulation(
+    gaps: list[int], data: st.DataObject, depth: int, drop: str
+) -> None:
+    sizes = data.draw(st.lists(st.integers(1, 15), min_size=len(gaps), max_size=len(gaps)))
+    instants = list(accumulate(gaps))
+    law = Queue(1e9, depth, drop)  # type: ignore[arg-type]  # a byte takes a nanosecond
+    found = through(law, messages(instants, sizes))
+    assert {seq: (one.reason, one.visible_at) for seq, one in found.items()} == brute_force(
+        instants, sizes, law
+    )
+
+
+@given(
+    gaps=st.lists(st.integers(0, 12), min_size=1, max_size=40),
+    drop=st.sampled_from(["newest", "oldest"]),
+    steps=st.lists(st.integers(1, 40), min_size=1, max_size=10),
+)
+def test_when_it_is_asked_changes_nothing_and_nothing_is_decided_too_late(
+    gaps: list[int], drop: str, steps: list[int]
+) -> None:
+    instants = list(accumulate(gaps))
+    law, sent = Queue(1e9, 2, drop), messages(instants, 10)  # type: ignore[arg-type]
+    order = InOrder()
+    at_once = order.stage().carry(law.stage().carry(sent, NEVER), NEVER)
+    queue, ordered, until, before = law.stage(), order.stage(), 0, -1
+    found: list[Carried] = []
+    k = 0
+    while len(found) < len(sent):
+        until += steps[k % len(steps)]
+        k += 1
+        arrived = [one for one in sent if before < one.passage.sent_at <= until]
+        decided = ordered.carry(queue.carry(arrived, until), until)
+        # What could be visible by the instant before was decided then.
+        assert all(one.visible_at > before for one in decided)
+        found += decided
+        before = until
+    assert found == at_once
+
+
+# ---- Lost messages, order, and whole links
+
+
+def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never_sent() -> None:
+    passages = [Passage(seq, 0, 10) for seq in range(4)]
+    reasons = ("", "loss", "transmitter_off", "")
+    sent = [Carried(one, 0, why) for one, why in zip(passages, reasons, strict=True)]  # type: ignore[arg-type]
+    found = through(Queue(1e9, 10), sent)
+    assert [found[seq].visible_at for seq in range(4)] == [10, 20, 0, 30]
+    assert [found[seq].reason for seq in range(4)] == list(reasons)
+
+
+def test_a_message_that_was_lost_anyway_keeps_its_reason_when_it_is_thrown_out() -> None:
+    passages = [Passage(seq, 0, 10) for seq in range(3)]
+    sent = [Carried(one, 7, "loss" if one.seq == 1 else "") for one in passages]
+    found = through(Queue(1e9, 1, "oldest"), sent)
+    assert [found[seq].reason for seq in range(3)] == ["", "loss", ""]
+
+
+@given(st.lists(st.tuples(st.integers(0, 100), st.booleans()), min_size=1, max_size=30))
+def test_in_order_is_the_largest_so_far_of_those_that_are_delivered(
+    rows: list[tuple[int, bool]],
+) -> None:
+    sent = [
+        Carried(Passage(seq, seq), seq + delay, "loss" if lost else "")
+        for seq, (delay, lost) in enumerate(rows)
+    ]
+    found = through(InOrder(), sent)
+    for seq in range(len(rows)):
+        before = [one.visible_at for one in sent[:seq] if not one.reason]
+        assert found[seq].visible_at == max([sent[seq].visible_at, *before])
+        assert found[seq].reason == sent[seq].reason
+
+
+def test_a_link_in_order_delays_and_one_that_is_free_lets_overtake() -> None:
+    stream = [Passage(seq, seq * 20 * MS, 130) for seq in range(500)]
+    law = {"kind": "uniform", "delay_ms_max": 100.0}
+    free = LinkTable.model_validate({"delay": law})
+    tied = LinkTable.model_validate({"delay": law | {"order": "in_order"}})
+    overtaking = [one.visible_at for one in judge_stream(link(free), stream)]
+    ordered = [one.visible_at for one in judge_stream(link(tied), stream)]
+    assert overtaking != sorted(overtaking)
+    assert ordered == list(accumulate(overtaking, max))
+
+
+def test_delays_of_queue_and_floor_add_up() -> None:
+    asked = LinkTable(latency_ms=20.0, queue=QueueTable(bytes_per_s=1300.0, depth_messages=2))
+    stream = [Passage(seq, seq * 50 * MS, 130) for seq in range(6)]  # 100 ms each
+    judged = judge_stream(link(asked), stream)
+    sent = {0: 100, 1: 200, 2: 300, 3: 400, 4: 500}  # when 5 comes 2 is sent, 3 and 4 wait
+    for seq, one in enumerate(judged):
+        if seq in sent:
+            assert (one.outcome, one.visible_at) == ("delivered", (sent[seq] + 20) * MS)
+        else:
+            assert (one.reason, one.visible_at) == ("queue", (50 * seq + 20) * MS)
+
+
+def test_stages_say_themselves_in_words() -> None:
+    assert Queue(4000.0, 8, "oldest").in_words() == (
+        "queue of 8 messages at 4000 bytes/s, drops the oldest"
+    )
+    assert InOrder().in_words() == "in order"
+    assert Queue(inf, 1).service(100) == 0

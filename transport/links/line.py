@@ -1,0 +1,64 @@
+"""The stages of one link in a run: messages in line until their fate is known."""
+
+from collections.abc import Iterable
+from heapq import heappop, heappush
+
+from transport.links.laws.effect import Passage
+from transport.links.laws.queue import Carried
+from transport.links.link import Link, Verdict
+
+
+class Line:
+    """Messages of one link that were judged by its effects and now depend on one another."""
+
+    def __init__(self, link: Link) -> None:
+        """Begin with the stages of `link` empty."""
+        self._stages = [law.stage() for law in link.stages]
+        self._floor = link.floor
+        self._coming: list[tuple[int, int, Carried]] = []
+        self._newest = -1
+
+    def is_missed(self, passage: Passage, tick: int) -> bool:
+        """Whether what was sent with this message was let through by the tick at `tick` (ns)."""
+        return passage.sent_at + self._floor <= tick
+
+    def has_passed(self, passage: Passage) -> bool:
+        """Whether a later message than this one was let through: it can no longer come in line."""
+        return passage.seq <= self._newest
+
+    def join(self, passage: Passage, verdict: Verdict) -> None:
+        """Let a message come in line with the verdict of the effects."""
+        one = Carried(passage, verdict.visible_at, verdict.reason)
+        heappush(self._coming, (passage.sent_at, passage.seq, one))
+
+    def settle(self, now: int) -> list[tuple[Passage, Verdict]]:
+        """Give the messages whose fate is known by the tick at `now` (ns)."""
+        until = now - self._floor
+        moved = []
+        while self._coming and self._coming[0][0] <= until:
+            _, self._newest, one = heappop(self._coming)
+            moved.append(one)
+        for stage in self._stages:
+            moved = stage.carry(moved, until)
+        return [
+            (
+                one.passage,
+                Verdict("dropped" if one.reason else "delivered", one.reason, one.visible_at),
+            )
+            for one in moved
+        ]
+
+
+def judge_stream(link: Link, stream: Iterable[Passage]) -> list[Verdict]:
+    """Judge all that was sent over a link, in the order of the numbers."""
+    passages = sorted(stream, key=lambda one: one.seq)
+    if not link.stages:
+        return [link.judge(one) for one in passages]
+    line = Line(link)
+    for one in passages:
+        line.join(one, link.judge(one))
+    settled = line.settle(_EVER)
+    return [verdict for _, verdict in sorted(settled, key=lambda one: one[0].seq)]
+
+
+_EVER = 2**63 - 1
