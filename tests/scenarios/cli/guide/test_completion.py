@@ -66,12 +66,12 @@ def test_a_key_that_is_whole_is_offered_with_its_values() -> None:
     fusions = ["composite", "predecessor", "blend"]
     assert offered("run", "--set", "control.fu") == [f"control.fusion={one}" for one in fusions]
     assert offered("run", "--set", "control.fusion=b") == ["control.fusion=blend"]
-    assert offered("run", "--set", "links.loss") == ["links.loss_ratio=0.0"]
+    assert offered("run", "--set", "links.loss_") == ["links.loss_ratio=0.0"]
     assert "control.controller=stanley" in offered("run", "--set", "control.controller=")
 
 
 def test_values_that_are_offered_are_taken() -> None:
-    for begun in ("control.fu", "links.loss", "control.knows", "gnss.rate", "events.path"):
+    for begun in ("control.fu", "links.loss_", "control.knows", "gnss.rate", "events.path"):
         for setting in offered("run", "--set", begun):
             parse_override(setting)
             load_scenario("lane_change", [setting])
@@ -84,7 +84,7 @@ def test_where_the_picture_can_go_is_offered() -> None:
 BASH = """
 {line}
 press() {{ COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=(); _convoy_completion convoy; }}
-press convoy run --set links.l; echo "${{COMPREPLY[@]}}"
+press convoy run --set links.la; echo "${{COMPREPLY[@]}}"
 press convoy run --set control.fusion = b; echo "${{COMPREPLY[@]}}"
 press convoy run --set = convoy.when; echo "${{COMPREPLY[@]}}"
 press convoy run --set = links.loss_ratio = 0.1 lo; echo "${{COMPREPLY[@]}}"
@@ -104,7 +104,7 @@ def test_bash_completes_with_the_line_of_the_help(tmp_path: Path) -> None:
         env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.stdout.splitlines() == [
-        "links.latency_ms= links.loss_ratio=",
+        "links.latency_ms=20.0",
         "blend",
         "convoy.when_a_vehicle_dies=end convoy.when_a_vehicle_dies=go_on",
         "lossy_lane_change",
