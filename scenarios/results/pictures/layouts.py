@@ -15,8 +15,8 @@ from transport.picture.viewer_process import start_log_layout
 
 FOXGLOVE_NAME, RERUN_NAME = "foxglove.json", "rerun.rbl"
 """Layouts for whoever opens the log without this project."""
-LAYOUT_S = 1.0
-"""How long a run that is over waits for its layout."""
+LAYOUT_S = 10.0
+"""How long a run that is over waits at most for its layout, which takes half a second of an idle core."""
 
 
 def scene_of(scenario: Scenario) -> Scene:
