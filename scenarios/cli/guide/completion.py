@@ -107,7 +107,9 @@ def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
     """Dotted keys of a scenario, each with values that it takes."""
     from scenarios.definition.schema.tables import ScenarioTables
 
-    found = dict(_keys_of(ScenarioTables, "", vehicles))
+    found: dict[str, list[str]] = {}
+    for key, values in _keys_of(ScenarioTables, "", vehicles):  # some are in tables of many kinds
+        found[key] = [*dict.fromkeys((*found.get(key, []), *values))]
     return {key: values for key, values in found.items() if key not in FILES_ONLY}
 
 

@@ -16,7 +16,7 @@ from transport.picture.viewer_process import start_log_layout
 FOXGLOVE_NAME, RERUN_NAME = "foxglove.json", "rerun.rbl"
 """Layouts for whoever opens the log without this project."""
 LAYOUT_S = 10.0
-"""How long a run that is over waits at most for its layout, which takes half a second of an idle core."""
+"""How long a run that is over waits at most for its layout: half a second where a core is idle."""
 
 
 def scene_of(scenario: Scenario) -> Scene:

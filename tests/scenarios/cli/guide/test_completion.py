@@ -67,6 +67,8 @@ def test_a_key_that_is_whole_is_offered_with_its_values() -> None:
     assert offered("run", "--set", "control.fu") == [f"control.fusion={one}" for one in fusions]
     assert offered("run", "--set", "control.fusion=b") == ["control.fusion=blend"]
     assert offered("run", "--set", "links.loss_") == ["links.loss_ratio=0.0"]
+    kinds = offered("run", "--set", "links.loss.kind")
+    assert {"links.loss.kind=none", "links.loss.kind=four_state"} < {*kinds}
     assert "control.controller=stanley" in offered("run", "--set", "control.controller=")
 
 
@@ -84,7 +86,7 @@ def test_where_the_picture_can_go_is_offered() -> None:
 BASH = """
 {line}
 press() {{ COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=(); _convoy_completion convoy; }}
-press convoy run --set links.la; echo "${{COMPREPLY[@]}}"
+press convoy run --set imu.yaw_rate_; echo "${{COMPREPLY[@]}}"
 press convoy run --set control.fusion = b; echo "${{COMPREPLY[@]}}"
 press convoy run --set = convoy.when; echo "${{COMPREPLY[@]}}"
 press convoy run --set = links.loss_ratio = 0.1 lo; echo "${{COMPREPLY[@]}}"
@@ -104,7 +106,7 @@ def test_bash_completes_with_the_line_of_the_help(tmp_path: Path) -> None:
         env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.stdout.splitlines() == [
-        "links.latency_ms=20.0",
+        "imu.yaw_rate_noise_radps= imu.yaw_rate_bias_radps=",
         "blend",
         "convoy.when_a_vehicle_dies=end convoy.when_a_vehicle_dies=go_on",
         "lossy_lane_change",
@@ -119,8 +121,8 @@ def test_the_script_of_a_shell_loads_nothing_that_drives(shell: str) -> None:
         [sys.executable, "-c", code],
         env=os.environ | {
             "_CONVOY_COMPLETE": f"{shell}_complete",
-            "COMP_WORDS": "convoy run --set links.loss",
-            "COMP_CWORD": "links.loss" if shell == "fish" else "3",
+            "COMP_WORDS": "convoy run --set links.loss_",
+            "COMP_CWORD": "links.loss_" if shell == "fish" else "3",
         },
         capture_output=True, text=True, check=False,
     )  # fmt: skip
