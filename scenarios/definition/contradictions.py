@@ -8,7 +8,7 @@ import numpy as np
 from scenarios.definition.channel.content import content_problems
 from scenarios.definition.channel.delay import delay_problems
 from scenarios.definition.channel.loss import loss_problems
-from scenarios.definition.channel.outages import outage_problems
+from scenarios.definition.channel.outages import far_circles, outage_problems
 from scenarios.definition.channel.rules import (
     ANY,
     ROLES,
@@ -20,13 +20,14 @@ from scenarios.definition.channel.rules import (
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
+from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.path import SegmentTable
-from scenarios.definition.schema.tables import CONTROLLERS, ScenarioTables
+from scenarios.definition.schema.tables import CONTROLLERS, OriginTable, ScenarioTables
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
 from vehicles.car.dynamics import fastest_rate
 from vehicles.driver.steering import ControllerError, load_controller, try_out
-from vehicles.geometry.geodesy import REACH
+from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
 
 FASTEST_RATE = 20_000.0
 """Rate (1/s) of a car's tyres or steering up to which a run keeps up with the clock; the paper's
@@ -116,13 +117,17 @@ def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
 
 def _channels(tables: ScenarioTables) -> Iterator[Problem]:
     """Give what is wrong inside of one table of a link, or of a vehicle's radio."""
-    named = {"links": tables.links, **{f"link[{k}]": one for k, one in enumerate(tables.link)}}
-    for key, link in named.items():
+    for key, link in _link_tables(tables).items():
         yield from delay_problems(link.delay, f"{key}.delay")
         yield from outage_problems(link.outages or (), f"{key}.outages")
     for name, vehicle in tables.vehicle.items():
         for key in ("transmitter_off", "receiver_off"):
             yield from outage_problems(getattr(vehicle, key), f"vehicle.{name}.{key}")
+
+
+def _link_tables(tables: ScenarioTables) -> dict[str, LinkTable]:
+    """All tables of links by their keys."""
+    return {"links": tables.links, **{f"link[{k}]": one for k, one in enumerate(tables.link)}}
 
 
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:
@@ -220,6 +225,10 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
             f"{driven:.1f} m, its path is {route.length:.1f} m long",
         )
     yield from _out_of_reach(tables, route)
+    origin = tables.origin or OriginTable()
+    plane = LocalPlane(Origin(origin.latitude_deg, origin.longitude_deg, origin.altitude_m))
+    for key, link in _link_tables(tables).items():
+        yield from far_circles(link.outages or (), f"{key}.outages", plane)
 
 
 def _out_of_reach(tables: ScenarioTables, route: Route) -> Iterator[Problem]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.definition.schema.links import LinkTable
 from scenarios.results.limits import broken_limits, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
@@ -86,8 +87,8 @@ def silent_links(
         asked = link.requested
         common_s = min(lived_s[link.sender], lived_s[link.receiver])
         expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
-        is_lossy = asked.loss_ratio > 0.0 or asked.loss is not None or asked.collisions is not None
-        is_clean = not is_lossy and asked.rate_hz is None
+        plain = LinkTable(latency_ms=asked.latency_ms, jitter_ms=asked.jitter_ms)
+        is_clean = asked == plain and not scenario.link_setting(link.sender, link.receiver, 0).off
         listens = link.receiver not in replayed
         if listens and is_clean and not link.heard and expected_s >= SILENT_S:
             said.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")

@@ -112,7 +112,9 @@ class Inbox:
     def late(self) -> int:
         """Poses so far that came after the tick that should have judged them, or far later."""
         too_late = sum(count for word, count in self._refused.items() if counts_as_late(word))
-        return too_late + sum(link.late for link in self.links.values())
+        held = (late for link in self.links.values() for _, late in link.held.values())
+        waiting = (late for *_, late in self._waiting)
+        return too_late + sum(link.late for link in self.links.values()) + sum(held) + sum(waiting)
 
     @property
     def rejected(self) -> Counter[str]:

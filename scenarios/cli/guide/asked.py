@@ -135,7 +135,7 @@ def _links(report: CheckReport) -> Iterator[Row]:
     yield from _of_some("links", report.links, _link, all_named=True)
 
 
-def _link(asked: Mapping[str, float | None]) -> str:
+def _link(asked: Mapping[str, Any]) -> str:
     rate = "every message" if asked["rate_hz"] is None else f"{asked['rate_hz']:g} Hz"
     delay = f"{asked['latency_ms']:g} ms, jitter {asked['jitter_ms']:g} ms"
     return f"{delay}, loss {asked['loss_ratio']:g}, {rate}"

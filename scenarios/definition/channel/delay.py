@@ -67,6 +67,17 @@ def _law(table: DelayTable) -> DelayLaw:
     return EmpiricalDelay(tuple(one * MILLISECOND for one in sorted(recorded or (0.0,))))
 
 
+def usual_delay_ms(table: LinkTable) -> float:
+    """What most messages of a link take at most: the jitter at its largest, a law at mean + 2 σ."""
+    beyond = 0.0
+    if isinstance(table.delay, ConstantDelayTable):
+        beyond = table.delay.delay_ms
+    elif table.delay is not None:
+        law = _law(table.delay)
+        beyond = (law.mean_ns + 2.0 * law.deviation_ns) / MILLISECOND
+    return table.latency_ms + table.jitter_ms + beyond
+
+
 def link_stages(table: LinkTable) -> tuple[StageLaw, ...]:
     """What messages of the link do to one another, behind its effects."""
     found: list[StageLaw] = []

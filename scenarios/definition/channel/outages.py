@@ -21,7 +21,7 @@ from transport.links.laws.outages import (
     TimedOutage,
 )
 from transport.reasons import DropReason
-from vehicles.geometry.geodesy import LocalPlane
+from vehicles.geometry.geodesy import REACH, LocalPlane
 from vehicles.schedule import SECOND
 
 
@@ -39,6 +39,11 @@ class LinkSetting:
     plane: LocalPlane | None = None
     transmitter_off: Sequence[SpanTable] = ()
     receiver_off: Sequence[SpanTable] = ()
+
+    @property
+    def off(self) -> bool:
+        """Whether one of the two is off at times."""
+        return bool(self.transmitter_off or self.receiver_off)
 
 
 def vehicles_off(setting: LinkSetting) -> list[Effect]:
@@ -81,7 +86,7 @@ def _timed(table: SpanTable, start_at: int, reason: DropReason) -> TimedOutage:
 
 
 def _centre(table: CircleTable, plane: LocalPlane | None) -> tuple[float, float]:
-    """Centre in the plane; a place out of its reach is one where nobody is."""
+    """Centre in the plane, which reaches it; NaN, where nobody is, without a plane."""
     if table.east_m is not None and table.north_m is not None:
         return table.east_m, table.north_m
     if plane is None or table.latitude_deg is None or table.longitude_deg is None:
@@ -99,6 +104,22 @@ def outage_problems(tables: Sequence[Table], key: str) -> Iterator[tuple[str, st
             yield from _span_problems(here, "m", table.from_m, table.to_m, table.every_m)
         elif isinstance(table, CircleTable):
             yield from _circle_problems(here, table)
+
+
+def far_circles(tables: Sequence[Table], key: str, plane: LocalPlane) -> Iterator[tuple[str, str]]:
+    """Give the circles whose place on the earth is not near the plane's; `key` as above."""
+    for index, table in enumerate(tables):
+        if not isinstance(table, CircleTable):
+            continue
+        latitude, longitude = table.latitude_deg, table.longitude_deg
+        if latitude is None or longitude is None:
+            continue
+        if not plane.reaches(latitude, longitude, plane.origin.altitude_m):
+            yield (
+                f"{key}[{index}].latitude_deg",
+                f"given {latitude:g} with longitude_deg {longitude:g}, allowed up to "
+                f"{REACH / 1000.0:g} km from the origin of the plane",
+            )
 
 
 def _span_problems(

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from scenarios.definition.channel.delay import usual_delay_ms
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.vehicle_setup import VehicleSetup
@@ -88,7 +89,7 @@ def _sight(
     settings = FitSettings(preview_time=steering.preview_s, trajectory=steering.trajectory)
     sent = scenario.vehicle(source).gnss.rate_hz
     rate = min(sent, link.rate_hz or sent) * (1.0 - link.loss_ratio)
-    age = (link.latency_ms + link.jitter_ms) / 1000.0 + (1.0 / rate if rate else float("inf"))
+    age = usual_delay_ms(link) / 1000.0 + (1.0 / rate if rate else float("inf"))
     reach = _gap(scenario, setup.place, source, speed) - speed * age
     preview = min(settings.ahead(speed), max(reach, 0.0))
     return _Sight(

@@ -94,6 +94,6 @@ DelayTable = Annotated[
 class QueueTable(Table):
     """What the sender of a link sends a second at most, and what waits meanwhile."""
 
-    bytes_per_s: float = Field(ge=1, le=1e9)
+    bytes_per_s: float = Field(ge=1, le=1_000_000_000)
     depth_messages: int = Field(default=10, ge=1, le=10_000)
     drop: Literal["newest", "oldest"] = "newest"

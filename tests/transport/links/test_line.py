@@ -1,0 +1,172 @@
+"""Messages that depend on one another, in a receiver: the same while their bytes come in time."""
+
+from collections.abc import Iterable
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.definition.schema.links import LinkTable
+from tests.made.transport.links import inbox as inbox_of
+from tests.made.transport.links import link as link_of
+from transport.clock import ticks
+from transport.codec import encode
+from transport.links.inbox import Inbox
+from transport.links.laws.effect import Passage
+from transport.links.line import judge_stream
+from transport.topics import TOPICS, key
+from vehicles.messages import GpsPose, LinkVerdict
+from vehicles.schedule import SECOND, instant
+
+START = 1_790_000_000 * SECOND
+MS = 1_000_000
+RATE_HZ = 20.0
+FLOOR = 20 * MS
+
+LAW = {"kind": "gamma", "mean_ms": 40.0, "deviation_ms": 60.0, "order": "in_order"}
+QUEUE = {"bytes_per_s": 1500.0, "depth_messages": 2}
+RULES = {
+    "in order": {"delay": LAW | {"correlation_ratio": 0.5}, "loss_ratio": 0.2},
+    "newest": {"queue": QUEUE, "jitter_ms": 30.0},
+    "oldest": {"queue": QUEUE | {"drop": "oldest"}, "jitter_ms": 30.0},
+    "both": {"queue": QUEUE | {"drop": "oldest"}, "delay": LAW, "loss_ratio": 0.1},
+}
+
+
+def pose(seq: int) -> GpsPose:
+    return GpsPose(
+        vehicle="lead",
+        seq=seq,
+        measured_at_ns=instant(START, seq, RATE_HZ),
+        latitude_deg=37.72 + seq * 1e-6,
+        longitude_deg=-122.47,
+        altitude_m=30.0,
+        heading_deg=90.0,
+        speed_mps=30.0,
+        yaw_rate_radps=0.01,
+        sent_at_ns=instant(START, seq, RATE_HZ),
+        fix="fixed",
+        position_accuracy_m=0.02,
+        true_east_m=0.0,
+        true_north_m=0.0,
+        true_driven_m=0.0,
+    )
+
+
+def ear(rule: str, seed: int = 1) -> Inbox:
+    asked = {"lead": LinkTable.model_validate(RULES[rule])}
+    return inbox_of("follower_1", asked, seed=seed, start_at=START, rate_hz=RATE_HZ)
+
+
+def send(inbox: Inbox, one: GpsPose) -> None:
+    inbox.on_bytes(key("lead", TOPICS["gps"]), encode(one))
+
+
+def run(
+    rule: str, seed: int, arrivals: Iterable[tuple[int, GpsPose]]
+) -> tuple[list[GpsPose], list[LinkVerdict], Inbox]:
+    """Run an inbox for five seconds; each pose is there for the first tick from its instant on."""
+    inbox, pending = ear(rule, seed), sorted(arrivals, key=lambda row: row[0])
+    heard, verdicts = list[GpsPose](), list[LinkVerdict]()
+    for tick in ticks(START, START + 5 * SECOND, 50.0, RATE_HZ):
+        while pending and pending[0][0] <= tick.at:
+            send(inbox, pending.pop(0)[1])
+        heard += inbox.take(tick.at)
+        verdicts += inbox.verdicts()
+    assert not inbox.rejected
+    return heard, verdicts, inbox
+
+
+@pytest.mark.parametrize("rule", RULES)
+@settings(max_examples=10)
+@given(random=st.randoms(use_true_random=False), seed=st.integers(0, 1000))
+def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(
+    rule: str, random: Random, seed: int
+) -> None:
+    poses = [pose(k) for k in range(80)]
+    heard, verdicts, inbox = run(rule, seed, [(one.sent_at_ns, one) for one in poses])
+    random.shuffle(poses)
+    delayed = [(one.sent_at_ns + random.randrange(FLOOR), one) for one in poses]
+    assert run(rule, seed, delayed)[:2] == (heard, verdicts)
+    assert inbox.late == 0
+    assert {v.outcome for v in verdicts} == {"delivered", "dropped"}
+
+
+@pytest.mark.parametrize("rule", RULES)
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10_000))
+def test_whatever_differs_is_explained_by_a_message_counted_as_late(rule: str, seed: int) -> None:
+    random, poses = Random(seed), [pose(k) for k in range(80)]
+    in_time = run(rule, 1, [(one.sent_at_ns, one) for one in poses])
+    wires = [random.choice((0, 0, 0, FLOOR + 60 * MS, 300 * MS)) for _ in poses]
+    tardy = [(one.sent_at_ns + wire, one) for one, wire in zip(poses, wires, strict=True)]
+    heard, verdicts, inbox = run(rule, 1, tardy)
+    usual = {v.pose_seq: (v.outcome, v.visible_at_ns) for v in in_time[1]}
+    differ = [
+        v.pose_seq
+        for v in verdicts
+        if usual.get(v.pose_seq, (v.outcome, v.visible_at_ns)) != (v.outcome, v.visible_at_ns)
+    ]
+    late = [v.pose_seq for v in verdicts if v.late]
+    assert {wires[seq] > 0 for seq in late} == {True}
+    assert inbox.late == len(late) > 0
+    assert all(seq >= min(late) - QUEUE_REACH for seq in differ)
+    assert len({one.seq for one in heard}) == len(heard)
+
+
+QUEUE_REACH = 3
+"""So many messages before it can still be in the queue."""
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_verdicts_are_those_of_the_stream_of_what_was_sent(rule: str) -> None:
+    poses = [pose(k) for k in range(80)]
+    heard, verdicts, _ = run(rule, 5, [(one.sent_at_ns, one) for one in poses])
+    link = link_of(LinkTable.model_validate(RULES[rule]), seed=5, rate_hz=RATE_HZ)
+    stream = [Passage(one.seq, one.sent_at_ns, len(encode(one))) for one in poses]
+    judged = judge_stream(link, stream)
+    for v in verdicts:
+        wanted = judged[v.pose_seq]
+        assert (v.outcome, v.reason, v.visible_at_ns) == (
+            wanted.outcome, wanted.reason, wanted.visible_at,
+        )  # fmt: skip
+        # Told at the first tick from its instant on, however late it was decided.
+        assert v.visible_at_ns <= v.heard_at_ns < v.visible_at_ns + 20 * MS
+    assert len(verdicts) > 50
+    if "delay" in RULES[rule]:
+        assert [one.seq for one in heard] == sorted(one.seq for one in heard)
+
+
+def test_what_never_comes_holds_nobody_up() -> None:
+    poses = [pose(k) for k in range(0, 80, 2)]
+    heard, verdicts, inbox = run("in order", 1, [(one.sent_at_ns, one) for one in poses])
+    assert len(verdicts) > 30
+    assert [one.seq for one in heard] == sorted(one.seq for one in heard)
+    assert inbox.late == 0
+
+
+def test_a_straggler_goes_by_itself_and_counts_as_late() -> None:
+    inbox = ear("in order")
+    send(inbox, pose(0))
+    send(inbox, pose(2))
+    inbox.take(START + 100 * MS)
+    inbox.take(START + 2 * SECOND)  # number 2 is through
+    before = inbox.verdicts()
+    assert [(v.pose_seq, v.late) for v in before] == [(0, False), (2, False)]
+    send(inbox, pose(1))
+    inbox.take(START + 3 * SECOND)
+    (late,) = inbox.verdicts()
+    assert (late.pose_seq, late.late) == (1, True)
+    assert inbox.late == 1
+
+
+def test_memory_stays_bounded() -> None:
+    inbox = ear("both")
+    for k in range(3000):
+        send(inbox, pose(k))
+        inbox.take(pose(k).sent_at_ns)
+    (link,) = inbox.links.values()
+    assert link.line is not None
+    assert len(link.held) <= 2 + QUEUE_REACH
+    assert len(link.line._coming) <= 2
