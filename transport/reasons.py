@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-DropReason = Literal["rate", "loss"]
+DropReason = Literal["rate", "loss", "range"]
 """Words of a link that drops a message."""
 
 RefusalReason = Literal[
@@ -49,6 +49,7 @@ _ROWS = (
     #      word         loss   late   meaning
     Reason("rate",      False, False, "the link's own rate does not carry it"),
     Reason("loss",      True,  False, "lost on the link"),
+    Reason("range",     True,  False, "not received: too far, or too weak behind other vehicles"),
     Reason("garbage",   False, False, "the bytes are no whole message of the topic"),
     Reason("oversized", False, False, "larger than any message of the topic"),
     Reason("unknown",   False, False, "under a key without a subscriber"),

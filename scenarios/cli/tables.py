@@ -181,7 +181,7 @@ def link_table(summary: RunSummary) -> Table:
         jitter = f"+{asked.jitter_ms:g}" if asked.jitter_ms else ""
         dropped = ", ".join(f"{count} {reason}" for reason, count in row.dropped.items())
         table.add_row(
-            f"{row.sender} → {row.receiver}",
+            f"{row.sender} → {row.receiver}" + (f", {asked.preset}" if asked.preset else ""),
             f"{asked.loss_ratio * 100:g} / {row.loss_ratio * 100:.1f}",
             f"{asked.latency_ms:g}{jitter} / {row.latency_ms_mean:.1f}",
             str(row.sent),

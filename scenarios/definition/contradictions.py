@@ -5,7 +5,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from scenarios.definition.channel.rules import ANY, ROLES, specificity, ties
+from scenarios.definition.channel.radio import radio_problems
+from scenarios.definition.channel.rules import (
+    ANY,
+    ROLES,
+    entries_about,
+    requested_link,
+    specificity,
+    ties,
+)
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
@@ -87,6 +95,18 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
             f"given by link[{first}] too, which is as specific about a link of both: allowed "
             "in one of them",
         )
+    yield from dict.fromkeys(_laws(tables, names))
+
+
+def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
+    """Give what does not fit within what is asked of a link, under the entry that asks for it."""
+    for pair in directed_links(names):
+        about = [entry for _, entry in entries_about(tables.link, names, *pair)]
+        for key, why in radio_problems(requested_link(tables, names, *pair)):
+            table = key.split(".")[0]
+            giver = next((one for one in reversed(about) if table in one.model_fields_set), None)
+            index = next((place for place, one in enumerate(tables.link) if one is giver), None)
+            yield (f"links.{key}" if index is None else f"link[{index}].{key}"), why
 
 
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:

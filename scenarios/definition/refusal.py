@@ -70,22 +70,21 @@ def refusals(error: ValidationError) -> list[tuple[str, str]]:
 
 
 def _refusal(problem: ErrorDetails) -> tuple[str, str]:
-    location = _without_tag(problem["loc"])
-    key, kind, given = dotted(location), problem["type"], problem["input"]
+    location = problem["loc"]
+    key, kind, given = dotted(_walk(location)[0]), problem["type"], problem["input"]
     if kind == "extra_forbidden":
         return key, "unknown key" + _suggestion(location)
     if kind == "missing":
         return key, "missing"
     if kind.startswith("union_tag"):
-        tags = '"segments", "trace" or "points"'
         found = f"given {shown(given['kind'])}" if "kind" in given else "missing"
-        return f"{key}.kind", f"{found}, allowed {tags}"
+        return f"{key}.kind", f"{found}, allowed {_either(_kinds(_walk(location)[1]))}"
     return key, f"given {shown(given)}, allowed {_allowed(location, problem)}"
 
 
-def _without_tag(location: Location) -> Location:
-    """Pydantic puts the kind of a path between `path` and its key."""
-    return (*location[:1], *location[2:]) if location[0] == "path" else location
+def _either(words: Sequence[str]) -> str:
+    *others, last = map(shown, words)
+    return f"{', '.join(others)} or {last}"
 
 
 def _allowed(location: Location, problem: ErrorDetails) -> str:
@@ -121,14 +120,40 @@ def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from models_of(part)
 
 
-def _fields(location: Location) -> dict[str, FieldInfo]:
-    """Keys of the table at `location`; names of vehicles and list indices are passed over."""
+def _walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
+    """Follow a location: its key without tags, and the tables that may be there.
+
+    Pydantic puts the kind of a table between its key and those inside it. Names of vehicles and
+    list indices are passed over.
+    """
+    key: Location = ()
     models: list[type[BaseModel]] = [ScenarioTables]
     for part in location:
+        of_kind = [model for model in models if part in _kinds([model])]
+        if len(models) > 1 and of_kind:
+            models = of_kind
+            continue
+        key = (*key, part)
         for model in models:
             if part in model.model_fields:
                 models = list(models_of(model.model_fields[str(part)].annotation))
                 break
+    return key, models
+
+
+def _kinds(models: Sequence[type[BaseModel]]) -> list[str]:
+    """Kinds of tables between which the key `kind` chooses."""
+    return [
+        word
+        for model in models
+        if "kind" in model.model_fields
+        for word in get_args(model.model_fields["kind"].annotation)
+    ]
+
+
+def _fields(location: Location) -> dict[str, FieldInfo]:
+    """Keys of the table at `location`."""
+    _, models = _walk(location)
     return {name: field for model in models for name, field in model.model_fields.items()}
 
 
@@ -144,7 +169,7 @@ def _suggestion(location: Location) -> str:
     same_stem = [key for key in here if key.split("_")[0] == stem]
     near_here = get_close_matches(word, same_stem or here, n=1, cutoff=0.4 if same_stem else 0.7)
     if near_here:
-        return f", did you mean {dotted((*table, near_here[0]))}?"
+        return f", did you mean {dotted((*_walk(table)[0], near_here[0]))}?"
     elsewhere = [
         f"{name}.{word}" for name in ScenarioTables.model_fields if word in _fields((name,))
     ]

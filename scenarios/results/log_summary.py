@@ -86,9 +86,8 @@ def silent_links(
         asked = link.requested
         common_s = min(lived_s[link.sender], lived_s[link.receiver])
         expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
-        is_clean = asked.loss_ratio == 0.0 and asked.rate_hz is None
         listens = link.receiver not in replayed
-        if listens and is_clean and not link.heard and expected_s >= SILENT_S:
+        if listens and asked.is_sure and not link.heard and expected_s >= SILENT_S:
             said.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
     refused = [
         f"{name} refused {figures.health.rejected_messages} messages"

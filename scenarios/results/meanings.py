@@ -9,8 +9,9 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     "": {
         "schema": "convoy.summary/1",
         "scenario": "its name",
-        "title": "name, seed, weight of the predecessor, loss and overrides: what tells runs apart;"
-        " behind the name of a scenario that does not ship, a fingerprint of all that it says",
+        "title": "name, seed, weight of the predecessor, loss, presets and overrides: what tells"
+        " runs apart; behind the name of a scenario that does not ship, a fingerprint of all that"
+        " it says",
         "overrides": "what was laid over the file by --set and --seed",
         "seed": "the seed that was used",
         "clock": "wall or virtual",
@@ -72,7 +73,8 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     "links": {
         "sender": "each link has a direction",
         "receiver": "the vehicle that judges the messages of the link",
-        "requested": "what was asked for: latency_ms, jitter_ms, loss_ratio, rate_hz (null: any)",
+        "requested": "what was asked for: latency_ms, jitter_ms, loss_ratio, rate_hz (null: any),"
+        " and the keys of the laws (null: not asked for)",
         "sent": "messages of the sender",
         "judged": "messages that came to the link",
         "heard": "messages delivered",

@@ -25,7 +25,7 @@ def test_a_word_is_one_word_and_says_what_it_means(word: str) -> None:
 
 
 def test_what_counts_as_lost_and_as_late() -> None:
-    assert {word for word in REASONS if counts_as_loss(word)} == {"loss"}
+    assert {word for word in REASONS if counts_as_loss(word)} == {"loss", "range"}
     assert {word for word in REASONS if counts_as_late(word)} == {"past"}
 
 

@@ -2,22 +2,28 @@
 
 from fractions import Fraction
 
+from scenarios.definition.channel.radio import Between, nobody, radio_effect
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.effect import Effect
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 from vehicles.schedule import MILLISECOND
 
 
-def link_effects(table: LinkTable, source_rate_hz: float) -> tuple[Effect, ...]:
+def link_effects(
+    table: LinkTable, source_rate_hz: float, between: Between = nobody
+) -> tuple[Effect, ...]:
     """Impairments that `table` asks of a link whose sender measures at `source_rate_hz`.
 
-    The first that drops a message names the reason.
+    `between` says which vehicles drive between sender and receiver. The first effect that drops a
+    message names the reason.
     """
     found: list[Effect] = []
     if table.rate_hz is not None and table.rate_hz < source_rate_hz:
         found.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
     if table.loss_ratio > 0.0:
         found.append(Loss(table.loss_ratio))
+    if table.radio is not None:
+        found.append(radio_effect(table.radio, between))
     found.append(Latency(round(table.latency_ms * MILLISECOND)))
     if table.jitter_ms > 0.0:
         found.append(Jitter(round(table.jitter_ms * MILLISECOND)))

@@ -63,7 +63,7 @@ class CheckReport:
     tyres: dict[str, dict[str, Any]]
     offsets: dict[str, dict[str, float]]
     replays: dict[str, dict[str, Any]]
-    links: dict[str, dict[str, float | None]]
+    links: dict[str, dict[str, Any]]
     when_a_vehicle_dies: str
     clock_offset_ms_max: float
     events: dict[str, float]

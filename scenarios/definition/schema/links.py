@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from scenarios.definition.schema.radio import RadioTable
 from scenarios.definition.schema.table import Ratio, Table
 
 
@@ -12,18 +13,32 @@ class LinkTable(Table):
     jitter_ms     further delay, uniform between 0 and this
     loss_ratio    share of messages lost, each on its own (Bernoulli)
     rate_hz       messages a second that the link carries; left out, it carries every message
+    radio         what is received over the true distance, with loss on the way and obstruction
+    preset        a shipped channel, laid under the other keys when a scenario is read
+    preset_source  where its figures are from, which says that this has been done
     """
+
+    preset: str | None = None
+    preset_source: str | None = None
 
     latency_ms: float = Field(default=20.0, ge=0, le=60_000)
     jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
     loss_ratio: Ratio = 0.0
     rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
+    radio: RadioTable | None = None
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it carries every message, by nothing but latency and jitter."""
+        asked = {key for key, value in self if value != LinkTable.model_fields[key].default}
+        return asked <= {"latency_ms", "jitter_ms", "preset", "preset_source"}
 
 
 class LinkEntry(LinkTable):
     """Other values for the link from `sender` to `receiver`.
 
-    Each end is a vehicle's name, a role ("lead", "predecessor", "follower"), or "*" for any.
+    Each end is a vehicle's name, a role ("lead", "predecessor", "follower"), or "*" for any. With a
+    preset it takes nothing from the convoy's values: a preset is a whole channel.
     """
 
     sender: str

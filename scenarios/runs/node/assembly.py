@@ -1,11 +1,13 @@
 """Builds one vehicle from its part of the scenario."""
 
 from collections.abc import Iterator
+from functools import partial
 from math import cos, sin
 
 import numpy as np
 
 from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
@@ -15,6 +17,7 @@ from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
+from transport.links.laws.obstruction import VehiclesBetween
 from transport.links.link import Link
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssReceiver
@@ -97,11 +100,18 @@ class VehicleBuilder:
         """The link from `sender`, and the gate that its poses pass."""
         scenario = self._scenario
         rate_hz = scenario.vehicle(sender).gnss.rate_hz
-        effects = link_effects(scenario.links[sender, self.name], rate_hz)
+        effects = link_effects(
+            scenario.links[sender, self.name], rate_hz, partial(self._between, sender)
+        )
         return IncomingLink(
             Link(effects, scenario.seed, sender, self.name),
             PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane),
         )
+
+    def _between(self, sender: str) -> VehiclesBetween:
+        """Who drives between `sender` and this vehicle."""
+        ahead = self._scenario.vehicle(sender).place
+        return vehicles_between(self._route, ahead, self._setup.place)
 
     def _body(self) -> Body:
         """The car at its start: on the path its gap behind the one ahead, with its offsets."""

@@ -70,4 +70,4 @@ def test_effects_that_are_not_asked_for_are_not_there() -> None:
 )
 def test_impossible_rules_are_refused(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=name):
-        LinkTable(**{name: value})
+        LinkTable.model_validate({name: value})
