@@ -56,7 +56,7 @@ class ShadowingTable(Table):
 
     deviation_db: Deviation = 3.0
     obstructed_deviation_db: Deviation = 4.0
-    decorrelation_m: float = Field(default=25.0, ge=0.1, le=10_000)
+    decorrelation_m: float = Field(default=25.0, ge=1, le=10_000)
 
 
 Radius = Annotated[float, Field(ge=0, le=10)]
