@@ -17,6 +17,7 @@ DropReason = Literal[
     "burst",
     "pattern",
     "collision",
+    "range",
     "queue",
     "corrupted",
 ]
@@ -66,6 +67,7 @@ _ROWS = (
     Reason("burst",           True,  False, "lost by a link that loses several in a row"),
     Reason("pattern",         True,  False, "lost by its number: listed, every n-th, or on record"),
     Reason("collision",       True,  False, "sent in a resource that another sender had, too"),
+    Reason("range",           True,  False, "too far, or too weak behind other vehicles"),
     Reason("queue",           True,  False, "more waited to be sent than the link's queue holds"),
     Reason("corrupted",       True,  False, "altered on the link, and refused for that"),
     Reason("garbage",         False, False, "the bytes are no whole message of the topic"),

@@ -181,7 +181,8 @@ def link_table(summary: RunSummary) -> Table:
         table.add_column(heading, justify="right")
     for row in summary.links:
         table.add_row(
-            f"{row.sender} → {row.receiver}",
+            f"{row.sender} → {row.receiver}"
+            + (f", {row.requested.preset}" if row.requested.preset else ""),
             f"{_asked(row.requested_loss_ratio, 100)} / {row.loss_ratio * 100:.1f}",
             f"{_asked(row.requested_burst_messages)} / {_asked(row.burst_messages_mean)}",
             f"{_asked(row.requested_latency_ms_mean)} / {row.latency_ms_mean:.1f}",

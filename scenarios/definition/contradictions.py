@@ -9,6 +9,7 @@ from scenarios.definition.channel.content import content_problems
 from scenarios.definition.channel.delay import delay_problems
 from scenarios.definition.channel.loss import loss_problems
 from scenarios.definition.channel.outages import far_circles, outage_problems
+from scenarios.definition.channel.radio import radio_problems
 from scenarios.definition.channel.rules import (
     ANY,
     ROLES,
@@ -108,7 +109,8 @@ def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
     """Give what does not fit within what is asked of a link, under the entry that asks for it."""
     for pair in directed_links(names):
         about = [entry for _, entry in entries_about(tables.link, names, *pair)]
-        for key, why in loss_problems(requested_link(tables, names, *pair)):
+        asked = requested_link(tables, names, *pair)
+        for key, why in (*loss_problems(asked), *radio_problems(asked)):
             table = key.split(".")[0]
             giver = next((one for one in reversed(about) if table in one.model_fields_set), None)
             index = next((place for place, one in enumerate(tables.link) if one is giver), None)

@@ -7,9 +7,17 @@ from pathlib import Path
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ScenarioFile, read_base
-from scenarios.definition.overrides import OverrideError, Raw, override, parse_override, parsed
+from scenarios.definition.overrides import (
+    OverrideError,
+    Raw,
+    clear,
+    override,
+    parse_override,
+    parsed,
+)
 
 EXTENDS = "extends"
+PRESET = "preset"
 
 Key = tuple[str, ...]
 """Names of the tables around a value, and its own."""
@@ -73,7 +81,7 @@ def merged(file: ScenarioFile, overrides: Sequence[str]) -> MergedScenario:
     raw: Raw = {}
     given_in: dict[Key, ScenarioFile] = {}
     for one, tables in chain:
-        raw = _laid_over(raw, tables)
+        raw = laid_over(raw, tables)
         given_in |= dict.fromkeys(_values(tables), one)
     kept = set(_values(raw))
     given_in = {key: one for key, one in given_in.items() if key in kept}
@@ -106,13 +114,16 @@ def _parsed(file: ScenarioFile) -> Raw:
         raise ScenarioError([f"{file.label}: not valid TOML: {error}"]) from error
 
 
-def _laid_over(base: Raw, tables: Raw) -> Raw:
-    """Merge tables key by key; any other value, and a table of another `kind`, is replaced."""
+def laid_over(base: Raw, tables: Raw) -> Raw:
+    """Merge tables key by key; any other value is replaced, and so is a table of another `kind`.
+
+    A table that names a `preset` replaces what was there too: a preset is a whole channel.
+    """
     result = dict(base)
     for key, value in tables.items():
         below = base.get(key)
         if isinstance(value, dict) and isinstance(below, dict) and _alike(below, value):
-            result[key] = _laid_over(below, value)
+            result[key] = laid_over(below, value)
         else:
             result[key] = value
     return result
@@ -120,6 +131,8 @@ def _laid_over(base: Raw, tables: Raw) -> Raw:
 
 def _alike(below: Raw, table: Raw) -> bool:
     """Tell whether two tables may be merged: keys of one `kind` mean nothing to another."""
+    if PRESET in table:
+        return False
     return "kind" not in below or table.get("kind", below["kind"]) == below["kind"]
 
 
@@ -133,12 +146,17 @@ def _values(tables: Raw, inside: Key = ()) -> Iterator[Key]:
 
 
 def _override(raw: Raw, overrides: Sequence[str]) -> tuple[str, ...]:
-    """Lay `overrides` over the tables; gives the keys overridden."""
-    changed = []
+    """Lay `overrides` over the tables; gives the keys overridden.
+
+    A preset takes the place of all that the files say in its table.
+    """
+    changed: list[str] = []
     for one in overrides:
         try:
             parts, value = parse_override(one)
             override(raw, parts, value)
+            if parts[-1] == PRESET:
+                clear(raw, parts, changed)
         except OverrideError as error:
             raise ScenarioError([f"--set {one}: {error}"]) from error
         if parts[0] == EXTENDS:

@@ -10,6 +10,8 @@ from scenarios.definition.refusal import near, shown
 LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"
 """Folder of the shipped recorded drives."""
+PRESETS = LIBRARY / "presets"
+"""Folder of the shipped channels."""
 
 ATTACHED_AS = "scenario.toml"
 """Name of the scenario of a run among the attachments of its log."""
@@ -39,7 +41,8 @@ def library() -> tuple[str, ...]:
 
 def _shipped() -> dict[str, Path]:
     """File of each shipped scenario, by name."""
-    return {path.stem: path for path in LIBRARY.rglob("*.toml") if path.stem != TEMPLATE}
+    found = (path for path in LIBRARY.rglob("*.toml") if path.parent != PRESETS)
+    return {path.stem: path for path in found if path.stem != TEMPLATE}
 
 
 def template() -> str:

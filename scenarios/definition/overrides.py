@@ -3,7 +3,7 @@
 import json
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 Raw = dict[str, Any]
@@ -70,6 +70,20 @@ def override(table: Raw, parts: Sequence[str], value: object) -> None:
             here = here[part]
         else:
             raise OverrideError(f"{'.'.join(parts[:depth])} is a value, it has no key {part}")
+
+
+def clear(table: Raw, parts: Sequence[str], kept: Iterable[str]) -> None:
+    """Delete what stands beside the key `parts`, but what says which link it is about.
+
+    Keys that are `kept`, each with dots, stay too.
+    """
+    here: Any = table
+    for part in parts[:-1]:
+        here = here[int(part)] if isinstance(here, list) else here[part]
+    whole = {tuple(key.split("."))[: len(parts)] for key in kept}
+    for key in here.keys() - {parts[-1], "sender", "receiver"}:
+        if (*parts[:-1], key) not in whole:
+            del here[key]
 
 
 def _index(entries: list[Any], parts: Sequence[str]) -> int:

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from scenarios.definition import contradictions
 from scenarios.definition.channel.delay import with_recorded_delays
 from scenarios.definition.channel.outages import LinkSetting
+from scenarios.definition.channel.presets import with_presets
 from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
@@ -88,17 +89,19 @@ class Scenario:
 
     @cached_property
     def title(self) -> str:
-        """The run in one line: name, seed, weight of the predecessor, loss, and overrides.
+        """The run in one line: name, seed, weight of the predecessor, loss, presets, and overrides.
 
         The name of a scenario that is not shipped has its fingerprint behind it.
         """
         weights = [self.vehicle(name).steering.alpha_ratio for name in self.vehicle_names[1:]]
         losses = [100.0 * link.loss_ratio for link in self.links.values()]
+        presets = dict.fromkeys(link.preset for link in self.links.values() if link.preset)
         parts = [
             f"{self.name} ({self.fingerprint})" if self.fingerprint else self.name,
             f"seed {self.seed}",
             *([f"α {_range(weights)}"] if weights else []),
             *([f"loss {_range(losses)} %"] if losses else []),
+            *([f"channel {' and '.join(presets)}"] if presets else []),
             *(text for text in self.overrides if not text.startswith("seed=")),
         ]
         return ", ".join(parts)
@@ -276,7 +279,9 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
         return ScenarioError(f"{given.source(key)}: {key}: {why}" for key, why in problems)
 
     try:
-        tables = ScenarioTables.model_validate(given.raw)
+        tables = ScenarioTables.model_validate(with_presets(given.raw))
+    except Refused as error:
+        raise refuse([(error.key, error.why)]) from error
     except ValidationError as error:
         raise refuse(refusals(error)) from error
     problems = list(contradictions.between_keys(tables)) or list(contradictions.controllers(tables))

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.schema.links import LinkTable
 from scenarios.results.limits import broken_limits, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
@@ -87,10 +86,9 @@ def silent_links(
         asked = link.requested
         common_s = min(lived_s[link.sender], lived_s[link.receiver])
         expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
-        plain = LinkTable(latency_ms=asked.latency_ms, jitter_ms=asked.jitter_ms)
-        is_clean = asked == plain and not scenario.link_setting(link.sender, link.receiver, 0).off
         listens = link.receiver not in replayed
-        if listens and is_clean and not link.heard and expected_s >= SILENT_S:
+        is_on = not scenario.link_setting(link.sender, link.receiver, 0).off
+        if listens and is_on and asked.is_sure and not link.heard and expected_s >= SILENT_S:
             said.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
     refused = [
         f"{name} refused {figures.health.rejected_messages} messages"

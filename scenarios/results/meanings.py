@@ -9,8 +9,9 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     "": {
         "schema": "convoy.summary/1",
         "scenario": "its name",
-        "title": "name, seed, weight of the predecessor, loss and overrides: what tells runs apart;"
-        " behind the name of a scenario that does not ship, a fingerprint of all that it says",
+        "title": "name, seed, weight of the predecessor, loss, presets and overrides: what tells"
+        " runs apart; behind the name of a scenario that does not ship, a fingerprint of all that"
+        " it says",
         "overrides": "what was laid over the file by --set and --seed",
         "seed": "the seed that was used",
         "clock": "wall or virtual",

@@ -138,7 +138,8 @@ def _links(report: CheckReport) -> Iterator[Row]:
 def _link(asked: Mapping[str, Any]) -> str:
     rate = "every message" if asked["rate_hz"] is None else f"{asked['rate_hz']:g} Hz"
     delay = f"{asked['latency_ms']:g} ms, jitter {asked['jitter_ms']:g} ms"
-    return f"{delay}, loss {asked['loss_ratio']:g}, {rate}"
+    preset = f"{asked['preset']}, " if asked["preset"] else ""
+    return f"{preset}{delay}, loss {asked['loss_ratio']:g}, {rate}"
 
 
 def _ends(report: CheckReport) -> Iterator[Row]:

@@ -6,6 +6,7 @@ from scenarios.definition.channel.content import content_effects
 from scenarios.definition.channel.delay import delay_effect
 from scenarios.definition.channel.loss import earlier_run, loss_effects
 from scenarios.definition.channel.outages import LinkSetting, outages, vehicles_off
+from scenarios.definition.channel.radio import Between, nobody, radio_effect
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.effect import Effect
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
@@ -16,11 +17,15 @@ UNSET = LinkSetting()
 
 
 def link_effects(
-    table: LinkTable, source_rate_hz: float, setting: LinkSetting = UNSET
+    table: LinkTable,
+    source_rate_hz: float,
+    setting: LinkSetting = UNSET,
+    between: Between = nobody,
 ) -> tuple[Effect, ...]:
     """Impairments that `table` asks of a link whose sender measures at `source_rate_hz`.
 
-    The first that drops a message names the reason. `setting` is what some need of the run.
+    The first that drops a message names the reason. `setting` is what some need of the run,
+    `between` says which vehicles drive between sender and receiver.
     """
     if again := earlier_run(table):
         return again
@@ -32,6 +37,8 @@ def link_effects(
     if table.loss_ratio > 0.0:
         found.append(Loss(table.loss_ratio))
     found += loss_effects(table)
+    if table.radio is not None:
+        found.append(radio_effect(table.radio, between))
     found.append(Latency(round(table.latency_ms * MILLISECOND)))
     if table.jitter_ms > 0.0:
         found.append(Jitter(round(table.jitter_ms * MILLISECOND)))

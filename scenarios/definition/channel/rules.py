@@ -42,11 +42,12 @@ def requested_link(
 ) -> LinkTable:
     """What is asked of one link: the convoy's values, under those of its entries.
 
-    Of several entries the more specific wins, key by key; what it leaves out is inherited.
+    Of several entries the more specific wins, key by key; what it leaves out is inherited, unless
+    it names a preset, which is a whole channel.
     """
     link = tables.links
     for _, entry in entries_about(tables.link, names, sender, receiver):
-        link = overlay(link, entry)
+        link = overlay(LinkTable() if entry.preset else link, entry)
     return link
 
 
@@ -71,7 +72,12 @@ def ties(entries: Sequence[LinkEntry], names: Sequence[str]) -> Iterator[tuple[i
             for first in range(later):
                 if grade is None or graded[first] != grade or (first, later) in seen:
                     continue
-                both = entries[first].model_fields_set & entries[later].model_fields_set
-                if keys := sorted(both & LinkTable.model_fields.keys()):
+                if both := _keys(entries[first]) & _keys(entries[later]):
                     seen.add((first, later))
-                    yield first, later, keys[0]
+                    yield first, later, "preset" if "preset" in both else min(both)
+
+
+def _keys(entry: LinkEntry) -> set[str]:
+    """Keys that an entry gives; with a preset it gives them all."""
+    every = set(LinkTable.model_fields)
+    return every if entry.preset else entry.model_fields_set & every

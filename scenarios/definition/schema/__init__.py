@@ -7,5 +7,6 @@ links    what directed links do to messages
 content  what they do to the content and the number of messages
 delay    their laws of delay, and their queue
 outages  when and where they carry nothing
+radio    what a link's radio receives over a distance
 tables   all others, and the file as a whole
 """

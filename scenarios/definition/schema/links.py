@@ -6,6 +6,7 @@ from scenarios.definition.schema.content import ContentTable
 from scenarios.definition.schema.delay import DelayTable, QueueTable
 from scenarios.definition.schema.loss import CollisionsTable, LossTable
 from scenarios.definition.schema.outages import Outages
+from scenarios.definition.schema.radio import RadioTable
 from scenarios.definition.schema.table import Ratio, Table
 
 
@@ -22,7 +23,13 @@ class LinkTable(Table):
     delay         further delay by a law, and whether messages keep their order
     queue         bytes a second that the sender sends, and how many messages wait
     outages       times and places at which nothing is carried
+    radio         what is received over the true distance, with loss on the way and obstruction
+    preset        a shipped channel, laid under the other keys when a scenario is read
+    preset_source  where its figures are from, which says that this has been done
     """
+
+    preset: str | None = None
+    preset_source: str | None = None
 
     latency_ms: float = Field(default=20.0, ge=0, le=60_000)
     jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
@@ -34,12 +41,20 @@ class LinkTable(Table):
     delay: DelayTable | None = None
     queue: QueueTable | None = None
     outages: Outages | None = None
+    radio: RadioTable | None = None
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it carries every message, by nothing but latency and jitter."""
+        asked = {key for key, value in self if value != LinkTable.model_fields[key].default}
+        return asked <= {"latency_ms", "jitter_ms", "preset", "preset_source"}
 
 
 class LinkEntry(LinkTable):
     """Other values for the link from `sender` to `receiver`.
 
-    Each end is a vehicle's name, a role ("lead", "predecessor", "follower"), or "*" for any.
+    Each end is a vehicle's name, a role ("lead", "predecessor", "follower"), or "*" for any. With a
+    preset it takes nothing from the convoy's values: a preset is a whole channel.
     """
 
     sender: str

@@ -1,6 +1,7 @@
 """Builds one vehicle from its part of the scenario."""
 
 from collections.abc import Iterator
+from functools import partial
 from math import cos, sin
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.content import content_stage
 from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
@@ -17,6 +19,7 @@ from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
+from transport.links.laws.obstruction import VehiclesBetween
 from transport.links.link import Link
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssReceiver
@@ -100,10 +103,16 @@ class VehicleBuilder:
         scenario = self._scenario
         rate_hz = scenario.vehicle(sender).gnss.rate_hz
         asked = scenario.links[sender, self.name]
-        effects = link_effects(asked, rate_hz, scenario.link_setting(sender, self.name, start_at))
+        setting = scenario.link_setting(sender, self.name, start_at)
+        effects = link_effects(asked, rate_hz, setting, partial(self._between, sender))
         link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
         gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane)
         return IncomingLink(link, gate, content_stage(asked.content, link, gate))
+
+    def _between(self, sender: str) -> VehiclesBetween:
+        """Who drives between `sender` and this vehicle."""
+        ahead = self._scenario.vehicle(sender).place
+        return vehicles_between(self._route, ahead, self._setup.place)
 
     def _body(self) -> Body:
         """The car at its start: on the path its gap behind the one ahead, with its offsets."""

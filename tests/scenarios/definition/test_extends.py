@@ -166,7 +166,9 @@ def test_no_scenario_that_ships_repeats_the_road_of_another() -> None:
     written = [
         text
         for path in (Path(__file__).parents[3] / "scenarios" / "library").rglob("*.toml")
-        if "kind = " in (text := path.read_text(encoding="utf-8")) and text != template()
+        if path.parent.name != "presets"
+        and "kind = " in (text := path.read_text(encoding="utf-8"))
+        and text != template()
     ]
     different = {str(road.model_dump()) for road in roads}
     # One file extends the kind of path and has segments of its own.

@@ -1,0 +1,137 @@
+"""Vehicles between sender and receiver: in the line of sight on a straight, beside it in bends."""
+
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from scenarios.definition.channel.radio import ROAD_STEP, vehicles_between
+from scenarios.definition.scenario import scenario_from_text
+from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.obstruction import (
+    HOPELESS,
+    Obstruction,
+    OnceForAll,
+    PerVehicle,
+    Road,
+    VehiclesBetween,
+)
+from transport.links.laws.shadowing import ShadowField
+from transport.links.link import keyed_draw
+from vehicles.geometry.path import Path
+
+ALL = 10**6
+DRAW = keyed_draw(1, "v1", "v9")
+
+
+def circle(radius: float) -> Road:
+    """A road around the origin, from the east on, counter-clockwise."""
+    angles = np.arange(0.0, 2.0 * pi * radius, ROAD_STEP) / radius
+    return Road(ROAD_STEP, (radius * np.cos(angles)).tolist(), (radius * np.sin(angles)).tolist())
+
+
+def on_circle(radius: float, driven: float) -> Whereabouts:
+    return Whereabouts(radius * cos(driven / radius), radius * sin(driven / radius), driven)
+
+
+@given(
+    st.floats(15.0, 500.0), st.integers(1, 12), st.floats(6.0, 40.0), st.floats(0.5, 3.0),
+)  # fmt: skip
+def test_around_a_bend_those_count_that_are_near_the_chord(
+    radius: float, count: int, gap: float, reach: float
+) -> None:
+    """The distance from the chord is r (cos(φ) − cos(φ_end)), φ being the angle from its middle."""
+    way = gap * (count + 1)
+    assume(way < pi * radius)
+    half = 0.5 * way / radius
+    off = [
+        radius * (cos(half * (2.0 * place / (count + 1) - 1.0)) - cos(half))
+        for place in range(1, count + 1)
+    ]
+    sag = ROAD_STEP**2 / (8.0 * radius)  # by which the straight lines of the road cut the bend
+    assume(all(abs(one - reach) > 1.1 * sag for one in off))
+    between = VehiclesBetween(count, circle(radius), 0.0, 0.0, reach)
+    passage = Passage(0, 0, 0, on_circle(radius, 5.0 + way), on_circle(radius, 5.0))
+    assert between.in_the_way(passage, ALL) == sum(one < reach for one in off)
+
+
+BEND = """
+name = "bend"
+[convoy]
+vehicles = 9
+[path]
+kind = "segments"
+segments = [
+    { length_m = 400.0 }, { length_m = 31.4, radius_m = 20.0, turn = "left" }, { length_m = 400.0 },
+]
+"""
+
+
+def test_on_the_road_of_a_scenario_all_are_in_the_way_until_the_lead_turns() -> None:
+    """Places and metres driven as they are in a run; all drive the path exactly."""
+    route = scenario_from_text(BEND).route
+    lead, last = 0, 8
+    between = vehicles_between(route, lead, last)
+    assert between.count == 7
+
+    def passage(driven: float) -> Passage:
+        ends = [route.path.at(route.start_station(place) + driven) for place in (lead, last)]
+        ahead, behind = (Whereabouts(end.east, end.north, driven) for end in ends)
+        return Passage(0, 0, 0, ahead, behind)
+
+    found = [between.in_the_way(passage(driven), ALL) for driven in range(0, 700, 5)]
+    assert found[0] == 7
+    assert found[-1] == 7
+    assert min(found) == 0  # each side of the bend has its own line
+    first = next(place for place, count in enumerate(found) if count < 7)
+    assert 400 <= 5 * first <= 440
+    for driven, count in zip(range(0, 700, 5), found, strict=True):
+        assert count == brute_force(route.path, passage(driven), between), driven
+
+
+def brute_force(path: Path, passage: Passage, between: VehiclesBetween) -> int:
+    """Distance from each vehicle's place on the path itself to points along the line of sight."""
+    here, there = passage.receiver, passage.sender
+    shares = np.linspace(0.0, 1.0, 4001)
+    easts = here.east + shares * (there.east - here.east)
+    norths = here.north + shares * (there.north - here.north)
+    start, end = between.receiver_start + here.driven, between.sender_start + there.driven
+    count = 0
+    for place in range(1, between.count + 1):
+        point = path.at(start + (end - start) * place / (between.count + 1))
+        off = np.hypot(point.east - easts, point.north - norths)
+        count += int(off.min() < between.radius)
+    return count
+
+
+def straight(count: int) -> VehiclesBetween:
+    return VehiclesBetween(count, Road(10.0, (0.0, 10.0), (0.0, 0.0)), 0.0, 0.0)
+
+
+def apart(way: float) -> Passage:
+    return Passage(0, 0, 0, Whereabouts(way, 0.0, way), Whereabouts(0.0, 0.0, 0.0))
+
+
+def test_each_costs_by_the_law_of_etsi_and_all_together_by_that_of_3gpp() -> None:
+    def lost(law: Obstruction, way: float) -> float:
+        lost, is_obstructed = law.loss(DRAW, apart(way), way)
+        assert is_obstructed
+        return lost
+
+    assert lost(PerVehicle(straight(4), 6.9), 75.0) == pytest.approx(27.6)
+    assert lost(PerVehicle(straight(10**5), 6.9), 75.0) == pytest.approx(HOPELESS, abs=6.9)
+    field = ShadowField(25.0)
+    assert lost(OnceForAll(straight(4), 9.0, 0.0, field), 75.0) == 9.0
+    assert lost(OnceForAll(straight(4), 9.0, 0.0, field), 1000.0) == pytest.approx(9.0 + 4.0)
+    assert lost(OnceForAll(straight(4), -9.0, 0.0, field), 75.0) == 0.0
+
+
+@pytest.mark.parametrize("aside", [1.4, 1.6])
+def test_a_circle_cuts_the_line_up_to_its_radius(aside: float) -> None:
+    road = Road(10.0, (0.0, 10.0), (aside, aside))
+    between = VehiclesBetween(3, road, 0.0, 0.0)
+    assert between.in_the_way(apart(60.0), ALL) == (3 if aside < 1.5 else 0)
+    with_nobody = VehiclesBetween(0, road, 0.0, 0.0)
+    assert with_nobody.in_the_way(apart(60.0), ALL) == 0

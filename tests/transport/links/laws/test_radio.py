@@ -1,0 +1,214 @@
+"""What is received over a distance: as the tables and the laws say, on every link alike."""
+
+from math import inf, log10, nan, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from transport.links.laws.effect import Effect, Passage, Whereabouts
+from transport.links.laws.obstruction import OnceForAll, PerVehicle, Road, VehiclesBetween
+from transport.links.laws.radio import (
+    DeliveryOverDistance,
+    ErrorCurve,
+    Propagation,
+    Sight,
+    highway_loss,
+    noise_power,
+)
+from transport.links.laws.reservations import Reservations
+from transport.links.laws.shadowing import ShadowField
+from transport.links.link import keyed_draw
+
+DRAW = keyed_draw(7, "v1", "v2")
+STRAIGHT = Road(10.0, (0.0, 10.0), (0.0, 0.0))
+
+
+def apart(seq: int, way: float, driven: float = 0.0) -> Passage:
+    """Message `seq` over `way` metres of straight road to a receiver that has driven `driven`."""
+    ahead = Whereabouts(driven + way, 0.0, driven + way)
+    return Passage(seq, 0, 0, ahead, Whereabouts(driven, 0.0, driven))
+
+
+# ---- Tables
+
+
+def test_a_table_is_linear_between_its_points_constant_before_and_ends_with_the_last() -> None:
+    law = DeliveryOverDistance((50.0, 100.0, 200.0), (0.9, 0.5, 0.1))
+    ways = (0.0, 49.0, 50.0, 75.0, 100.0, 150.0, 200.0, 200.001, inf, nan)
+    expected = (0.9, 0.9, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0, 0.0, 0.0)
+    assert [law.ratio(way) for way in ways] == pytest.approx(expected)
+    assert DeliveryOverDistance((100.0,), (0.4,)).ratio(30.0) == 0.4
+
+
+def test_a_message_that_says_no_place_is_out_of_range() -> None:
+    receiver = Whereabouts(0.0, 0.0, 0.0)
+    laws: list[Effect] = [DeliveryOverDistance((1000.0,), (1.0,)), behind(3)]
+    for place in (nan, inf, -inf, 1e308):
+        sender = Whereabouts(place, place, place)
+        assert {law.judge(DRAW, Passage(1, 0, 0, sender, receiver)) for law in laws} == {"range"}
+    strange = Whereabouts(20.0, 0.0, nan)
+    assert behind(3).judge(DRAW, Passage(1, 0, 0, strange, receiver)) == "range"
+    assert behind(3).judge(DRAW, Passage(1, 0, 0, Whereabouts(9.0, 0.0, 1e308), receiver)) == 0
+
+
+def test_with_reservations_all_messages_of_one_share_their_fate() -> None:
+    held = Reservations(5, 15, 0.4)
+    law = DeliveryOverDistance((100.0,), (0.6,), held)
+    fates: dict[int, set[object]] = {}
+    for seq in range(2_000):
+        selected = held.selected_at(DRAW, seq)
+        fates.setdefault(selected, set()).add(law.judge(DRAW, apart(seq, 50.0)))
+    assert all(len(fate) == 1 for fate in fates.values())
+    assert set.union(*fates.values()) == {0, "range"}
+
+
+# ---- Loss on the way
+
+
+def test_the_budget_is_that_of_the_formulas() -> None:
+    """By hand: −174 dBm/Hz in 10 MHz and 9 dB make −95 dBm; 3GPP's highway has 47.82 dB at 1 m."""
+    assert noise_power(10e6, 9.0) == pytest.approx(-95.0)
+    assert highway_loss(5.9e9) == pytest.approx(47.817, abs=1e-3)
+    assert behind(0).ratio(100.0) == pytest.approx(23.0 + 95.0 - 47.817 - 40.0, abs=1e-3)
+
+
+def test_errors_are_those_of_the_points_and_on_a_line_in_deviations() -> None:
+    curve = ErrorCurve((1.0, 3.1, 5.2), (0.5, 0.1, 0.01))
+    for snr, error in ((1.0, 0.5), (3.1, 0.1), (5.2, 0.01)):
+        assert curve.received(snr) == pytest.approx(1.0 - error)
+    middle = norm.cdf(0.5 * (norm.ppf(0.9) + norm.ppf(0.99)))
+    assert curve.received(4.15) == pytest.approx(middle)
+    assert curve.received(-1.1) == pytest.approx(0.1)  # as far below as 3.1 dB is above
+    assert curve.received(-200.0) == 0.0
+    assert curve.received(200.0) == 1.0
+    with pytest.raises(ValueError, match="two points"):
+        ErrorCurve((1.0,), (0.5,))
+
+
+IN_SIGHT = Sight(ErrorCurve((1.0, 3.1, 5.2), (0.5, 0.1, 0.01)), 3.0)
+BEHIND = Sight(ErrorCurve((4.7, 6.8, 8.6), (0.5, 0.1, 0.01)), 3.0)
+
+
+def behind(count: int, lorries: bool | None = None) -> Propagation:
+    """802.11p behind vehicles on a straight, by the law of ETSI, or of 3GPP for lorries or cars."""
+    between = VehiclesBetween(count, STRAIGHT, 0.0, 0.0)
+    obstruction: PerVehicle | OnceForAll = PerVehicle(between, 6.9)
+    if lorries is not None:
+        mean, deviation = (9.0, 4.5) if lorries else (5.0, 4.0)
+        obstruction = OnceForAll(between, mean, deviation, ShadowField(25.0, "obstruction"))
+    return Propagation(
+        power=23.0,
+        noise=noise_power(10e6, 9.0),
+        reference=highway_loss(5.9e9),
+        exponent=2.0,
+        in_sight=IN_SIGHT,
+        obstructed=BEHIND,
+        shadowing=ShadowField(25.0),
+        obstruction=obstruction if count else None,
+    )
+
+
+NORMAL = norm.ppf((np.arange(20_000) + 0.5) / 20_000)
+
+
+def received(way: float, lost: float | NDArray[np.float64], *, sight: bool = False) -> float:
+    """A second way to the same figure: the curve in scipy, averaged over quantiles."""
+    points = (1.0, 3.1, 5.2) if sight else (4.7, 6.8, 8.6)
+    scores = norm.ppf((0.5, 0.9, 0.99))
+    snr = 23.0 + 95.0 - 32.4 - 20.0 * log10(way) - 20.0 * log10(5.9) - lost + 3.0 * NORMAL
+    score = np.interp(snr, points, scores)
+    low, high = np.diff(scores) / np.diff(points)
+    score += np.minimum(snr - points[0], 0.0) * low + np.maximum(snr - points[-1], 0.0) * high
+    return float(np.mean(norm.cdf(score)))
+
+
+def lorry(mean: float, deviation: float) -> NDArray[np.float64]:
+    other = np.random.default_rng(1).permutation(NORMAL)
+    return np.maximum(0.0, mean + deviation * other)
+
+
+PUBLISHED = {
+    "ETSI, 5th ahead": (behind(4), 75.0, 0.54, 0.01, received(75.0, 27.6)),
+    "ETSI, 6th ahead": (behind(5), 90.0, 0.007, 0.003, received(90.0, 34.5)),
+    "3GPP, lorries": (behind(9, True), 150.0, 0.989, 0.001, received(150.0, lorry(9.0, 4.5))),
+}
+
+
+@pytest.mark.campaign(3_000, 30_000)
+@pytest.mark.parametrize("which", PUBLISHED)
+def test_vehicles_in_between_cost_what_is_known(which: str, campaign: int) -> None:
+    """15 m apart, 23 dBm, noise figure 9 dB, no interference; over 2.5 decorrelation distances."""
+    law, way, known, tolerance, expected = PUBLISHED[which]
+    assert expected == pytest.approx(known, abs=tolerance)
+    heard = sum(law.judge(DRAW, apart(seq, way, 62.5 * seq)) == 0 for seq in range(campaign))
+    error = sqrt(expected * (1.0 - expected) / campaign)
+    assert abs(heard / campaign - expected) < 4.5 * error
+
+
+@pytest.mark.parametrize("way", [100.0, 800.0, 1_500.0, 2_500.0])
+def test_in_sight_the_other_curve_holds(way: float) -> None:
+    heard = sum(behind(0).judge(DRAW, apart(seq, way, 62.5 * seq)) == 0 for seq in range(800))
+    expected = received(way, 0.0, sight=True)
+    error = sqrt(expected * (1.0 - expected) / 800)
+    assert abs(heard / 800 - expected) <= 4.5 * error + 1e-9
+
+
+def test_shadowing_makes_losses_of_messages_near_one_another_alike() -> None:
+    """At a mean of one half, messages a metre apart mostly share their fate, 100 m apart do not."""
+    law, way = behind(4), 75.0
+    fates = [law.judge(DRAW, apart(seq, way, float(seq))) == 0 for seq in range(6_000)]
+    mean = sum(fates) / len(fates)
+    near, far = (
+        sum((a - mean) * (b - mean) for a, b in zip(fates, fates[lag:], strict=False))
+        / (len(fates) * mean * (1.0 - mean))
+        for lag in (1, 100)
+    )
+    assert near > 0.4
+    assert abs(far) < 0.1
+
+
+# ---- What all have in common
+
+
+LAWS: dict[str, Effect] = {
+    "table": DeliveryOverDistance((0.0, 200.0), (1.0, 0.0)),
+    "reservations": DeliveryOverDistance((0.0, 200.0), (1.0, 0.0), Reservations(5, 15, 0.4)),
+    "etsi": behind(4),
+    "3gpp": behind(9, True),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+@settings(max_examples=15)
+@given(data=st.data())
+def test_a_verdict_alone_is_that_of_the_stream(name: str, data: st.DataObject) -> None:
+    """On three links at once, by one law that remembers what it will; asked in any order."""
+    links = [keyed_draw(data.draw(st.integers(0, 2**40)), "v1", receiver) for receiver in "abc"]
+    ways = data.draw(st.lists(st.floats(1.0, 250.0), min_size=5, max_size=20))
+    passages = [apart(seq, way, 1.5 * seq) for seq, way in enumerate(ways)]
+    stream = [[LAWS[name].judge(draw, passage) for draw in links] for passage in passages]
+    for passage in data.draw(st.permutations(passages)):
+        fresh = fresh_law(name)
+        assert [fresh.judge(draw, passage) for draw in links] == stream[passage.seq]
+
+
+def fresh_law(name: str) -> Effect:
+    if name == "table":
+        return DeliveryOverDistance((0.0, 200.0), (1.0, 0.0))
+    if name == "reservations":
+        return DeliveryOverDistance((0.0, 200.0), (1.0, 0.0), Reservations(5, 15, 0.4))
+    return behind(4) if name == "etsi" else behind(9, True)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_says_itself_in_one_line(name: str) -> None:
+    said = LAWS[name].in_words()  # type: ignore[attr-defined]
+    assert "\n" not in said
+    assert not said.endswith(".")
+    assert {"table": "200 m", "reservations": "16.7 messages", "etsi": "6.9 dB", "3gpp": "9 ± 4.5"}[
+        name
+    ] in said

@@ -1,0 +1,69 @@
+"""Reservations: stationary renewals that can be found from any message on."""
+
+from itertools import pairwise
+from math import sqrt
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from transport.links.laws.reservations import Reservations
+from transport.links.link import keyed_draw
+
+LENGTHS = st.tuples(st.integers(1, 12), st.integers(0, 12)).map(lambda two: (two[0], sum(two)))
+
+
+@settings(max_examples=40)
+@given(
+    LENGTHS, st.sampled_from([0.0, 0.4, 0.8]), st.integers(0, 2**40),
+    st.lists(st.integers(0, 3_000), min_size=1, max_size=15),
+)  # fmt: skip
+def test_a_reservation_alone_is_that_of_the_stream(
+    lengths: tuple[int, int], kept: float, seed: int, asked: list[int]
+) -> None:
+    draw = keyed_draw(seed, "v1", "v2")
+    streamed, jumping = Reservations(*lengths, kept), Reservations(*lengths, kept)
+    stream = [streamed.selected_at(draw, seq) for seq in range(max(asked) + 1)]
+    for seq in asked:
+        assert stream[seq] == jumping.selected_at(draw, seq)
+        assert stream[seq] == Reservations(*lengths, kept).selected_at(draw, seq)
+        assert stream[seq] <= seq
+
+
+@pytest.mark.campaign(1, 10)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_resources_are_held_as_long_as_the_law_says(seed: int, campaign: int) -> None:
+    """With lengths L and none kept, so many stay the same over m messages: E[(L − m)⁺] / E[L]."""
+    draw, held = keyed_draw(seed, "v1", "v2"), Reservations(5, 15)
+    count = 10_000 * campaign
+    stream = [held.selected_at(draw, seq) for seq in range(count)]
+    starts = sorted(set(stream))[1:-1]
+    lengths = [after - before for before, after in pairwise(starts)]
+    each = [lengths.count(length) for length in range(5, 16)]
+    assert sum(each) == len(lengths)
+    expected = len(lengths) / 11
+    assert sum((one - expected) ** 2 / expected for one in each) < 29.6  # 0.1 %, 10 degrees
+    for lag in (1, 4, 8, 12):
+        same = sum(a == b for a, b in zip(stream, stream[lag:], strict=False)) / (count - lag)
+        law = sum(max(length - lag, 0) for length in range(5, 16)) / 110.0
+        assert abs(same - law) < 4.0 * sqrt(law * (1.0 - law) * 10.0 / count)
+
+
+@pytest.mark.parametrize(("kept", "mean"), [(0.0, 10.0), (0.4, 10.0 / 0.6), (0.8, 50.0)])
+def test_kept_resources_are_held_longer(kept: float, mean: float) -> None:
+    draw, held = keyed_draw(3, "v1", "v2"), Reservations(5, 15, kept)
+    count = 40_000
+    found = count / len({held.selected_at(draw, seq) for seq in range(count)})
+    assert held.mean_messages == pytest.approx(mean)
+    assert found == pytest.approx(mean, rel=4.0 * sqrt(mean / count))
+
+
+def test_those_of_one_length_begin_anywhere() -> None:
+    found = {Reservations(7, 7).selected_at(keyed_draw(seed, "a", "b"), 20) for seed in range(80)}
+    assert found == set(range(14, 21))
+
+
+@pytest.mark.parametrize(("least", "most", "kept"), [(0, 3, 0.0), (4, 3, 0.0), (1, 3, 1.0)])
+def test_impossible_ones_are_refused(least: int, most: int, kept: float) -> None:
+    with pytest.raises(ValueError, match=r"reservations for|kept with"):
+        Reservations(least, most, kept)
