@@ -5,6 +5,7 @@ tyres            slip angles, forces that saturate, the share of friction in use
 integration      what the motions on both kinds of tyres share
 brush_motion     the single-track model on tyres that saturate: a car that can slide
 dynamics         the single-track model with steering actuation, integrated
+path_keeping     how a car stands and steers that keeps exactly to a path
 gnss             the GNSS receiver, and its fixes as messages and back
 imu              gyroscope and wheel speed, or exact knowledge of the car
 dead_reckoning   how the car moves on by what these say, and how wrong that becomes

@@ -113,6 +113,19 @@ def test_slip_compensation_settles_on_the_curve(speed: float, curvature: float) 
     assert settled.heading == pytest.approx(-slip(speed) * curvature, abs=3e-3)
 
 
+@pytest.mark.parametrize(
+    ("speed", "radius", "most"),
+    [(30.0, 500.0, 0.005), (20.0, 200.0, 0.003), (10.0, 60.0, 0.006), (5.0, 15.0, 0.018)],
+)
+def test_slip_compensation_keeps_to_the_path_where_its_curvature_jumps(
+    speed: float, radius: float, most: float
+) -> None:
+    """Within half of what following the curvature at the slip's distance leaves, or less."""
+    path = course([(0.0, 2 * speed), (1 / radius, 2 * speed), (0.0, speed), (-1 / radius, speed)])
+    history = drive(SlipCompensated(CAR), path, speed, 6.0)
+    assert max(abs(errors.lateral) for errors in history) < most
+
+
 @pytest.mark.parametrize(("speed", "curvature"), CURVES)
 def test_stanley_settles_with_its_front_axle_on_the_curve(speed: float, curvature: float) -> None:
     path = course([(curvature, 0.5 * math.pi / abs(curvature))])

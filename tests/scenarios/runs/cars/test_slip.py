@@ -19,6 +19,8 @@ def true_errors(folder: Path, *changes: str) -> list[float]:
 def test_a_load_that_is_learned_leaves_the_errors_of_one_that_is_known(tmp_path: Path) -> None:
     learned = true_errors(tmp_path / "learned", "control.estimate_slip=true")
     known = true_errors(tmp_path / "known", "control.knows_loading=true")
-    assert max(learned) < max(known) + 0.005 < 0.025
+    for errors in (learned, known):
+        assert max(errors) < 0.01  # not of one of seven followers, and
+        assert max(errors[1:]) <= errors[0] + 0.001  # no more far back than at the front
     unknown = true_errors(tmp_path / "unknown", "convoy.vehicles=4")
-    assert unknown[-1] > unknown[0] + 0.01 > 0.03
+    assert unknown[-1] > unknown[0] + 0.01 > 0.025

@@ -1,0 +1,121 @@
+"""The motion that keeps a car to a path, against closed forms and against the simulated car."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.parameters import Loading, VehicleParameters, loaded
+from vehicles.car.path_keeping import path_motion
+from vehicles.geometry.arc_spline import ArcSpline, Piece
+
+FULL = loaded(CAR, Loading(front_passengers=1, rear_passengers=3))
+SPEEDS = [3.0, 12.0, 30.0]
+
+
+def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
+    """Slip and steering per curvature on an arc, from forces and moments: all in closed form."""
+    a, b, length = car.front_axle_distance, car.rear_axle_distance, car.wheelbase
+    front = car.mass * speed**2 * b / (length * car.front_cornering_stiffness)
+    rear = car.mass * speed**2 * a / (length * car.rear_cornering_stiffness)
+    return b - rear, length + front - rear
+
+
+@pytest.mark.parametrize("car", [CAR, FULL])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_on_an_arc_it_is_steady_cornering(car: VehicleParameters, speed: float) -> None:
+    slip, steering = steady(car, speed)
+    here = path_motion(lambda _: -0.002, 5.0, speed, car).at(0.0)
+    assert here.curvature == -0.002
+    assert here.heading == pytest.approx(0.002 * slip)
+    assert here.steering == pytest.approx(-0.002 * steering)
+
+
+@pytest.mark.parametrize("car", [CAR, FULL])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_on_a_clothoid_it_lags_and_leads_by_the_terms_of_first_order(
+    car: VehicleParameters, speed: float
+) -> None:
+    """Lateral force m v² κ, moment I v² κ' of a path whose curvature grows evenly by κ'."""
+    rate, length = 2e-4, car.wheelbase
+    slip, steering = steady(car, speed)
+    motion = path_motion(lambda distance: rate * distance, 40.0, speed, car)
+    there = motion.at(35.0)  # what was assumed of the path before it was seen has faded
+    front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
+    moment = car.yaw_inertia * speed**2 / length
+    lag = moment / rear - car.rear_axle_distance * slip
+    assert there.heading == pytest.approx(-rate * (35.0 * slip + lag), abs=1e-3 * rate)
+    kick = moment * (1.0 / front + 1.0 / rear) - slip * length
+    assert there.steering == pytest.approx(rate * (35.0 * steering + kick), abs=1e-2 * rate)
+
+
+def test_at_walking_pace_the_body_turns_in_over_the_rear_axle_s_distance() -> None:
+    b, motion = CAR.rear_axle_distance, path_motion(lambda s: 0.1 * (s > 0.0), 4.0, 1.0, CAR)
+    for distance in (1.0, 2.0, 4.0):
+        turned_in = -0.1 * b * (1.0 - math.exp(-distance / b))
+        assert motion.at(distance).heading == pytest.approx(turned_in, rel=0.15)
+
+
+def bends(distance: float) -> float:
+    """Curvature (1/m) that grows to that of 400 m and falls again, with corners and without."""
+    if distance < 20.0:
+        return 0.0
+    return min((distance - 20.0) / 30.0, 1.0, max(0.0, (130.0 - distance) / 60.0)) / 400.0
+
+
+def road() -> ArcSpline:
+    """Lay the road of these bends."""
+    pieces = [Piece(0.0, 0.0, 0.0, 0.0, 20.0)]
+    for curvature, length, rate in (
+        (0.0, 30.0, 1 / 12000),
+        (1 / 400, 20.0, 0.0),
+        (1 / 400, 60.0, -1 / 24000),
+        (0.0, 60.0, 0.0),
+    ):
+        end = pieces[-1].at(pieces[-1].length)
+        pieces.append(Piece(end.east, end.north, end.yaw, curvature, length, rate))
+    return ArcSpline(pieces)
+
+
+@pytest.mark.parametrize("car", [CAR, FULL])
+@pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
+def test_the_simulated_car_keeps_to_the_road_by_steering_so_without_feedback(
+    car: VehicleParameters, speed: float
+) -> None:
+    """It slips as told, far closer than by steady cornering, and hardly leaves the road in 150 m.
+
+    Without feedback a place is twice the integral of what is left.
+    """
+    quick = replace(car, steering_frequency=500.0, steering_damping=0.7)
+    body, span, path = Body(0.0, 0.0, 0.0, speed), 0.005, road()
+    off_road, off_slip, off_steady = [], [], []
+    while body.distance < 150.0:
+        told = path_motion(seen_from(body.distance), 2.0, speed, quick).at(0.0)
+        off_road.append(abs(path.project(body.east, body.north).lateral))
+        slip = body.lateral_speed / speed
+        off_slip.append(abs(slip + told.heading))
+        off_steady.append(abs(slip - steady(car, speed)[0] * told.curvature))
+        halfway = path_motion(seen_from(body.distance + 0.5 * span * speed), 2.0, speed, quick)
+        body = advance(body, Actuation(halfway.at(0.0).steering, 0.0), span, quick)
+    assert max(off_slip) < 0.15 * max(off_steady)
+    assert max(off_road) < 0.03
+
+
+def seen_from(place: float) -> Callable[[float], float]:
+    """Curvature by the distance from a place on the road."""
+    return lambda distance: bends(place + distance)
+
+
+@given(speed=st.floats(0.0, 60.0), curvature=st.floats(-0.2, 0.2), at=st.floats(-30.0, 10.0))
+def test_it_is_finite_and_mirrored_for_the_other_turn(
+    speed: float, curvature: float, at: float
+) -> None:
+    one = path_motion(lambda s: curvature * (s > at), 6.0, speed, CAR).mean(1.0, 2.0)
+    other = path_motion(lambda s: -curvature * (s > at), 6.0, speed, CAR).mean(1.0, 2.0)
+    assert all(map(math.isfinite, one))
+    assert tuple(one) == pytest.approx(tuple(-value for value in other))
