@@ -33,6 +33,7 @@ from scenarios.definition.schema.tables import (
     SpeedTable,
     SteeringTable,
 )
+from tests.made.scenarios.drawn_laws import drawn_collisions, drawn_loss, inline
 from vehicles.car.parameters import LINCOLN_MKZ
 
 Raw = dict[str, Any]
@@ -50,6 +51,8 @@ CAR = {
 """What has to fit together for a car to be one."""
 SHARES = (0.0, 0.0, 0.2, 0.5, 1.0)
 """Of a table's keys so many are given."""
+LAWS = {"loss": drawn_loss, "collisions": drawn_collisions}
+"""Of a link, each with what draws it."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "vehicle", {name: own for name, own in followers.items() if own})
     _put(tables, "parameters", _car(chance))
     _put(tables, "loading", drawn_table(chance, LoadingTable))
-    _put(tables, "links", drawn_table(chance, LinkTable))
+    _put(tables, "links", drawn_table(chance, LinkTable, LAWS) | _laws(chance))
     if len(names) > 1:
         _put(tables, "link", [_link(chance, names) for _ in range(chance.choice([0, 0, 1, 3]))])
     _put(tables, "events", drawn_table(chance, EventsTable))
@@ -248,7 +251,12 @@ def _link(chance: Random, names: Sequence[str]) -> Raw:
     receiver = chance.randrange(1, len(names))
     sender = chance.choice([names[0], names[receiver - 1], "*"])
     entry = {"sender": sender, "receiver": chance.choice([names[receiver], names[receiver], "*"])}
-    return entry | drawn_table(chance, LinkEntry, ("sender", "receiver"))
+    return entry | drawn_table(chance, LinkEntry, ("sender", "receiver", *LAWS)) | _laws(chance)
+
+
+def _laws(chance: Random) -> Raw:
+    """Some of the laws of a link that are tables of their own."""
+    return {name: drawn(chance) for name, drawn in LAWS.items() if chance.random() < 0.25}
 
 
 def _speed(chance: Random, longest_m: float) -> Raw:
@@ -345,7 +353,9 @@ def _spread(chance: Random, tables: Raw, files: dict[str, str]) -> DrawnScenario
     if chance.random() < 0.3:
         given = [key for key in ("seed", "duration_s") if key in tables]
         overrides = [f"{key}={tables.pop(key)!r}" for key in given]
-        overrides += [f"links.{key}={value!r}" for key, value in tables.pop("links", {}).items()]
+        overrides += [
+            f"links.{key}={inline(value)}" for key, value in tables.pop("links", {}).items()
+        ]
     if chance.random() < 0.3:
         below = {key: tables.pop(key) for key in list(tables) if chance.random() < 0.5}
         files["base.toml"] = tomli_w.dumps(below | {"description": "that of the base"})

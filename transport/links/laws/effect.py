@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from transport.reasons import DropReason
 
@@ -54,6 +54,7 @@ class Effect(Protocol):
         """Return the delay that this effect adds, in ns, or the word for why it drops it."""
 
 
+@runtime_checkable
 class Described(Protocol):
     """What a law says beforehand of the messages it will judge, in the long run.
 
@@ -73,3 +74,19 @@ class Described(Protocol):
 
     def in_words(self) -> str:
         """Say the law in one line without a full stop, with units, for who checks a scenario."""
+
+
+class LosesNothing:
+    """What a law that delays, or holds back by rate, says of loss."""
+
+    __slots__ = ()
+
+    @property
+    def mean_loss_ratio(self) -> float:
+        """None is lost."""
+        return 0.0
+
+    @property
+    def mean_burst_messages(self) -> None:
+        """None is lost."""
+        return

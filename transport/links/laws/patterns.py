@@ -8,8 +8,9 @@ from itertools import accumulate
 from math import inf
 from typing import Literal, cast, get_args
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, LosesNothing, Passage
 from transport.reasons import DropReason, counts_as_loss
+from vehicles.schedule import MILLISECOND
 
 AfterEnd = Literal["repeat", "pass"]
 """What becomes of messages beyond the end of a record."""
@@ -219,7 +220,7 @@ class EarlierRun:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordedDelay:
+class RecordedDelay(LosesNothing):
     """Delays each message by as much as an earlier run's: runs of equal `delays` that have ends."""
 
     delays: tuple[tuple[int, int], ...]
@@ -235,6 +236,11 @@ class RecordedDelay:
                 return self.latency
             number %= self.ends[-1]
         return self.delays[bisect_right(self.ends, number)][0]
+
+    def in_words(self) -> str:
+        """Say between which delays it is."""
+        least, most = (one(self.delays)[0] / MILLISECOND for one in (min, max))
+        return f"delay as in an earlier run, {least:g} to {most:g} ms"
 
 
 def known_reason(word: str) -> DropReason:

@@ -2,13 +2,15 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, LosesNothing, Passage
 from transport.reasons import DropReason
+from vehicles.schedule import MILLISECOND
 
 
 @dataclass(frozen=True, slots=True)
-class Decimation:
+class Decimation(LosesNothing):
     """Carries `kept` of the source's messages, evenly spread and starting with the first.
 
     `kept` is link rate over source rate: 1/2 lets 0, 2, 4 … through, 2/3 lets 0, 2, 3, 5, 6 … .
@@ -22,6 +24,10 @@ class Decimation:
         # Message j of the link is the first of the source at or after the link's j-th period.
         return 0 if seq * top // bottom > (seq - 1) * top // bottom else "rate"
 
+    def in_words(self) -> str:
+        """Say how many of the messages are carried."""
+        return f"rate: {self.kept.numerator} of {self.kept.denominator} messages carried"
+
 
 @dataclass(frozen=True, slots=True)
 class Loss:
@@ -33,9 +39,25 @@ class Loss:
         """Drop when the message's draw falls below the ratio."""
         return "loss" if draw("loss", passage.seq) < self.ratio else 0
 
+    @property
+    def mean_loss_ratio(self) -> float:
+        """Share of messages lost."""
+        return self.ratio
+
+    @property
+    def mean_burst_messages(self) -> float | None:
+        """Mean of a geometric distribution."""
+        if not self.ratio:
+            return None
+        return 1.0 / (1.0 - self.ratio) if self.ratio < 1.0 else inf
+
+    def in_words(self) -> str:
+        """Name the law and its loss."""
+        return f"independent loss {self.ratio:.4g}"
+
 
 @dataclass(frozen=True, slots=True)
-class Latency:
+class Latency(LosesNothing):
     """Delays every message by `floor` ns."""
 
     floor: int
@@ -44,9 +66,13 @@ class Latency:
         """Delay by the floor."""
         return self.floor
 
+    def in_words(self) -> str:
+        """Name the law and its delay."""
+        return f"latency {self.floor / MILLISECOND:g} ms"
+
 
 @dataclass(frozen=True, slots=True)
-class Jitter:
+class Jitter(LosesNothing):
     """Delays each message by its own draw, uniform between 0 and `spread` ns."""
 
     spread: int
@@ -54,3 +80,7 @@ class Jitter:
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Delay by the message's draw."""
         return round(draw("jitter", passage.seq) * self.spread)
+
+    def in_words(self) -> str:
+        """Name the law and its largest delay."""
+        return f"jitter up to {self.spread / MILLISECOND:g} ms, uniform"

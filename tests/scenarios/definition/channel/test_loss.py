@@ -15,9 +15,10 @@ from scenarios.definition.schema.loss import LossTable
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.chains import FourState, GilbertElliott
 from transport.links.laws.collisions import Collisions
-from transport.links.laws.effect import Described, Effect
+from transport.links.laws.effect import Described, Effect, Passage
 from transport.links.laws.patterns import EarlierRun, EveryNth, Listed, Numbers, RecordedPattern
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
+from transport.links.link import Link, Verdict
 
 ASKED: dict[str, tuple[str, Effect]] = {
     "chances": (
@@ -65,9 +66,9 @@ def test_each_kind_is_its_law_and_described(asked: str, law: Effect) -> None:
     found, latency = effects(f"links.loss={asked}")
     assert found == law
     assert isinstance(latency, Latency)
-    described: Described = found  # type: ignore[assignment]  # every law of loss is
-    assert described.in_words().isprintable()
-    assert not described.in_words().endswith(".")
+    assert isinstance(found, Described)
+    assert found.in_words().isprintable()
+    assert not found.in_words().endswith(".")
 
 
 def test_mean_values_come_out_as_asked() -> None:
@@ -85,6 +86,32 @@ def test_laws_act_besides_the_plain_keys() -> None:
     kinds = [Decimation, Loss, EveryNth, Collisions, Latency, Jitter]
     assert [type(one) for one in found] == kinds
     assert found[3] == Collisions(0.2, 0.4, 5, 15)
+    for one in found:
+        assert isinstance(one, Described)
+        assert one.in_words()
+        assert one.mean_loss_ratio == {Loss: 0.1, EveryNth: 1 / 3, Collisions: 0.2}.get(
+            type(one), 0.0
+        )
+
+
+def test_no_law_moves_the_draws_of_another() -> None:
+    """What each loses alone it loses beside the others; delays stay as they were."""
+    plain = "links={loss_ratio=0.2, jitter_ms=40.0"
+    burst = ", loss={kind='gilbert_elliott', loss_ratio=0.2, burst_messages_mean=4.0}"
+    collisions = ", collisions={loss_ratio=0.3, keep_ratio=0.4}"
+
+    def judged(asked: str) -> list[Verdict]:
+        link = Link(effects(asked + "}"), 1, "v1", "v2")
+        return [link.judge(Passage(seq, 0)) for seq in range(500)]
+
+    alone = [judged(plain + law) for law in ("", burst, collisions)]
+    together = judged(plain + burst + collisions)
+    for seq, verdict in enumerate(together):
+        reasons = [one[seq].reason for one in alone]
+        first = next((reason for reason in reasons if reason), "")
+        assert verdict.reason == first
+        assert {one[seq].visible_at for one in alone} == {verdict.visible_at}
+    assert {verdict.reason for verdict in together} == {"", "loss", "burst", "collision"}
 
 
 def test_an_earlier_run_takes_the_place_of_all_else() -> None:
