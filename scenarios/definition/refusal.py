@@ -77,37 +77,14 @@ def _refusal(problem: ErrorDetails) -> tuple[str, str]:
     if kind == "missing":
         return key, "missing"
     if kind.startswith("union_tag"):
-        *others, last = (shown(word) for model in _walk(location)[1] for word in _kinds(model))
         found = f"given {shown(given['kind'])}" if "kind" in given else "missing"
-        return f"{key}.kind", f"{found}, allowed {', '.join(others)} or {last}"
+        return f"{key}.kind", f"{found}, allowed {_either(_kinds(_walk(location)[1]))}"
     return key, f"given {shown(given)}, allowed {_allowed(location, problem)}"
 
 
-def _kinds(model: type[BaseModel]) -> tuple[str, ...]:
-    """The words for the kind of a table, where tables of several kinds may stand."""
-    field = model.model_fields.get("kind")
-    return get_args(field.annotation) if field else ()
-
-
-def _walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
-    """Key of a problem, and the tables that may be there.
-
-    Names of vehicles and list indices are passed over, and so is the kind that pydantic puts
-    between a table of several kinds, such as `path`, and its key.
-    """
-    kept: Location = ()
-    models: list[type[BaseModel]] = [ScenarioTables]
-    for part in location:
-        of_kind = [model for model in models if part in _kinds(model)]
-        if len(models) > 1 and of_kind:
-            models = of_kind
-            continue
-        kept = (*kept, part)
-        for model in models:
-            if part in model.model_fields:
-                models = list(models_of(model.model_fields[str(part)].annotation))
-                break
-    return kept, models
+def _either(words: Sequence[str]) -> str:
+    *others, last = map(shown, words)
+    return f"{', '.join(others)} or {last}"
 
 
 def _allowed(location: Location, problem: ErrorDetails) -> str:
@@ -125,7 +102,7 @@ def limits(field: FieldInfo) -> str:
     """Put in words the range of a number's key: `0 to 1`, `more than 0, at most 100`."""
     found = {
         name: bound
-        for limit in field.metadata
+        for limit in (*field.metadata, *_metadata(field.annotation))
         for name in ("ge", "gt", "le", "lt")
         if (bound := getattr(limit, name, None)) is not None
     }
@@ -135,12 +112,51 @@ def limits(field: FieldInfo) -> str:
     return ", ".join(f"{word} {found[name]}" for name, word in words.items() if name in found)
 
 
+def _metadata(annotation: Any) -> Iterator[Any]:
+    """Limits inside the type of a key, such as those of a ratio that may be left out."""
+    for one in getattr(annotation, "__metadata__", ()):
+        yield from one.metadata if isinstance(one, FieldInfo) else (one,)
+    for part in get_args(annotation):
+        yield from _metadata(part)
+
+
 def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
     """Tables inside the type of a key, such as a list of them."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
         yield from models_of(part)
+
+
+def _walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
+    """Follow a location: its key without tags, and the tables that may be there.
+
+    Pydantic puts the kind of a table between its key and those inside it. Names of vehicles and
+    list indices are passed over.
+    """
+    key: Location = ()
+    models: list[type[BaseModel]] = [ScenarioTables]
+    for part in location:
+        of_kind = [model for model in models if part in _kinds([model])]
+        if len(models) > 1 and of_kind:
+            models = of_kind
+            continue
+        key = (*key, part)
+        for model in models:
+            if part in model.model_fields:
+                models = list(models_of(model.model_fields[str(part)].annotation))
+                break
+    return key, models
+
+
+def _kinds(models: Sequence[type[BaseModel]]) -> list[str]:
+    """Kinds of tables between which the key `kind` chooses."""
+    return [
+        word
+        for model in models
+        if "kind" in model.model_fields
+        for word in get_args(model.model_fields["kind"].annotation)
+    ]
 
 
 def _fields(location: Location) -> dict[str, FieldInfo]:

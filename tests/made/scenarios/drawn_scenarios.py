@@ -83,7 +83,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "vehicle", {name: own for name, own in followers.items() if own})
     _put(tables, "parameters", _car(chance))
     _put(tables, "loading", drawn_table(chance, LoadingTable))
-    _put(tables, "links", drawn_table(chance, LinkTable))
+    _put(tables, "links", drawn_table(chance, LinkTable, ("content",)))
     if len(names) > 1:
         _put(tables, "link", [_link(chance, names) for _ in range(chance.choice([0, 0, 1, 3]))])
     _put(tables, "events", drawn_table(chance, EventsTable))
