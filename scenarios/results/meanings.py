@@ -87,7 +87,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "dropped": "messages dropped, by reason",
         "late": "messages received after the tick that needed them",
         "copies": "messages that the channel delivered once more",
-        "false": "messages whose content the channel changed, by kind",
+        "false": "messages delivered whose content the channel changed, by kind",
         "reordered": "messages delivered after one with a greater number",
         "loss_ratio": "achieved, of what the link carries",
         "loss_ratio_low": "its interval of 95 %, which allows for bursts",

@@ -227,7 +227,7 @@ class Inbox:
             if link.content is not None:
                 judged, told, content, copies, further = link.content.arrive(judged, pose, passage)
                 for one in further:
-                    entry = one.at, sender, seq, one.nth, judged, one.pose, passage, late
+                    entry = one.at, sender, seq, one.nth, judged, one.pose, passage, False
                     heappush(self._waiting, entry)
             link.late += late
             if judged.outcome == "delivered":

@@ -42,13 +42,13 @@ class LinkTally:
 
     def add(self, verdict: LinkVerdict) -> None:
         """Take the link's verdict on one message."""
-        if verdict.content:
-            self._count(self.false, verdict.content)
         if verdict.outcome == "dropped":
             self._count(self.dropped, verdict.reason)
             lost = counts_as_loss(verdict.reason)
             self._keep(verdict.pose_seq, _LOST if lost else _NOT_CARRIED)
             return
+        if verdict.content:
+            self._count(self.false, verdict.content)
         self._keep(verdict.pose_seq, _DELIVERED)
         self.heard += 1
         self.late += verdict.late

@@ -126,7 +126,8 @@ def assert_accounted(scenario: Scenario, summary: Any, messages: list[Message]) 
         assert row["dropped"] == dict(dropped)
         assert row["heard"] == len(verdicts) - dropped.total()
         asked = scenario.links[pair]
-        longest = round((asked.latency_ms + asked.jitter_ms) * SECOND / 1000)
+        held_ms = asked.content.reorder_delay_ms if asked.content else 0.0
+        longest = round((asked.latency_ms + asked.jitter_ms + held_ms) * SECOND / 1000)
         due = [seq for seq, at in sent[pair[0]].items() if at + longest < last.get(pair[1], 0)]
         refused[pair[1]] += len([seq for seq in due if seq not in verdicts])
         assert verdicts.keys() <= sent[pair[0]].keys()

@@ -10,6 +10,7 @@ from zlib import crc32
 
 from transport.links.laws.effect import Draw, Passage
 from transport.reasons import DropReason
+from vehicles.schedule import MILLISECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,20 @@ class Reordering:
 
     ratio: float
     delay: int
+
+    @property
+    def mean_loss_ratio(self) -> float:
+        """None is lost."""
+        return 0.0
+
+    @property
+    def mean_burst_messages(self) -> None:
+        """None is lost."""
+        return
+
+    def in_words(self) -> str:
+        """Say so in a line."""
+        return f"{100.0 * self.ratio:g} % held back for {self.delay / MILLISECOND:g} ms"
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Delay when the message's draw falls below the ratio."""

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.summary import RunSummary
+from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from transport.log.reader import LogReader
@@ -116,6 +116,14 @@ def test_the_log_holds_what_was_sent_and_a_verdict_on_each(case: str) -> None:
     for one in verdicts:
         pose = by_number[one.sender, one.pose_seq]
         assert (one.measured_at_ns, one.sent_at_ns) == (pose.measured_at_ns, pose.sent_at_ns)
+
+
+def test_a_summary_with_false_content_is_the_same_after_a_way_through_json() -> None:
+    summary = drive(CASES["all at once"][0]).summary
+    assert from_json(to_json(summary)) == summary
+    assert summary.links[0].requested.content is not None
+    for link in summary.links:
+        assert link.judged == link.heard + sum(link.dropped.values()) <= link.sent
 
 
 def test_links_that_are_asked_for_nothing_of_it_judge_as_ever() -> None:
