@@ -75,7 +75,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "receiver": "the vehicle that judges the messages of the link",
         "requested": "what was asked for, by the keys of [links] in a scenario: latency_ms,"
         " jitter_ms, loss_ratio, rate_hz, loss, collisions, radio, delay, queue, outages, content,"
-        " preset (null: not asked for)",
+        " preset, preset_source (null: not asked for)",
         "requested_loss_ratio": "the share that should be lost by all laws together; null where no"
         " number says it, as with a loss that depends on the distance",
         "requested_burst_messages": "how many messages in a row should be lost on average",
