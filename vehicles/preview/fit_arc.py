@@ -149,12 +149,10 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
         found = np.einsum("i,ik->k", away, data.rows)
         return found
     found, rho, xi = np.einsum("ai,ik->ak", (away, square, ahead), data.rows)
-    if curve.rate != 0.0:
-        found -= curve.rate * cubic(xi, np.abs(rho), 0.5 * (half + other))
     if half != other:
-        rho *= half - other
-        rho *= xi <= 0.0
-        found += rho
+        np.add(found, (half - other) * rho, out=found, where=xi <= 0.0)
+    if curve.rate != 0.0:
+        found -= curve.rate * cubic(xi, np.abs(rho, out=rho), 0.5 * (half + other))
     return found
 
 
