@@ -1,8 +1,10 @@
 """How long a composite fit takes: `python -m tests.bench.bench_trajectory`.
 
-Prints microseconds per fit for each shape and number of samples, and beside it a baseline measured
-in the same run: numpy's own least-squares solver on the paper's three equations for one circle,
-without any choice of shape. Times are of the processor, so that busy neighbours matter less.
+Prints microseconds per fit for each shape and number of samples, and of fit and steering law
+together: a decision on new poses. Beside them a yardstick measured in the same run, by which
+machines can be compared: numpy's own least-squares solver on the paper's three equations for one
+circle, without any choice of shape. Times are of the processor, so that busy neighbours matter
+less; the budget is 100 µs for the median of a decision at 40 samples.
 """
 
 import sys
@@ -14,9 +16,13 @@ from time import process_time
 import numpy as np
 
 from tests.made.vehicles.arc_courses import course, shaken, window
+from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.driver.own_state import Pose
+from vehicles.driver.steering import SlipCompensated
+from vehicles.driver.tracking import track
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
-from vehicles.preview.trajectory import FitSettings, fit_composite
+from vehicles.preview.trajectory import Fit, FitSettings, fit_composite
 
 SHAPES = {
     "line": [(0.0, 32.0)],
@@ -26,8 +32,9 @@ SHAPES = {
     "clothoid": [(k / 1500, 1.0) for k in range(-8, 24)],
     "gentle clothoid": [(k / 10000, 1.0) for k in range(-8, 24)],
     "S-bend": [(1 / 150, 16.0), (-1 / 150, 16.0)],
+    "two arcs": [(1 / 150, 16.0), (1 / 50, 16.0)],
 }
-LENGTH, EGO = 30.0, 7.0
+LENGTH, EGO, SPEED = 30.0, 7.0, 25.0
 ROUNDS, DRAWS = 7, 50
 
 
@@ -67,25 +74,43 @@ def trace_of(count: int) -> Trace:
     return trace
 
 
-def row(name: str, work: Callable[[int], object], calls: int = 500) -> None:
+def row(name: str, *works: Callable[[int], object]) -> None:
     """Measure and print one line of the table."""
-    best, median = microseconds(work, calls)
-    print(f"{name:26s}{best:10.1f}{median:12.1f}")
+    print(f"{name:26s}", end="")
+    for work in works:
+        best, median = microseconds(work)
+        print(f"{best:12.1f}{median:12.1f}", end="")
+    print(flush=True)
 
 
-def fits_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int], object]:
+def fits_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int], Fit | None]:
     """Work that fits one of `DRAWS` draws of the noise after the other."""
     draws, settings = [samples(pieces, count, seed) for seed in range(DRAWS)], FitSettings()
     return lambda k: fit_composite(*draws[k % DRAWS], alpha=0.5, settings=settings)
 
 
+def decisions_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int], object]:
+    """Work that fits as well, and steers along the fit from a little beside the course."""
+    fit, law = fits_of(pieces, count), SlipCompensated(LINCOLN_MKZ)
+    place = course(pieces).at(EGO)
+    yaw_rate = SPEED * place.curvature
+    pose = Pose(place.east + 0.02, place.north - 0.01, place.yaw + 1e-3, SPEED, yaw_rate)
+
+    def work(k: int) -> object:
+        found = fit(k)
+        assert found is not None
+        return law.steer(track(found.spline, pose), SPEED)
+
+    return work
+
+
 def main() -> int:
     """Print the table."""
-    print(f"{'':26s}{'best, µs':>10s}{'median, µs':>12s}")
+    print(f"{'µs':26s}{'fit: best':>12s}{'median':>12s}{'with law':>12s}{'median':>12s}")
     for count in (16, 40, 80):
         for name, pieces in SHAPES.items():
-            row(f"{name}, {count} samples", fits_of(pieces, count))
-        row(f"baseline, {count} samples", partial(circle, samples(SHAPES["arc"], count, 0)))
+            row(f"{name}, {count} samples", fits_of(pieces, count), decisions_of(pieces, count))
+        row(f"yardstick, {count} samples", partial(circle, samples(SHAPES["arc"], count, 0)))
     trace = trace_of(2000)
     row("window of a trace", lambda k: trace.window(1000.0 + 0.01 * k, 0.1, 7.5, 24.0))
     return 0

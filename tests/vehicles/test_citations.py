@@ -60,7 +60,7 @@ NAMED = (
     "Bernstein", "BFGS", "Brent's method", "Cauchy product", "Cleveland, 1979", "companion matri",
     "constant time headway policy", "Cook and Weisberg, 1982", "Coulter", "CUSUM",
     "elementary algebra",
-    "EPSG method", "Gauss–Markov", "Gauss–Newton", "Gaussian elimination", "Hermite", "Hoffmann",
+    "EPSG method", "Gauss–Markov", "Hermite", "Hoffmann",
     "Horner's scheme", "Hurwitz's criterion", "IEEE 754", "Kalman", "linear regression",
     "linear interpolation", "local regression", "Lyapunov", "Newton's method", "quotient rule",
     "Rayleigh's quotient", "Routh-Hurwitz", "Runge–Kutta", "spectral factorisation",

@@ -7,6 +7,8 @@ from math import atan2, cos, inf, sin, sqrt
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_point import Foot, PathPoint
 
+Place = tuple[float, float, float]
+"""A point (m, m) and a direction (rad)."""
 STRAIGHT = 1e-12
 """Curvature (1/m) below which a piece is as long as a line: no rounding of turn over curvature."""
 NODES = (
@@ -17,7 +19,7 @@ NODES = (
     (0.95308992296933198, 0.11846344252809454),
 )
 """Places and weights of Gauss-Legendre quadrature over (0, 1), exact for polynomials up to x⁹."""
-SETTLED = 1e-4
+SETTLED = 5e-3
 """A foot on a clothoid that moves less than this (m) has settled: the error left is its cube."""
 MOST_STEPS = 8
 """So many steps are made to it at most, one or two being usual."""
@@ -37,6 +39,42 @@ def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float,
         ahead += weight * cos(turn)
         left += weight * sin(turn)
     return length * ahead, length * left
+
+
+def on_arc(start: Place, curvature: float, station: float) -> PathPoint:
+    """Point `station` (m) along the arc of `curvature` (1/m) that leaves `start`.
+
+    By the chord of the arc in between (Section III-A has the shape, not the formula).
+    """
+    east, north, yaw = start
+    turn = curvature * station
+    chord = 2.0 * sin(0.5 * turn) / curvature if abs(curvature) > STRAIGHT else station
+    direction = yaw + 0.5 * turn
+    return PathPoint(
+        east + chord * cos(direction),
+        north + chord * sin(direction),
+        wrap_angle(yaw + turn),
+        curvature,
+    )
+
+
+def near_arc(start: Place, kappa: float, east: float, north: float) -> Foot:
+    """Nearest point to (east, north) of the circle that leaves `start` (Section III-B).
+
+    With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ: the arc turned by
+    atan2(w, u) to get there and the offset is e = (1 − hypot(u, w))/κ, written so that it holds
+    for either sign of κ and for a line.
+    """
+    start_east, start_north, yaw = start
+    forward, left = cos(yaw), sin(yaw)
+    off_east, off_north = east - start_east, north - start_north
+    xi = off_east * forward + off_north * left
+    eta = off_north * forward - off_east * left
+    u, w = 1.0 - kappa * eta, kappa * xi
+    turn = atan2(w, u)
+    lateral = (2.0 * eta - kappa * (xi * xi + eta * eta)) / (1.0 + sqrt(u * u + w * w))
+    station = turn / kappa if abs(kappa) > STRAIGHT else xi
+    return Foot(station, lateral, wrap_angle(yaw + turn), kappa)
 
 
 @dataclass(slots=True)
@@ -60,7 +98,7 @@ class Piece:
         By the chord of the arc in between (Section III-A has the shape, not the formula).
         """
         if self.rate == 0.0:
-            return self._on_arc(station)
+            return on_arc((self.east, self.north, self.yaw), self.curvature, station)
         within = min(max(station, 0.0), self.length)
         ahead, left = clothoid_chord(self.curvature, self.rate, within)
         forward, aside = cos(self.yaw), sin(self.yaw)
@@ -72,8 +110,7 @@ class Piece:
         )
         if within == station:
             return point
-        end = Piece(point.east, point.north, point.yaw, point.curvature, 0.0)
-        return end._on_arc(station - within)
+        return on_arc((point.east, point.north, point.yaw), point.curvature, station - within)
 
     def curvature_at(self, station: float) -> float:
         """Signed curvature (1/m) at `station` (m); beyond an end, that at the end.
@@ -90,47 +127,21 @@ class Piece:
         foot = self.near(east, north)
         if self.rate == 0.0:
             return foot
-        station = foot.station
+        # The arc from the start that turns by as much as the clothoid does up to about there.
+        bend = self.curvature + 0.5 * self.rate * min(max(foot.station, 0.0), self.length)
+        station = near_arc((self.east, self.north, self.yaw), bend, east, north).station
         for _ in range(MOST_STEPS):
             point = self.at(station)
-            circle = Piece(point.east, point.north, point.yaw, point.curvature, 0.0)
-            foot = circle.near(east, north)
+            foot = near_arc((point.east, point.north, point.yaw), point.curvature, east, north)
             station += foot.station
             if abs(foot.station) < SETTLED:
                 break
         return Foot(station, foot.lateral, foot.yaw, self.curvature_at(station))
 
     def near(self, east: float, north: float) -> Foot:
-        """Nearest point of the extended arc that has the piece's mean curvature (Section III-B).
-
-        With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ: the arc turned by
-        atan2(w, u) to get there and the offset is e = (1 − hypot(u, w))/κ, written so that it
-        holds for either sign of κ and for a line.
-        """
-        forward, left = cos(self.yaw), sin(self.yaw)
-        off_east, off_north = east - self.east, north - self.north
-        xi = off_east * forward + off_north * left
-        eta = off_north * forward - off_east * left
-        kappa = self.curvature + 0.5 * self.rate * self.length
-        u, w = 1.0 - kappa * eta, kappa * xi
-        turn = atan2(w, u)
-        lateral = (2.0 * eta - kappa * (xi * xi + eta * eta)) / (1.0 + sqrt(u * u + w * w))
-        station = turn / kappa if abs(kappa) > STRAIGHT else xi
-        return Foot(station, lateral, wrap_angle(self.yaw + turn), kappa)
-
-    def _on_arc(self, station: float) -> PathPoint:
-        """Place `station` (m) after the start, the curvature being that at the start."""
-        turn = self.curvature * station
-        chord = station
-        if abs(self.curvature) > STRAIGHT:
-            chord = 2.0 * sin(turn / 2.0) / self.curvature
-        direction = self.yaw + turn / 2.0
-        return PathPoint(
-            self.east + chord * cos(direction),
-            self.north + chord * sin(direction),
-            wrap_angle(self.yaw + turn),
-            self.curvature,
-        )
+        """Nearest point of the extended arc that has the piece's mean curvature (Section III-B)."""
+        mean = self.curvature + 0.5 * self.rate * self.length
+        return near_arc((self.east, self.north, self.yaw), mean, east, north)
 
 
 class ArcSpline:
@@ -180,6 +191,8 @@ class ArcSpline:
         Of several pieces that with the least sum of offset and distance beyond the piece counts,
         which is told by the arcs that have their mean curvatures.
         """
+        if len(self.pieces) == 1:
+            return self.pieces[0].project(east, north)
         candidates, start, last = [], 0.0, len(self.pieces) - 1
         for index, piece in enumerate(self.pieces):
             foot = piece.near(east, north)

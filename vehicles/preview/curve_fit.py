@@ -32,7 +32,7 @@ from vehicles.preview.fit_arc import (
     summed,
 )
 from vehicles.preview.fit_clothoid import best_clothoid
-from vehicles.preview.fit_joined import Joined, best_joined, refined
+from vehicles.preview.fit_joined import best_joined
 from vehicles.preview.laying import between, laid
 
 Floats = NDArray[np.float64]
@@ -42,6 +42,9 @@ STRAYING = 0.5
 """Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
 which no further shape is tried. Half of all lines and arcs stay below."""
 
+UNLIKE = 3.0
+"""Variance from an arc or a clothoid, in that of the noise, from which on it is tried without
+asking where the samples drift to. Noise alone is above that once in 1e8 times with 40 samples."""
 POOR = 2.0
 """Scatter, in tolerances, from which on the samples are taken for those of poor receivers. Two good
 ones that drive a few decimetres beside one another scatter by less."""
@@ -79,10 +82,10 @@ class FitSettings:
     arcs_evidence: float = 8.0
     temperature: float = 2.5
     ignored: float = 0.15
-    joins: int = 12
+    joins: int = 5
     piece_min: float = 2.0
     piece_ratio: float = 0.15
-    passes: int = 3
+    passes: int = 6
     span_min: float = 1.0
     trajectory: Trajectory = "fitted"
 
@@ -107,7 +110,7 @@ class FitSettings:
         return max(self.behind_min, self.behind_time * speed)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Curve:
     """An arc spline in the world (Section III-A), the samples' distances from it, their rms (m)."""
 
@@ -141,7 +144,7 @@ def fit_curve(
     if curve is None:
         return None
     rest = offsets(curve, data)
-    rms = sqrt(float(np.add.reduce(weight * rest * rest)) / data.sums.item(ONE, ONE, -1))
+    rms = sqrt(float(np.add.reduce(weight * rest * rest)) / data.total[ONE][ONE])
     return Curve(laid(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
@@ -153,17 +156,18 @@ def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
     graphs, joined, noise = found
     scores = [graph.distance + settings.price(graph.freedom) * noise for graph in graphs]
     if joined is not None:
-        scores.append(joined.curve.misfit + settings.price(joined.curve.freedom, 1) * noise)
+        scores.append(joined.misfit + settings.price(joined.freedom, 1) * noise)
     least, fade = min(scores), -0.5 / (settings.temperature * noise)
     weights = [max(exp(fade * (score - least)) - settings.ignored, 0.0) for score in scores]
     smooth = as_curve(mean(graphs, weights[: len(graphs)])) if any(weights[: len(graphs)]) else None
     if joined is None or weights[-1] == 0.0:
         return smooth
-    curve = refined(joined, data, settings.passes, _join_range(data, settings))
-    return curve if smooth is None else between(smooth, curve, weights[-1] / sum(weights), data)
+    return joined if smooth is None else between(smooth, joined, weights[-1] / sum(weights), data)
 
 
-def _tried(data: FitData, settings: FitSettings) -> tuple[list[Graph], Joined | None, float] | None:
+def _tried(
+    data: FitData, settings: FitSettings
+) -> tuple[list[Graph], LocalCurve | None, float] | None:
     """Curves that may explain the samples and the variance of the noise (m²), if the best does.
 
     Line and arc, and where the samples drift from the arc the clothoid, and where they drift from
@@ -177,20 +181,22 @@ def _tried(data: FitData, settings: FitSettings) -> tuple[list[Graph], Joined | 
     graphs, joined = [best_line(through), arc], None
     variance = _variance(arc.distance, arc.freedom, count, settings)
     noise = _noise(variance, settings)
-    if drift(arc, data) > STRAYING * sqrt(noise * count):
+    unlike = UNLIKE * settings.position_noise**2
+    if variance > unlike or drift(arc, None, data) > STRAYING * sqrt(noise * count):
         clothoid = best_clothoid(data, through, arc)
-        strays = True
         if clothoid is not None:
             graphs.append(clothoid.graph)
-            variance = _variance(clothoid.graph.distance, clothoid.graph.freedom, count, settings)
+            variance = _variance(clothoid.graph.distance, 4, count, settings)
             noise = _noise(variance, settings)
-            strays = clothoid.drift > STRAYING * sqrt(noise * count)
-        if strays:
+        if (
+            clothoid is None
+            or variance > unlike
+            or drift(*clothoid, data) > STRAYING * sqrt(noise * count)
+        ):
             joined = _joined(data, through, settings, noise)
         if joined is not None:
-            curve = joined.curve
-            variance = min(variance, _variance(curve.misfit, curve.freedom, count, settings))
-    noise = _noise(variance, settings)
+            variance = min(variance, _variance(joined.misfit, joined.freedom, count, settings))
+        noise = _noise(variance, settings)
     if variance > settings.tolerance**2:  # nothing explains the samples
         scatter = _scatter(arc, data)
         noise = scatter if scatter > (POOR * settings.tolerance) ** 2 else noise
@@ -220,20 +226,23 @@ def _noise(variance: float, settings: FitSettings) -> float:
     return min(max(variance, settings.noise_floor**2), settings.position_noise**2)
 
 
-def _join_range(data: FitData, settings: FitSettings) -> tuple[float, float]:
-    """Stations (m) between which a join may lie."""
+def _joined(data: FitData, line: Centred, settings: FitSettings, noise: float) -> LocalCurve | None:
+    """Try joins at samples, at least three samples away from both ends; one arc or two."""
     first, last = data.station.item(0), data.station.item(-1)
     margin = max(settings.piece_min, settings.piece_ratio * (last - first))
-    return first + margin, last - margin
-
-
-def _joined(data: FitData, line: Centred, settings: FitSettings, noise: float) -> Joined | None:
-    """Try joins at samples, at least three samples away from both ends; one arc or two."""
-    first, last = _join_range(data, settings)
+    first, last = first + margin, last - margin
     low = max(int(data.station.searchsorted(first)), 2)
     high = min(int(data.station.searchsorted(last, "right")), len(data.station) - 3)
     if high - low < 2:
         return None
-    stride = -(-(high - low) // settings.joins)
-    within = (settings.noise_floor**2, noise)
-    return best_joined(data, line, slice(low, high, stride), settings.arcs_evidence, within)
+    count = min(settings.joins, high - low)
+    places = [low + k * (high - 1 - low) // (count - 1) for k in range(count)]
+    return best_joined(
+        data,
+        line,
+        places=places,
+        within=(first, last),
+        evidence=settings.arcs_evidence,
+        noise=(settings.noise_floor**2, noise),
+        passes=settings.passes,
+    )

@@ -15,9 +15,9 @@ A curvature that changes adds one more term (`fit_clothoid`), a join divides the
 (`fit_joined`).
 
 E is a combination of (x² + y², x, y, 1) for every κ, P and u. The sums of the products of these
-four over the first k samples, for every k, are therefore nearly all that is needed of the samples:
-`FitData.sums`. All is elementwise arithmetic, so that no result depends on a linear-algebra
-library.
+four, over all samples (`FitData.total`) and over the first k (`cumulated`), are therefore nearly
+all that is needed of the samples. All is elementwise arithmetic, so that no result depends on a
+linear-algebra library.
 """
 
 from collections.abc import Sequence
@@ -57,14 +57,15 @@ class LocalCurve(NamedTuple):
 class FitData(NamedTuple):
     """Samples of both sources (Section III-A) in the local frame, in order of travel.
 
-    `rows` are x² + y², x, y and 1 with x along the travel, y left (m); station (m); weight.
-    `sums[i, j, k]` is the weighted sum over the first k + 1 samples of row i times row j.
+    `rows` are x² + y², x, y and 1 with x along the travel, y left (m), `weighted` the same times
+    the `weight`; station (m). `total[i][j]` is the sum of weighted row i times row j.
     """
 
     rows: Floats
+    weighted: Floats
     station: Floats
     weight: Floats
-    sums: Floats
+    total: list[list[float]]
 
 
 class Centred(NamedTuple):
@@ -100,7 +101,7 @@ class Graph(NamedTuple):
     @property
     def distance(self) -> float:
         """Its misfit in distances from it instead of in y (m²; J of eq. (5))."""
-        return self.misfit / self.square
+        return self.misfit / (1.0 + self.slope * self.slope - 4.0 * self.half * self.offset)
 
 
 def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
@@ -109,8 +110,17 @@ def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
     rows[X], rows[Y], rows[ONE] = x, y, 1.0
     np.multiply(x, x, out=rows[SQUARE])
     rows[SQUARE] += y * y
-    sums = np.add.accumulate((rows * weight)[:, None, :] * rows, 2)
-    return FitData(rows, station, weight, sums)
+    weighted = rows * weight
+    total = np.einsum("ik,jk->ij", weighted, rows).tolist()
+    return FitData(rows, weighted, station, weight, total)
+
+
+def cumulated(data: FitData) -> Floats:
+    """Sums as in `total` over the first k + 1 samples, for every k, shape (4, 4, n).
+
+    What J of eq. (5) expands to for the samples before a join.
+    """
+    return np.add.accumulate(data.weighted[:, None, :] * data.rows, 2)
 
 
 def seen_from(x: float, y: float, angle: float) -> tuple[Factors, Factors, Factors]:
@@ -139,12 +149,10 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
         found = np.einsum("i,ik->k", away, data.rows)
         return found
     found, rho, xi = np.einsum("ai,ik->ak", (away, square, ahead), data.rows)
-    if curve.rate != 0.0:
-        found -= curve.rate * cubic(xi, np.abs(rho), 0.5 * (half + other))
     if half != other:
-        rho *= half - other
-        rho *= xi <= 0.0
-        found += rho
+        np.add(found, (half - other) * rho, out=found, where=xi <= 0.0)
+    if curve.rate != 0.0:
+        found -= curve.rate * cubic(xi, np.abs(rho, out=rho), 0.5 * (half + other))
     return found
 
 
@@ -162,12 +170,12 @@ def cubic(along: Floats, square: Floats, half: float) -> Floats:
     series += 1.0 / 6.0
     series *= square
     series *= np.sqrt(square)
-    return np.copysign(series, along)
+    return np.copysign(series, along, series)
 
 
 def centred(data: FitData) -> Centred | None:
     """Line through the samples by linear regression of y on x; None if they determine none."""
-    total = data.sums[:, :, -1].tolist()
+    total = data.total
     weight = total[ONE][ONE]
     mean_x, mean_y = total[X][ONE] / weight, total[Y][ONE] / weight
     xx = total[X][X] - weight * mean_x * mean_x
@@ -190,8 +198,7 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
     Minimises J of eq. (5) with e divided by −2R, times the gradient of the graph: three linear
     equations, as Section III-A.1 says.
     """
-    total = data.sums[:, :, -1].tolist()
-    row = total[SQUARE]
+    row = data.total[SQUARE]
     cross_x = row[X] - line.mean_x * row[ONE]
     cross = row[Y] - line.mean_y * row[ONE] - line.slope * cross_x
     spread = row[SQUARE] - row[ONE] * row[ONE] / line.weight - cross_x * cross_x / line.xx
@@ -204,17 +211,17 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
     return found if found.square > 0.0 else None
 
 
-def drift(graph: Graph, data: FitData, column: Floats | None = None) -> float:
+def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
     """How far the distances from a graph add up (m, weighted), at most, along the samples.
 
     Those of noise alone cancel out sooner than those of a curve of another shape (CUSUM statistic).
     `column` is that of the rate, weighted, if there is one.
     """
     equation = (-graph.half, -graph.slope, 1.0, -graph.offset)
-    sums = np.einsum("i,ik->k", equation, data.sums[:, ONE])
+    away = np.einsum("i,ik->k", equation, data.weighted)
     if column is not None:
-        sums -= graph.rate * np.add.accumulate(column)
-    return float(np.maximum.reduce(np.abs(sums)))
+        away -= graph.rate * column
+    return float(np.maximum.reduce(np.abs(np.add.accumulate(away))))
 
 
 def mean(graphs: Sequence[Graph], weights: Sequence[float]) -> Graph:

@@ -18,7 +18,6 @@ from vehicles.preview.fit_arc import (
     Graph,
     X,
     cubic,
-    drift,
 )
 
 RATE_MOST = 0.06
@@ -30,10 +29,10 @@ series of its way off the arc ends at the sixth power of a quarter of that."""
 
 
 class Clothoid(NamedTuple):
-    """Graph of a clothoid, and its `drift` (m) as that of an arc (CUSUM statistic)."""
+    """Graph of a clothoid, and the weighted column of its rate for `drift` (beyond the paper)."""
 
     graph: Graph
-    drift: float
+    column: Floats
 
 
 def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
@@ -47,9 +46,8 @@ def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
         return None
     column = cubic(data.rows[X], data.rows[SQUARE], arc.half)
     weighted: Floats = data.weight * column
-    of_square, of_x, of_y, of_one = np.add.reduce(data.rows * weighted, 1).tolist()
-    total = data.sums[:, :, -1].tolist()
-    row = total[SQUARE]
+    of_square, of_x, of_y, of_one = np.einsum("ik,k->i", data.rows, weighted).tolist()
+    row = data.total[SQUARE]
     # The column about 1, x and x² + y², one after the other, each about the ones before.
     cross_x = row[X] - line.mean_x * row[ONE]
     spread = row[SQUARE] - row[ONE] * row[ONE] / line.weight - cross_x * cross_x / line.xx
@@ -67,4 +65,4 @@ def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
     offset -= rate * of_one / line.weight
     misfit = max(arc.misfit - rate * (2.0 * cross - rate * left), 0.0)
     graph = Graph(offset, slope, half, rate, misfit, 4)
-    return Clothoid(graph, drift(graph, data, weighted)) if graph.square > 0.0 else None
+    return Clothoid(graph, weighted) if graph.square > 0.0 else None

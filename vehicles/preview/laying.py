@@ -2,14 +2,12 @@
 
 from math import atan2, cos, sin
 
-from vehicles.geometry.arc_spline import STRAIGHT, ArcSpline, Piece, clothoid_chord
+from vehicles.geometry.arc_spline import ArcSpline, Piece, Place, clothoid_chord, near_arc, on_arc
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.fit_arc import FitData, LocalCurve, X, Y
 
 Frame = tuple[float, float, float, float]
 """Origin of the local frame (m, m) and the unit vector of its x axis, in the world."""
-Place = tuple[float, float, float]
-"""A point (m, m) and a direction (rad)."""
 
 
 def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
@@ -24,8 +22,9 @@ def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
         atan2(uy, ux) + curve.angle,
     )
     rate, rows = curve.rate, data.rows
-    start = _along(curve, curve.before, rows.item(X, 0), rows.item(Y, 0))[0]
-    end = _along(curve, curve.after, rows.item(X, -1), rows.item(Y, -1))[0]
+    place = curve.x, curve.y, curve.angle
+    start = near_arc(place, curve.before, rows.item(X, 0), rows.item(Y, 0)).station
+    end = near_arc(place, curve.after, rows.item(X, -1), rows.item(Y, -1)).station
     begin = _on(join, curve.before, rate, start)
     bend = curve.before + rate * start
     if curve.before == curve.after:
@@ -46,7 +45,7 @@ def between(one: LocalCurve, joined: LocalCurve, share: float, data: FitData) ->
     rest = 1.0 - share
     cut, lateral, angle = _foot(joined, x, y)
     station, aside, other = _foot(one, x, y)
-    angle = angle + rest * wrap_angle(other - angle)
+    angle += rest * wrap_angle(other - angle)
     lateral = share * lateral + rest * aside
     bend = rest * (one.after + one.rate * (station - cut))
     before, after, rate = share * joined.before + bend, share * joined.after + bend, rest * one.rate
@@ -58,40 +57,26 @@ def between(one: LocalCurve, joined: LocalCurve, share: float, data: FitData) ->
 def _foot(curve: LocalCurve, x: float, y: float) -> Place:
     """Station (m) from the curve's P, offset (m) and direction (rad) of the projection of (x, y).
 
-    On a clothoid by two steps of Newton's method.
+    On a clothoid by two steps of Newton's method, each to the circle that hugs it.
     """
-    station, lateral, turn = _along(curve, curve.after, x, y)
-    if station < 0.0 and curve.before != curve.after:
-        station, lateral, turn = _along(curve, curve.before, x, y)
-    if curve.rate == 0.0:
-        return station, lateral, curve.angle + turn
-    px, py, angle = _on((curve.x, curve.y, curve.angle), curve.after, curve.rate, station)
-    bend = curve.after + curve.rate * station
-    there = curve._replace(x=px, y=py, angle=angle, before=bend, after=bend)
-    further, lateral, turn = _along(there, bend, x, y)
-    return station + further, lateral, angle + turn
-
-
-def _along(curve: LocalCurve, curvature: float, x: float, y: float) -> Place:
-    """Station (m) from the curve's P, offset (m) and turn (rad) of the projection of (x, y).
-
-    On the circle of `curvature` (1/m), as in `Piece.near`.
-    """
-    ux, uy = cos(curve.angle), sin(curve.angle)
-    dx, dy = x - curve.x, y - curve.y
-    xi, eta = dx * ux + dy * uy, dy * ux - dx * uy
-    u, w = 1.0 - curvature * eta, curvature * xi
-    turn = atan2(w, u)
-    lateral = (2.0 * eta - curvature * (xi * xi + eta * eta)) / (1.0 + (u * u + w * w) ** 0.5)
-    return (turn / curvature if abs(curvature) > STRAIGHT else xi), lateral, turn
+    place = curve.x, curve.y, curve.angle
+    foot = near_arc(place, curve.after, x, y)
+    if foot.station < 0.0 and curve.before != curve.after:
+        foot = near_arc(place, curve.before, x, y)
+    station = foot.station
+    if curve.rate != 0.0:
+        there = _on(place, curve.after, curve.rate, station)
+        foot = near_arc(there, curve.after + curve.rate * station, x, y)
+        station += foot.station
+    return station, foot.lateral, foot.yaw
 
 
 def _on(start: Place, curvature: float, rate: float, station: float) -> Place:
     """Place `station` (m) along a curve that has `curvature` (1/m) at `start`."""
-    east, north, yaw = start
     if rate == 0.0:
-        point = Piece(east, north, yaw, curvature, 0.0).at(station)
+        point = on_arc(start, curvature, station)
         return point.east, point.north, point.yaw
+    east, north, yaw = start
     ahead, left = clothoid_chord(curvature, rate, station)
     forward, aside = cos(yaw), sin(yaw)
     return (

@@ -25,7 +25,7 @@ Fusion = Literal["composite", "predecessor", "blend"]
 LEAD, PREDECESSOR = 0, 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Fit:
     """A trajectory, the samples it was fitted to (world, m; in order of station) and how well.
 
@@ -145,15 +145,16 @@ def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Me
         return _alone(lead, LEAD)
     total = (1.0 - alpha) * leads + alpha * predecessors
     scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
-    weight = np.empty(leads + predecessors)
-    weight[:leads], weight[leads:] = scale * (1.0 - alpha), scale * alpha
-    source = np.empty(leads + predecessors, dtype=np.int8)
-    source[:leads], source[leads:] = LEAD, PREDECESSOR
     station = np.concatenate((lead.station, predecessor.station))
-    east = np.concatenate((lead.east, predecessor.east))
-    north = np.concatenate((lead.north, predecessor.north))
     order = station.argsort(kind="stable")
-    return _Merged(east[order], north[order], station[order], weight[order], source[order])
+    source = (order >= leads).view(np.int8)  # False is LEAD, True is PREDECESSOR
+    return _Merged(
+        np.concatenate((lead.east, predecessor.east)).take(order),
+        np.concatenate((lead.north, predecessor.north)).take(order),
+        station.take(order),
+        np.array((scale * (1.0 - alpha), scale * alpha)).take(source),
+        source,
+    )
 
 
 def _alone(window: Window, source: int) -> _Merged:
