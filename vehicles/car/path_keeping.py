@@ -21,7 +21,7 @@ distance b, and δ = (a+b) ρ.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from vehicles.car.parameters import VehicleParameters
@@ -50,13 +50,15 @@ class OnPath(NamedTuple):
 class PathMotion:
     """The motion of eqs. (1), (2) that keeps to a path, each `step` (m) from `start` (m) on."""
 
-    def __init__(self, start: float, step: float, places: list[OnPath]) -> None:
+    def __init__(self, start: float, step: float, places: list[tuple[float, float, float]]) -> None:
         self._start = start
         self._step = step
         self._places = places
 
     def at(self, distance: float) -> OnPath:
         """Motion `distance` (m) ahead, interpolated; beyond the ends as there (eqs. (1), (2))."""
+        if len(self._places) == 1:  # the same everywhere
+            return OnPath(*self._places[0])
         where = (distance - self._start) / self._step
         index = min(max(int(where), 0), len(self._places) - 2)
         share = min(max(where - index, 0.0), 1.0)
@@ -74,6 +76,8 @@ class PathMotion:
 
         With weights 1/4, 1/2, 1/4: what keeps to the path whose curvature is such a mean.
         """
+        if len(self._places) == 1:
+            return OnPath(*self._places[0])
         near, here, far = self.at(distance - apart), self.at(distance), self.at(distance + apart)
         return OnPath(
             0.25 * (near.curvature + far.curvature) + 0.5 * here.curvature,
@@ -83,38 +87,50 @@ class PathMotion:
 
 
 def path_motion(
-    curvature: Callable[[float], float], ahead: float, speed: float, p: VehicleParameters
+    curvatures: Callable[[float, float, int], Sequence[float]],
+    reach: tuple[float, float],
+    speed: float,
+    p: VehicleParameters,
 ) -> PathMotion:
     """Motion that keeps to a path at constant `speed` (m/s), by the inverse of eqs. (1), (2).
 
-    `curvature` (1/m) at a distance (m) along the path from the car, negative behind it; the motion
-    is told from there to `ahead` (m). Exact where the curvature is linear between places.
+    `curvatures(start, step, count)` (1/m) are those at places along the path, from `start` (m)
+    ahead of the car on; the motion is told within `reach` (m ahead). Exact where the curvature is
+    linear between places.
     """
     v = max(speed, WALKING_PACE)
     step = max(STEP * v, LEAST_STEP)
-    behind = math.ceil(max(MEMORY * v, LEAST_MEMORY * p.rear_axle_distance) / step)
-    start, count = -behind * step, behind + math.ceil(ahead / step)
+    first = math.floor(reach[0] / step)
+    fading = math.ceil(max(MEMORY * v, LEAST_MEMORY * p.rear_axle_distance) / step)
+    start, count = (first - fading) * step, fading + math.ceil(reach[1] / step) - first + 1
+    found = curvatures(start, step, count)
     steady = p.steady_slip_per_curvature(v)
+    kappa = found[0]
+    if found.count(kappa) == count:  # an arc or a line, as far as it counts
+        gradient = p.wheelbase + p.steer_gradient * v * v
+        return PathMotion(start, step, [(kappa, -steady * kappa, gradient * kappa)])
     square = p.wheelbase * p.rear_cornering_stiffness / p.yaw_inertia
-    lag = p.rear_axle_distance * steady - v * v / square
-    keep, gain, loss, rest = _fading(step / v, v, square, p.rear_axle_distance * square / v)
+    a, b = p.front_axle_distance, p.rear_axle_distance
+    lag = b * steady - v * v / square
+    keep, gain, loss, rest = _fading(step / v, v, square, b * square / v)
     push = p.mass * v * v / p.front_cornering_stiffness
-    ratio, b = p.rear_cornering_stiffness / p.front_cornering_stiffness, p.rear_axle_distance
-    kappa, rate, heading, turn = curvature(start), 0.0, 0.0, 0.0
+    ratio = p.rear_cornering_stiffness / p.front_cornering_stiffness
+    rate = heading = turn = 0.0
     places = []
-    for k in range(1, count + 1):
-        following = curvature(start + k * step)
+    for k in range(1, count):
+        following = found[k]
         change = (following - kappa) / step
         # What the motion is off the one that suits the rate of curvature from here on.
         heading += lag * (rate - change)
         turn -= steady * (rate - change)
         heading, turn = keep * heading + gain * turn, loss * heading + rest * turn
         kappa, rate = following, change
-        theta = heading - steady * kappa + lag * rate
-        rho = turn + kappa - steady * rate
-        steering = push * kappa - ratio * (theta + b * rho) - theta + p.front_axle_distance * rho
-        places.append(OnPath(kappa, theta, steering))
-    return PathMotion(start + step, step, places)
+        if k >= fading:
+            theta = heading - steady * kappa + lag * rate
+            rho = turn + kappa - steady * rate
+            steering = push * kappa - ratio * (theta + b * rho) - theta + a * rho
+            places.append((kappa, theta, steering))
+    return PathMotion(start + fading * step, step, places)
 
 
 def _fading(

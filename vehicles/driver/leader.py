@@ -86,5 +86,6 @@ class Leader:
             heading=wrap_angle(pose.yaw - foot.yaw),
             yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
             curvature=foot.curvature,
-            ahead=lambda distance: self._path.at(foot.station + distance).curvature,
+            path=self._path,
+            station=foot.station,
         )

@@ -129,8 +129,9 @@ class SlipCompensated:
         """Steer by eqs. (6) and (7), with θ̃ and dθ̃/dt against those of a car on the path."""
         car, gains = self._parameters, self._gains
         delay, apart = speed * self._delay, speed * self._apart
-        motion = path_motion(errors.curvature_ahead, delay + apart, speed, car)
         lag = max(car.steady_slip_per_curvature(speed), 0.0)
+        reach = -lag - apart, delay + apart
+        motion = path_motion(errors.curvatures_ahead, reach, speed, car)
         heading = motion.mean(0.0, apart).heading
         curvature = motion.mean(-lag, apart).curvature
         feedback = (

@@ -4,7 +4,7 @@ The paper's `e_lat = R − distance` holds on left turns only, and its `y = mx +
 that run north; the signed form of `ArcSpline.project` holds for both turns and every heading.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -41,24 +41,50 @@ class PoseLike(Protocol):
         ...
 
 
+class Curved(Protocol):
+    """A path whose curvature is known (the arc spline of Section III-A, or the lead's own)."""
+
+    def curvature_at(self, station: float) -> float:
+        """Signed curvature (1/m) at `station` (m), 1/R of Section III-A."""
+        ...
+
+    def curvatures(self, start: float, step: float, count: int) -> Sequence[float]:
+        """The same at `count` places `step` (m) apart from station `start` (m) on."""
+        ...
+
+
 @dataclass(slots=True)
 class TrackingErrors:
     """e_lat (m, left of the path positive), θ̃ (rad), dθ̃/dt (rad/s), path curvature (1/m).
 
     Section III-B, with signed curvature 1/R; the car's errors in eq. (7).
-    `ahead` gives the path's curvature (1/m) so many metres ahead of the foot point, or behind it
-    for negative distances; without it the curvature is taken as constant.
+    The foot point is at `station` (m) of `path`; without a path its curvature is taken as constant.
     """
 
     lateral: float
     heading: float
     yaw_rate: float
     curvature: float
-    ahead: Callable[[float], float] | None = field(default=None, compare=False, repr=False)
+    path: Curved | None = field(default=None, compare=False, repr=False)
+    station: float = field(default=0.0, compare=False, repr=False)
 
     def curvature_ahead(self, distance: float) -> float:
-        """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0."""
-        return self.curvature if self.ahead is None else self.ahead(distance)
+        """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0.
+
+        Behind it for negative distances.
+        """
+        return (
+            self.curvature if self.path is None else self.path.curvature_at(self.station + distance)
+        )
+
+    def curvatures_ahead(self, start: float, step: float, count: int) -> Sequence[float]:
+        """Signed curvature (1/m), as `curvature_ahead`, of eq. (6), at `count` places.
+
+        They are `step` (m) apart, the first `start` (m) ahead.
+        """
+        if self.path is None:
+            return [self.curvature] * count
+        return self.path.curvatures(self.station + start, step, count)
 
 
 def track(spline: ArcSpline, pose: PoseLike) -> TrackingErrors:
@@ -73,5 +99,6 @@ def track(spline: ArcSpline, pose: PoseLike) -> TrackingErrors:
         heading=wrap_angle(pose.yaw - foot.yaw),
         yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
         curvature=foot.curvature,
-        ahead=lambda distance: spline.curvature_at(foot.station + distance),
+        path=spline,
+        station=foot.station,
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, inf, sin, sqrt
+from math import atan2, cos, floor, inf, sin, sqrt
 
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_point import Foot, PathPoint
@@ -184,6 +184,25 @@ class ArcSpline:
                 return piece.curvature_at(station)
             station -= piece.length
         return self.pieces[-1].curvature_at(station)
+
+    def curvatures(self, start: float, step: float, count: int) -> list[float]:
+        """Signed curvature (1/m) at `count` places `step` (m) apart from station `start` (m) on.
+
+        As `curvature_at`, 1/R of Section III-A, which it is many times as fast as.
+        """
+        if len(self.pieces) == 1 and self.pieces[0].rate == 0.0:
+            return [self.pieces[0].curvature] * count
+        found: list[float] = []
+        offset, last = start, len(self.pieces) - 1
+        for index, piece in enumerate(self.pieces):
+            k = len(found)
+            end = count if index == last else min(count, floor((piece.length - offset) / step) + 1)
+            if piece.rate == 0.0:
+                found += [piece.curvature] * max(end - k, 0)
+            else:
+                found += [piece.curvature_at(offset + j * step) for j in range(k, end)]
+            offset -= piece.length
+        return found
 
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the path, extended beyond both ends by the end pieces (Section III-B).

@@ -84,6 +84,19 @@ class Path:
             return _straight_on(self._rows[-1], station)
         return _between(self._rows[index], self._rows[index + 1], station)
 
+    def curvature_at(self, station: float) -> float:
+        """Signed curvature (1/m) at `station` (m), 1/R of Section III-A."""
+        return self.at(station).curvature
+
+    def curvatures(self, start: float, step: float, count: int) -> list[float]:
+        """Signed curvature (1/m) at `count` places `step` (m) apart from station `start` (m) on.
+
+        1/R of Section III-A.
+        """
+        places = start + step * np.arange(count)
+        found: list[float] = np.interp(places, self.station, self.curvature, 0.0, 0.0).tolist()
+        return found
+
     def project(
         self, east: float, north: float, near: float | None, window: float = WINDOW
     ) -> Foot:

@@ -18,6 +18,14 @@ FULL = loaded(CAR, Loading(front_passengers=1, rear_passengers=3))
 SPEEDS = [3.0, 12.0, 30.0]
 
 
+Curvatures = Callable[[float, float, int], list[float]]
+
+
+def sampled(curvature: Callable[[float], float]) -> Curvatures:
+    """Curvatures at places as the motion asks for them."""
+    return lambda start, step, count: [curvature(start + k * step) for k in range(count)]
+
+
 def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
     """Slip and steering per curvature on an arc, from forces and moments: all in closed form."""
     a, b, length = car.front_axle_distance, car.rear_axle_distance, car.wheelbase
@@ -30,7 +38,7 @@ def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_on_an_arc_it_is_steady_cornering(car: VehicleParameters, speed: float) -> None:
     slip, steering = steady(car, speed)
-    here = path_motion(lambda _: -0.002, 5.0, speed, car).at(0.0)
+    here = path_motion(sampled(lambda _: -0.002), (0.0, 5.0), speed, car).at(0.0)
     assert here.curvature == -0.002
     assert here.heading == pytest.approx(0.002 * slip)
     assert here.steering == pytest.approx(-0.002 * steering)
@@ -44,7 +52,7 @@ def test_on_a_clothoid_it_lags_and_leads_by_the_terms_of_first_order(
     """Lateral force m v² κ, moment I v² κ' of a path whose curvature grows evenly by κ'."""
     rate, length = 2e-4, car.wheelbase
     slip, steering = steady(car, speed)
-    motion = path_motion(lambda distance: rate * distance, 40.0, speed, car)
+    motion = path_motion(sampled(lambda distance: rate * distance), (0.0, 40.0), speed, car)
     there = motion.at(35.0)  # what was assumed of the path before it was seen has faded
     front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
     moment = car.yaw_inertia * speed**2 / length
@@ -55,7 +63,10 @@ def test_on_a_clothoid_it_lags_and_leads_by_the_terms_of_first_order(
 
 
 def test_at_walking_pace_the_body_turns_in_over_the_rear_axle_s_distance() -> None:
-    b, motion = CAR.rear_axle_distance, path_motion(lambda s: 0.1 * (s > 0.0), 4.0, 1.0, CAR)
+    b, motion = (
+        CAR.rear_axle_distance,
+        path_motion(sampled(lambda s: 0.1 * (s > 0.0)), (0.0, 4.0), 1.0, CAR),
+    )
     for distance in (1.0, 2.0, 4.0):
         turned_in = -0.1 * b * (1.0 - math.exp(-distance / b))
         assert motion.at(distance).heading == pytest.approx(turned_in, rel=0.15)
@@ -95,27 +106,33 @@ def test_the_simulated_car_keeps_to_the_road_by_steering_so_without_feedback(
     body, span, path = Body(0.0, 0.0, 0.0, speed), 0.005, road()
     off_road, off_slip, off_steady = [], [], []
     while body.distance < 150.0:
-        told = path_motion(seen_from(body.distance), 2.0, speed, quick).at(0.0)
+        told = path_motion(seen_from(body.distance), (0.0, 2.0), speed, quick).at(0.0)
         off_road.append(abs(path.project(body.east, body.north).lateral))
         slip = body.lateral_speed / speed
         off_slip.append(abs(slip + told.heading))
         off_steady.append(abs(slip - steady(car, speed)[0] * told.curvature))
-        halfway = path_motion(seen_from(body.distance + 0.5 * span * speed), 2.0, speed, quick)
+        halfway = path_motion(
+            seen_from(body.distance + 0.5 * span * speed), (0.0, 2.0), speed, quick
+        )
         body = advance(body, Actuation(halfway.at(0.0).steering, 0.0), span, quick)
     assert max(off_slip) < 0.15 * max(off_steady)
     assert max(off_road) < 0.03
 
 
-def seen_from(place: float) -> Callable[[float], float]:
-    """Curvature by the distance from a place on the road."""
-    return lambda distance: bends(place + distance)
+def seen_from(place: float) -> Curvatures:
+    """Curvatures by the distance from a place on the road."""
+    return sampled(lambda distance: bends(place + distance))
 
 
 @given(speed=st.floats(0.0, 60.0), curvature=st.floats(-0.2, 0.2), at=st.floats(-30.0, 10.0))
 def test_it_is_finite_and_mirrored_for_the_other_turn(
     speed: float, curvature: float, at: float
 ) -> None:
-    one = path_motion(lambda s: curvature * (s > at), 6.0, speed, CAR).mean(1.0, 2.0)
-    other = path_motion(lambda s: -curvature * (s > at), 6.0, speed, CAR).mean(1.0, 2.0)
+    one = path_motion(sampled(lambda s: curvature * (s > at)), (-1.0, 6.0), speed, CAR).mean(
+        1.0, 2.0
+    )
+    other = path_motion(sampled(lambda s: -curvature * (s > at)), (-1.0, 6.0), speed, CAR).mean(
+        1.0, 2.0
+    )
     assert all(map(math.isfinite, one))
     assert tuple(one) == pytest.approx(tuple(-value for value in other))

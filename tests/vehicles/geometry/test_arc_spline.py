@@ -136,3 +136,24 @@ def test_beyond_its_ends_a_clothoid_goes_on_as_an_arc() -> None:
 def test_no_pieces_are_no_path() -> None:
     with pytest.raises(ValueError, match="at least one piece"):
         ArcSpline([])
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(-0.1, 0.1), st.floats(0.5, 30.0), st.sampled_from([0.0, 1e-3, -2e-3])),
+        min_size=1, max_size=4,
+    ),
+    st.floats(-40.0, 60.0), st.floats(0.1, 5.0), st.integers(1, 40),
+)  # fmt: skip
+def test_curvatures_at_many_places_are_those_at_each(
+    shapes: list[tuple[float, float, float]], start: float, step: float, count: int
+) -> None:
+    pieces = [Piece(0.0, 0.0, 0.0, curvature, length, rate) for curvature, length, rate in shapes]
+    spline = ArcSpline(pieces)
+    found = spline.curvatures(start, step, count)
+    assert len(found) == count
+    stations = [start + k * step for k in range(count)]
+    ends = [sum(piece.length for piece in pieces[:n]) for n in range(1, len(pieces))]
+    for station, curvature in zip(stations, found, strict=True):
+        if all(abs(station - end) > 1e-6 for end in ends):  # at a joint either piece will do
+            assert curvature == pytest.approx(spline.curvature_at(station), abs=1e-9)
