@@ -72,7 +72,8 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     "links": {
         "sender": "each link has a direction",
         "receiver": "the vehicle that judges the messages of the link",
-        "requested": "what was asked for: latency_ms, jitter_ms, loss_ratio, rate_hz (null: any)",
+        "requested": "what was asked for: latency_ms, jitter_ms, loss_ratio, rate_hz (null: any), "
+        "delay, queue, outages",
         "sent": "messages of the sender",
         "judged": "messages that came to the link",
         "heard": "messages delivered",

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from scenarios.definition.errors import Refused
 from scenarios.definition.schema.delay import (
+    MOST_RECORDED,
     ConstantDelayTable,
     DelayTable,
     EmpiricalDelayTable,
@@ -38,7 +39,6 @@ PURPOSE = "delay"
 """The word under which delays are drawn."""
 COLUMN = "delay_ms"
 LONGEST_MS = 60_000.0
-MOST_RECORDED = 100_000
 WIDEST, NARROWEST = 5.0, 0.01
 """Deviations of a skew law in units of its mean: its table of quantiles reaches so far."""
 
@@ -153,9 +153,11 @@ def _recorded(path: Path, key: str, given: str) -> tuple[float, ...]:
         if not any(one.strip() for one in row):
             continue
         found.append(_delay(cell, f"{given}: line {number}: {COLUMN} is {cell[:20]!r}", key))
-    if not 0 < len(found) <= MOST_RECORDED:
-        raise Refused(key, f"{given}: {len(found)} delays, allowed 1 to {MOST_RECORDED}")
-    return tuple(sorted(found))
+    if not found:
+        raise Refused(key, f"{given}: no delays, allowed one or more")
+    kept = min(len(found), MOST_RECORDED)
+    found.sort()
+    return tuple(found[(2 * k + 1) * len(found) // (2 * kept)] for k in range(kept))
 
 
 def _delay(cell: str, problem: str, key: str) -> float:
