@@ -158,6 +158,9 @@ def _fields(location: Location) -> dict[str, FieldInfo]:
 
 
 def _field(location: Location) -> FieldInfo:
+    """Return the key at a location, or what is said of each entry of a list."""
+    if isinstance(location[-1], int):
+        return FieldInfo.from_annotation(get_args(_field(location[:-1]).annotation)[0])
     return _fields(location[:-1])[str(location[-1])]
 
 

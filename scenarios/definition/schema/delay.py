@@ -81,7 +81,7 @@ class EmpiricalDelayTable(CorrelatedTable):
     kind: Literal["empirical"]
     file: Annotated[str, StringConstraints(min_length=1)] | None = None
     source: str | None = None
-    recorded_ms: Recorded | None = None
+    recorded_ms: Recorded = ()
 
 
 DelayTable = Annotated[

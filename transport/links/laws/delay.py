@@ -95,6 +95,10 @@ class ConstantDelay:
         """Delay by it."""
         return self.delay
 
+    def at(self, normal: float) -> float:  # noqa: ARG002 - no chance
+        """Return it, whatever the number."""
+        return float(self.delay)
+
     def in_words(self) -> str:
         """Say it."""
         return f"delay of {_ms(self.delay)}"
