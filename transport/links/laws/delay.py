@@ -46,6 +46,16 @@ class DrawnDelay:
     normals: Normals
 
     @property
+    def mean_ns(self) -> float:
+        """Mean delay."""
+        return self.law.mean_ns
+
+    @property
+    def deviation_ns(self) -> float:
+        """Standard deviation of the delay."""
+        return self.law.deviation_ns
+
+    @property
     def mean_loss_ratio(self) -> float:
         """None is lost."""
         return 0.0
