@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from scenarios.definition.errors import Refused
 from scenarios.definition.schema.delay import (
+    MOST_RECORDED,
     ConstantDelayTable,
     DelayTable,
     EmpiricalDelayTable,
@@ -38,7 +39,6 @@ PURPOSE = "delay"
 """The word under which delays are drawn."""
 COLUMN = "delay_ms"
 LONGEST_MS = 60_000.0
-MOST_RECORDED = 100_000
 WIDEST, NARROWEST = 5.0, 0.01
 """Deviations of a skew law in units of its mean: its table of quantiles reaches so far."""
 
@@ -49,11 +49,17 @@ SomeLink = TypeVar("SomeLink", bound=LinkTable)
 def delay_effect(table: DelayTable) -> Effect:
     """The delay beyond the floor."""
     if isinstance(table, ConstantDelayTable):
-        return ConstantDelay(round(table.delay_ms * MILLISECOND))
+        return _constant(table)
     return DrawnDelay(_law(table), Normals(PURPOSE, table.correlation_ratio))
 
 
+def _constant(table: ConstantDelayTable) -> ConstantDelay:
+    return ConstantDelay(round(table.delay_ms * MILLISECOND))
+
+
 def _law(table: DelayTable) -> DelayLaw:
+    if isinstance(table, ConstantDelayTable):
+        return _constant(table)
     if isinstance(table, UniformDelayTable):
         return UniformDelay(table.delay_ms_min * MILLISECOND, table.delay_ms_max * MILLISECOND)
     if isinstance(table, NormalDelayTable):
@@ -63,16 +69,13 @@ def _law(table: DelayTable) -> DelayLaw:
         return LognormalDelay(table.mean_ms * MILLISECOND, table.deviation_ms * MILLISECOND)
     if isinstance(table, GammaDelayTable):
         return GammaDelay(table.mean_ms * MILLISECOND, table.deviation_ms * MILLISECOND)
-    recorded = table.recorded_ms if isinstance(table, EmpiricalDelayTable) else None
-    return EmpiricalDelay(tuple(one * MILLISECOND for one in sorted(recorded or (0.0,))))
+    return EmpiricalDelay(tuple(one * MILLISECOND for one in sorted(table.recorded_ms)))
 
 
 def usual_delay_ms(table: LinkTable) -> float:
     """What most messages of a link take at most: the jitter at its largest, a law at mean + 2 σ."""
     beyond = 0.0
-    if isinstance(table.delay, ConstantDelayTable):
-        beyond = table.delay.delay_ms
-    elif table.delay is not None:
+    if table.delay is not None:
         law = _law(table.delay)
         beyond = (law.mean_ns + 2.0 * law.deviation_ns) / MILLISECOND
     return table.latency_ms + table.jitter_ms + beyond
@@ -108,7 +111,7 @@ def delay_problems(table: DelayTable | None, key: str) -> Iterator[tuple[str, st
             allowed = f"allowed {least:g} to {most:g}, {NARROWEST:g} to {WIDEST:g} times the mean"
             yield f"{key}.deviation_ms", f"given {table.deviation_ms:g}, {allowed}"
     if isinstance(table, EmpiricalDelayTable):
-        if table.file is not None and table.recorded_ms is not None:
+        if table.file is not None and table.recorded_ms:
             yield f"{key}.recorded_ms", "given together with file, allowed one of them"
         elif table.file is None and not table.recorded_ms:
             yield f"{key}.file", "missing, needed without recorded_ms"
@@ -153,9 +156,11 @@ def _recorded(path: Path, key: str, given: str) -> tuple[float, ...]:
         if not any(one.strip() for one in row):
             continue
         found.append(_delay(cell, f"{given}: line {number}: {COLUMN} is {cell[:20]!r}", key))
-    if not 0 < len(found) <= MOST_RECORDED:
-        raise Refused(key, f"{given}: {len(found)} delays, allowed 1 to {MOST_RECORDED}")
-    return tuple(sorted(found))
+    if not found:
+        raise Refused(key, f"{given}: no delays, allowed one or more")
+    kept = min(len(found), MOST_RECORDED)
+    found.sort()
+    return tuple(found[(2 * k + 1) * len(found) // (2 * kept)] for k in range(kept))
 
 
 def _delay(cell: str, problem: str, key: str) -> float:

@@ -6,10 +6,13 @@ from pydantic import Field, StringConstraints
 
 from scenarios.definition.schema.table import Table
 
+MOST_RECORDED = 1000
+"""So many recorded delays stand for all: every link of every vehicle's process holds them."""
+
 Delay = Annotated[float, Field(ge=0, le=60_000)]
 SomeDelay = Annotated[float, Field(ge=0.001, le=60_000)]
 """In ms; the least is a microsecond."""
-Recorded = Annotated[tuple[Delay, ...], Field(strict=False, max_length=100_000)]
+Recorded = Annotated[tuple[Delay, ...], Field(strict=False, max_length=MOST_RECORDED)]
 
 
 class OrderedTable(Table):
@@ -71,13 +74,14 @@ class GammaDelayTable(CorrelatedTable):
 class EmpiricalDelayTable(CorrelatedTable):
     """Recorded delays, each as likely: the column delay_ms of a CSV `file`.
 
-    When the file has been read they are `recorded_ms`, sorted, and it is their `source`.
+    When the file has been read they are `recorded_ms`, sorted, and it is their `source`. Of more
+    than 1000 as many quantiles stay, evenly spread: no probability is off by more than 0.001.
     """
 
     kind: Literal["empirical"]
     file: Annotated[str, StringConstraints(min_length=1)] | None = None
     source: str | None = None
-    recorded_ms: Recorded | None = None
+    recorded_ms: Recorded = ()
 
 
 DelayTable = Annotated[

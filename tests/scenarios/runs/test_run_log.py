@@ -169,8 +169,10 @@ def test_listeners_hear_of_everything(scenario: Scenario, tmp_path: Path) -> Non
         ((), 0.8, ""),
         (("links.latency_ms=4000",), 4.2, ""),
         (("links.loss_ratio=0.9",), 4.2, ""),
+        (("links.outages=[{kind='window', from_s=0, to_s=9}]",), 4.2, ""),
+        (("vehicle.v1.transmitter_off=[{from_s=0, to_s=9}]",), 4.2, ""),
     ],
-    ids=["clean", "too short to say", "still on its way", "lossy"],
+    ids=["clean", "too short to say", "still on its way", "lossy", "outage", "transmitter off"],
 )
 def test_a_clean_link_that_delivered_nothing_fails_the_run(
     overrides: tuple[str, ...], seconds: float, reason: str, tmp_path: Path

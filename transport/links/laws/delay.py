@@ -46,6 +46,16 @@ class DrawnDelay:
     normals: Normals
 
     @property
+    def mean_ns(self) -> float:
+        """Mean delay."""
+        return self.law.mean_ns
+
+    @property
+    def deviation_ns(self) -> float:
+        """Standard deviation of the delay."""
+        return self.law.deviation_ns
+
+    @property
     def mean_loss_ratio(self) -> float:
         """None is lost."""
         return 0.0
@@ -94,6 +104,10 @@ class ConstantDelay:
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
         """Delay by it."""
         return self.delay
+
+    def at(self, normal: float) -> float:  # noqa: ARG002 - no chance
+        """Return it, whatever the number."""
+        return float(self.delay)
 
     def in_words(self) -> str:
         """Say it."""

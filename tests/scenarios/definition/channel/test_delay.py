@@ -1,6 +1,8 @@
 """From the keys of a scenario to delays, queue and order; recorded delays are read once."""
 
+from bisect import bisect_left, bisect_right
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -130,6 +132,26 @@ def test_recorded_delays_are_in_the_scenario_that_depends_on_no_file_any_more(
         }  # fmt: skip
         assert (found["v1", "v3"] or {})["recorded_ms"] == (7.0,)
     assert again.text == scenario.text
+
+
+@pytest.mark.parametrize("count", [999, 1000, 1001, 1500, 25_000])
+def test_of_many_recorded_delays_a_thousand_quantiles_stay(tmp_path: Path, count: int) -> None:
+    random = Random(count)
+    given = [round(random.expovariate(0.05), 6) for _ in range(count)]
+    (tmp_path / "a.csv").write_text("delay_ms\n" + "\n".join(map(str, given)), encoding="utf-8")
+    kind = "links.delay={kind='empirical', file='a.csv'}"
+    scenario = scenario_from_text(STRAIGHT, overrides=[kind], folder=tmp_path)
+    kept = scenario.tables.links.model_dump()["delay"]["recorded_ms"]
+    if count <= 1000:
+        assert kept == tuple(sorted(given))
+    assert len(kept) == min(count, 1000)
+    # The largest distance of both distributions is at a recorded delay, or just below it.
+    off = max(
+        abs(side(kept, one) / len(kept) - side(sorted(given), one) / count)
+        for one in sorted(given)[:: max(count // 500, 1)]
+        for side in (bisect_left, bisect_right)
+    )
+    assert off <= 0.001
 
 
 def test_a_scenario_without_recorded_delays_stays_as_it_is() -> None:

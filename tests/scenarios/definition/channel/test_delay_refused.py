@@ -58,6 +58,14 @@ BROKEN = {
         "link=[{sender='v1', receiver='v2', delay={kind='uniform', delay_ms_max=0}}]",
         "link[0].delay.delay_ms_max", "given 0", "more than 0",
     ),
+    "a recorded delay below zero": (
+        "links.delay={kind='empirical', recorded_ms=[3.0, -1.0]}",
+        f"{DELAY}.recorded_ms[1]", "given -1", "0 to 60000",
+    ),
+    "too many recorded delays": (
+        f"links.delay={{kind='empirical', recorded_ms={[1.0] * 1001}}}",
+        f"{DELAY}.recorded_ms", "given [1.0", "at most 1000",
+    ),
     "no rate of a queue": ("links.queue={}", "links.queue.bytes_per_s", "missing", ""),
     "a queue that stands": (
         "links.queue={bytes_per_s=0}", "links.queue.bytes_per_s", "given 0", "1 to 1000000000",
@@ -149,7 +157,7 @@ def test_a_broken_value_is_refused_in_one_line(
     [
         ("", "no column delay_ms"),
         ("t_s,delay_s\n1,2\n", "no column delay_ms"),
-        ("delay_ms\n", "0 delays, allowed 1 to 100000"),
+        ("delay_ms\n", "no delays, allowed one or more"),
         ("delay_ms\n3\nfast\n", "line 3: delay_ms is 'fast', allowed 0 to 60000"),
         ("t_s,delay_ms\n3\n", "line 2: delay_ms is '', allowed"),
         ("delay_ms\n-1\n", "line 2: delay_ms is '-1', allowed"),

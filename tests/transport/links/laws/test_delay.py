@@ -236,6 +236,7 @@ def test_laws_say_themselves_in_words() -> None:
         "delay normal, 10 ms ± 12 ms, truncated at 0 and 30 ms, correlation 0.5"
     )
     assert (tied.mean_loss_ratio, tied.mean_burst_messages) == (0.0, None)
+    assert (tied.mean_ns, tied.deviation_ns) == (tied.law.mean_ns, tied.law.deviation_ns)
     assert ConstantDelay(round(3 * MS)).in_words() == "delay of 3 ms"
     assert all("ms" in law.in_words() for law in LAWS.values())
 
