@@ -73,8 +73,8 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     "links": {
         "sender": "each link has a direction",
         "receiver": "the vehicle that judges the messages of the link",
-        "requested": "what was asked for: latency_ms, jitter_ms, loss_ratio, rate_hz (null: any),"
-        " and the keys of the laws (null: not asked for)",
+        "requested": "what was asked for: latency_ms, jitter_ms, loss_ratio, rate_hz (null: any);"
+        " radio (null: everything is in reach); preset (null: none), preset_source",
         "sent": "messages of the sender",
         "judged": "messages that came to the link",
         "heard": "messages delivered",

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import tomli_w
 
 from scenarios.definition.schema.links import LinkEntry, LinkTable
+from scenarios.definition.schema.radio import OnceForAllTable, PathLossRadio, PerVehicleTable
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
@@ -83,7 +84,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "vehicle", {name: own for name, own in followers.items() if own})
     _put(tables, "parameters", _car(chance))
     _put(tables, "loading", drawn_table(chance, LoadingTable))
-    _put(tables, "links", drawn_table(chance, LinkTable))
+    _put(tables, "links", _channel(chance, LinkTable))
     if len(names) > 1:
         _put(tables, "link", [_link(chance, names) for _ in range(chance.choice([0, 0, 1, 3]))])
     _put(tables, "events", drawn_table(chance, EventsTable))
@@ -248,7 +249,34 @@ def _link(chance: Random, names: Sequence[str]) -> Raw:
     receiver = chance.randrange(1, len(names))
     sender = chance.choice([names[0], names[receiver - 1], "*"])
     entry = {"sender": sender, "receiver": chance.choice([names[receiver], names[receiver], "*"])}
-    return entry | drawn_table(chance, LinkEntry, ("sender", "receiver"))
+    return entry | _channel(chance, LinkEntry)
+
+
+def _channel(chance: Random, table: type[LinkTable]) -> Raw:
+    """What is asked of links: single keys, a radio, a preset."""
+    drawn = drawn_table(chance, table, ("sender", "receiver", "radio", "preset", "preset_source"))
+    if chance.random() < 0.2:
+        drawn["radio"] = _radio(chance)
+    if chance.random() < 0.1:
+        drawn["preset"] = chance.choice(["clear", "lossy", "lte_v2x_oneshot", "nlosv_3gpp_car"])
+    return drawn
+
+
+def _radio(chance: Random) -> Raw:
+    """A table whose lists fit each other, or loss on the way with one kind of obstruction."""
+    if chance.random() < 0.5:
+        ways = sorted({chance.uniform(0.0, 500.0) for _ in range(chance.randint(1, 5))})
+        return {
+            "kind": "table",
+            "distance_m": ways,
+            "delivery_ratio": [chance.random() for _ in ways],
+            "burst": chance.choice(["independent", "reservation"]),
+            "keep_ratio": chance.choice([0.0, 0.4, 0.99]),
+        }
+    table: Raw = {"kind": "path_loss", **drawn_table(chance, PathLossRadio, ("kind", "errors"))}
+    laws: dict[str, type[Table]] = {"etsi": PerVehicleTable, "3gpp": OnceForAllTable}
+    kind, law = chance.choice(list(laws.items()))
+    return table | {"obstruction": {"kind": kind, **drawn_table(chance, law, ("kind",))}}
 
 
 def _speed(chance: Random, longest_m: float) -> Raw:
