@@ -17,14 +17,7 @@ from scenarios.definition.schema.radio import (
     ShadowingTable,
     TableRadio,
 )
-from transport.links.laws.obstruction import (
-    Obstruction,
-    OnceForAll,
-    PerVehicle,
-    Road,
-    VehiclesBetween,
-)
-from transport.links.laws.radio import (
+from transport.links.laws.radio.delivery import (
     DeliveryOverDistance,
     ErrorCurve,
     Propagation,
@@ -32,8 +25,15 @@ from transport.links.laws.radio import (
     highway_loss,
     noise_power,
 )
-from transport.links.laws.reservations import Reservations
-from transport.links.laws.shadowing import ShadowField
+from transport.links.laws.radio.obstruction import (
+    Obstruction,
+    OnceForAll,
+    PerVehicle,
+    Road,
+    VehiclesBetween,
+)
+from transport.links.laws.radio.reservations import Reservations
+from transport.links.laws.radio.shadowing import ShadowField
 from vehicles.geometry.path import Path
 
 ROAD_STEP = 2.0

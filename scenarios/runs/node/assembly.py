@@ -19,7 +19,7 @@ from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
-from transport.links.laws.obstruction import VehiclesBetween
+from transport.links.laws.radio.obstruction import VehiclesBetween
 from transport.links.link import Link
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssReceiver

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import tomli_w
 
 from scenarios.definition.schema.links import LinkEntry, LinkTable
+from scenarios.definition.schema.radio import OnceForAllTable, PathLossRadio, PerVehicleTable
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
@@ -256,7 +257,29 @@ def _link(chance: Random, names: Sequence[str]) -> Raw:
 
 def _laws(chance: Random) -> Raw:
     """Some of the laws of a link that are tables of their own."""
-    return {name: drawn(chance) for name, drawn in LAWS.items() if chance.random() < 0.25}
+    drawn_laws: Raw = {"radio": _radio(chance)} if chance.random() < 0.2 else {}
+    if chance.random() < 0.1:
+        presets = ["clear", "lossy", "bursty", "lte_v2x_oneshot", "nlosv_3gpp_car"]
+        drawn_laws["preset"] = chance.choice(presets)
+    drawn_laws |= {name: drawn(chance) for name, drawn in LAWS.items() if chance.random() < 0.25}
+    return drawn_laws
+
+
+def _radio(chance: Random) -> Raw:
+    """A table whose lists fit each other, or loss on the way with one kind of obstruction."""
+    if chance.random() < 0.5:
+        ways = sorted({chance.uniform(0.0, 500.0) for _ in range(chance.randint(1, 5))})
+        return {
+            "kind": "table",
+            "distance_m": ways,
+            "delivery_ratio": [chance.random() for _ in ways],
+            "burst": chance.choice(["independent", "reservation"]),
+            "keep_ratio": chance.choice([0.0, 0.4, 0.99]),
+        }
+    table: Raw = {"kind": "path_loss", **drawn_table(chance, PathLossRadio, ("kind", "errors"))}
+    laws: dict[str, type[Table]] = {"etsi": PerVehicleTable, "3gpp": OnceForAllTable}
+    kind, law = chance.choice(list(laws.items()))
+    return table | {"obstruction": {"kind": kind, **drawn_table(chance, law, ("kind",))}}
 
 
 def _speed(chance: Random, longest_m: float) -> Raw:

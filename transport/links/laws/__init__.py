@@ -6,10 +6,7 @@ outages        when and where a link carries nothing
 chains         loss in bursts: Gilbert–Elliott, four states
 patterns       loss by number: every n-th, listed, recorded, as in an earlier run
 collisions     loss of whole reservations, as in LTE-V2X
-reservations   which messages are sent with the same resources
-radio          delivery over distance: a table, or path loss and noise
-shadowing      how strength wavers with the metres driven
-obstruction    what vehicles in between cost
+radio/         what a radio receives over a distance
 delay          laws of delay beyond the floor
 normals        standard normal numbers, correlated from one message to the next
 gamma          the gamma law as a function of a normal number

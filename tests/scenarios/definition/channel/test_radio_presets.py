@@ -9,7 +9,7 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import read_preset
 from scenarios.definition.scenario import load_scenario
 from transport.links.laws.effect import Passage, Whereabouts
-from transport.links.laws.radio import DeliveryOverDistance
+from transport.links.laws.radio.delivery import DeliveryOverDistance
 from transport.links.link import Link
 
 METRES_80211P = (0, 25, 50, 75, 100, 125, 150, 175, 200, 250, 300, 350, 400)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from transport.links.laws.reservations import Reservations
+from transport.links.laws.radio.reservations import Reservations
 from transport.links.link import keyed_draw
 
 LENGTHS = st.tuples(st.integers(1, 12), st.integers(0, 12)).map(lambda two: (two[0], sum(two)))

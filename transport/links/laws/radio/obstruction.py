@@ -6,7 +6,7 @@ from math import ceil, log10
 from typing import Protocol
 
 from transport.links.laws.effect import Draw, Passage
-from transport.links.laws.shadowing import ShadowField
+from transport.links.laws.radio.shadowing import ShadowField
 
 HOPELESS = 150.0
 """Loss (dB) behind which nothing is received, whatever the radio: further vehicles do not count."""

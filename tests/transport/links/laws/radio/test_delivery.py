@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from transport.links.laws.effect import Effect, Passage, Whereabouts
-from transport.links.laws.obstruction import OnceForAll, PerVehicle, Road, VehiclesBetween
-from transport.links.laws.radio import (
+from transport.links.laws.radio.delivery import (
     DeliveryOverDistance,
     ErrorCurve,
     Propagation,
@@ -19,8 +18,9 @@ from transport.links.laws.radio import (
     highway_loss,
     noise_power,
 )
-from transport.links.laws.reservations import Reservations
-from transport.links.laws.shadowing import ShadowField
+from transport.links.laws.radio.obstruction import OnceForAll, PerVehicle, Road, VehiclesBetween
+from transport.links.laws.radio.reservations import Reservations
+from transport.links.laws.radio.shadowing import ShadowField
 from transport.links.link import keyed_draw
 
 DRAW = keyed_draw(7, "v1", "v2")

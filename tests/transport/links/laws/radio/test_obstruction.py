@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenarios.definition.channel.radio import ROAD_STEP, vehicles_between
 from scenarios.definition.scenario import scenario_from_text
 from transport.links.laws.effect import Passage, Whereabouts
-from transport.links.laws.obstruction import (
+from transport.links.laws.radio.obstruction import (
     HOPELESS,
     Obstruction,
     OnceForAll,
@@ -18,7 +18,7 @@ from transport.links.laws.obstruction import (
     Road,
     VehiclesBetween,
 )
-from transport.links.laws.shadowing import ShadowField
+from transport.links.laws.radio.shadowing import ShadowField
 from transport.links.link import keyed_draw
 from vehicles.geometry.path import Path
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from transport.links.laws.shadowing import STEPS, ShadowField
+from transport.links.laws.radio.shadowing import STEPS, ShadowField
 from transport.links.link import keyed_draw
 
 DECORRELATION = 25.0

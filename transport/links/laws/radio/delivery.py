@@ -10,9 +10,9 @@ from math import erfc, hypot, isfinite, log10, sqrt
 from statistics import NormalDist
 
 from transport.links.laws.effect import Draw, Passage
-from transport.links.laws.obstruction import Obstruction
-from transport.links.laws.reservations import Reservations
-from transport.links.laws.shadowing import ShadowField
+from transport.links.laws.radio.obstruction import Obstruction
+from transport.links.laws.radio.reservations import Reservations
+from transport.links.laws.radio.shadowing import ShadowField
 from transport.reasons import DropReason
 
 THERMAL_NOISE = -174.0
