@@ -17,7 +17,6 @@ from scenarios.definition.schema.loss import (
     PatternLoss,
 )
 from transport.links.laws.chains import FourState, GilbertElliott
-from transport.links.laws.collisions import Collisions
 from transport.links.laws.effect import Effect
 from transport.links.laws.patterns import (
     EarlierRun,
@@ -27,6 +26,7 @@ from transport.links.laws.patterns import (
     RecordedPattern,
     known_reason,
 )
+from transport.links.laws.radio.collisions import Collisions
 from vehicles.schedule import MILLISECOND
 
 LARGEST_DELAY_DIGITS = 15

@@ -5,8 +5,7 @@ plain          rate, independent loss, constant latency, uniform jitter
 outages        when and where a link carries nothing
 chains         loss in bursts: Gilbert–Elliott, four states
 patterns       loss by number: every n-th, listed, recorded, as in an earlier run
-collisions     loss of whole reservations, as in LTE-V2X
-radio/         what a radio receives over a distance
+radio/         what a radio receives over a distance, and what collides
 delay          laws of delay beyond the floor
 normals        standard normal numbers, correlated from one message to the next
 gamma          the gamma law as a function of a normal number

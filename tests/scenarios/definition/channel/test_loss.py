@@ -14,10 +14,10 @@ from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.loss import LossTable
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.chains import FourState, GilbertElliott
-from transport.links.laws.collisions import Collisions
 from transport.links.laws.effect import Described, Effect, Passage
 from transport.links.laws.patterns import EarlierRun, EveryNth, Listed, Numbers, RecordedPattern
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
+from transport.links.laws.radio.collisions import Collisions
 from transport.links.link import Link, Verdict
 
 ASKED: dict[str, tuple[str, Effect]] = {

@@ -11,8 +11,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from transport.links.laws.chains import LONGEST_LOOK_BACK, FourState, GilbertElliott
-from transport.links.laws.collisions import Collisions
 from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.radio.collisions import Collisions
 from transport.links.link import keyed_draw
 
 Chances = st.floats(0.0, 1.0) | st.sampled_from([0.0, 0.01, 0.5, 1.0])

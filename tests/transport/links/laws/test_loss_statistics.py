@@ -11,9 +11,9 @@ from tests.made.transport.hidden_chain import (
     reservations,
 )
 from transport.links.laws.chains import FourState, GilbertElliott
-from transport.links.laws.collisions import Collisions
 from transport.links.laws.effect import Described, Effect, Passage
 from transport.links.laws.plain import Loss
+from transport.links.laws.radio.collisions import Collisions
 from transport.links.link import keyed_draw
 
 SEEDS = (1, 2, 3)

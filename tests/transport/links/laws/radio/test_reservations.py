@@ -3,6 +3,7 @@
 from itertools import pairwise
 from math import sqrt
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -61,6 +62,21 @@ def test_kept_resources_are_held_longer(kept: float, mean: float) -> None:
 def test_those_of_one_length_begin_anywhere() -> None:
     found = {Reservations(7, 7).selected_at(keyed_draw(seed, "a", "b"), 20) for seed in range(80)}
     assert found == set(range(14, 21))
+
+
+@pytest.mark.parametrize(("least", "most"), [(5, 15), (1, 3), (10, 10)])
+def test_the_first_message_finds_a_reservation_as_old_as_any_other_does(
+    least: int, most: int
+) -> None:
+    """Stationary renewals: the age is a at number 0 with the chance P(length > a) / mean."""
+    held, n = Reservations(least, most), 3000
+    ages = np.zeros(most)
+    for seed in range(n):
+        ages[-held.selected_at(keyed_draw(seed, "a", "b"), 0)] += 1
+    lengths = np.arange(least, most + 1)
+    chances = np.array([np.mean(lengths > age) for age in range(most)]) / lengths.mean()
+    assert chances.sum() == pytest.approx(1.0)
+    assert np.all(np.abs(ages - n * chances) < 4.0 * np.sqrt(n * chances))
 
 
 @pytest.mark.parametrize(("least", "most", "kept"), [(0, 3, 0.0), (4, 3, 0.0), (1, 3, 1.0)])
