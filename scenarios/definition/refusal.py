@@ -65,27 +65,67 @@ def near(word: str, known: Iterable[str]) -> str:
 
 
 def refusals(error: ValidationError) -> list[tuple[str, str]]:
-    """Key and text of every problem that the validation found."""
-    return [_refusal(problem) for problem in error.errors(include_url=False)]
+    """Key and text of every problem that the validation found.
+
+    Of a list with a bad entry pydantic also says that it is too short, not counting that one.
+    """
+    problems = error.errors(include_url=False)
+    return [_refusal(one) for one in problems if one["type"] != "too_short" or not one["input"]]
 
 
 def _refusal(problem: ErrorDetails) -> tuple[str, str]:
-    location = _without_tag(problem["loc"])
+    location, _ = _walked(problem["loc"])
     key, kind, given = dotted(location), problem["type"], problem["input"]
     if kind == "extra_forbidden":
-        return key, "unknown key" + _suggestion(location)
+        _, tables = _walked(problem["loc"][:-1])
+        return key, "unknown key" + _suggestion(location, tables)
     if kind == "missing":
         return key, "missing"
     if kind.startswith("union_tag"):
-        tags = '"segments", "trace" or "points"'
+        *others, last = [shown(tag) for tag in _tags(location)]
         found = f"given {shown(given['kind'])}" if "kind" in given else "missing"
-        return f"{key}.kind", f"{found}, allowed {tags}"
+        return f"{key}.kind", f"{found}, allowed {', '.join(others)} or {last}"
     return key, f"given {shown(given)}, allowed {_allowed(location, problem)}"
 
 
-def _without_tag(location: Location) -> Location:
-    """Pydantic puts the kind of a path between `path` and its key."""
-    return (*location[:1], *location[2:]) if location[0] == "path" else location
+def _walked(location: Location) -> tuple[Location, list[type[BaseModel]]]:
+    """Leave out what pydantic puts between a table of several kinds and its key: the kind.
+
+    Returns the tables, too, that there may be at `location`.
+    """
+    found: list[str | int] = []
+    models: list[type[BaseModel]] = [ScenarioTables]
+    tagged = False
+    for part in location:
+        tagged = not tagged and any(part in _kinds(model) for model in models)
+        if tagged:
+            models = [model for model in models if part in _kinds(model)]
+        else:
+            found.append(part)
+            models = _below(models, part)
+    return tuple(found), models
+
+
+def _kinds(model: type[BaseModel]) -> tuple[str, ...]:
+    """Words that stand for a table of several kinds; none for one that has no kind."""
+    field = model.model_fields.get("kind")
+    return get_args(field.annotation) if field is not None else ()
+
+
+def _tags(location: Location) -> list[str]:
+    """Every kind that the table at `location` may be of."""
+    models: list[type[BaseModel]] = [ScenarioTables]
+    for part in location:
+        models = _below(models, part)
+    return [kind for model in models for kind in _kinds(model)]
+
+
+def _below(models: list[type[BaseModel]], part: str | int) -> list[type[BaseModel]]:
+    """Tables that the value of a key may be; names of vehicles and list indices change nothing."""
+    for model in models:
+        if part in model.model_fields:
+            return list(models_of(model.model_fields[str(part)].annotation))
+    return models
 
 
 def _allowed(location: Location, problem: ErrorDetails) -> str:
@@ -125,10 +165,7 @@ def _fields(location: Location) -> dict[str, FieldInfo]:
     """Keys of the table at `location`; names of vehicles and list indices are passed over."""
     models: list[type[BaseModel]] = [ScenarioTables]
     for part in location:
-        for model in models:
-            if part in model.model_fields:
-                models = list(models_of(model.model_fields[str(part)].annotation))
-                break
+        models = _below(models, part)
     return {name: field for model in models for name, field in model.model_fields.items()}
 
 
@@ -136,10 +173,10 @@ def _field(location: Location) -> FieldInfo:
     return _fields(location[:-1])[str(location[-1])]
 
 
-def _suggestion(location: Location) -> str:
+def _suggestion(location: Location, tables: Sequence[type[BaseModel]]) -> str:
     """Guess the key: same word with another unit, near spelling, or another table."""
     table, word = location[:-1], str(location[-1])
-    here = list(_fields(table))
+    here = [name for model in tables for name in model.model_fields]
     stem = word.split("_", maxsplit=1)[0]
     same_stem = [key for key in here if key.split("_")[0] == stem]
     near_here = get_close_matches(word, same_stem or here, n=1, cutoff=0.4 if same_stem else 0.7)

@@ -69,22 +69,19 @@ def summarise(
     )
 
 
-def silent_links(
-    scenario: Scenario, metrics: Metrics, replayed: frozenset[str] = frozenset()
-) -> str:
+def silent_links(metrics: Metrics, replayed: frozenset[str] = frozenset()) -> str:
     """Say which links that should lose nothing delivered nothing; nothing if there is none.
 
     Only what sender and receiver both lived for counts, beyond the delay that was asked for; a
     receiver that is `replayed` listens to nobody.
     """
-    lived_s = {
-        name: metrics.vehicles[name].poses / scenario.vehicle(name).gnss.rate_hz
-        for name in scenario.vehicle_names
-    }
     said = []
     for link in metrics.link_summaries():
         asked = link.requested
-        common_s = min(lived_s[link.sender], lived_s[link.receiver])
+        common_s = min(
+            metrics.lived_s(link.sender, as_sender=True),
+            metrics.lived_s(link.receiver, as_sender=False),
+        )
         expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
         is_clean = asked.loss_ratio == 0.0 and asked.rate_hz is None
         listens = link.receiver not in replayed

@@ -9,7 +9,7 @@ from vehicles.schedule import MILLISECOND
 
 
 def link_effects(table: LinkTable, source_rate_hz: float) -> tuple[Effect, ...]:
-    """Impairments that `table` asks of a link whose sender measures at `source_rate_hz`.
+    """Impairments that `table` asks of a link whose sender sends at `source_rate_hz`.
 
     The first that drops a message names the reason.
     """

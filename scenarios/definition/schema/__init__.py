@@ -2,6 +2,8 @@
 
 table    what they have in common
 path     the path: segments, a recorded trace, or points
+gnss     the receivers and the errors of their positions
+sending  when a vehicle sends which of its fixes
 links    what directed links do to messages
 tables   all others, and the file as a whole
 """
