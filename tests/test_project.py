@@ -34,8 +34,8 @@ MOST_MODULES = 12
 LONG_MODULE = 350
 """Lines of a module that deserve a look."""
 PURE = {
-    "bisect", "collections", "dataclasses", "enum", "fractions", "functools", "heapq", "importlib",
-    "itertools", "math", "numpy", "pymap3d", "scipy", "struct", "typing",
+    "bisect", "collections", "copy", "dataclasses", "enum", "fractions", "functools", "heapq",
+    "importlib", "itertools", "math", "numpy", "pymap3d", "scipy", "struct", "typing",
 }  # fmt: skip
 COMES_WITH = {"zstandard": "mcap", "pydantic-core": "pydantic"}
 """Packages that one of our dependencies cannot do without."""

@@ -5,7 +5,7 @@ instants, never a reading of the clock.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from heapq import merge
 from itertools import groupby
@@ -80,9 +80,16 @@ class VirtualClock:
         return self._now - at
 
 
-def ticks(start_at: int, end_at: int, *rates_hz: float) -> Iterator[Tick]:
-    """Yield the union of the instants of all rates; the last span reaches to `end_at`."""
-    each = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
+def ticks(
+    start_at: int, end_at: int, *rates_hz: float, besides: Iterable[Iterable[int]] = ()
+) -> Iterator[Tick]:
+    """Yield the union of the instants of all rates; the last span reaches to `end_at`.
+
+    `besides` are instants (ns) that have no such rate, each in order, from `start_at` to before
+    `end_at`.
+    """
+    each: list[Iterable[int]] = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
+    each += besides
     before: int | None = None
     for at, _ in groupby(merge(*each)):
         if before is not None:

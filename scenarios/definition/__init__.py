@@ -8,6 +8,8 @@ contradictions   keys that do not fit one another
 refusal          what is wrong, in one line each
 errors           the exceptions that carry those lines
 links            who listens to whom
+receivers        the errors of a vehicle's receiver
+sending          how often a vehicle sends
 channel/         what is asked of each directed link, and the effects that follow
 traces/          the lead's recorded drive
 road/            the lead's path and speed, and where each vehicle starts

@@ -19,11 +19,13 @@ from scenarios.definition.channel.rules import (
     ties,
 )
 from scenarios.definition.links import directed_links
+from scenarios.definition.receivers import receiver_problems
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.path import SegmentTable
 from scenarios.definition.schema.tables import CONTROLLERS, OriginTable, ScenarioTables
+from scenarios.definition.sending import even_rate_hz, sending_problems
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.topics import CONDUCTOR
 from vehicles.car.dynamics import fastest_rate
@@ -47,6 +49,7 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     yield from _links(tables)
     yield from content_problems(tables)
     yield from _channels(tables)
+    yield from _senders(tables)
     yield from _speed(tables)
     yield from _path(tables)
     yield from _cars(tables)
@@ -130,6 +133,35 @@ def _channels(tables: ScenarioTables) -> Iterator[Problem]:
 def _link_tables(tables: ScenarioTables) -> dict[str, LinkTable]:
     """All tables of links by their keys."""
     return {"links": tables.links, **{f"link[{k}]": one for k, one in enumerate(tables.link)}}
+
+
+def _senders(tables: ScenarioTables) -> Iterator[Problem]:
+    """Give what does not fit of receivers and sending, and rates of links that mean nothing."""
+    found: dict[Problem, None] = {}
+    names = vehicle_names(tables)
+    for name in names:
+        own, setup = tables.vehicle.get(name), vehicle_setup(tables, name)
+        gnss = f"vehicle.{name}.gnss" if own and own.gnss else "gnss"
+        sending = f"vehicle.{name}.sending" if own and own.sending else "sending"
+        found |= {(f"{gnss}.{key}", why): None for key, why in receiver_problems(setup.gnss)}
+        found |= {(f"{sending}.{key}", why): None for key, why in sending_problems(setup.sending)}
+    yield from found
+    if found:
+        return
+    for sender, receiver in directed_links(names):
+        setup = vehicle_setup(tables, sender)
+        rate_hz = requested_link(tables, names, sender, receiver).rate_hz
+        if rate_hz is None or even_rate_hz(setup.sending, setup.gnss) is not None:
+            continue
+        entries = entries_about(tables.link, names, sender, receiver)
+        givers = [one for _, one in entries if "rate_hz" in one.model_fields_set]
+        key = f"link[{tables.link.index(givers[-1])}]" if givers else "links"
+        yield (
+            f"{key}.rate_hz",
+            f"given {rate_hz:g}, but {sender} does not send evenly: allowed with sending.kind = "
+            '"every_fix" or "fixed" and without dcc',
+        )
+        return
 
 
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:

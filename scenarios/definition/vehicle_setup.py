@@ -4,11 +4,13 @@ import math
 from dataclasses import dataclass, replace
 
 from scenarios.definition.links import senders_to
+from scenarios.definition.receivers import own_deviation
 from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.gnss import GnssTable
+from scenarios.definition.schema.sending import SendingTable
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
-    GnssTable,
     ImuTable,
     LoadingTable,
     ParametersTable,
@@ -43,6 +45,7 @@ class VehicleSetup:
     controller: str
     steering: SteeringTable
     gnss: GnssTable
+    sending: SendingTable
     imu: ImuTable
     imu_rate_hz: float
 
@@ -53,7 +56,7 @@ class VehicleSetup:
 
     @property
     def gnss_noise(self) -> GnssNoise:
-        """Noise of its receiver."""
+        """White noise of its receiver."""
         table = self.gnss
         return GnssNoise(
             position=table.position_noise_m,
@@ -61,6 +64,11 @@ class VehicleSetup:
             speed=table.speed_noise_mps,
             yaw_rate=table.yaw_rate_noise_radps,
         )
+
+    @property
+    def stated_noise(self) -> GnssNoise:
+        """Noise that its receiver has at first, all errors of the position taken for white."""
+        return replace(self.gnss_noise, position=own_deviation(self.gnss))
 
     @property
     def imu_noise(self) -> InertialNoise:
@@ -89,6 +97,9 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
     full = loaded(empty, _loading(overlay(tables.loading, own and own.loading)))
     predecessor = names[place - 1] if place else None
     imu = overlay(tables.imu, own and own.imu)
+    sending = own.sending if own and own.sending else tables.sending
+    if type(sending) is type(tables.sending):
+        sending = overlay(tables.sending, sending)
     return VehicleSetup(
         name=name,
         place=place,
@@ -102,6 +113,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         controller=CONTROLLERS.get(steering.controller, steering.controller),
         steering=steering,
         gnss=overlay(tables.gnss, own and own.gnss),
+        sending=sending,
         imu=imu,
         imu_rate_hz=imu.rate_hz or tables.control.rate_hz,
     )

@@ -4,7 +4,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from math import inf, sqrt
 
-from scenarios.results.holes import MOST_RANGES, RecordedNumbers
+from scenarios.results.holes import MOST_RANGES, EdgeInstants, RecordedNumbers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING
 from vehicles.messages import Health, TruePose
@@ -96,6 +96,8 @@ class VehicleFigures:
     """What one vehicle did."""
 
     numbers: RecordedNumbers = field(default_factory=RecordedNumbers)
+    edges: EdgeInstants = field(default_factory=EdgeInstants)
+    first_sent_at: int | None = None
     true_numbers: RecordedNumbers = field(default_factory=lambda: RecordedNumbers(MOST_RANGES))
     last_at: int = 0
     distance: float = 0.0

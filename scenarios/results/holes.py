@@ -20,8 +20,9 @@ HoleKind = Literal["pose", "true pose"]
 class RecordHole:
     """Poses of a vehicle that it should have sent and that are not in the log, one after another.
 
-    `from_s` and `to_s` are the instants of the first and the last of them, from the start. Of the
-    kind "true pose" are those from which the figures are made, where poses were recorded meanwhile.
+    `from_s` and `to_s` are the instants of the first and the last of them, from the start; of a
+    vehicle that sends by no schedule those of the poses before and after. Of the kind "true pose"
+    are those from which the figures are made, where poses were recorded meanwhile.
     """
 
     vehicle: str
@@ -93,6 +94,40 @@ class RecordedNumbers:
         for (_, before), (after, _) in pairwise(ends):
             if after - before > 1:
                 yield before + 1, after - 1
+
+
+class EdgeInstants:
+    """When those messages were sent that have a hole beside them, of a vehicle without a schedule.
+
+    Numbers that come in turn have none, so few are kept.
+    """
+
+    def __init__(self) -> None:
+        self._newest: tuple[int, int] | None = None
+        self._at: dict[int, int] = {}
+
+    def add(self, number: int, at: int) -> None:
+        """Take the number of a message and the instant (ns) at which it was sent."""
+        if self._newest is None:
+            self._at[number] = at
+        elif number != self._newest[0] + 1:
+            self._at[number] = at
+            self._at[self._newest[0]] = self._newest[1]
+        if self._newest is None or number > self._newest[0]:
+            self._newest = number, at
+
+    def holes(self, vehicle: str, numbers: RecordedNumbers, start_at: int) -> Iterator[RecordHole]:
+        """Give the holes in `numbers` of a run that started at `start_at` (ns).
+
+        What was sent last may be missing without a trace.
+        """
+        for first, last in numbers.missing(0):
+            yield RecordHole(
+                vehicle=vehicle,
+                from_s=(self._at.get(first - 1, start_at) - start_at) / SECOND,
+                to_s=(self._at.get(last + 1, start_at) - start_at) / SECOND,
+                poses=last - first + 1,
+            )
 
 
 def expected_poses(ran_ns: int, rate_hz: float) -> int:

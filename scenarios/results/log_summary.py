@@ -70,24 +70,26 @@ def summarise(
 
 
 def silent_links(
-    scenario: Scenario, metrics: Metrics, replayed: frozenset[str] = frozenset()
+    metrics: Metrics,
+    replayed: frozenset[str] = frozenset(),
+    off: frozenset[tuple[str, str]] = frozenset(),
 ) -> str:
     """Say which links that should lose nothing delivered nothing; nothing if there is none.
 
     Only what sender and receiver both lived for counts, beyond the delay that was asked for; a
-    receiver that is `replayed` listens to nobody.
+    receiver that is `replayed` listens to nobody, and links are named `off` whose sender or receiver
+    has its radio off for a time.
     """
-    lived_s = {
-        name: metrics.vehicles[name].poses / scenario.vehicle(name).gnss.rate_hz
-        for name in scenario.vehicle_names
-    }
     said = []
     for link in metrics.link_summaries():
         asked = link.requested
-        common_s = min(lived_s[link.sender], lived_s[link.receiver])
+        common_s = min(
+            metrics.lived_s(link.sender, as_sender=True),
+            metrics.lived_s(link.receiver, as_sender=False),
+        )
         expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
         listens = link.receiver not in replayed
-        is_on = not scenario.link_setting(link.sender, link.receiver, 0).off
+        is_on = (link.sender, link.receiver) not in off
         if listens and is_on and asked.is_sure and not link.heard and expected_s >= SILENT_S:
             said.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
     refused = [

@@ -36,7 +36,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "role": "lead, the first, or follower",
         "poses": "GPS poses in the log",
         "missing_poses": "those of the schedule that are not in the log, until the end or the"
-        " vehicle's own",
+        " vehicle's own; where poses come by no schedule, numbers that are missing between others",
         "silent_from_s": "since when nothing of it was recorded though the run went on: it died,"
         " left, or was not heard; else null",
         "lateral_error_m_max": "largest error against the trajectory it steers along, as it"
@@ -120,8 +120,8 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     },
     "holes": {
         "vehicle": "whose poses were sent and not recorded; all figures are of what was recorded",
-        "from_s": "the first of them",
-        "to_s": "the last of them",
+        "from_s": "the first of them; without a schedule of sending, the pose before",
+        "to_s": "the last of them; or the pose after",
         "poses": "how many",
         "kind": "pose, or true pose where poses were recorded meanwhile",
     },

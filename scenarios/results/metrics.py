@@ -8,6 +8,7 @@ from typing import Any
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.sending import sends_every_instant
 from scenarios.results.bodies import BodySize
 from scenarios.results.channel.account import LinkSummary, link_summary, misses
 from scenarios.results.channel.tally import LinkTally
@@ -51,7 +52,7 @@ class Metrics:
         road_yaw: float | None = None,
         *,
         events: EventDetector | None = None,
-        rates_hz: Mapping[str, float] | None = None,
+        rates_hz: Mapping[str, float | None] | None = None,
         control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
         duration_ns: int = 0,
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
@@ -59,7 +60,8 @@ class Metrics:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
 
         `road_yaw` (rad) is the direction of the road on which the convoy starts; `rates_hz` are
-        those of the receivers, `duration_ns` is as planned; `linear_slips` are the slip angles
+        those at which poses are sent from the start on, None for a vehicle whose poses come by no
+        such schedule; `duration_ns` is as planned; `linear_slips` are the slip angles
         (rad) of front and rear axle up to which each vehicle's tyres are linear. Without a detector
         of events, usual cars and thresholds.
         """
@@ -98,7 +100,7 @@ class Metrics:
             scenario.links,
             scenario.route.start_yaw,
             events=detector_of(scenario),
-            rates_hz={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},
+            rates_hz={name: _steady_rate_hz(scenario, name) for name in scenario.vehicle_names},
             control_rate_hz=scenario.control_rate_hz,
             duration_ns=nanoseconds(scenario.duration_s),
             linear_slips={
@@ -193,6 +195,10 @@ class Metrics:
 
     def _add_pose(self, figures: VehicleFigures, pose: GpsPose) -> None:
         figures.numbers.add(pose.seq)
+        if figures.first_sent_at is None:
+            figures.first_sent_at = pose.sent_at_ns
+        if self._rates_hz.get(pose.vehicle, USUAL_RATE_HZ) is None:
+            figures.edges.add(pose.seq, pose.sent_at_ns)
 
     def _add_health(self, figures: VehicleFigures, health: Health) -> None:
         figures.health = health
@@ -223,10 +229,13 @@ class Metrics:
     def _holes(self, name: str, ran_ns: int) -> Iterator[RecordHole]:
         """Holes of one vehicle, up to the end of the run or until it said that it had ended.
 
-        One that fell silent without a word is not a hole: it may have died.
+        One that fell silent without a word is not a hole: it may have died. Of one that sends by
+        no schedule only gaps in the numbers are known.
         """
         figures = self.vehicles[name]
         rate_hz = self._rates_hz.get(name, USUAL_RATE_HZ)
+        if rate_hz is None:
+            return figures.edges.holes(name, figures.numbers, self._start_at or 0)
         expected = 0
         if self._start_at is not None and figures.health and figures.health.final:
             until = min(ran_ns, figures.health.reported_at_ns - self._start_at)
@@ -237,11 +246,22 @@ class Metrics:
 
     def _true_holes(self, name: str, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
         """Holes in the true poses of a vehicle that are not inside `holes`, those of its poses."""
-        slack_s = 1.0 / self._rates_hz.get(name, USUAL_RATE_HZ)
+        slack_s = 1.0 / (self._rates_hz.get(name, USUAL_RATE_HZ) or USUAL_RATE_HZ)
         numbers = self.vehicles[name].true_numbers
         for hole in holes_of(name, numbers, self._control_rate_hz, 0, "true pose"):
             if not any(known.covers(hole, slack_s) for known in holes):
                 yield hole
+
+    def lived_s(self, name: str, *, as_sender: bool) -> float:
+        """How long a vehicle was heard of (s); as a sender, as far as poses should have come of it.
+
+        By the number of its poses, or where they come by no schedule from the first one on.
+        """
+        figures, rate_hz = self.vehicles[name], self._rates_hz.get(name, USUAL_RATE_HZ)
+        if rate_hz is not None:
+            return figures.poses / rate_hz
+        begun = figures.first_sent_at if as_sender else self._start_at
+        return 0.0 if begun is None else max(figures.last_at - begun, 0) / SECOND
 
     def _silent_from(self, figures: VehicleFigures, ran_ns: int) -> float | None:
         """Time (s) after which nothing was heard of a vehicle though the run went on."""
@@ -307,3 +327,9 @@ class Metrics:
         """Say which links did something else than was asked of them, beyond sampling error."""
         for link in sorted(self._requested, key=self._order):
             yield from misses(link, self._requested[link], self.links[link])
+
+
+def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:
+    """Rate of the poses of a vehicle that sends at every instant of measuring, else None."""
+    setup = scenario.vehicle(name)
+    return setup.gnss.rate_hz if sends_every_instant(setup.sending, setup.gnss) else None

@@ -39,9 +39,9 @@ class Recorder:
         metrics: Metrics,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`vehicles` are the names with their GNSS rates (Hz), `plane` is the scenario's.
+        """`vehicles` are the names with their highest rates of sending (Hz).
 
-        `listeners` see each message after it has been written.
+        `plane` is the scenario's; `listeners` see each message after it has been written.
         """
         self._topics: dict[str, tuple[str, Topic]] = {
             key(vehicle, topic): (vehicle, topic)

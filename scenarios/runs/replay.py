@@ -15,7 +15,6 @@ from scenarios.runs.step_order import Stepper
 from transport.clock import Tick
 from transport.log.reader import LogReader
 from transport.log.records import LogError
-from transport.topics import valid_at
 from vehicles.car.gnss import from_message
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose
@@ -43,7 +42,7 @@ class Replay:
         return Stepper(self.vehicle, self._ticks, step)
 
     def _ticks(self) -> Iterator[Tick]:
-        return (Tick(valid_at(message), 0.0) for message in self.messages)
+        return (Tick(_acts_at(message), 0.0) for message in self.messages)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +77,12 @@ class RecordedVehicle:
             replace(t, vehicle=name, seq=seq, true_at_ns=t.true_at_ns + shift)
             for seq, t in enumerate(truth)
         ]
-        return Replay(name, tuple(sorted(messages, key=valid_at)))
+        return Replay(name, tuple(sorted(messages, key=_acts_at)))
+
+
+def _acts_at(message: GpsPose | TruePose) -> int:
+    """Instant (ns) at which a message goes out: a pose may be sent later than it was measured."""
+    return message.sent_at_ns if isinstance(message, GpsPose) else message.true_at_ns
 
 
 def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:

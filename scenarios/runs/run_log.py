@@ -6,6 +6,7 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.sending import highest_rate_hz
 from scenarios.results.holes import hole_lines
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
 from scenarios.results.log_summary import (
@@ -62,7 +63,11 @@ class RunLog:
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
         self.metrics = metrics or Metrics.of(scenario)
         self.recorder = Recorder(
-            vehicles={name: scenario.vehicle(name).gnss.rate_hz for name in scenario.vehicle_names},
+            vehicles={
+                name: highest_rate_hz(setup.sending, setup.gnss)
+                for name in scenario.vehicle_names
+                for setup in [scenario.vehicle(name)]
+            },
             plane=LocalPlane(scenario.origin),
             writer=self._writer,
             metrics=self.metrics,
@@ -97,7 +102,7 @@ class RunLog:
             self.recorder.say_news(at)
             for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
                 self.recorder.say(at, line, "warning")
-            silent = silent_links(self._scenario, self.metrics, self._replayed)
+            silent = silent_links(self.metrics, self._replayed, self._off())
             self._reason = why_failed(reason or silent, self._broken())
             return self.recorder.end(at, self._reason)
         except LogError as error:
@@ -154,3 +159,8 @@ class RunLog:
             reason=self._reason,
             rejected=self.recorder.rejected,
         )
+
+    def _off(self) -> frozenset[tuple[str, str]]:
+        """Links whose sender or receiver has its radio off for a time."""
+        scenario = self._scenario
+        return frozenset(pair for pair in scenario.links if scenario.link_setting(*pair, 0).off)

@@ -116,7 +116,7 @@ class VirtualConvoy:
             step = stepping(node, name, start_at)
             if self._scenario.goes_on_without_the_dead:
                 step = self._leaving(step, name, nodes)
-            self._steppers.append(Stepper(builder.rates_hz, ticks, step))
+            self._steppers.append(Stepper(builder.schedule, ticks, step))
         return nodes
 
     def _leaving(self, step: Step, name: str, nodes: Mapping[str, Node | ReplayedNode]) -> Step:

@@ -59,12 +59,14 @@ PAPER = re.compile(
 NAMED = (
     "Bernstein", "BFGS", "Brent's method", "Cauchy product", "Cleveland, 1979", "companion matri",
     "constant time headway policy", "Cook and Weisberg, 1982", "Coulter", "CUSUM",
-    "elementary algebra",
+    "elementary algebra", "EN 302 637-2",
     "EPSG method", "Gauss–Markov", "Hermite", "Hoffmann",
     "Horner's scheme", "Hurwitz's criterion", "IEEE 754", "Kalman", "linear regression",
-    "linear interpolation", "local regression", "Lyapunov", "Newton's method", "quotient rule",
+    "linear interpolation", "local regression", "Lyapunov", "Markov chain",
+    "Molina-Masegosa", "Newton's method", "NMEA 0183", "quotient rule",
     "Rayleigh's quotient", "Routh-Hurwitz", "Runge–Kutta", "spectral factorisation",
-    "Steiner's theorem", "Swaroop and Hedrick", "trapezoidal rule", "Weyl's inequality", "WGS84",
+    "Steiner's theorem", "Swaroop and Hedrick", "trapezoidal rule", "TS 102 687",
+    "Weyl's inequality", "WGS84",
 )  # fmt: skip
 """Results from outside the paper, by the names they go by."""
 

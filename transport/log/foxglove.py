@@ -85,7 +85,10 @@ def descriptor_set(message_class: Any) -> bytes:
 def _location_maker() -> Callable[[GpsPose], bytes]:
     fix = LocationFix()  # one object, filled anew each time, is three times as fast as new ones
     timestamp, velocity = fix.timestamp, fix.velocity
-    fix.position_covariance_type = LocationFix.UNKNOWN
+    # By the receiver's own account, which may be wrong, and as good upwards as to the sides.
+    fix.position_covariance_type = LocationFix.APPROXIMATED
+    covariance = fix.position_covariance
+    covariance.extend([0.0] * 9)
 
     def make(gps: GpsPose) -> bytes:
         timestamp.FromNanoseconds(gps.measured_at_ns)
@@ -94,6 +97,7 @@ def _location_maker() -> Callable[[GpsPose], bytes]:
         fix.longitude = gps.longitude_deg
         fix.altitude = gps.altitude_m
         fix.heading = heading = math.radians(gps.heading_deg)
+        covariance[0] = covariance[4] = covariance[8] = gps.position_accuracy_m**2
         velocity.x = gps.speed_mps * math.sin(heading)
         velocity.y = gps.speed_mps * math.cos(heading)
         data: bytes = fix.SerializeToString()

@@ -6,11 +6,13 @@ compass course.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass, fields
 
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
+from vehicles.car.gnss_errors import ReceiverErrors
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, yaw_from_heading
 from vehicles.messages import FixState, GpsPose
 from vehicles.schedule import Cadence
@@ -63,27 +65,50 @@ class GnssReceiver:
     GPS of Section III-A, at 20 Hz at most.
 
     `random` belongs to this receiver alone: five normal numbers are drawn per measurement, in
-    the order of measurements.
+    the order of measurements, whether it gives a fix or not. `errors` are those beside the white
+    `noise`, of which that of the position is then theirs.
     """
 
-    def __init__(self, noise: GnssNoise, rate_hz: float, start_at: int, random: Generator) -> None:
+    def __init__(
+        self,
+        noise: GnssNoise,
+        rate_hz: float,
+        start_at: int,
+        random: Generator,
+        errors: ReceiverErrors | None = None,
+    ) -> None:
         if not (math.isfinite(rate_hz) and rate_hz > 0.0):
             raise ValueError(f"the measuring rate must be positive, not {rate_hz} Hz")
         self._noise = noise
         self._cadence = Cadence(start_at, rate_hz)
         self._random = random
+        self._errors = errors
+        self._latency = errors.model.latency if errors else 0
+        self._coming: deque[Fix] = deque()
 
     def measure(self, body: Body, now: int) -> Fix | None:
-        """Measure `body` if `now` (ns) is an instant of measurement, else None.
+        """Measure `body` if `now` (ns) is an instant of measurement; returns what is known then.
 
-        Each quantity has its own white Gaussian noise (Section III-A names that of the position).
+        That is the fix of this instant, or with a latency that of an earlier one, at the first
+        instant asked about by which it is known; else None. Each quantity has its own white
+        Gaussian noise (Section III-A names that of the position).
         """
+        fix = self._measured(body, now)
+        if not self._latency:
+            return fix
+        if fix is not None:
+            self._coming.append(fix)
+        if self._coming and self._coming[0].measured_at + self._latency <= now:
+            return self._coming.popleft()
+        return None
+
+    def _measured(self, body: Body, now: int) -> Fix | None:
         seq = self._cadence.index(now)
         if seq is None:
             return None
         east, north, yaw, speed, yaw_rate = self._random.standard_normal(5).tolist()
         noise = self._noise
-        return Fix(
+        fix = Fix(
             seq=seq,
             measured_at=now,
             east=body.east + noise.position * east,
@@ -93,6 +118,16 @@ class GnssReceiver:
             yaw_rate=body.yaw_rate + noise.yaw_rate * yaw_rate,
             accuracy=noise.position,
         )
+        if self._errors is None:
+            return fix
+        error = self._errors.at(body, now)
+        if error is None:
+            return None
+        rounded = self._errors.rounded
+        fix.east = rounded(body.east + error.white * east + error.east)
+        fix.north = rounded(body.north + error.white * north + error.north)
+        fix.state, fix.accuracy = error.state, error.accuracy
+        return fix
 
 
 def to_message(

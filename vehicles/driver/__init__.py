@@ -3,6 +3,7 @@
 decision         what a driver is and what it decides at a control instant
 own_state        what is known of the own car; exact knowledge
 pose_estimator   where the car is now, from its sensors: a Kalman filter
+late_fixes       the same where its fixes come late
 covariance       how wrong that may be
 tracking         errors against the trajectory
 steering         from errors to a steering command: the paper's law and others

@@ -8,9 +8,13 @@ noise of both and from what has piled up since the last fix, so nothing is to be
 At 30 m/s with the usual sensors (50 Hz; fixes of 2 cm and 0.1 deg at 20 Hz) a fix is taken over
 by a tenth on a straight and by a third on an arc of 500 m, where the slip may be wrong because the
 load is not known.
+
+Errors of fixes are taken for white. Where they last (drift, a bias), nothing aboard can tell them
+from the car's own motion: the estimate follows them, smoothed, and is less sure than it believes.
 """
 
 import math
+from copy import copy
 from dataclasses import dataclass
 
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
@@ -43,7 +47,8 @@ class PoseEstimator:
     """Estimates the pose of the vehicle that has `parameters` from its own sensors.
 
     A Kalman filter, in place of the integrated GPS and IMU of Section V-D. `imu_rate_hz` is the
-    rate of the readings. Until there is one, speed and yaw rate are those of the first fix.
+    rate of the readings. Until there is one, speed and yaw rate are those of the first fix. With
+    `by_accuracy` each fix counts by the accuracy that its receiver states, in place of `gnss`.
     """
 
     def __init__(
@@ -52,10 +57,12 @@ class PoseEstimator:
         gnss: GnssNoise | None = None,
         imu: InertialNoise | None = None,
         imu_rate_hz: float = 50.0,
+        *,
+        by_accuracy: bool = False,
     ) -> None:
         slip, noise = SlipModel(parameters), imu or InertialNoise()
         drift = DriftModel(slip, noise, imu_rate_hz)
-        self._model = _Model(slip, drift, gnss or GnssNoise(), noise)
+        self._model = _Model(slip, drift, gnss or GnssNoise(), noise, by_accuracy)
         self._imu_rate_hz = imu_rate_hz
         self._motion: Motion | None = None
         self._track: _Track | None = None
@@ -88,6 +95,15 @@ class PoseEstimator:
         slip = SlipModel(parameters)
         self._model.slip = slip
         self._model.drift = DriftModel(slip, self._model.imu, self._imu_rate_hz)
+
+    def twin(self) -> "PoseEstimator":
+        """Give another one with this estimate and the same model (Kalman), which goes on by itself.
+
+        It is for readings alone: of outliers that wait to be believed it knows nothing.
+        """
+        other = copy(self)
+        other._track, other._rival = self._track and self._track.twin(), None
+        return other
 
     def correct(self, fix: Fix) -> None:
         """Take in a fix of the vehicle itself; they come in the order of measurement.
@@ -146,6 +162,11 @@ class _Model:
     drift: DriftModel
     gnss: GnssNoise
     imu: InertialNoise
+    by_accuracy: bool
+
+    def position(self, fix: Fix) -> float:
+        """Standard deviation (m) per axis of the place of a fix."""
+        return fix.accuracy if self.by_accuracy else self.gnss.position
 
 
 class _Track:
@@ -165,8 +186,15 @@ class _Track:
         self._lateral_speed = model.slip.steady(motion.speed, motion.yaw_rate)
         self._model = model
         gnss, imu = model.gnss, model.imu
-        self.along = AlongCovariance(gnss.position**2, imu.speed_bias**2)
-        self.across = AcrossCovariance(gnss.position**2, gnss.heading**2, imu.yaw_rate_bias**2)
+        place = model.position(fix) ** 2
+        self.along = AlongCovariance(place, imu.speed_bias**2)
+        self.across = AcrossCovariance(place, gnss.heading**2, imu.yaw_rate_bias**2)
+
+    def twin(self) -> "_Track":
+        """Copy the track with its covariances; the model is the same."""
+        other = copy(self)
+        other.along, other.across = copy(self.along), copy(self.across)
+        return other
 
     def restarted(self, fix: Fix) -> "_Track":
         """Begin another track at `fix`; a jump of the place changes nothing of the sensors."""
@@ -232,28 +260,30 @@ class _Track:
         self.move(fix.measured_at, self._speed, self._yaw_rate)
         east, north = fix.east - self.east, fix.north - self.north
         turned = wrap_angle(fix.yaw - self.yaw)
-        if not self._plausible(math.hypot(east, north), turned, since):
+        place = self._model.position(fix) ** 2
+        if not self._plausible(math.hypot(east, north), turned, since, place):
             return False
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        ahead = self._correct_along(east * cos + north * sin, fix)
-        aside = self._correct_across(north * cos - east * sin, turned, fix)
+        ahead = self._correct_along(east * cos + north * sin, fix, place)
+        aside = self._correct_across(north * cos - east * sin, turned, fix, place)
         self.east += ahead * cos - aside * sin
         self.north += ahead * sin + aside * cos
         self.fixed_at = fix.measured_at
         self.fixes += 1
         return True
 
-    def _plausible(self, away: float, turned: float, since: float) -> bool:
-        position = self.along.aa + self.across.cc + 2.0 * self._model.gnss.position**2
+    def _plausible(self, away: float, turned: float, since: float, place: float) -> bool:
+        """Whether a fix of variance `place` (m²) may be so far away (m) and turned (rad)."""
+        position = self.along.aa + self.across.cc + 2.0 * place
         heading = self.across.hh + self._model.gnss.heading**2
         reach = JUMP_DISTANCE + JUMP_GROWTH * since + GATE * math.sqrt(position)
         turn = JUMP_HEADING + JUMP_TURNING * since + GATE * math.sqrt(heading)
         return away <= reach and abs(turned) <= turn
 
-    def _correct_along(self, ahead: float, fix: Fix) -> float:
+    def _correct_along(self, ahead: float, fix: Fix, variance: float) -> float:
         """Correct the speed's bias; returns by how much to correct the place along the body."""
         gnss, imu = self._model.gnss, self._model.imu
-        place, bias = self.along.by_place(ahead, gnss.position**2)
+        place, bias = self.along.by_place(ahead, variance)
         self._speed_bias += bias
         age = (self.at - self.read_at) / SECOND
         found = self._speed - fix.speed - self._speed_bias
@@ -264,10 +294,10 @@ class _Track:
             place += more
         return place
 
-    def _correct_across(self, aside: float, turned: float, fix: Fix) -> float:
+    def _correct_across(self, aside: float, turned: float, fix: Fix, variance: float) -> float:
         """Correct yaw and the gyroscope's bias; returns the correction across the body."""
         gnss, imu = self._model.gnss, self._model.imu
-        place, heading, bias = self.across.by_place(aside, gnss.position**2)
+        place, heading, bias = self.across.by_place(aside, variance)
         more = self.across.by_heading(turned - heading, gnss.heading**2)
         place, heading, bias = place + more[0], heading + more[1], bias + more[2]
         age = (self.at - self.read_at) / SECOND

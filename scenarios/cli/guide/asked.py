@@ -8,6 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from scenarios.cli.guide.signals import receiver_in_words, sending_in_words
 from scenarios.definition.check.report import CheckReport
 
 Row = tuple[str, str]
@@ -87,7 +88,8 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield "control", f"at {report.control_rate_hz:g} Hz"
     yield from _of_some("controller", report.control, _controller)
     yield from _of_some("fusion", followers, _fusion)
-    yield from _of_some("GNSS", report.gnss, _receiver)
+    yield from _of_some("GNSS", report.gnss, receiver_in_words)
+    yield from _of_some("sending", report.sending, sending_in_words)
     yield from _of_some("own state", report.imu, _own_state)
     yield from _of_some("tyres", report.tyres, _tyres)
     yield from _of_some("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
@@ -111,14 +113,6 @@ def _fusion(asked: Mapping[str, Any]) -> str:
     sight = f"preview {asked['preview_s']:g} s, tolerance {asked['tolerance_m']:g} m"
     how = f"{asked['trajectory']} trajectory"
     return f"{asked['fusion']}, {how}, α {asked['alpha_ratio']:g}, {sight}"
-
-
-def _receiver(asked: Mapping[str, float]) -> str:
-    noise = (
-        f"{asked['position_noise_m']:g} m, {asked['heading_noise_deg']:g}°, "
-        f"{asked['speed_noise_mps']:g} m/s, {asked['yaw_rate_noise_radps']:g} rad/s"
-    )
-    return f"{asked['rate_hz']:g} Hz, noise {noise}"
 
 
 def _own_state(asked: Mapping[str, float] | None) -> str:

@@ -22,7 +22,7 @@ def link_effects(
     setting: LinkSetting = UNSET,
     between: Between = nobody,
 ) -> tuple[Effect, ...]:
-    """Impairments that `table` asks of a link whose sender measures at `source_rate_hz`.
+    """Impairments that `table` asks of a link whose sender sends at `source_rate_hz`.
 
     The first that drops a message names the reason. `setting` is what some need of the run,
     `between` says which vehicles drive between sender and receiver.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from scenarios.definition.channel.delay import usual_delay_ms
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.sending import usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.driver.follower import LEAST_SAMPLES
 from vehicles.preview.trajectory import FitSettings
@@ -20,7 +21,7 @@ class _Sight:
 
     The path is known `reach` (m) ahead at the greatest age of the newest pose; the preview takes
     `preview` (m) of it, with so many `samples`, `spacing` (m) apart. The fit keeps `behind` (m)
-    behind the ego.
+    behind the ego. `remedy` is the key by which more poses come.
     """
 
     source: str
@@ -30,6 +31,7 @@ class _Sight:
     samples: float
     behind: float
     spacing: float
+    remedy: str
 
 
 def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterator[str]:
@@ -56,7 +58,7 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
             f"{names}: at {sight.speed:g} m/s {sight.samples:.1f} poses of {sight.source} lie in "
             f"the preview, {sight.preview:.1f} m of which are known, and a trajectory takes "
             f"{LEAST_SAMPLES}: it joins poses {sight.spacing:.3g} m apart from further away, cuts "
-            "the curves between them and is extrapolated; raise gnss.rate_hz or widen the gap"
+            f"the curves between them and is extrapolated; raise {sight.remedy} or widen the gap"
         )
     for names, sight in _alike(short):
         yield (
@@ -87,9 +89,11 @@ def _sight(
 ) -> _Sight:
     steering = setup.steering
     settings = FitSettings(preview_time=steering.preview_s, trajectory=steering.trajectory)
-    sent = scenario.vehicle(source).gnss.rate_hz
+    sender = scenario.vehicle(source)
+    sent = usual_rate_hz(sender.sending, sender.gnss, speed)
     rate = min(sent, link.rate_hz or sent) * (1.0 - link.loss_ratio)
-    age = usual_delay_ms(link) / 1000.0 + (1.0 / rate if rate else float("inf"))
+    late_ms = sender.gnss.latency_ms + usual_delay_ms(link)
+    age = late_ms / 1000.0 + (1.0 / rate if rate else float("inf"))
     reach = _gap(scenario, setup.place, source, speed) - speed * age
     preview = min(settings.ahead(speed), max(reach, 0.0))
     return _Sight(
@@ -100,6 +104,7 @@ def _sight(
         samples=preview * rate / speed,
         behind=settings.behind(speed),
         spacing=speed / rate if rate else float("inf"),
+        remedy="gnss.rate_hz" if sender.sending.kind == "every_fix" else "the rate of sending",
     )
 
 

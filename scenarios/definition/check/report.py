@@ -38,13 +38,13 @@ STEP = 0.05
 class CheckReport:
     """What a valid scenario asks for, and figures of the lead's planned run.
 
-    `control`, `gnss`, `imu` (None with exact own state), `tyres` and `masses_kg` (with the load)
-    are by vehicle, as are the `offsets` from the path of those that start with one, and `replays`
-    of those that move as they were recorded. `gap_policy` is None where followers drive the lead's
-    speed, `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is about a
-    recorded drive, None where the path is made of segments: what was left out on reading it, its
-    holes, the noise of its points, what was subtracted from their coordinates, and how far the
-    path lies from them, at the points (rms) and between them, too (max).
+    `control`, `gnss`, `sending`, `imu` (None with exact own state), `tyres` and `masses_kg` (with
+    the load) are by vehicle, as are the `offsets` from the path of those that start with one, and
+    `replays` of those that move as they were recorded. `gap_policy` is None where followers drive
+    the lead's speed, `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is
+    about a recorded drive, None where the path is made of segments: what was left out on reading
+    it, its holes, the noise of its points, what was subtracted from their coordinates, and how far
+    the path lies from them, at the points (rms) and between them, too (max).
     """
 
     name: str
@@ -57,7 +57,8 @@ class CheckReport:
     gap_policy: dict[str, float] | None
     control_rate_hz: float
     control: dict[str, dict[str, Any]]
-    gnss: dict[str, dict[str, float]]
+    gnss: dict[str, dict[str, Any]]
+    sending: dict[str, dict[str, Any]]
     imu: dict[str, dict[str, float] | None]
     masses_kg: dict[str, float]
     tyres: dict[str, dict[str, Any]]
@@ -129,6 +130,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         control_rate_hz=scenario.control_rate_hz,
         control={name: _steering(car.steering) for name, car in cars.items()},
         gnss={name: car.gnss.model_dump() for name, car in cars.items()},
+        sending={name: car.sending.model_dump() for name, car in cars.items()},
         imu={name: _imu(car) for name, car in cars.items()},
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
         tyres={name: _tyres(car.parameters) for name, car in cars.items()},

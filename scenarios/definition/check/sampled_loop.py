@@ -47,7 +47,7 @@ def _loop(scenario: Scenario, setup: VehicleSetup) -> SampledLoop:
         control_hz=scenario.control_rate_hz,
         imu_hz=None if setup.knows_itself else setup.imu_rate_hz,
         gnss_hz=setup.gnss.rate_hz,
-        gnss=setup.gnss_noise,
+        gnss=setup.stated_noise,
         imu=setup.imu_noise,
     )
 

@@ -10,9 +10,11 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field, StringConstraints
 
+from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.outages import Spans
 from scenarios.definition.schema.path import PathTable, PointsPath
+from scenarios.definition.schema.sending import EveryFixSending, SendingTable
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
 
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
@@ -86,16 +88,6 @@ class ControlTable(SteeringTable):
     """Steering of all vehicles, and the rate at which they decide."""
 
     rate_hz: float = Field(default=50.0, ge=5, le=500)
-
-
-class GnssTable(Table):
-    """The emulated receiver: its rate and the standard deviations of its white noise."""
-
-    rate_hz: float = Field(default=20.0, ge=0.01, le=100)
-    position_noise_m: float = Field(default=0.02, ge=0, le=100)
-    heading_noise_deg: float = Field(default=0.1, ge=0, le=45)
-    speed_noise_mps: float = Field(default=0.03, ge=0, le=10)
-    yaw_rate_noise_radps: float = Field(default=0.00175, ge=0, le=1)
 
 
 class ImuTable(Table):
@@ -243,6 +235,7 @@ class VehicleTable(Table):
     receiver_off: Spans = ()
     control: SteeringTable | None = None
     gnss: GnssTable | None = None
+    sending: SendingTable | None = None
     imu: ImuTable | None = None
     parameters: ParametersTable | None = None
     loading: LoadingTable | None = None
@@ -267,6 +260,7 @@ class ScenarioTables(Table):
     convoy: ConvoyTable = ConvoyTable()
     control: ControlTable = ControlTable()
     gnss: GnssTable = GnssTable()
+    sending: SendingTable = EveryFixSending()
     imu: ImuTable = ImuTable()
     speed: SpeedTable = SpeedTable()
     path: PathTable

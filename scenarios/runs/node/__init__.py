@@ -2,6 +2,7 @@
 
 node       the heart: what happens at one tick
 assembly   the parts of a vehicle put together from its scenario
+signals    its receiver and its sender
 replayed   a vehicle that moves as it was recorded
 outbox     the messages that it sends
 sink       where they go: to the bus, and to whoever records

@@ -1,6 +1,6 @@
 """Builds one vehicle from its part of the scenario."""
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from functools import partial
 from math import cos, sin
 
@@ -10,11 +10,14 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.content import content_stage
 from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.radio import vehicles_between
+from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.sending import even_rate_hz, highest_rate_hz
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.replayed import ReplayedNode
+from scenarios.runs.node.signals import instants_besides, make_receiver, make_sender
 from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
 from transport.links.gate import PoseGate
@@ -22,11 +25,12 @@ from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.radio.obstruction import VehiclesBetween
 from transport.links.link import Link
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss import GnssReceiver
+from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
+from vehicles.driver.late_fixes import LatePoseEstimator
 from vehicles.driver.leader import Leader
 from vehicles.driver.own_state import KnownState, OwnState
 from vehicles.driver.pose_estimator import PoseEstimator
@@ -35,7 +39,7 @@ from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import FitSettings
-from vehicles.schedule import SECOND, Cadence
+from vehicles.schedule import MILLISECOND, SECOND, Cadence
 
 INERTIAL = 1
 """Tells the random stream of a vehicle's inertial sensor from that of its receiver."""
@@ -58,10 +62,17 @@ class VehicleBuilder:
             rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
         self.rates_hz = tuple(dict.fromkeys(rates_hz))
 
+    @property
+    def schedule(self) -> Hashable:
+        """Vehicles for which this is equal have equal ticks."""
+        besides = instants_besides(self._scenario, self._setup, 0, 0)
+        return (self.rates_hz, self.name) if besides else self.rates_hz
+
     def ticks(self, start_at: int) -> Iterator[Tick]:
         """The vehicle's schedule from `start_at` (ns) to the end of the run."""
         end_at = start_at + self.duration_ns
-        return ticks(start_at, end_at, *self.rates_hz)
+        besides = instants_besides(self._scenario, self._setup, start_at, end_at)
+        return ticks(start_at, end_at, *self.rates_hz, besides=besides)
 
     def node(self, start_at: int, sink: Sink, probe: Probe) -> Node | ReplayedNode:
         """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
@@ -84,16 +95,18 @@ class VehicleBuilder:
                 start_at=start_at,
                 wheelbase=setup.parameters.wheelbase,
                 control=Cadence(start_at, self.control_rate_hz),
-                gnss=self._receiver(start_at),
+                gnss=make_receiver(self._scenario, setup, start_at),
+                sender=make_sender(self._scenario, setup, start_at),
                 inbox=inbox,
                 outbox=outbox,
             )
         return Node(
             body=self._body(),
             parameters=setup.parameters,
-            gnss=self._receiver(start_at),
+            gnss=make_receiver(self._scenario, setup, start_at),
             imu=self._imu(start_at),
             driver=self._driver(start_at),
+            sender=make_sender(self._scenario, setup, start_at),
             inbox=inbox,
             outbox=outbox,
         )
@@ -101,10 +114,11 @@ class VehicleBuilder:
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         """The link from `sender`, and the gate that its poses pass."""
         scenario = self._scenario
-        rate_hz = scenario.vehicle(sender).gnss.rate_hz
-        asked = scenario.links[sender, self.name]
+        asked, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
+        rate_hz = highest_rate_hz(setup.sending, setup.gnss)
+        even_hz = even_rate_hz(setup.sending, setup.gnss) or rate_hz
         setting = scenario.link_setting(sender, self.name, start_at)
-        effects = link_effects(asked, rate_hz, setting, partial(self._between, sender))
+        effects = link_effects(asked, even_hz, setting, partial(self._between, sender))
         link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
         gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane)
         return IncomingLink(link, gate, content_stage(asked.content, link, gate))
@@ -126,11 +140,6 @@ class VehicleBuilder:
             speed=self._route.profile.at(0.0)[0],
         )
 
-    def _receiver(self, start_at: int) -> GnssReceiver:
-        # A stream for each receiver: its noise does not depend on the number of vehicles.
-        random = np.random.Generator(np.random.PCG64([self._scenario.seed, self._setup.place]))
-        return GnssReceiver(self._setup.gnss_noise, self._setup.gnss.rate_hz, start_at, random)
-
     def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
         if self._setup.knows_itself:
             return ExactSensor()
@@ -139,18 +148,35 @@ class VehicleBuilder:
         random = np.random.Generator(np.random.PCG64(words))
         return InertialSensor(self._setup.imu_noise, self._setup.imu_rate_hz, start_at, random)
 
-    def _own_state(self) -> OwnState:
+    def _own_state(self, start_at: int) -> OwnState:
+        """What tells the car where it is; one whose first fix may come late knows where it starts.
+
+        Fixes count by the accuracy that they state where errors are more than white noise.
+        """
         setup = self._setup
         if setup.knows_itself:
             return KnownState()
-        return PoseEstimator(
-            setup.assumed_parameters, setup.gnss_noise, setup.imu_noise, setup.imu_rate_hz
+        gnss = setup.gnss
+        estimator = PoseEstimator(
+            setup.assumed_parameters,
+            setup.gnss_noise,
+            setup.imu_noise,
+            setup.imu_rate_hz,
+            by_accuracy=not gnss.is_plain,
         )
+        if gnss.is_punctual:
+            return estimator
+        body = self._body()
+        place = body.east, body.north, body.yaw
+        estimator.correct(Fix(0, start_at, *place, body.speed, body.yaw_rate))
+        if not gnss.latency_ms:
+            return estimator
+        return LatePoseEstimator(estimator, round(gnss.latency_ms * MILLISECOND))
 
     def _driver(self, start_at: int) -> Driver:
         setup = self._setup
         control = Cadence(start_at, self.control_rate_hz)
-        own_state = self._own_state()
+        own_state = self._own_state(start_at)
         controller = self._controller()
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
@@ -194,14 +220,15 @@ class VehicleBuilder:
         return CommandLimit(car.steering_rate_limit, 1.0 / self.control_rate_hz, car.steering_limit)
 
     def _fit_settings(self) -> FitSettings:
-        """The fit assumes the largest noise of the receivers received from, at least that of RTK.
+        """The fit assumes the largest error of the receivers received from, at least that of RTK.
 
         Its tolerance is the scenario's, or five times that noise if that is more (the paper's
-        10 cm are five times the 2 cm of RTK).
+        10 cm are five times the 2 cm of RTK). That is the error in the worst state that a receiver
+        can be in, without what all have in common; the fit finds out itself where it is smaller.
         """
         steering = self._setup.steering
         receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
-        noise = max(FitSettings().position_noise, *(gnss.position_noise_m for gnss in receivers))
+        noise = max(FitSettings().position_noise, *map(assumed_deviation, receivers))
         return FitSettings(
             preview_time=steering.preview_s,
             tolerance=max(steering.tolerance_m, 5.0 * noise),

@@ -10,6 +10,7 @@ from vehicles.car.dynamics import Body, advance
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.parameters import VehicleParameters
+from vehicles.car.sending import Sender
 from vehicles.driver.decision import Driver
 
 
@@ -22,6 +23,7 @@ class Node:
     gnss: GnssReceiver
     imu: InertialSensor | ExactSensor
     driver: Driver
+    sender: Sender
     inbox: Inbox
     outbox: Outbox
 
@@ -33,5 +35,5 @@ class Node:
         fix = self.gnss.measure(self.body, tick.at)
         motion = self.imu.measure(self.body, tick.at)
         decision = self.driver.step(tick.at, fix, motion, received)
-        self.outbox.publish(tick.at, self.body, fix, decision)
+        self.outbox.publish(tick.at, self.body, self.sender.send(tick.at, fix), decision)
         self.body = advance(self.body, decision.actuation, tick.span_s, self.parameters)

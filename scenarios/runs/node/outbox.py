@@ -48,7 +48,7 @@ class Outbox:
         self._mode = ""
 
     def publish(self, now: int, body: Body, fix: Fix | None, decision: Decision) -> None:
-        """Send what was measured, received and decided at tick `now` (ns)."""
+        """Send `fix`, if there is one, and what was received and decided at tick `now` (ns)."""
         self._ticks += 1
         if fix is not None:
             self._add_pose(now, body, fix)

@@ -9,6 +9,7 @@ from transport.clock import Tick
 from transport.links.inbox import Inbox
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssReceiver
+from vehicles.car.sending import Sender
 from vehicles.schedule import SECOND, Cadence
 
 
@@ -24,13 +25,14 @@ class ReplayedNode:
     wheelbase: float
     control: Cadence
     gnss: GnssReceiver
+    sender: Sender
     inbox: Inbox
     outbox: Outbox
 
     def step(self, tick: Tick) -> None:
         """One tick of the schedule: be where the record says, measure, send."""
         body = self._body(tick.at)
-        fix = self.gnss.measure(body, tick.at)
+        fix = self.sender.send(tick.at, self.gnss.measure(body, tick.at))
         self.outbox.publish_replayed(tick.at, body, fix, fresh=self.control.due(tick.at))
 
     def _body(self, now: int) -> Body:

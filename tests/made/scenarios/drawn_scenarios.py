@@ -15,8 +15,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import tomli_w
 
+from scenarios.definition.schema.gnss import DriftTable, GnssTable, StateErrorsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.radio import OnceForAllTable, PathLossRadio, PerVehicleTable
+from scenarios.definition.schema.sending import CAM_SHARES
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
@@ -25,7 +27,6 @@ from scenarios.definition.schema.tables import (
     ConvoyTable,
     EventsTable,
     GapTable,
-    GnssTable,
     ImuTable,
     LimitsTable,
     LoadingTable,
@@ -93,8 +94,12 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "events", drawn_table(chance, EventsTable))
     _put(tables, "limits", drawn_table(chance, LimitsTable))
     _put(tables, "origin", drawn_table(chance, OriginTable))
-    _put(tables, "gnss", drawn_table(chance, GnssTable))
+    _put(tables, "gnss", _receiver(chance))
+    _put(tables, "sending", _sending(chance))
     _put(tables, "imu", drawn_table(chance, ImuTable))
+    if "rate_hz" in repr((tables.get("links"), tables.get("link"))):  # for even sending only
+        for table in (tables, *tables.get("vehicle", {}).values()):
+            table.pop("sending", None)
     tables["control"] = _steering(chance)
     if chance.random() < 0.5:
         tables["control"]["rate_hz"] = chance.choice([5.0, 500.0, chance.uniform(5.0, 200.0)])
@@ -214,7 +219,8 @@ def _vehicle(chance: Random, *, lead: bool) -> Raw:
     table: Raw = {}
     if chance.random() < 0.7:
         return table
-    _put(table, "gnss", drawn_table(chance, GnssTable, ("rate_hz",)))
+    _put(table, "gnss", _receiver(chance, "rate_hz", "fix", "preset"))
+    _put(table, "sending", _sending(chance))
     _put(table, "imu", drawn_table(chance, ImuTable, ("rate_hz",)))
     _put(table, "parameters", _car(chance, ("length_m",)))
     _put(table, "loading", drawn_table(chance, LoadingTable))
@@ -238,6 +244,49 @@ def _car(chance: Random, leave_out: Collection[str] = ()) -> Raw:
             if key in table
         }
     return table
+
+
+def _receiver(chance: Random, *leave_out: str) -> Raw:
+    """A receiver: what it is off by, when it has which fix, and where none."""
+    apart = ("entry_jump_m", "fix_states", "while_fixed", "while_float", "while_single")
+    table = drawn_table(chance, GnssTable, (*apart, *leave_out))
+    for key in ("drift", "common_drift"):
+        if key in table:
+            table[key] |= drawn_table(chance, DriftTable, share=1.0)
+    if "drift" in table and chance.random() < 0.5:
+        table["entry_jump_m"] = chance.uniform(0.0, 2.0)
+    fix = table.get("fix", "float" if table.get("preset") == "rtk_float" else "fixed")
+    if chance.random() < 0.2 and not leave_out and fix != "single" and "preset" not in table:
+        entry = {"at_s": chance.uniform(0.0, 2.0), "state": "single"}
+        chain = [{"state": fix, "to": "single", "mean_s": chance.uniform(0.01, 2.0)}]
+        table["fix_states"] = chance.choice(
+            [{"kind": "schedule", "entries": [entry]}, {"kind": "chain", "transitions": chain}]
+        )
+        errors = drawn_table(chance, StateErrorsTable, ("entry_jump_m", "drift"))
+        _put(table, "while_single", errors)
+    if chance.random() < 0.2:
+        table["outages"] = [{"kind": "time", "from_s": 0.0, "to_s": chance.uniform(0.1, 1.0)}]
+    return table
+
+
+def _sending(chance: Random) -> Raw:
+    """A rule of sending: that of each fix, most often."""
+    if chance.random() < 0.7:
+        return {}
+    busy = [{"at_s": chance.uniform(0.0, 1.0), "busy_ratio": chance.random()}]
+    dcc = {"dcc": {"busy": busy}} if chance.random() < 0.3 else {}
+    rate_hz = chance.choice([0.01, 100.0, chance.uniform(1.0, 30.0)])
+    profile = [{"at_s": 0.0, "rate_hz": rate_hz}, {"at_s": 0.5, "rate_hz": chance.uniform(0, 30)}]
+    rule: Raw = chance.choice(
+        [
+            {"kind": "every_fix"},
+            {"kind": "fixed", "rate_hz": rate_hz, "drawn_phase": chance.random() < 0.5},
+            {"kind": "profile", "profile": profile},
+            {"kind": "cam", "check_period_ms": chance.uniform(10.0, 100.0)},
+            {"kind": "intervals", "table": chance.choice(tuple(CAM_SHARES))},
+        ]
+    )
+    return rule | dcc
 
 
 def _steering(chance: Random) -> Raw:

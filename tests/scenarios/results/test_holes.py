@@ -8,10 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.holes import RecordedNumbers, RecordHole, expected_poses, hole_lines
+from scenarios.results.holes import (
+    EdgeInstants,
+    RecordedNumbers,
+    RecordHole,
+    expected_poses,
+    hole_lines,
+)
+from scenarios.results.log_summary import silent_links
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary
-from tests.made.scenarios.messages import gps, health, start, truth
+from tests.made.scenarios.messages import START, at, gps, health, start, truth
 from vehicles.messages import GpsPose, Message
 from vehicles.schedule import SECOND, instants, nanoseconds
 
@@ -152,3 +159,65 @@ def test_true_poses_that_are_missing_with_the_poses_are_not_named_twice() -> Non
     sent = [one for one in poses(10.0) if not 40 <= one.seq < 135]
     _, holes = run_of([*sent, *kept, health("v1", seconds=10.0, final=True)], 10.0)
     assert holes == [RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)]
+
+
+@given(
+    order=st.permutations(range(25)), kept=st.integers(0, 25), gaps=st.lists(
+        st.integers(1, 2000), min_size=25, max_size=25
+    )
+)  # fmt: skip
+def test_without_a_schedule_a_hole_lies_between_the_poses_beside_it(
+    order: list[int], kept: int, gaps: list[int]
+) -> None:
+    """In whatever order they came; what was sent last may be missing without a trace."""
+    sent_at = [START + sum(gaps[: k + 1]) * SECOND // 1000 for k in range(25)]
+    numbers, edges = RecordedNumbers(), EdgeInstants()
+    for number in order[:kept]:
+        numbers.add(number)
+        edges.add(number, sent_at[number])
+    known = sorted(order[:kept])
+    expected = [
+        RecordHole(
+            vehicle="v1",
+            from_s=(sent_at[one] - START) / SECOND if one >= 0 else 0.0,
+            to_s=(sent_at[other] - START) / SECOND,
+            poses=other - one - 1,
+        )
+        for one, other in zip([-1, *known], known, strict=False)
+        if other - one > 1
+    ]
+    assert list(edges.holes("v1", numbers, START)) == expected
+
+
+def irregular(seqs: Sequence[int]) -> list[GpsPose]:
+    """Of a vehicle that sends by the square of the number, tenths of a second."""
+    return [gps("v1", n, sent_at_ns=at(n * n / 10), measured_at_ns=at(n * n / 10)) for n in seqs]
+
+
+def unscheduled(*messages: Message) -> Metrics:
+    metrics = Metrics(
+        ("v1", "v2"), {("v1", "v2"): LinkTable()}, rates_hz={"v1": None, "v2": 20.0},
+        duration_ns=nanoseconds(10.0),
+    )  # fmt: skip
+    for message in (start(), *messages):
+        metrics.add(message)
+    return metrics
+
+
+def test_a_vehicle_without_a_schedule_has_no_hole_at_its_end() -> None:
+    said = health("v1", seconds=10.0, final=True)
+    whole = unscheduled(*irregular(range(6)), said)
+    assert whole.holes(nanoseconds(10.0)) == ()
+    torn = unscheduled(*irregular([0, 1, 2, 5]), said)
+    lost = RecordHole(vehicle="v1", from_s=0.4, to_s=2.5, poses=2)
+    assert torn.holes(nanoseconds(10.0)) == (lost,)
+    assert torn.vehicle_summaries(nanoseconds(10.0))[0].missing_poses == 2
+
+
+def test_a_link_is_silent_if_poses_were_sent_long_ago_and_none_was_heard() -> None:
+    """Sent once, or rarely: what counts is the time since the first of them."""
+    listening = [gps("v2", seq) for seq in range(60)]
+    said = health("v1", seconds=3.0)
+    assert silent_links(unscheduled(*irregular([1]), *listening, said)).startswith("v1 → v2")
+    assert silent_links(unscheduled(*irregular([5]), *listening, said)) == ""
+    assert silent_links(unscheduled(*listening, said)) == ""

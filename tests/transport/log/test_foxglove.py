@@ -34,6 +34,9 @@ def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None
     assert location.heading == pytest.approx(1.5 * math.pi)  # westwards, clockwise from north
     assert location.velocity.x == pytest.approx(-drive.SPEED)
     assert location.velocity.y == pytest.approx(0.0, abs=1e-12)
+    accuracy = location.position_covariance  # variances east, north, up, by the receiver's account
+    assert list(accuracy) == pytest.approx([0.0004, 0, 0, 0, 0.0004, 0, 0, 0, 0.0004])
+    assert location.position_covariance_type == location.APPROXIMATED
     assert location.timestamp.seconds * 1_000_000_000 + location.timestamp.nanos == drive.START
     pose = found["/convoy/v1/pose"]
     assert pose.frame_id == "map"

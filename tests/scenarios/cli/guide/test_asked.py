@@ -17,6 +17,21 @@ ASKED = {
     'link=[{sender="v1",receiver="v3",loss_ratio=0.3}]': ("links", "loss 0.3, .*: v1 → v3"),
     "gnss.rate_hz=5": ("GNSS", "5 Hz"),
     "vehicle.v3.gnss.position_noise_m=0.5": ("GNSS", "0.5 m, .*: v3"),
+    "gnss.preset=rtk_float": ("GNSS", r"rtk_float \(float\); drift 0.19 m over 100 s"),
+    "gnss.common_drift.deviation_m=2": ("GNSS", "common drift 2 m"),
+    "gnss.bias.east_m=0.3": ("GNSS", "bias 0.3 m east"),
+    "gnss.latency_ms=80": ("GNSS", "80 ms late"),
+    "gnss.quantisation_m=0.1": ("GNSS", "steps of 0.1 m"),
+    "gnss.accuracy_ratio=0.05": ("GNSS", "says 0.05 of its deviation"),
+    "gnss.outages=[{kind='time',from_s=1,to_s=2}]": ("GNSS", "1 outages"),
+    "vehicle.v3.gnss.fix=single": ("GNSS", r"fix \(single\).*: v3"),
+    "sending.kind=cam": ("sending", "CAM, checked every 100 ms, phase 0 s"),
+    "sending={kind='fixed',rate_hz=7,drawn_phase=true}": ("sending", "7 Hz, phase drawn"),
+    "sending={kind='intervals',table='cam_vw_highway'}": ("sending", "drawn: cam_vw_highway"),
+    "sending={kind='profile',profile=[{at_s=3,rate_hz=2}]}": ("sending", "2 Hz from 3 s"),
+    "vehicle.v3.sending={kind='cam',dcc={busy=[{at_s=0,busy_ratio=1}]}}": (
+        "sending", "CAM, .*; congestion control: v3",
+    ),
     "control.controller=stanley": ("controller", "stanley"),
     "control.gains.heading_rad_per_rad=0.7": ("controller", "0.06, 0.7, 0.08"),
     "control.knows_loading=true": ("controller", "knows the load"),
@@ -46,7 +61,7 @@ ASKED = {
     "parameters.friction_ratio=0.4": ("tyres", "brush, friction 0.4"),
     "parameters.steering_rate_limit_radps=inf": ("tyres", "no limit of the steering rate"),
     "loading.rear_passengers=0": ("mass", "2016 kg"),
-}
+}  # fmt: skip
 """Settings, and the row in which each of them is said."""
 
 

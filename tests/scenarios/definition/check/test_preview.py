@@ -26,6 +26,11 @@ GAP_KEPT = ('speed.followers="gap"', "speed.gap.headway_s=0.3")
         (("convoy.gap_m=60.0", *SLOW_POSES), "v2, v3, v4:", "1.6 poses"),
         # At least 6 m are looked ahead.
         (("control.preview_s=0.1", "gnss.rate_hz=14.0"), "v2, v3, v4:", "2.8 poses"),
+        # What is sent counts, not what is measured: a CAM each 200 ms, 6 m apart.
+        (("sending.kind=cam", "convoy.gap_m=16.0"), "v2:", "9.4 m of which are known"),
+        (("sending={kind='fixed', rate_hz=2.0}",), "v2, v3, v4:", "a trajectory takes 3"),
+        (("sending={kind='intervals', table='cam_vw_highway'}",), "v2, v3, v4:", "a trajectory"),
+        (("gnss.latency_ms=150.0", "links.latency_ms=30.0"), "v2:", "known 8.1 m ahead"),
         # 8 m and 0.3 s: 17 m at 30 m/s
         (GAP_KEPT, "", ""),
         ((*GAP_KEPT, *LATE), "v2:", "known 10.1 m ahead"),
@@ -51,3 +56,10 @@ def test_only_the_link_that_is_late_counts() -> None:
 
 def test_at_walking_pace_the_preview_is_never_too_short() -> None:
     assert check("lane_change", ["convoy.gap_m=5.0", "speed.set_mps=1.5"]).warnings == ()
+
+
+def test_the_remedy_is_the_rate_that_lacks() -> None:
+    (by_fixes,) = check("lane_change", SLOW_POSES).warnings
+    assert "raise gnss.rate_hz or" in by_fixes
+    (by_rule,) = check("lane_change", ["sending={kind='fixed', rate_hz=2.0}"]).warnings
+    assert "raise the rate of sending or" in by_rule

@@ -1,0 +1,152 @@
+"""Convoys with each receiver and each rule of sending: they drive, twice alike to the byte."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.results.log_summary import summary_of
+from scenarios.results.summary import RunSummary
+from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
+from tests.made.scenarios.messages import STRAIGHT
+from transport.log.reader import LogReader
+from vehicles.messages import GpsPose, LinkVerdict
+from vehicles.schedule import SECOND
+
+STATES = "gnss.fix_states={kind='chain', transitions=[{state='fixed', to='float', mean_s=1.0}]}"
+TUNNEL = "gnss.outages=[{kind='road', from_m=20.0, to_m=50.0}]"
+PROFILE = "sending={kind='profile', profile=[{at_s=0.0, rate_hz=20.0}, {at_s=2.0, rate_hz=7.0}]}"
+CASES = {
+    "rtk_fixed": ("gnss.preset=rtk_fixed",),
+    "rtk_float": ("gnss.preset=rtk_float",),
+    "single": ("gnss.preset=single",),
+    "no fix at all": ("gnss.preset=none",),
+    "one without a fix": ("vehicle.v1.gnss.preset=none",),
+    "states": (STATES, "gnss.while_float.accuracy_ratio=0.05"),
+    "tunnel": (TUNNEL,),
+    "late": ("gnss.latency_ms=130", "gnss.quantisation_m=0.01"),
+    "common": ("gnss.common_drift.deviation_m=2.0", "gnss.bias.deviation_m=0.01"),
+    "fixed rate": ("sending={kind='fixed', rate_hz=7.0, phase_s=0.013}", "links.rate_hz=3.5"),
+    "drawn phase": ("sending={kind='fixed', rate_hz=10.0, drawn_phase=true}",),
+    "profile": (PROFILE,),
+    "cam": ("sending={kind='cam', drawn_phase=true}",),
+    "vw": ("sending={kind='intervals', table='cam_vw_highway'}",),
+    "renault": ("sending={kind='intervals', table='cam_renault_highway'}",),
+    "busy": ("sending.kind=every_fix", "sending.dcc.busy=[{at_s=1.0, busy_ratio=0.5}]"),
+    "one of them": ("vehicle.v2.sending.kind=cam", "vehicle.v2.gnss.preset=rtk_float"),
+}
+
+
+def made(*changes: str, seconds: float = 4.0) -> Scenario:
+    return scenario_from_text(STRAIGHT, overrides=[f"duration_s={seconds}", *changes])
+
+
+def ran(scenario: Scenario, folder: Path) -> RunSummary:
+    return run_virtual(scenario, folder, Stop())
+
+
+def poses(folder: Path, vehicle: str) -> list[GpsPose]:
+    read = LogReader(folder / "run.mcap").messages(topics=("gps",))
+    return [one for _, _, one in read if isinstance(one, GpsPose) and one.vehicle == vehicle]
+
+
+def log(folder: Path) -> bytes:
+    return (folder / "run.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("changes", CASES.values(), ids=CASES)
+def test_it_drives_and_the_same_again(changes: tuple[str, ...], tmp_path: Path) -> None:
+    scenario = made(*changes)
+    summary = ran(scenario, tmp_path / "one")
+    assert (summary.outcome, summary.holes) == ("completed", ())
+    assert not summary.recorder_rejected_messages
+    assert all(row.rejected_messages == row.missing_poses == 0 for row in summary.vehicles)
+    again = scenario_from_text(scenario.text)
+    assert again.tables == scenario.tables
+    ran(again, tmp_path / "two")
+    assert log(tmp_path / "one") == log(tmp_path / "two")
+    assert summary_of(tmp_path / "one" / "run.mcap") == summary
+    for vehicle in scenario.vehicle_names:
+        sent = poses(tmp_path / "one", vehicle)
+        assert [one.seq for one in sent] == list(range(len(sent)))
+        for before, after in pairwise(sent):
+            assert before.sent_at_ns < after.sent_at_ns
+            assert before.measured_at_ns < after.measured_at_ns
+        assert all(one.measured_at_ns <= one.sent_at_ns for one in sent)
+
+
+def test_the_wire_carries_state_and_accuracy(tmp_path: Path) -> None:
+    ran(made(STATES, "gnss.while_float.accuracy_ratio=0.05"), tmp_path)
+    said = {(one.fix, round(one.position_accuracy_m, 6)) for one in poses(tmp_path, "v1")}
+    assert said == {("fixed", 0.02), ("float", round(0.05 * 0.19, 6))}
+
+
+def test_in_a_tunnel_nothing_is_sent_and_each_car_has_its_own(tmp_path: Path) -> None:
+    """20 m/s: the lead is in it from 1 to 2.5 s, the next car 15 m behind it 0.75 s later."""
+    ran(made(TUNNEL), tmp_path)
+    for place, vehicle in enumerate(("v1", "v2")):
+        sent = [one.sent_at_ns for one in poses(tmp_path, vehicle)]
+        begin, end = max(pairwise(sent), key=lambda one: one[1] - one[0])
+        start = made().start_at_ns
+        assert (begin - start) / SECOND == pytest.approx(1.0 + 0.75 * place, abs=0.06)
+        assert (end - start) / SECOND == pytest.approx(2.5 + 0.75 * place, abs=0.06)
+
+
+def test_instants_of_sending_are_their_own(tmp_path: Path) -> None:
+    """13 ms after the start and every 1/7 s: neither control nor receiver has those instants."""
+    scenario = made(*CASES["fixed rate"])
+    ran(scenario, tmp_path)
+    start = scenario.start_at_ns
+    sent = [one.sent_at_ns - start for one in poses(tmp_path, "v2")]
+    assert sent == [13_000_000 + round(k * SECOND / 7) for k in range(28)]
+    read = LogReader(tmp_path / "run.mcap").messages(topics=("verdict",))
+    verdicts = [one for _, _, one in read if isinstance(one, LinkVerdict) and one.vehicle == "v2"]
+    assert {one.pose_seq % 2 for one in verdicts if one.outcome == "delivered"} == {0}
+    assert {one.reason for one in verdicts if one.pose_seq % 2} == {"rate"}
+
+
+def test_phases_are_drawn_for_each_vehicle() -> None:
+    scenario = made(*CASES["drawn phase"])
+    schedules = [VehicleBuilder(scenario, name) for name in scenario.vehicle_names]
+    ticks = [{tick.at for tick in one.ticks(0)} for one in schedules]
+    own = [min(one - {at for at in one if at % 10_000_000 == 0}) for one in ticks]
+    assert len(set(own)) == 4
+    assert all(0 < phase < SECOND / 10 for phase in own)
+    assert len({one.schedule for one in schedules}) == 4
+
+
+def test_a_plain_scenario_has_the_schedule_that_it_had() -> None:
+    scenario = load_scenario("lane_change", ["duration_s=2"])
+    assert {VehicleBuilder(scenario, name).schedule for name in scenario.vehicle_names} == {
+        (50.0, 20.0)
+    }
+
+
+def test_late_fixes_cost_little(tmp_path: Path) -> None:
+    """A tenth of a second is 3 m at 30 m/s: not taken for its own place by any car."""
+    found = {}
+    for latency in (0, 100):
+        scenario = load_scenario("lane_change", ["duration_s=12", f"gnss.latency_ms={latency}"])
+        summary = ran(scenario, tmp_path / str(latency))
+        found[latency] = max(row.cross_track_error_m_max or 0.0 for row in summary.vehicles)
+    assert found[100] < found[0] + 0.05
+
+
+def test_a_common_error_moves_nobody_against_another(tmp_path: Path) -> None:
+    """Followers of a lead that strays by metres stray with it; errors of their own part them.
+
+    A convoy is no point: the error drifts on by a decimetre while the last car comes to where the
+    lead was.
+    """
+    found = {}
+    for key, deviation in (("common_drift", 0.0), ("common_drift", 3.0), ("drift", 3.0)):
+        change = f"gnss.{key}={{deviation_m={deviation}, time_constant_s=10000.0}}"
+        scenario = load_scenario("lane_change", ["duration_s=12", change])
+        summary = ran(scenario, tmp_path / f"{key}{deviation}")
+        worst = max(row.cross_track_error_m_max or 0.0 for row in summary.vehicles)
+        found[key, deviation] = worst
+    assert found["common_drift", 3.0] < found["common_drift", 0.0] + 0.15
+    assert found["drift", 3.0] > 1.0

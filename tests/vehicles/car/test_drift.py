@@ -1,0 +1,131 @@
+"""Drift has the autocorrelation that was asked for, whatever the rate it is looked at."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from vehicles.car.drift import GRID, GaussMarkov, begun, truncated
+from vehicles.schedule import SECOND, instants
+
+START = 1_700_000_000_123_456_789
+LAGS = (1, 2, 5, 10, 20, 50, 100, 150, 200)
+
+
+def path(
+    time_constant: float, rate_hz: float, seconds: float, seed: int = 1
+) -> NDArray[np.float64]:
+    """East and north of a path, a column each."""
+    process = GaussMarkov(time_constant, START, np.random.default_rng(seed))
+    end = START + round(seconds * SECOND)
+    return np.array([process.at(now) for now in instants(START, end, rate_hz)])
+
+
+def autocorrelation(values: NDArray[np.float64], lag: int) -> float:
+    """That of a process whose mean is known to be 0."""
+    return float(np.mean(values[lag:] * values[: len(values) - lag]) / np.mean(values * values))
+
+
+@pytest.mark.campaign(4, 40)
+def test_the_autocorrelation_is_the_law_s(campaign: int) -> None:
+    """At lags up to two time constants, within 0.1: that of all paths together, each 20 000 s."""
+    time_constant = 100.0
+    paths = [path(time_constant, 1.0, 20_000.0, seed) for seed in range(campaign)]
+    for lag in LAGS:
+        found = np.mean([np.mean(one[lag:] * one[:-lag]) for one in paths])
+        found /= np.mean([np.mean(one * one) for one in paths])
+        assert found == pytest.approx(math.exp(-lag / time_constant), abs=0.1), lag
+
+
+def test_the_rate_changes_nothing() -> None:
+    """At 5, 10 and 20 Hz the same autocorrelation to 1 %, and at equal instants the same path."""
+    paths = {rate: path(100.0, rate, 4000.0) for rate in (5, 10, 20)}
+    assert np.array_equal(paths[20][::2], paths[10])
+    assert np.array_equal(paths[20][::4], paths[5])
+    whole = {
+        rate: [autocorrelation(one, lag * rate) for lag in LAGS] for rate, one in paths.items()
+    }
+    for rate in (5, 10):
+        assert whole[rate] == pytest.approx(whole[20], abs=0.01)
+
+
+def test_it_is_stationary_from_the_first_instant_on() -> None:
+    """Deviation 1 in both axes, which have nothing to do with one another, at any age."""
+    count = 1000
+    for seconds in (0.0, 3.0, 12.0):  # 12 s: beyond two blocks of the grid
+        ends = [
+            GaussMarkov(10.0, START, np.random.default_rng(seed)).at(
+                START + round(seconds * SECOND)
+            )
+            for seed in range(count)
+        ]
+        covariance = np.cov(np.array(ends).T)
+        assert np.max(np.abs(covariance - np.eye(2))) < 5.0 * math.sqrt(2.0 / count)
+
+
+def test_it_is_the_plain_recursion() -> None:
+    """The blocks are a rearrangement of x[k] = r x[k-1] + sqrt(1 - r²) w[k]."""
+    time_constant = 0.5
+    process = GaussMarkov(time_constant, START, np.random.default_rng(7))
+    random = np.random.default_rng(7)
+    kept = math.exp(-GRID / SECOND / time_constant)
+    x = random.standard_normal(2)
+    for block in range(3):
+        drawn = random.standard_normal((2, 512))
+        for k in range(512):
+            x = kept * x + math.sqrt(1.0 - kept * kept) * drawn[:, k]
+            now = START + (block * 512 + k + 1) * GRID
+            assert process.at(now) == pytest.approx(tuple(x), abs=1e-10)
+
+
+def test_it_keeps_its_value_between_two_points_of_the_grid() -> None:
+    process = GaussMarkov(10.0, START, np.random.default_rng(1))
+    first = process.at(START)
+    assert process.at(START + GRID - 1) == first != process.at(START + GRID)
+    process.at(START + 1000 * GRID)
+    with pytest.raises(ValueError, match="before the part"):
+        process.at(START)
+
+
+@pytest.mark.parametrize("time_constant", [0.0, 0.01, -1.0, math.inf, math.nan])
+def test_impossible_time_constants_are_refused(time_constant: float) -> None:
+    with pytest.raises(ValueError, match="time constant"):
+        GaussMarkov(time_constant, START, np.random.default_rng(1))
+
+
+def uniform(random: np.random.Generator, count: int) -> Iterator[tuple[float, float]]:
+    for one in random.random((count, 2)).tolist():
+        yield one[0], one[1]
+
+
+@given(
+    deviation=st.floats(0.01, 10.0),
+    most=st.floats(0.0, 10.0),
+    draws=st.tuples(st.floats(0, 1, exclude_max=True), st.floats(0, 1, exclude_max=True)),
+)
+def test_an_entry_is_within_its_circle(
+    deviation: float, most: float, draws: tuple[float, float]
+) -> None:
+    assert math.hypot(*truncated(deviation, most, draws)) <= most * (1.0 + 1e-12)
+
+
+def test_an_entry_has_the_law_of_the_drift_where_the_circle_is_wide() -> None:
+    places = np.array(
+        [truncated(0.3, 100.0, draws) for draws in uniform(np.random.default_rng(3), 8000)]
+    )
+    assert np.max(np.abs(np.cov(places.T) / 0.09 - np.eye(2))) < 5.0 * math.sqrt(2.0 / 8000)
+    narrow = np.array(
+        [truncated(0.3, 0.03, draws) for draws in uniform(np.random.default_rng(3), 8000)]
+    )
+    # In a narrow circle the law is flat: a quarter of the square of the radius per axis.
+    assert np.mean(narrow**2) == pytest.approx(0.03**2 / 4.0, rel=0.05)
+
+
+def test_what_a_drift_began_with_fades() -> None:
+    assert begun((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.7, -0.3))
+    assert begun((0.1, 0.1), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.5, 0.0))
+    assert begun((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 0.0) == (0.3, -0.2)

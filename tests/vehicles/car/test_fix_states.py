@@ -1,0 +1,103 @@
+"""Stays in the fix states: by the list, exponential by the chain, none in a tunnel."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from vehicles.car.dynamics import Body
+from vehicles.car.fix_states import (
+    EVER,
+    CircleOutage,
+    FixStates,
+    ReceiverState,
+    RoadOutage,
+    StateChain,
+    StateSchedule,
+    TimeOutage,
+)
+from vehicles.schedule import SECOND
+
+START = 1_700_000_000_000_000_000
+CHAIN: dict[ReceiverState, dict[ReceiverState, float]] = {
+    "fixed": {"float": 890.0},
+    "float": {"fixed": 14.0},
+}
+
+
+def stays(states: FixStates, count: int) -> list[tuple[ReceiverState, float]]:
+    """States and lengths (s) of the first stays."""
+    found, now = [], START
+    for _ in range(count):
+        stay = states.at(now)
+        assert stay.since == now
+        found.append((stay.state, (stay.until - stay.since) / SECOND))
+        now = stay.until
+    return found
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_stays_of_a_chain_are_exponential(seed: int) -> None:
+    """Kolmogorov and Smirnov at 0.1 %."""
+    found = stays(StateChain("fixed", CHAIN, START, np.random.default_rng(seed)), 4000)
+    for state, mean in (("fixed", 890.0), ("float", 14.0)):
+        lengths = [length for one, length in found if one == state]
+        assert len(lengths) == 2000
+        assert stats.kstest(lengths, "expon", args=(0.0, mean)).pvalue > 0.001
+
+
+def test_of_several_transitions_each_has_its_rate() -> None:
+    means: dict[ReceiverState, dict[ReceiverState, float]] = {
+        "fixed": {"float": 10.0, "none": 30.0},
+        "float": {"fixed": 1.0},
+        "none": {"fixed": 2.0},
+    }
+    found = stays(StateChain("fixed", means, START, np.random.default_rng(4)), 8000)
+    fixed = [length for state, length in found if state == "fixed"]
+    assert stats.kstest(fixed, "expon", args=(0.0, 7.5)).pvalue > 0.001  # 1/10 + 1/30
+    lost = sum(state == "none" for state, _ in found)
+    assert lost == pytest.approx(1000, abs=5 * (4000 * 0.25 * 0.75) ** 0.5)  # a quarter of 4000
+
+
+def test_a_chain_does_not_depend_on_when_it_is_asked() -> None:
+    often, seldom = (StateChain("fixed", CHAIN, START, np.random.default_rng(5)) for _ in range(2))
+    for second in range(0, 5000, 100):
+        for step in range(100):
+            now = often.at(START + (second + step) * SECOND)
+        assert now == seldom.at(START + (second + 99) * SECOND)
+
+
+def test_a_state_that_nothing_leaves_lasts() -> None:
+    chain = StateChain("single", CHAIN, START, np.random.default_rng(1))
+    assert chain.at(START + 10**6 * SECOND).until == EVER
+
+
+def test_a_schedule_is_followed() -> None:
+    schedule = StateSchedule("fixed", [(2.0, "float"), (5.0, "none"), (5.5, "fixed")], START)
+    at = {0.0: "fixed", 1.999: "fixed", 2.0: "float", 4.9: "float", 5.0: "none", 5.5: "fixed"}
+    found = {second: schedule.at(START + round(second * SECOND)).state for second in at}
+    assert found == at
+    assert StateSchedule("fixed", [(0.0, "single")], START).at(START).state == "single"
+
+
+def test_states_last_in_the_latest_of_runs_too() -> None:
+    start = 7_258_118_399 * SECOND  # the last second of 2199
+    now = start + 86_400 * SECOND
+    assert StateSchedule("float", (), start).at(now).state == "float"
+    assert StateChain("single", CHAIN, start, np.random.default_rng(1)).at(now).state == "single"
+
+
+def test_outages_cover_what_they_say() -> None:
+    def car(driven: float = 0.0, east: float = 0.0, north: float = 0.0) -> Body:
+        return Body(east=east, north=north, yaw=0.0, speed=20.0, distance=driven)
+
+    time = TimeOutage(START, START + SECOND)
+    assert [time.covers(car(), START + k) for k in (-1, 0, SECOND - 1, SECOND)] == [
+        *(False, True, True, False)
+    ]
+    road = RoadOutage(100.0, 200.0, behind=30.0)  # it starts 30 m behind the lead
+    assert [road.covers(car(way), START) for way in (129.0, 130.0, 229.0, 230.0)] == [
+        *(False, True, True, False)
+    ]
+    circle = CircleOutage(10.0, -5.0, 3.0)
+    assert circle.covers(car(east=12.0, north=-5.0), START)
+    assert not circle.covers(car(east=12.5, north=-7.5), START)

@@ -1,0 +1,196 @@
+"""What is wrong with positions: common to all or own, by state, rounded, late, and what is said."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from hashlib import blake2b
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.random import Generator
+
+from vehicles.car.dynamics import Body
+from vehicles.car.fix_states import FixStates, Outage, ReceiverState, StateSchedule, TimeOutage
+from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver
+from vehicles.car.gnss_errors import (
+    Bias,
+    ErrorModel,
+    ReceiverErrors,
+    StateErrors,
+    Streams,
+    Wander,
+)
+from vehicles.schedule import MILLISECOND, SECOND, instants
+
+START = 1_700_000_000_000_000_000
+BODY = Body(120.0, -45.0, 2.5, 20.0, 0.1, 0.05, 0.01, 0.0, 300.0)
+SILENT = GnssNoise(position=0.0, heading=0.0, speed=0.0, yaw_rate=0.0)
+QUIET = StateErrors(0.0)
+EVERYBODY = 99
+
+
+def streams(place: int) -> Streams:
+    def stream(purpose: str) -> Generator:
+        word = int.from_bytes(blake2b(purpose.encode(), digest_size=4).digest(), "little")
+        return np.random.default_rng([5, place, 2, word])
+
+    return stream
+
+
+def model(fixed: StateErrors = QUIET, floating: StateErrors = QUIET) -> ErrorModel:
+    return ErrorModel(states={"fixed": fixed, "float": floating, "single": QUIET})
+
+
+def errors(
+    made: ErrorModel,
+    place: int = 1,
+    states: FixStates | None = None,
+    outages: Sequence[Outage] = (),
+) -> ReceiverErrors:
+    states = states or StateSchedule("fixed", (), START)
+    return ReceiverErrors(made, states, outages, START, streams(place), streams(EVERYBODY))
+
+
+def fixes(
+    found: ReceiverErrors, seconds: float, rate_hz: float = 20.0, noise: GnssNoise = SILENT
+) -> list[Fix]:
+    gnss = GnssReceiver(noise, rate_hz, START, np.random.default_rng(1), found)
+    end = START + round(seconds * SECOND)
+    measured = (gnss.measure(BODY, now) for now in instants(START, end, rate_hz))
+    return [fix for fix in measured if fix is not None]
+
+
+def off(fix: Fix) -> tuple[float, float]:
+    return fix.east - BODY.east, fix.north - BODY.north
+
+
+def test_what_is_common_cancels_between_vehicles() -> None:
+    """At equal instants, also for a receiver of another rate: to the bit, so far below 1e-9 m."""
+    common = replace(model(), common=Wander(3.0, 50.0))
+    here = {fix.measured_at: off(fix) for fix in fixes(errors(common, 1), 30.0)}
+    there = {fix.measured_at: off(fix) for fix in fixes(errors(common, 2), 30.0)}
+    rare = {fix.measured_at: off(fix) for fix in fixes(errors(common, 3), 30.0, rate_hz=4.0)}
+    assert here == there
+    assert rare.items() <= here.items()
+    assert max(map(math.hypot, *zip(*here.values(), strict=True))) > 1.0
+    first, second = errors(common, 1), errors(common, 2)
+    for now in instants(START, START + 60 * SECOND, 20.0):
+        assert first.common_at(now) == second.common_at(now)
+
+
+def test_own_errors_stay_their_own_beside_what_is_common() -> None:
+    own = model(StateErrors(0.0, Wander(0.2, 20.0)))
+    both = replace(own, common=Wander(3.0, 50.0))
+    apart = [
+        np.subtract(off(one), off(other))
+        for one, other in zip(fixes(errors(own, 1), 20.0), fixes(errors(own, 2), 20.0), strict=True)
+    ]
+    with_common = [
+        np.subtract(off(one), off(other))
+        for one, other in zip(
+            fixes(errors(both, 1), 20.0), fixes(errors(both, 2), 20.0), strict=True
+        )
+    ]
+    assert np.max(np.abs(np.subtract(apart, with_common))) < 1e-9
+    assert np.max(np.abs(apart)) > 0.05
+
+
+def test_white_noise_is_that_of_a_plain_receiver() -> None:
+    """The same draws, so that a scenario with a drift differs by the drift alone."""
+    noise = GnssNoise()
+    plain = GnssReceiver(noise, 20.0, START, np.random.default_rng(1))
+    found = fixes(errors(model(StateErrors(noise.position))), 2.0, noise=noise)
+    for k, fix in enumerate(found):
+        before = plain.measure(BODY, START + k * 50 * MILLISECOND)
+        assert before is not None
+        assert off(fix) == pytest.approx(off(before), abs=1e-12)
+        assert replace(fix, east=0.0, north=0.0) == replace(before, east=0.0, north=0.0)
+
+
+def test_a_bias_is_constant_and_partly_drawn() -> None:
+    given = replace(model(), bias=Bias(0.0, 1.0, -2.0))
+    assert {off(fix) for fix in fixes(errors(given), 3.0)} == {(1.0, -2.0)}
+    drawn = replace(model(), bias=Bias(0.5))
+    each = [off(fixes(errors(drawn, place), 0.1)[0]) for place in range(400)]
+    assert np.std(each) == pytest.approx(0.5, rel=5 / math.sqrt(2 * 800))
+    assert abs(np.mean(each)) < 5 * 0.5 / math.sqrt(800)
+
+
+def test_positions_are_rounded() -> None:
+    rounded = replace(model(StateErrors(0.3)), quantum=0.25)
+    for fix in fixes(errors(rounded), 5.0):
+        assert (fix.east / 0.25).is_integer()
+        assert (fix.north / 0.25).is_integer()
+
+
+def test_a_fix_is_known_after_its_latency() -> None:
+    late = replace(model(), latency=70 * MILLISECOND)
+    gnss = GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1), errors(late))
+    known = {}
+    for step in range(0, 400, 10):
+        fix = gnss.measure(BODY, START + step * MILLISECOND)
+        if fix is not None:
+            known[step] = (fix.measured_at - START) // MILLISECOND
+    assert known == {70: 0, 120: 50, 170: 100, 220: 150, 270: 200, 320: 250, 370: 300}
+
+
+def test_entry_jumps_are_bounded_and_fade() -> None:
+    """Whenever float is entered the drift starts within half a metre, also after an outage."""
+    floating = StateErrors(0.0, Wander(2.0, 10.0), entry_jump=0.5)
+    entries: list[tuple[float, ReceiverState]] = []
+    for k in range(60):
+        entries += [(20.0 * k + 5.0, "float"), (20.0 * k + 18.0, "fixed")]
+    tunnels = [
+        TimeOutage(START + s * SECOND, START + (s + 1) * SECOND) for s in range(10, 1200, 20)
+    ]
+    made = errors(
+        model(floating=floating), 1, StateSchedule("fixed", entries, START), tuple(tunnels)
+    )
+    found = fixes(made, 1200.0, rate_hz=4.0)
+    jumps, later = [], []
+    for before, fix in pairwise(found):
+        if fix.state != "float":
+            assert off(fix) == (0.0, 0.0)
+        elif before.state != "float" or fix.measured_at - before.measured_at > SECOND:
+            jumps.append(math.hypot(*off(fix)))
+        else:
+            later.append(math.hypot(*off(fix)))
+    assert len(jumps) == 120
+    assert max(jumps) <= 0.5 + 1e-12
+    assert max(jumps) > 0.4
+    assert max(later) > 2.0
+    assert not [fix for fix in found if any(t.covers(BODY, fix.measured_at) for t in tunnels)]
+
+
+def test_a_receiver_that_is_on_for_long_does_not_jump_at_the_start() -> None:
+    floating = StateErrors(0.0, Wander(2.0, 10.0), entry_jump=0.01)
+    schedule = StateSchedule("float", (), START)
+    firsts = [
+        math.hypot(*off(fixes(errors(model(floating=floating), place, schedule), 0.04)[0]))
+        for place in range(20)
+    ]
+    assert max(firsts) > 1.0
+
+
+def test_the_accuracy_is_the_deviation_or_a_part_of_it() -> None:
+    honest = StateErrors(0.3, Wander(0.4, 10.0))
+    lying = replace(honest, accuracy=0.05)
+    schedule = [(1.0, "float")]
+    made = model(honest, lying)
+    found = fixes(errors(made, 1, StateSchedule("fixed", schedule, START)), 2.0)  # type: ignore[arg-type]
+    assert {(fix.state, round(fix.accuracy, 12)) for fix in found} == {
+        ("fixed", 0.5),
+        ("float", 0.025),
+    }
+    whole = replace(made, common=Wander(1.2, 10.0))
+    assert whole.deviation("fixed") == pytest.approx(1.3)
+    assert whole.deviation("fixed", shared=False) == pytest.approx(0.5)
+
+
+@pytest.mark.campaign(150, 2000)
+def test_the_stated_deviation_is_what_errors_scatter_by(campaign: int) -> None:
+    made = replace(model(StateErrors(0.3, Wander(0.4, 10.0))), bias=Bias(0.5), quantum=1.0)
+    each = [off(fixes(errors(made, place), 0.04)[0]) for place in range(campaign)]
+    size = 2 * campaign
+    assert np.std(each) == pytest.approx(made.deviation("fixed"), rel=5.0 / math.sqrt(2.0 * size))

@@ -1,0 +1,238 @@
+"""When a vehicle sends: rates, intervals, the rule of awareness messages, congestion control."""
+
+from collections import Counter
+from fractions import Fraction
+from itertools import islice, pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.definition.schema.sending import CAM_INTERVALS_MS, CAM_SHARES
+from vehicles.car.gnss import Fix
+from vehicles.car.sending import (
+    CooperativeAwareness,
+    DrawnIntervals,
+    EveryFix,
+    FixedRate,
+    Profile,
+    ReactiveControl,
+    Sender,
+    SendingRule,
+    Shares,
+    awareness_interval,
+    profile_instants,
+    quiet_at,
+)
+from vehicles.schedule import MILLISECOND, SECOND, Cadence, instants
+
+START = 1_700_000_000_000_000_000
+
+
+def sent(
+    rule: SendingRule | None,
+    seconds: float,
+    *,
+    speed: float = 20.0,
+    gnss_hz: float = 100.0,
+    ticks_hz: float = 200.0,
+    control: ReactiveControl | None = None,
+    yaw_rate: float = 0.0,
+    acceleration: float = 0.0,
+) -> list[tuple[float, float]]:
+    """When something was sent and when that was measured, both ms after the start."""
+    sender, gnss = Sender(rule, control), Cadence(START, gnss_hz)
+    found = []
+    for now in instants(START, START + round(seconds * SECOND), ticks_hz):
+        fix, at = None, (now - START) / SECOND
+        if (seq := gnss.index(now)) is not None:
+            faster = speed + acceleration * at
+            fix = Fix(seq, now, speed * at, 0.0, yaw_rate * at, faster, yaw_rate)
+        if (one := sender.send(now, fix)) is not None:
+            found.append(((now - START) / 1e6, (one.measured_at - START) / 1e6))
+    return found
+
+
+def gaps(found: list[tuple[float, float]]) -> list[float]:
+    return [later - earlier for (earlier, _), (later, _) in pairwise(found)]
+
+
+def test_every_fix_is_sent_as_it_comes() -> None:
+    assert sent(None, 0.3, gnss_hz=20.0) == [(t, t) for t in (0, 50, 100, 150, 200, 250)]
+
+
+def test_a_rate_of_its_own_takes_the_newest_fix() -> None:
+    rule = FixedRate(Cadence(START + 30 * MILLISECOND, 8.0))
+    assert sent(rule, 0.6, gnss_hz=20.0) == [
+        (30, 0),
+        (155, 150),
+        (280, 250),
+        (405, 400),
+        (530, 500),
+    ]
+
+
+def test_no_fix_is_sent_twice() -> None:
+    found = sent(FixedRate(Cadence(START, 50.0)), 3.0, gnss_hz=8.0)
+    measured = [at for _, at in found]
+    assert len(measured) == len(set(measured)) == 24
+    assert all(0.0 <= when - at < 20.0 for when, at in found)
+
+
+@given(
+    points=st.lists(
+        st.tuples(st.integers(1, 50), st.sampled_from([0.0, 0.5, 1.0, 7.0, 12.5, 30.0])),
+        min_size=1, max_size=5,
+    )
+)  # fmt: skip
+def test_a_changing_rate_is_integrated(points: list[tuple[int, float]]) -> None:
+    """The n-th instant is where the integral of the rate, summed by hand, is n."""
+    at, profile = 0.0, []
+    for tenths, rate in points:
+        profile.append((at, rate))
+        at += tenths / 10.0
+    found = [one / SECOND for one in islice(profile_instants(profile), 60)]
+
+    def turns(until: float) -> float:
+        ends = [*(begin for begin, _ in profile[1:]), float("inf")]
+        pieces = zip(profile, ends, strict=True)
+        return sum(rate * max(min(end, until) - begin, 0.0) for (begin, rate), end in pieces)
+
+    assert [turns(one) for one in found] == pytest.approx(list(range(len(found))), abs=1e-6)
+    if profile[-1][1] > 0.0:
+        assert len(found) == 60
+
+
+def test_a_profile_is_sent() -> None:
+    rule = Profile([(0.0, 10.0), (0.25, 0.0), (0.5, 20.0)], START)
+    # Half a turn is left at 0.25 s, which takes 25 ms of 20 Hz.
+    assert [when for when, _ in sent(rule, 0.7)] == [0, 100, 200, 525, 575, 625, 675]
+    assert Fraction(1, 2) / 20 == Fraction(25, 1000)
+
+
+# ---- EN 302 637-2
+
+
+@pytest.mark.parametrize(
+    ("speed", "check_ms", "interval"),
+    [
+        *((30.0, 20, 140), (30.0, 50, 150), (30.0, 100, 200)),
+        *((19.99, 10, 210), (19.99, 50, 250), (19.99, 100, 300)),
+        *((9.99, 10, 410), (9.99, 50, 450), (9.99, 100, 500)),
+        *((60.0, 20, 100), (2.0, 50, 1000)),
+    ],
+)
+def test_awareness_intervals_at_constant_speed(
+    speed: float, check_ms: int, interval: float
+) -> None:
+    """At the first check after more than 4 m; from 0.1 to 1 s. 4 m to the bit may be either."""
+    rule = CooperativeAwareness(Cadence(START, 1000.0 / check_ms))
+    found = gaps(sent(rule, 8.0, speed=speed))
+    assert set(found[3:]) == {interval}
+    assert awareness_interval(speed, check_ms / 1000.0) == pytest.approx(interval / 1000.0)
+
+
+def test_a_standing_car_says_so_each_second() -> None:
+    rule = CooperativeAwareness(Cadence(START, 10.0))
+    assert gaps(sent(rule, 5.0, speed=0.0)) == [1000.0] * 4
+
+
+def test_turning_and_braking_ask_for_messages() -> None:
+    """0.5 rad/s pass 4 deg in 140 ms, 2 m/s² pass 0.5 m/s in 250 ms."""
+    turning = CooperativeAwareness(Cadence(START, 50.0))
+    assert set(gaps(sent(turning, 4.0, speed=1.0, yaw_rate=0.5))) == {140.0}
+    braking = CooperativeAwareness(Cadence(START, 50.0))
+    assert set(gaps(sent(braking, 4.0, speed=1.0, acceleration=2.0))) == {260.0}
+
+
+def test_three_messages_keep_the_interval_of_the_last_change() -> None:
+    """Then a second: the counter of the rule."""
+    rule = CooperativeAwareness(Cadence(START, 10.0))
+    sender, when = Sender(rule), []
+    for k in range(60):
+        now = START + k * 100 * MILLISECOND
+        east = 5.0 if k >= 2 else 0.0  # one change at 0.2 s, then it stands
+        if sender.send(now, Fix(k, now, east, 0.0, 0.0, 0.0, 0.0)) is not None:
+            when.append(k)
+    assert when == [0, 2, 4, 6, 8, 18, 28, 38, 48, 58]
+
+
+# ---- TS 102 687
+
+
+def test_congestion_control_has_the_table_s_spans() -> None:
+    spans = {0.0: 100, 0.29: 100, 0.3: 200, 0.4: 400, 0.5: 500, 0.59: 500, 0.6: 1000, 1.0: 1000}
+    assert {ratio: quiet_at(ratio) / MILLISECOND for ratio in spans} == spans
+
+
+def test_congestion_control_goes_one_state_at_a_time() -> None:
+    control = ReactiveControl([(1.0, 0.9), (3.0, 0.0)], START, 100 * MILLISECOND)
+    at = (0.0, 0.99, 1.0, 1.1, 1.2, 1.3, 2.9, 3.0, 3.1, 3.2, 3.3, 5.0)
+    found = [control.quiet(START + round(t * SECOND)) // MILLISECOND for t in at]
+    assert found == [100, 100, 200, 400, 500, 1000, 1000, 500, 400, 200, 100, 100]
+
+
+@pytest.mark.parametrize(("ratio", "least"), [(0.0, 100), (0.35, 200), (0.55, 500), (0.7, 1000)])
+@pytest.mark.parametrize("kind", ["every_fix", "fixed", "cam", "drawn", "profile"])
+def test_no_interval_is_shorter_than_congestion_control_allows(
+    kind: str, ratio: float, least: int
+) -> None:
+    cadence = Cadence(START, 25.0)
+    shares = Shares([60 * MILLISECOND], [1.0], 0)
+    rules: dict[str, SendingRule] = {
+        "every_fix": EveryFix(),
+        "fixed": FixedRate(cadence),
+        "cam": CooperativeAwareness(cadence),
+        "drawn": DrawnIntervals(shares, START, np.random.default_rng(1)),
+        "profile": Profile([(0.0, 25.0)], START),
+    }
+    control = ReactiveControl([(0.0, ratio)], START, 10 * MILLISECOND)
+    found = sent(rules[kind], 10.0, speed=40.0, gnss_hz=25.0, control=control)
+    later = [gap for gap, (when, _) in zip(gaps(found), found, strict=False) if when > 100.0]
+    assert min(later) >= least
+    # What comes with its period of 40 ms is the first instant that is allowed.
+    assert max(later) <= least + 40.0 or kind == "cam"
+
+
+# ---- Intervals that were measured
+
+
+@pytest.mark.parametrize(
+    ("name", "mean_ms"), [("cam_vw_highway", 335), ("cam_renault_highway", 441)]
+)
+@pytest.mark.campaign(20_000, 200_000)
+def test_drawn_intervals_have_the_shares_measured(name: str, mean_ms: float, campaign: int) -> None:
+    shares = CAM_SHARES[name]
+    assert sum(shares) == pytest.approx(1.0, abs=0.0011)
+    table = Shares([round(ms * MILLISECOND) for ms in CAM_INTERVALS_MS], shares, 3 * MILLISECOND)
+    random = np.random.default_rng(1)
+    drawn = np.array([table.draw(random) for _ in range(campaign)]) / MILLISECOND
+    counted = Counter(np.round(drawn / 100.0).astype(int).tolist())
+    for place, share in enumerate(shares, 1):
+        wanted = share / sum(shares)
+        spread = (wanted * (1.0 - wanted) / campaign) ** 0.5
+        assert counted[place] / campaign == pytest.approx(wanted, abs=5.0 * spread)
+    assert np.mean(drawn) == pytest.approx(mean_ms, abs=5.0 * np.std(drawn) / campaign**0.5 + 1.0)
+    off = drawn - 100.0 * np.round(drawn / 100.0)
+    assert np.std(off) == pytest.approx(3.0, rel=0.03)  # cut at three deviations: 1.3 % less
+    assert np.max(np.abs(off)) <= 9.0
+    assert min(drawn) * MILLISECOND >= table.shortest
+
+
+def test_drawn_intervals_keep_their_mean_though_ticks_are_rare() -> None:
+    """What is due waits for the next tick, and the interval after it is not longer for that."""
+    shares = Shares([130 * MILLISECOND, 170 * MILLISECOND], [1.0, 1.0], 3 * MILLISECOND)
+    rule = DrawnIntervals(shares, START, np.random.default_rng(2))
+    found = sent(rule, 300.0, gnss_hz=50.0, ticks_hz=50.0)
+    assert len(found) == pytest.approx(2000, abs=5 * 2000**0.5 * 20 / 150)
+    assert all(when % 20 == 0 for when, _ in found)
+
+
+@given(seed=st.integers(0, 50), jitter=st.integers(0, 3))
+def test_numbers_never_run_ahead_of_the_shortest_interval(seed: int, jitter: int) -> None:
+    """What the gate of receivers counts on."""
+    shares = Shares([50 * MILLISECOND], [1.0], jitter * MILLISECOND)
+    rule = DrawnIntervals(shares, START, np.random.default_rng(seed))
+    for seq, (when, _) in enumerate(sent(rule, 2.0)):
+        assert seq * shares.shortest <= when * MILLISECOND
