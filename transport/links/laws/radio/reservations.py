@@ -7,6 +7,8 @@ from transport.links.laws.effect import Draw
 
 MOST_KNOWN = 64
 """Links whose last reservation is kept; what is not kept is worked out again."""
+LOOK_BACK = 8
+"""Longest reservations that are looked back over at first; then twice as many, and so on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,7 @@ class Reservations:
     def selected_at(self, draw: Draw, seq: int) -> int:
         """Return the message before which the resources of message `seq` were selected."""
         known = self._known.get(draw)
-        if known is None or seq < known[1]:
+        if known is None or not known[1] <= seq < known[2] + LOOK_BACK * self.most:
             known = self._sure(draw, seq)
         selected, begin, end = known
         while end <= seq:
@@ -61,7 +63,7 @@ class Reservations:
 
         Returns the message of that selection, and twice the reservation's bounds: begin and end.
         """
-        back = 8 * self.most
+        back = LOOK_BACK * self.most
         while True:
             agreed = self._agreed(draw, seq - back)
             while agreed <= seq:
