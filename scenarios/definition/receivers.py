@@ -16,8 +16,8 @@ from scenarios.definition.schema.gnss import (
     StateErrorsTable,
     TimeOutageTable,
 )
-from vehicles.car.fix_states import (
-    CircleOutage,
+from vehicles.car.positioning.fix_states import (
+    BlindCircle,
     FixStates,
     Outage,
     ReceiverState,
@@ -26,7 +26,14 @@ from vehicles.car.fix_states import (
     StateSchedule,
     TimeOutage,
 )
-from vehicles.car.gnss_errors import Bias, ErrorModel, ReceiverErrors, StateErrors, Streams, Wander
+from vehicles.car.positioning.gnss_errors import (
+    Bias,
+    ErrorModel,
+    ReceiverErrors,
+    StateErrors,
+    Streams,
+    Wander,
+)
 from vehicles.messages import FixState
 from vehicles.schedule import MILLISECOND, nanoseconds
 
@@ -188,5 +195,5 @@ def _outage(table: OutageOfFix, start_at: int, behind: float) -> Outage:
     if isinstance(table, TimeOutageTable):
         return TimeOutage(start_at + nanoseconds(table.from_s), start_at + nanoseconds(table.to_s))
     if isinstance(table, CircleOutageTable):
-        return CircleOutage(table.east_m, table.north_m, table.radius_m)
+        return BlindCircle(table.east_m, table.north_m, table.radius_m)
     return RoadOutage(table.from_m, table.to_m, behind)

@@ -66,7 +66,11 @@ def near(word: str, known: Iterable[str]) -> str:
 
 def refusals(error: ValidationError) -> list[tuple[str, str]]:
     """Key and text of every problem that the validation found."""
-    return [_refusal(problem) for problem in error.errors(include_url=False)]
+    problems = error.errors(include_url=False)
+    # A list without the entries that are refused can be too short: that is said by those.
+    inside = {one["loc"][:depth] for one in problems for depth in range(len(one["loc"]))}
+    wrong = [one for one in problems if one["type"] != "too_short" or one["loc"] not in inside]
+    return [_refusal(problem) for problem in wrong]
 
 
 def _refusal(problem: ErrorDetails) -> tuple[str, str]:

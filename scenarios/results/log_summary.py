@@ -77,8 +77,8 @@ def silent_links(
     """Say which links that should lose nothing delivered nothing; nothing if there is none.
 
     Only what sender and receiver both lived for counts, beyond the delay that was asked for; a
-    receiver that is `replayed` listens to nobody. Of links that are `off` the sender or the receiver
-    has no radio for a time.
+    receiver that is `replayed` listens to nobody. Of links that are `off` the sender or the
+    receiver has no radio for a time.
     """
     said = []
     for link in metrics.link_summaries():

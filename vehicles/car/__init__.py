@@ -7,9 +7,7 @@ brush_motion     the single-track model on tyres that saturate: a car that can s
 dynamics         the single-track model with steering actuation, integrated
 path_keeping     how a car stands and steers that keeps exactly to a path
 gnss             the GNSS receiver, and its fixes as messages and back
-drift            errors that wander: the same path for whoever looks, at any rate
-fix_states       how a receiver knows its place from time to time, and where it is blind
-gnss_errors      what is wrong with its positions beside white noise
+positioning/     what is wrong with its positions beside white noise
 sending          when a vehicle sends which of its fixes
 imu              gyroscope and wheel speed, or exact knowledge of the car
 dead_reckoning   how the car moves on by what these say, and how wrong that becomes

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss_errors import ReceiverErrors
+from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, yaw_from_heading
 from vehicles.messages import FixState, GpsPose
 from vehicles.schedule import Cadence

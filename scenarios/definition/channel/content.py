@@ -6,7 +6,7 @@ from math import inf
 from scenarios.definition.schema.content import (
     AnyFalseTable,
     ContentTable,
-    DriftTable,
+    DriftingTable,
     FalseTable,
     FrozenTable,
     GhostTable,
@@ -62,7 +62,7 @@ def _false_content(table: AnyFalseTable, gate: PoseGate) -> FalseContent:
             return FalseOffset(
                 span, Shift(table.east_m, table.north_m, table.ahead_m, table.left_m)
             )
-        case DriftTable():
+        case DriftingTable():
             return FalseDrift(
                 span, Shift(table.east_mps, table.north_mps, table.ahead_mps, table.left_mps)
             )

@@ -34,7 +34,7 @@ class OffsetTable(FalseTable):
     left_m: Metres = 0.0
 
 
-class DriftTable(FalseTable):
+class DriftingTable(FalseTable):
     """The place told moves away from the true one, from `from_s` on."""
 
     kind: Literal["drift"]
@@ -67,7 +67,7 @@ class GhostTable(FalseTable):
 
 
 AnyFalseTable = Annotated[
-    OffsetTable | DriftTable | FrozenTable | ReplayedTable | GhostTable,
+    OffsetTable | DriftingTable | FrozenTable | ReplayedTable | GhostTable,
     Field(discriminator="kind"),
 ]
 

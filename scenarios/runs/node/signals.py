@@ -13,7 +13,7 @@ from scenarios.definition.schema.sending import CamSending, DccTable, FixedSendi
 from scenarios.definition.sending import shares_of
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.gnss import GnssReceiver
-from vehicles.car.gnss_errors import Streams
+from vehicles.car.positioning.gnss_errors import Streams
 from vehicles.car.sending import (
     CooperativeAwareness,
     DrawnIntervals,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from vehicles.car.drift import GRID, GaussMarkov, begun, truncated
+from vehicles.car.positioning.drift import GRID, GaussMarkov, begun, truncated
 from vehicles.schedule import SECOND, instants
 
 START = 1_700_000_000_123_456_789

@@ -5,9 +5,9 @@ import pytest
 from scipy import stats
 
 from vehicles.car.dynamics import Body
-from vehicles.car.fix_states import (
+from vehicles.car.positioning.fix_states import (
     EVER,
-    CircleOutage,
+    BlindCircle,
     FixStates,
     ReceiverState,
     RoadOutage,
@@ -98,6 +98,6 @@ def test_outages_cover_what_they_say() -> None:
     assert [road.covers(car(way), START) for way in (129.0, 130.0, 229.0, 230.0)] == [
         *(False, True, True, False)
     ]
-    circle = CircleOutage(10.0, -5.0, 3.0)
+    circle = BlindCircle(10.0, -5.0, 3.0)
     assert circle.covers(car(east=12.0, north=-5.0), START)
     assert not circle.covers(car(east=12.5, north=-7.5), START)

@@ -11,9 +11,15 @@ import pytest
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.fix_states import FixStates, Outage, ReceiverState, StateSchedule, TimeOutage
 from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver
-from vehicles.car.gnss_errors import (
+from vehicles.car.positioning.fix_states import (
+    FixStates,
+    Outage,
+    ReceiverState,
+    StateSchedule,
+    TimeOutage,
+)
+from vehicles.car.positioning.gnss_errors import (
     Bias,
     ErrorModel,
     ReceiverErrors,

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from vehicles.car.drift import GaussMarkov, begun, truncated
 from vehicles.car.dynamics import Body
-from vehicles.car.fix_states import FixStates, Outage, Sojourn, StateSchedule
+from vehicles.car.positioning.drift import GaussMarkov, begun, truncated
+from vehicles.car.positioning.fix_states import FixStates, Outage, Sojourn, StateSchedule
 from vehicles.messages import FixState
 from vehicles.schedule import SECOND
 

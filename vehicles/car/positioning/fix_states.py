@@ -134,7 +134,7 @@ class RoadOutage:
 
 
 @dataclass(frozen=True, slots=True)
-class CircleOutage:
+class BlindCircle:
     """Blind within a circle of the plane (m): state 0 of NMEA 0183."""
 
     east: float
