@@ -35,7 +35,8 @@ _ROUNDING = 1e-9
 class ExpectedChannel:
     """Mean loss, mean length of its bursts, mean and deviation of the delay (ms), in the long run.
 
-    None where no number says it beforehand, such as a loss that depends on the distance.
+    None where no number says it beforehand, such as a loss that depends on the distance, or bursts
+    where all is lost.
 
     `loss_inflation` and `latency_inflation` say by how much the dependence from message to message
     spreads a counted loss and a mean delay more than independent messages would (as variances);
@@ -98,6 +99,8 @@ def expected_channel(
     loss = expected_loss(table, effects, distance_m)
     mean, deviation, inflation = _delay(table, effects)
     ratio, burst = (None, None) if loss is None else (loss.loss, loss.burst)
+    if burst == inf:
+        burst = None
     spread = ratio * (1.0 - ratio) if ratio else 0.0
     return ExpectedChannel(
         loss_ratio=ratio,

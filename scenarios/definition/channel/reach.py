@@ -12,8 +12,9 @@ from transport.links.laws.radio import NEAREST, DeliveryOverDistance, Propagatio
 RADIO = DeliveryOverDistance, Propagation
 NODES = 32
 """Of the quadrature over a normal number; the curves of errors are smooth."""
-ALL_BUT_ALL = 0.999
+ALL_BUT_ALL = 0.99
 """Loss from which on a radio is out of reach."""
+MOST_M, STEP_M = 20_000.0, 50.0
 
 
 def loss_over_distance(effect: Effect, distance_m: float) -> tuple[float, float | None]:
@@ -36,9 +37,9 @@ def farthest_m(effect: Effect) -> float:
     """Distance (m) beyond which little or nothing is received."""
     if isinstance(effect, DeliveryOverDistance):
         return effect.distances[-1]
-    far = 50.0
-    while far < 5000.0 and loss_over_distance(effect, far)[0] < ALL_BUT_ALL:
-        far += 50.0
+    far = STEP_M
+    while far < MOST_M and loss_over_distance(effect, far)[0] < ALL_BUT_ALL:
+        far += STEP_M
     return far
 
 

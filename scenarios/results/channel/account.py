@@ -24,7 +24,9 @@ from vehicles.schedule import MILLISECOND
 SAFE_AGES_MS = tuple(range(100, 1001, 100))
 """Ages up to which data may count as fresh."""
 LEAST_MESSAGES = 100
-"""With fewer nothing is said of a loss that is not what was asked for."""
+"""With fewer nothing is said of a loss that is not what was asked for ..."""
+LEAST_INDEPENDENT = 50
+"""... nor with what tells no more than so many independent ones."""
 ROUNDING_MS = 0.01
 """Delays are whole nanoseconds, and counted to 10 µs."""
 OF_VEHICLES = {"transmitter_off", "receiver_off"}
@@ -171,7 +173,8 @@ def misses(link: tuple[str, str], requested: LinkTable, tally: LinkTally) -> Ite
     loss, burst, _ = _losses(tally, CERTAINTY)
     asked = expected.loss_ratio if expected.settles else None
     count = len(tally.lost)
-    if asked is not None and count >= LEAST_MESSAGES:
+    least = max(LEAST_MESSAGES, LEAST_INDEPENDENT * expected.loss_inflation)
+    if asked is not None and count >= least:
         wide = share(loss.value * count, count, CERTAINTY, expected.loss_inflation)
         low, high = min(loss.low, wide.low), max(loss.high, wide.high)
         if not low - 1e-12 <= asked <= high + 1e-12:
@@ -180,13 +183,24 @@ def misses(link: tuple[str, str], requested: LinkTable, tally: LinkTally) -> Ite
                 f"{100 * high:.2f} % with certainty, asked {100 * asked:g} %"
             )
         if expected.burst_messages is not None and burst is not None:
-            yield from _burst_miss(name, expected.burst_messages, burst, tally)
+            yield from _burst_miss(name, expected, burst, tally)
     yield from _latency_miss(name, expected, tally)
 
 
-def _burst_miss(name: str, asked: float, burst: Interval, tally: LinkTally) -> Iterator[str]:
-    number = len(bursts(tally.lost))
-    half = quantile_of_normal(CERTAINTY) * sqrt(max(asked * (asked - 1.0), 0.0) / number)
+def _burst_miss(
+    name: str, expected: ExpectedChannel, burst: Interval, tally: LinkTally
+) -> Iterator[str]:
+    """Compare mean bursts; where few long ones are among many short ones, the count varies as well.
+
+    The mean is the count of losses over that of bursts, so it spreads as the first does at least.
+    """
+    asked, loss = expected.burst_messages or 1.0, expected.loss_ratio or 1.0
+    number, count = len(bursts(tally.lost)), len(tally.lost)
+    of_lengths = max(asked * (asked - 1.0), 0.0) / number
+    of_losses = asked * asked * expected.loss_inflation * (1.0 - loss) / (loss * count)
+    clustered = expected.loss_inflation > 1.0
+    error = sqrt(max(of_lengths, of_losses) if clustered else of_lengths)
+    half = quantile_of_normal(CERTAINTY) * error
     low, high = min(burst.low, burst.value - half), max(burst.high, burst.value + half)
     if not low - 1e-9 <= asked <= high + 1e-9:
         yield (
