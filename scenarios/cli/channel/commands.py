@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from scenarios.definition.scenario import Scenario
     from scenarios.studies.channel.fit import FittedLink
 
+NEAREST_M, FARTHEST_M = 1.0, 100_000.0
+
 
 @click.group(
     epilog="""\b
@@ -44,7 +46,7 @@ Examples:
     help="How many to draw.",
 )  # fmt: skip
 @click.option(
-    "--distance-m", type=click.FloatRange(1.0, 10_000.0), default=50.0, show_default=True,
+    "--distance-m", type=float, default=50.0, show_default=True,
     help="How far sender and receiver drive from one another, on a straight road.",
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="The figures as JSON.")
@@ -76,12 +78,16 @@ def show(
     from rich.console import Console
 
     from scenarios.cli.channel.shown import print_comparison
+    from scenarios.definition.errors import ScenarioError
     from scenarios.studies.channel.comparison import compare
     from scenarios.studies.channel.sample import StraightDrive
 
     with clear_errors():
         if out is not None:
             require("channel show --out", "studies", "matplotlib")
+        if not NEAREST_M <= distance_m <= FARTHEST_M:  # nor NaN
+            allowed = f"allowed {NEAREST_M:g} to {FARTHEST_M:g} m"
+            raise ScenarioError([f"--distance-m: given {distance_m}, {allowed}"])
         loaded = _loaded(scenario, overrides, seed)
         chosen = _chosen(link, loaded)
         drive = StraightDrive(loaded, chosen, distance_m)

@@ -105,15 +105,12 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
     ), sample
 
 
-def _share(
-    figure: str, law: float | None, of: NDArray[np.bool_], spread_by: float | None = None
-) -> Compared:
-    """A share of events, by default as dependent as bursts of their own make them."""
+def _share(figure: str, law: float | None, of: NDArray[np.bool_], spread_by: float) -> Compared:
+    """A share of events, as dependent as their law makes them, or as bursts of their own show."""
     lengths = bursts(of)
     mean = float(np.mean(of)) if len(of) else 0.0
-    if spread_by is None:
-        spread_by = inflation(mean, float(lengths.mean())) if len(lengths) else 1.0
-    found = share(int(of.sum()), len(of), CONFIDENCE, spread_by)
+    own = inflation(mean, float(lengths.mean())) if len(lengths) else 1.0
+    found = share(int(of.sum()), len(of), CONFIDENCE, max(own, spread_by))
     return Compared(figure, law, found.value, found.low, found.high)
 
 
@@ -134,4 +131,5 @@ def _bursts(lengths: NDArray[np.int_], law: NDArray[np.float64] | None) -> tuple
 def _over(drive: StraightDrive, messages: int) -> Compared:
     expected = expected_channel(drive.table, drive.rate_hz, drive.distance_m, drive.between)
     law = None if expected.loss_ratio is None else 1.0 - expected.loss_ratio
-    return _share(f"{drive.distance_m:.0f} m", law, ~drive.sample(messages).lost)
+    received = ~drive.sample(messages).lost
+    return _share(f"{drive.distance_m:.0f} m", law, received, expected.loss_inflation)
