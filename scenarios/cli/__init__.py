@@ -3,6 +3,7 @@
 main       all commands, and `convoy` itself
 run        run, router, vehicle, record: drive a convoy, or its parts by hand
 running    what run and record do: folder, listeners, summary
+channel/   channels: a law against a sample, fitted ones, what is asked and known
 guide/     completion of the shell, what a scenario asks for
 scenario   list, check, new: look at scenarios
 logs       review, report, explain: look at logs
@@ -10,6 +11,5 @@ study      gains, reproduce: look at the science
 options    options that several commands share
 progress   the live table of a run
 tables     the tables printed at the end
-channel_tables   what links did, and what a vehicle knew
 failure    errors as clear lines and exit codes
 """

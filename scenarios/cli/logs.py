@@ -83,7 +83,7 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
 
     from rich.console import Console
 
-    from scenarios.cli.channel_tables import print_explanation
+    from scenarios.cli.channel.explained import print_explanation
     from scenarios.results.inquiry import explain as explaining
     from scenarios.results.log_summary import log_in
 

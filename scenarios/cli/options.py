@@ -14,6 +14,12 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 def scenario_options(command: Command) -> Command:
     """SCENARIO, `--set` and `--seed`."""
+    named = click.argument("scenario", default="lane_change", shell_complete=completion.scenarios)
+    return named(setting_options(command))
+
+
+def setting_options(command: Command) -> Command:
+    """`--set` and `--seed`."""
     for decorate in (
         click.option("--seed", type=click.IntRange(min=0), help="Seed instead of the scenario's."),
         click.option(
@@ -24,7 +30,6 @@ def scenario_options(command: Command) -> Command:
             shell_complete=completion.settings,
             help="Override a scenario value, such as links.loss_ratio=0.2. May be repeated.",
         ),
-        click.argument("scenario", default="lane_change", shell_complete=completion.scenarios),
     ):
         command = decorate(command)
     return command

@@ -15,20 +15,27 @@ if TYPE_CHECKING:
 @click.command(name="list", epilog="Example: convoy list")
 @click.option("--json", "as_json", is_flag=True, help="Names and descriptions as JSON.")
 def list_scenarios(*, as_json: bool) -> None:
-    """List the scenarios that ship."""
+    """List the scenarios that ship, and the channels for `links.preset`."""
     import json
 
+    from scenarios.definition.channel.presets import presets, read_preset
     from scenarios.definition.scenario import library, load_scenario
 
+    shipped = {name: load_scenario(name).tables.description for name in library()}
+    channels = {name: read_preset(name).description for name in presets()}
     if as_json:
         found = [
-            {"name": name, "description": load_scenario(name).tables.description}
-            for name in library()
+            {"kind": kind, "name": name, "description": description}
+            for kind, some in (("scenario", shipped), ("channel", channels))
+            for name, description in some.items()
         ]
         click.echo(json.dumps(found, indent=2))
         return
-    for name in library():
-        click.echo(f"{name:20} {load_scenario(name).tables.description}")
+    for name, description in shipped.items():
+        click.echo(f"{name:20} {description}")
+    click.echo("\nchannels, for links.preset:")
+    for name, description in channels.items():
+        click.echo(f"{name:20} {description}")
 
 
 @click.command(
@@ -36,18 +43,24 @@ def list_scenarios(*, as_json: bool) -> None:
 Examples:
   convoy check church_lot
   convoy check my.toml --set speed.set_mps=25 --json
+  convoy check lossy_lane_change --explain       what is asked of each link
 """
 )
 @scenario_options
+@click.option("--explain", is_flag=True, help="Say of each link its rule, laws, loss, delay, age.")
 @click.option("--json", "as_json", is_flag=True, help="The figures as JSON.")
-def check(*, scenario: str, overrides: tuple[str, ...], seed: int | None, as_json: bool) -> None:
+def check(
+    *, scenario: str, overrides: tuple[str, ...], seed: int | None, explain: bool, as_json: bool
+) -> None:
     """Say what SCENARIO asks for, and warn of what may surprise; run nothing."""
     import json
     from dataclasses import asdict
 
     from rich.console import Console
 
+    from scenarios.cli.channel.asked_links import print_links
     from scenarios.cli.guide.asked import print_report
+    from scenarios.definition.check.links import asked_links
     from scenarios.definition.check.report import report_of
     from scenarios.definition.scenario import load_scenario
 
@@ -55,10 +68,17 @@ def check(*, scenario: str, overrides: tuple[str, ...], seed: int | None, as_jso
         loaded = load_scenario(scenario, overrides, seed)
         report = report_of(loaded)
         warnings = (*report.warnings, *_certificate_warnings(loaded))
+        links = asked_links(loaded) if explain else ()
         if as_json:
-            click.echo(json.dumps(asdict(report) | {"warnings": warnings}, indent=2))
+            figures = asdict(report) | {"warnings": warnings}
+            if explain:
+                figures["explained"] = [asdict(one) for one in links]
+            click.echo(json.dumps(figures, indent=2))
             return
-        print_report(report, Console())
+        if explain:
+            print_links(loaded.name, links, Console())
+        else:
+            print_report(report, Console())
         for line in warnings:
             click.echo(f"warning: {line}")
 

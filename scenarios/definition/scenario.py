@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from scenarios.definition import contradictions
 from scenarios.definition.channel.delay import with_recorded_delays
+from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.channel.outages import LinkSetting
 from scenarios.definition.channel.presets import with_presets
 from scenarios.definition.channel.recordings import with_recordings
@@ -50,8 +51,16 @@ LONGEST_SLUG = 80
 
 
 def _range(values: Sequence[float]) -> str:
-    least, most = min(values), max(values)
-    return f"{least:g}" if least == most else f"{least:g} to {most:g}"
+    least, most = f"{min(values):.4g}", f"{max(values):.4g}"
+    return least if least == most else f"{least} to {most}"
+
+
+def _lossy(link: LinkTable) -> list[str]:
+    """Keys of a link that lose messages, where it names no preset."""
+    if link.preset:
+        return []
+    keys = ("loss", "collisions", "outages", "radio", "queue", "content")
+    return [key for key in keys if getattr(link, key) is not None]
 
 
 @dataclass(frozen=True)
@@ -91,16 +100,22 @@ class Scenario:
     def title(self) -> str:
         """The run in one line: name, seed, weight of the predecessor, loss, presets, and overrides.
 
+        The loss is that of all laws; where no number says it, preset or keys stand for it.
         The name of a scenario that is not shipped has its fingerprint behind it.
         """
         weights = [self.vehicle(name).steering.alpha_ratio for name in self.vehicle_names[1:]]
-        losses = [100.0 * link.loss_ratio for link in self.links.values()]
+        expected = [(expected_channel(link).loss_ratio, link) for link in self.links.values()]
+        losses = [100.0 * loss for loss, _ in expected if loss is not None]
+        laws = dict.fromkeys(
+            key.replace("_", " ") for loss, link in expected if loss is None for key in _lossy(link)
+        )
         presets = dict.fromkeys(link.preset for link in self.links.values() if link.preset)
         parts = [
             f"{self.name} ({self.fingerprint})" if self.fingerprint else self.name,
             f"seed {self.seed}",
             *([f"α {_range(weights)}"] if weights else []),
             *([f"loss {_range(losses)} %"] if losses else []),
+            *([f"loss by {' and '.join(laws)}"] if laws else []),
             *([f"channel {' and '.join(presets)}"] if presets else []),
             *(text for text in self.overrides if not text.startswith("seed=")),
         ]

@@ -5,10 +5,15 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
+
+from scenarios.definition.channel.presets import presets
+from scenarios.definition.refusal import models_of
+from scenarios.definition.schema.links import LinkTable
 
 README = Path(__file__).parents[2] / "README.md"
 SHORT = ["--set", "duration_s=2"]
@@ -16,6 +21,7 @@ NOT_HERE = {
     "--rerun spawn": "--rerun save=live.rrd --clock virtual",  # needs a display
     "run lossy_lane_change": "run lossy_lane_change --clock virtual",
     "review runs/first": "review runs/first --rerun save=again.rrd",
+    "--at 12.4": "--at 1.4",  # within the two seconds
     "convoy gains": "convoy gains --speed 30",
     "convoy reproduce": "convoy reproduce --case propagation",  # all takes up to two minutes
 }
@@ -94,6 +100,39 @@ def assert_sample_is_like(shown: str) -> None:
     assert title[:-4] == printed[0][: len(title) - 4]  # up to clock and duration
     assert sample[:3] == printed[1:4]
     assert [row[0] for row in sample[4:]] == [row[0] for row in printed[5:9]]
+
+
+def rows(heading: str) -> list[list[str]]:
+    """Words in backticks of each row of the table with this heading, first column and others."""
+    text = README.read_text(encoding="utf-8").split(f"| {heading} |\n", 1)[1]
+    table = text.split("\n\n", 1)[0].splitlines()[1:]
+    return [re.findall(r"`([^`]+)`", row) for row in table]
+
+
+def test_every_channel_that_ships_is_in_the_table() -> None:
+    named = [name for row in rows("preset | channel") for name in row]
+    assert sorted(named) == sorted(presets())
+
+
+def test_every_word_of_a_link_is_in_the_table() -> None:
+    words = {word for row in rows("key | what it does") for word in row}
+    keys = {*LinkTable.model_fields} - {"preset_source"}
+    kinds = {
+        str(one.model_fields["kind"].annotation)
+        for field in LinkTable.model_fields.values()
+        for one in tables_of(field.annotation)
+        if "kind" in one.model_fields
+    }
+    kinds = {word for kind in kinds for word in re.findall(r"'(\w+)'", kind)}
+    assert words == keys | kinds
+
+
+def tables_of(annotation: object) -> Iterator[type[BaseModel]]:
+    """Tables of a key, and those within them."""
+    for one in models_of(annotation):
+        yield one
+        for field in one.model_fields.values():
+            yield from tables_of(field.annotation)
 
 
 @pytest.mark.parametrize("link", re.findall(r"\]\(([^)h][^)]*)\)", README.read_text()))

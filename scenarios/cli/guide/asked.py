@@ -126,14 +126,16 @@ def _own_state(asked: Mapping[str, float] | None) -> str:
 
 
 def _links(report: CheckReport) -> Iterator[Row]:
-    yield from _of_some("links", report.links, _link, all_named=True)
+    asked = {name: {**table, "laws": report.laws[name]} for name, table in report.links.items()}
+    yield from _of_some("links", asked, _link, all_named=True)
 
 
 def _link(asked: Mapping[str, Any]) -> str:
     rate = "every message" if asked["rate_hz"] is None else f"{asked['rate_hz']:g} Hz"
     delay = f"{asked['latency_ms']:g} ms, jitter {asked['jitter_ms']:g} ms"
     preset = f"{asked['preset']}, " if asked["preset"] else ""
-    return f"{preset}{delay}, loss {asked['loss_ratio']:g}, {rate}"
+    laws = f"; {asked['laws']}" if asked["laws"] else ""
+    return f"{preset}{delay}, loss {asked['loss_ratio']:g}, {rate}{laws}"
 
 
 def _ends(report: CheckReport) -> Iterator[Row]:

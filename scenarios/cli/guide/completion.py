@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
 RERUN = ("off", "spawn", "serve", "connect=", "save=")
+DEFAULT = "lane_change"
+"""The scenario in which a shipped channel is looked at."""
 FILES_ONLY = {"extends", "overrides"}
 """Keys that `--set` does not take, or that are set by it."""
 
@@ -62,6 +64,28 @@ def scenarios(_context: Context, _parameter: Parameter, begun: str) -> list[Comp
     return _matching(known, begun) or [CompletionItem(begun, type="file")]
 
 
+def channels(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+    """Offer shipped channels and scenarios and the TOML files here; else the shell's own files."""
+    from scenarios.definition.library import library
+
+    known = [*_presets(), *library(), *sorted(path.name for path in Path().glob("*.toml"))]
+    return _matching(known, begun) or [CompletionItem(begun, type="file")]
+
+
+def links(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+    """Offer the links of the scenario that is named before, as sender:receiver."""
+    from scenarios.definition.links import directed_links
+
+    pairs = directed_links(_vehicles(context))
+    return _matching([f"{sender}:{receiver}" for sender, receiver in pairs], begun)
+
+
+def _presets() -> list[str]:
+    from scenarios.definition.channel.presets import presets
+
+    return [*presets()]
+
+
 def rerun(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
     """Offer where the picture can go."""
     return _matching(RERUN, begun)
@@ -96,6 +120,7 @@ def _vehicles(context: Context) -> tuple[str, ...]:
 
     # Behind an option without its value, as here, click leaves the arguments where they are.
     file = next(iter(context.args), context.params.get("scenario", ""))
+    file = DEFAULT if file in _presets() else file
     try:
         given = merged(read_file(file), context.params.get("overrides") or ())
         return ConvoyTable.model_validate(given.raw.get("convoy", {})).vehicle_names
@@ -140,6 +165,8 @@ def _values(name: str, field: "FieldInfo") -> list[str]:
     words = [word for part in parts for word in get_args(part) if isinstance(word, str)]
     if name == "controller":
         words = list(CONTROLLERS)
+    if name == "preset":
+        words = _presets()
     if isinstance(field.default, bool):
         words = ["true", "false"]
     elif isinstance(field.default, int | float):

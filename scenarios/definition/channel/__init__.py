@@ -9,6 +9,7 @@ recordings  patterns and earlier runs, read from their files into the scenario
 radio       those of its radio
 delay       laws of delay, queue and order; recorded delays are read here
 content     copies, messages held back, wrong bits, false content
+reach       what a radio loses over a distance, by its law
 expected    what a link should achieve by its laws
 origins     which key of which rule is behind what a link did
 """

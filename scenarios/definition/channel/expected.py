@@ -1,30 +1,266 @@
-"""What a link should achieve by the law that was asked for."""
+"""What a link should achieve by all its laws together, as far as numbers say it beforehand."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
+from fractions import Fraction
+from functools import reduce
+from math import gcd, inf, prod, sqrt
 
+import numpy as np
+
+from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.radio import Between, nobody
+from scenarios.definition.channel.reach import RADIO, loss_over_distance
 from scenarios.definition.schema.links import LinkTable
+from transport.links.laws.chains import FourState, GilbertElliott
+from transport.links.laws.content import BitErrors, Reordering
+from transport.links.laws.delay import ConstantDelay, DrawnDelay
+from transport.links.laws.effect import Described, Effect
+from transport.links.laws.outages import RandomOutage, TimedOutage
+from transport.links.laws.patterns import EarlierRun, EveryNth, Listed, RecordedPattern
+from transport.links.laws.plain import Decimation, Jitter, Latency
+from vehicles.schedule import MILLISECOND
+
+USUAL_MESSAGE_BYTES = 124
+"""Of a pose on the wire, all but always."""
+FASTEST_HZ = 1000.0
+"""No source measures more often, so a rate of the link holds back, unless it says otherwise."""
+BY_NUMBER = EveryNth, Listed, RecordedPattern
+BY_TIME = RandomOutage, TimedOutage
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedChannel:
-    """Mean loss, mean length of its bursts, mean and deviation of the delay (ms).
+    """Mean loss, mean length of its bursts, mean and deviation of the delay (ms), in the long run.
 
-    None where no number says it beforehand, such as a loss that depends on the distance.
+    None where no number says it beforehand, such as a loss that depends on the distance, or bursts
+    where all is lost.
+
+    `loss_inflation` and `latency_inflation` say by how much the dependence from message to message
+    spreads a counted loss and a mean delay more than independent messages would (as variances);
+    never too little. `settles` says whether a run is like the long run but for that: not where
+    messages are lost by number or for a time.
     """
 
     loss_ratio: float | None
     burst_messages: float | None
     latency_ms_mean: float | None
     latency_ms_deviation: float | None
+    loss_inflation: float = 1.0
+    latency_inflation: float = 1.0
+    settles: bool = True
 
 
-def expected_channel(table: LinkTable) -> ExpectedChannel:
-    """Work out what follows from the laws that `table` asks for."""
-    loss = table.loss_ratio
+@dataclass(frozen=True, slots=True)
+class _Losses:
+    """A stationary law of loss: its mean, its mean burst, and the sum of its autocovariances."""
+
+    loss: float
+    burst: float | None
+    covariances: float
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether a message's fate says anything of another one's."""
+        return abs(self.covariances) > _ROUNDING
+
+    @property
+    def both_pass(self) -> float | None:
+        """Chance that a message and the next one pass: bursts end as often as they begin."""
+        if self.burst is None:
+            return None
+        return 1.0 - self.loss - self.loss / self.burst
+
+    def beside(self, other: "_Losses") -> "_Losses":
+        """Both laws together, each on its own; what the two memories share is bounded above."""
+        passes, others = 1.0 - self.loss, 1.0 - other.loss
+        shared = min(
+            abs(self.covariances) * other.loss * others, abs(other.covariances) * self.loss * passes
+        )
+        covariances = self.covariances * others**2 + other.covariances * passes**2 + shared
+        return _Losses(self.loss + passes * other.loss, None, covariances)
+
+
+def expected_channel(
+    table: LinkTable,
+    source_rate_hz: float = FASTEST_HZ,
+    distance_m: float | None = None,
+    between: Between = nobody,
+) -> ExpectedChannel:
+    """Work out what follows from the laws that `table` asks for, each independent of the others.
+
+    Where it matters, messages are sent at `source_rate_hz`, over `distance_m`, past the vehicles
+    `between`, all of which are taken to be in the way. Without a distance the loss of a radio is
+    unknown; windows in which a vehicle's own radio is off are not the link's.
+    """
+    effects = link_effects(table, source_rate_hz, between=between)
+    loss = expected_loss(table, effects, distance_m)
+    mean, deviation, inflation = _delay(table, effects)
+    ratio, burst = (None, None) if loss is None else (loss.loss, loss.burst)
+    if burst == inf:
+        burst = None
+    spread = ratio * (1.0 - ratio) if ratio else 0.0
     return ExpectedChannel(
-        loss_ratio=loss,
-        burst_messages=1.0 / (1.0 - loss) if 0.0 < loss < 1.0 else None,
-        latency_ms_mean=table.latency_ms + 0.5 * table.jitter_ms,
-        latency_ms_deviation=table.jitter_ms / sqrt(12.0),
+        loss_ratio=ratio,
+        burst_messages=burst if ratio else None,
+        latency_ms_mean=mean,
+        latency_ms_deviation=deviation,
+        loss_inflation=max(1.0, 1.0 + 2.0 * loss.covariances / spread) if loss and spread else 1.0,
+        latency_inflation=inflation,
+        settles=not any(isinstance(one, BY_NUMBER + BY_TIME) for one in effects),
     )
+
+
+def expected_loss(
+    table: LinkTable, effects: Sequence[Effect], distance_m: float | None
+) -> _Losses | None:
+    """Combine the losses of all laws: 1 - Π(1 - p); None if that of one is not known."""
+    if table.queue is not None or any(isinstance(one, EarlierRun) for one in effects):
+        return None
+    decimated = any(isinstance(one, Decimation) for one in effects)
+    found = [_losses(one, distance_m) for one in effects]
+    if decimated and any(isinstance(one, EveryNth | RecordedPattern) for one in effects):
+        return None  # which of them the link carries at all is a matter of numbers
+    found.append(_corrupted(table))
+    known = [one for one in found if one is not None]
+    if len(known) < len(found):
+        return None
+    whole = reduce(_Losses.beside, (one for one in known if one.loss), _Losses(0.0, None, 0.0))
+    if decimated and any(one.has_memory for one in known):
+        return _Losses(whole.loss, None, whole.covariances)  # it steps on with what is held back
+    return _Losses(whole.loss, _burst(known, whole.loss), whole.covariances)
+
+
+def _burst(laws: Sequence[_Losses], loss: float) -> float | None:
+    """Mean number of messages lost in a row by several independent stationary laws.
+
+    As many bursts end as there are messages that pass after one that was lost: P(passes) - P(both
+    pass), and both probabilities are products over the laws.
+    """
+    lossy = [one for one in laws if one.loss]
+    together = [one.both_pass for one in lossy]
+    if not lossy or None in together:
+        return None
+    if len(lossy) == 1:
+        return lossy[0].burst
+    ends = (1.0 - loss) - prod(one for one in together if one is not None)
+    return loss / ends if ends > _ROUNDING * loss else inf
+
+
+def _losses(effect: Effect, distance_m: float | None) -> _Losses | None:
+    """What is known of one effect, None if its loss is not."""
+    if isinstance(effect, RADIO):
+        return _of_radio(effect, distance_m)
+    if not isinstance(effect, Described) or effect.mean_loss_ratio is None:
+        return None
+    loss, burst = effect.mean_loss_ratio, effect.mean_burst_messages
+    if isinstance(effect, GilbertElliott | FourState):
+        return _Losses(loss, burst, _covariances_of_chain(effect))
+    return _Losses(loss, burst, _covariances(loss, burst))
+
+
+def _of_radio(effect: Effect, distance_m: float | None) -> _Losses | None:
+    if distance_m is None:
+        return None
+    loss, burst = loss_over_distance(effect, distance_m)
+    return _Losses(loss, burst, _covariances(loss, burst))
+
+
+def _covariances(loss: float, burst: float | None) -> float:
+    """Sum of the autocovariances of a two-state chain (Gilbert) with this loss and mean burst."""
+    if burst is None or not 0.0 < loss < 1.0:
+        return 0.0
+    correlation = 1.0 - 1.0 / burst - loss / (burst * (1.0 - loss))
+    if abs(correlation) < _ROUNDING:
+        return 0.0
+    return loss * (1.0 - loss) * correlation / (1.0 - correlation)
+
+
+def _covariances_of_chain(law: GilbertElliott | FourState) -> float:
+    """The same of any chain, by its fundamental matrix (Kemeny and Snell 1960, section 4.3)."""
+    shares, rows, loses = law.chain.shares, law.chain.rows, np.array(law.loses)
+    reached = list(law.chain.states)
+    shares, loses, rows = shares[reached], loses[reached], rows[np.ix_(reached, reached)]
+    one = np.eye(len(shares))
+    fundamental = np.linalg.inv(one - rows + np.outer(np.ones(len(shares)), shares))
+    return float((shares * loses) @ (fundamental - one) @ loses)
+
+
+def _corrupted(table: LinkTable) -> _Losses | None:
+    """Loss by wrong bits: known where every frame with one is refused."""
+    content = table.content
+    if content is None or not content.bit_error_ratio:
+        return _Losses(0.0, None, 0.0)
+    if not content.frame_check:
+        return None
+    loss = BitErrors(content.bit_error_ratio).corrupted_share(USUAL_MESSAGE_BYTES)
+    return _Losses(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf, 0.0)
+
+
+def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, float | None, float]:
+    """Mean and deviation (ms) of the sum of all delays, and the inflation of a mean of many."""
+    if link_stages(table):
+        return None, None, 1.0
+    mean = variance = spread = 0.0
+    for effect in effects:
+        tied = 0.0
+        match effect:
+            case Latency():
+                more, own = float(effect.floor), 0.0
+            case Jitter():
+                more, own = 0.5 * effect.spread, effect.spread**2 / 12.0
+            case ConstantDelay():
+                more, own = effect.mean_ns, 0.0
+            case DrawnDelay():
+                more, own = effect.law.mean_ns, effect.law.deviation_ns**2
+                tied = effect.normals.correlation  # that of the delays is no larger
+            case Reordering():
+                more = effect.ratio * effect.delay
+                own = effect.ratio * (1.0 - effect.ratio) * effect.delay**2
+            case EarlierRun():
+                return None, None, 1.0
+            case _:
+                continue
+        mean, variance = mean + more, variance + own
+        spread += own * (1.0 + tied) / (1.0 - tied)
+    inflation = spread / variance if variance else 1.0
+    return mean / MILLISECOND, sqrt(variance) / MILLISECOND, inflation
+
+
+def expected_age_ms(
+    expected: ExpectedChannel, rate_hz: float, control_rate_hz: float | None = None
+) -> float | None:
+    """Mean age (ms) of the newest message of a source that is sent `rate_hz` times a second.
+
+    At an instant of any phase, with messages that do not overtake one another much: the mean delay
+    plus E[X²] / (2 E[X]) periods, where X counts the periods from one message that passes to the
+    next (renewal theory: Cox 1962, section 5.2). Losses are taken as a two-state chain with the
+    link's mean loss p and burst b, which is exact for independent losses, where it is delay +
+    T (1 / (1 - p) - 1/2), and for Gilbert's. None where the figures are not known, or all is lost.
+
+    Commands `control_rate_hz` times a second meet a constant delay in certain phases only, a
+    greatest common divisor of both periods apart, of which the first may be at the very message.
+    """
+    loss, delay = expected.loss_ratio, expected.latency_ms_mean
+    if loss is None or delay is None or loss == 1.0:
+        return None
+    burst = expected.burst_messages if loss else 1.0
+    if burst is None:
+        return None
+    begins, ends = loss / (burst * (1.0 - loss)), 1.0 / burst
+    mean = 1.0 + begins / ends
+    square = 1.0 + begins * (2.0 / ends + (2.0 - ends) / ends**2)
+    age = delay + 1000.0 / rate_hz * 0.5 * square / mean
+    if control_rate_hz is not None and not expected.latency_ms_deviation:
+        step = 1000.0 * _common_period_s(Fraction(rate_hz), Fraction(control_rate_hz))
+        age += -delay % step - 0.5 * step
+    return age
+
+
+def _common_period_s(one: Fraction, other: Fraction) -> float:
+    """Greatest time (s) of which the periods of both rates (Hz) are multiples."""
+    # gcd(a/b, c/d) = gcd(ad, cb) / bd, of the periods 1/one and 1/other
+    a, b, c, d = one.denominator, one.numerator, other.denominator, other.numerator
+    return gcd(a * d, c * b) / (b * d)

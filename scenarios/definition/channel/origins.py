@@ -1,6 +1,10 @@
 """Which key of which rule of a scenario is behind what a link did."""
 
+from collections.abc import Iterator
+
 from scenarios.definition.channel.rules import entries_about
+from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.links import LinkEntry
 from scenarios.definition.schema.tables import ScenarioTables
 
 KEYS = {
@@ -33,15 +37,31 @@ def origin(tables: ScenarioTables, link: tuple[str, str], reason: str) -> str:
 
 def giver(tables: ScenarioTables, link: tuple[str, str], key: str) -> str:
     """Name the rule that gives `key` of a link, with its value where that is one number or word."""
-    entries = list(tables.link)
-    about = entries_about(entries, tables.convoy.vehicle_names, *link)
-    given = [entry for _, entry in about if key in entry.model_fields_set]
-    if not given:
-        return f"links.{key}{_value(tables.links, key)}"
-    entry = given[-1]
-    number = next(place for place, one in enumerate(entries) if one is entry)
-    who = f"{entry.sender} → {entry.receiver}"
-    return f"link[{number}].{key}{_value(entry, key)} ({who})"
+    for entry in _entries(tables, link):
+        if key in entry.model_fields_set or entry.preset:
+            key = key if key in entry.model_fields_set else "preset"  # which is a whole channel
+            place = _place(tables, entry)
+            return f"{place}.{key}{_value(entry, key)} ({entry.sender} → {entry.receiver})"
+    return f"links.{key}{_value(tables.links, key)}"
+
+
+def rules_of(tables: ScenarioTables, link: tuple[str, str]) -> Iterator[str]:
+    """Name the rules that are about a link, the most specific first, up to one with a preset."""
+    for entry in _entries(tables, link):
+        yield f"{_place(tables, entry)} ({entry.sender} → {entry.receiver})"
+        if entry.preset:
+            return
+    yield "links"
+
+
+def _entries(tables: ScenarioTables, link: tuple[str, str]) -> list[LinkEntry]:
+    """Entries about a link, the most specific first."""
+    about = entries_about(tables.link, vehicle_names(tables), *link)
+    return [entry for _, entry in reversed(about)]
+
+
+def _place(tables: ScenarioTables, entry: LinkEntry) -> str:
+    return f"link[{next(place for place, one in enumerate(tables.link) if one is entry)}]"
 
 
 def _value(table: object, key: str) -> str:

@@ -2,8 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 from scenarios.definition.channel.delay import usual_delay_ms
+from scenarios.definition.channel.expected import expected_channel
+from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import usual_rate_hz
@@ -91,10 +94,14 @@ def _sight(
     settings = FitSettings(preview_time=steering.preview_s, trajectory=steering.trajectory)
     sender = scenario.vehicle(source)
     sent = usual_rate_hz(sender.sending, sender.gnss, speed)
-    rate = min(sent, link.rate_hz or sent) * (1.0 - link.loss_ratio)
+    gap = gap_to(scenario, setup.place, source, speed)
+    between = partial(vehicles_between, scenario.route, sender.place, setup.place)
+    loss = expected_channel(link, sent, gap, between).loss_ratio
+    # Without a number, as in a tunnel: what is known of it where it carries anything at all.
+    rate = min(sent, link.rate_hz or sent) * (1.0 - (link.loss_ratio if loss is None else loss))
     late_ms = sender.gnss.latency_ms + usual_delay_ms(link)
     age = late_ms / 1000.0 + (1.0 / rate if rate else float("inf"))
-    reach = _gap(scenario, setup.place, source, speed) - speed * age
+    reach = gap - speed * age
     preview = min(settings.ahead(speed), max(reach, 0.0))
     return _Sight(
         source=source,
@@ -108,7 +115,7 @@ def _sight(
     )
 
 
-def _gap(scenario: Scenario, place: int, source: str, speed: float) -> float:
+def gap_to(scenario: Scenario, place: int, source: str, speed: float) -> float:
     """Distance (m) to a source ahead: that of the start, or the one that is kept."""
     first = scenario.vehicle_names.index(source)
     if scenario.tables.speed.followers == "gap":

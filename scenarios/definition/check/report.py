@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from scenarios.definition.check.links import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.sampled_loop import sampled_loop_warnings
 from scenarios.definition.road.replayed import replay_warnings
@@ -40,8 +41,9 @@ class CheckReport:
 
     `control`, `gnss`, `sending`, `imu` (None with exact own state), `tyres` and `masses_kg` (with
     the load) are by vehicle, as are the `offsets` from the path of those that start with one, and
-    `replays` of those that move as they were recorded. `gap_policy` is None where followers drive
-    the lead's speed, `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is
+    `replays` of those that move as they were recorded; `laws` says of each link what acts besides
+    latency, jitter, independent loss and rate. `gap_policy` is None where followers drive the
+    lead's speed, `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is
     about a recorded drive, None where the path is made of segments: what was left out on reading
     it, its holes, the noise of its points, what was subtracted from their coordinates, and how far
     the path lies from them, at the points (rms) and between them, too (max).
@@ -65,6 +67,7 @@ class CheckReport:
     offsets: dict[str, dict[str, float]]
     replays: dict[str, dict[str, Any]]
     links: dict[str, dict[str, Any]]
+    laws: dict[str, str]
     when_a_vehicle_dies: str
     clock_offset_ms_max: float
     events: dict[str, float]
@@ -144,6 +147,7 @@ def report_of(scenario: Scenario) -> CheckReport:
             f"{sender} → {receiver}": table.model_dump(include=set(LinkTable.model_fields))
             for (sender, receiver), table in scenario.links.items()
         },
+        laws={f"{pair[0]} → {pair[1]}": laws_in_brief(scenario, pair) for pair in scenario.links},
         path_length_m=route.length,
         driven_m=route.profile.distance(scenario.duration_s),
         radius_m_min=1.0 / sharpest if sharpest > 1e-6 else None,

@@ -1,7 +1,7 @@
 """The figures of one directed link: what was asked, what it did, and whether that fits."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 from scenarios.definition.channel.expected import ExpectedChannel, expected_channel
@@ -24,9 +24,13 @@ from vehicles.schedule import MILLISECOND
 SAFE_AGES_MS = tuple(range(100, 1001, 100))
 """Ages up to which data may count as fresh."""
 LEAST_MESSAGES = 100
-"""With fewer nothing is said of a loss that is not what was asked for."""
+"""With fewer nothing is said of a loss that is not what was asked for ..."""
+LEAST_INDEPENDENT = 50
+"""... nor with what tells no more than so many independent ones."""
 ROUNDING_MS = 0.01
 """Delays are whole nanoseconds, and counted to 10 µs."""
+OF_VEHICLES = {"transmitter_off", "receiver_off"}
+"""Reasons that are no law of the link."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,12 +81,12 @@ def link_summary(
     link: tuple[str, str], requested: LinkTable, sent: int, tally: LinkTally
 ) -> LinkSummary:
     """Put together what a link (sender, receiver) did of which `sent` messages were recorded."""
-    expected = expected_channel(requested)
+    expected = _expected(requested, tally)
     loss, burst, longest = _losses(tally, CONFIDENCE)
     milliseconds = RESOLUTION_NS / MILLISECOND
     latency = spread(tally.latencies, milliseconds)
     mean = tally.latency_ns_sum / tally.heard / MILLISECOND if tally.heard else 0.0
-    half = _half_of_mean(latency)
+    half = _half_of_mean(latency, expected)
     gap, age = spread(tally.arrival_gaps, milliseconds), spread(tally.ages, milliseconds)
     return LinkSummary(
         sender=link[0],
@@ -123,6 +127,14 @@ def link_summary(
     )
 
 
+def _expected(requested: LinkTable, tally: LinkTally) -> ExpectedChannel:
+    """What the link should do; no loss is expected where a vehicle's own radio was off."""
+    expected = expected_channel(requested)
+    if OF_VEHICLES & tally.dropped.keys():
+        return replace(expected, loss_ratio=None, burst_messages=None)
+    return expected
+
+
 def _losses(tally: LinkTally, confidence: float) -> tuple[Interval, Interval | None, int]:
     """Loss and mean length of its bursts with their intervals, and the longest burst."""
     lost = tally.lost
@@ -133,11 +145,12 @@ def _losses(tally: LinkTally, confidence: float) -> tuple[Interval, Interval | N
     return share(count, of, confidence, spread_by), burst, int(lengths.max(initial=0))
 
 
-def _half_of_mean(latency: Spread | None) -> float:
-    """Half the width (ms) of the interval of a mean delay, taken as independent."""
+def _half_of_mean(latency: Spread | None, expected: ExpectedChannel) -> float:
+    """Half the width (ms) of the interval of a mean delay, correlated as asked."""
     if latency is None:
         return 0.0
-    return quantile_of_normal(CONFIDENCE) * latency.deviation / sqrt(latency.count)
+    error = latency.deviation * sqrt(expected.latency_inflation / latency.count)
+    return quantile_of_normal(CONFIDENCE) * error
 
 
 def _safe_time(tally: LinkTally) -> dict[str, float]:
@@ -156,27 +169,38 @@ def misses(link: tuple[str, str], requested: LinkTable, tally: LinkTally) -> Ite
 
     That is beyond the interval of 99.99 %, so that of ten thousand sound figures one is named.
     """
-    expected, name = expected_channel(requested), f"{link[0]} → {link[1]}"
+    expected, name = _expected(requested, tally), f"{link[0]} → {link[1]}"
     loss, burst, _ = _losses(tally, CERTAINTY)
-    asked = expected.loss_ratio
+    asked = expected.loss_ratio if expected.settles else None
     count = len(tally.lost)
-    if asked is not None and count >= LEAST_MESSAGES:
-        spread_by = inflation(asked, expected.burst_messages or 1.0)
-        wide = share(loss.value * count, count, CERTAINTY, spread_by)
+    least = max(LEAST_MESSAGES, LEAST_INDEPENDENT * expected.loss_inflation)
+    if asked is not None and count >= least:
+        wide = share(loss.value * count, count, CERTAINTY, expected.loss_inflation)
         low, high = min(loss.low, wide.low), max(loss.high, wide.high)
         if not low - 1e-12 <= asked <= high + 1e-12:
             yield (
                 f"{name}: lost {100 * loss.value:.2f} % of {count} messages, {100 * low:.2f} to "
                 f"{100 * high:.2f} % with certainty, asked {100 * asked:g} %"
             )
-    if expected.burst_messages is not None and burst is not None and count >= LEAST_MESSAGES:
-        yield from _burst_miss(name, expected.burst_messages, burst, tally)
+        if expected.burst_messages is not None and burst is not None:
+            yield from _burst_miss(name, expected, burst, tally)
     yield from _latency_miss(name, expected, tally)
 
 
-def _burst_miss(name: str, asked: float, burst: Interval, tally: LinkTally) -> Iterator[str]:
-    number = len(bursts(tally.lost))
-    half = quantile_of_normal(CERTAINTY) * sqrt(max(asked * (asked - 1.0), 0.0) / number)
+def _burst_miss(
+    name: str, expected: ExpectedChannel, burst: Interval, tally: LinkTally
+) -> Iterator[str]:
+    """Compare mean bursts; where few long ones are among many short ones, the count varies as well.
+
+    The mean is the count of losses over that of bursts, so it spreads as the first does at least.
+    """
+    asked, loss = expected.burst_messages or 1.0, expected.loss_ratio or 1.0
+    number, count = len(bursts(tally.lost)), len(tally.lost)
+    of_lengths = max(asked * (asked - 1.0), 0.0) / number
+    of_losses = asked * asked * expected.loss_inflation * (1.0 - loss) / (loss * count)
+    clustered = expected.loss_inflation > 1.0
+    error = sqrt(max(of_lengths, of_losses) if clustered else of_lengths)
+    half = quantile_of_normal(CERTAINTY) * error
     low, high = min(burst.low, burst.value - half), max(burst.high, burst.value + half)
     if not low - 1e-9 <= asked <= high + 1e-9:
         yield (
@@ -190,6 +214,9 @@ def _latency_miss(name: str, expected: ExpectedChannel, tally: LinkTally) -> Ite
     if mean is None or deviation is None or tally.heard < LEAST_MESSAGES or tally.late:
         return  # what came late was delayed by the machine, which is counted
     found = tally.latency_ns_sum / tally.heard / MILLISECOND
-    half = quantile_of_normal(CERTAINTY) * deviation / sqrt(tally.heard) + ROUNDING_MS
+    sample = spread(tally.latencies, RESOLUTION_NS / MILLISECOND)
+    widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails
+    error = widest * sqrt(expected.latency_inflation / tally.heard)
+    half = quantile_of_normal(CERTAINTY) * error + ROUNDING_MS
     if abs(found - mean) > half:
         yield (f"{name}: delayed by {found:.3f} ms on average, asked {mean:.3f} ± {half:.3f} ms")

@@ -16,6 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
+from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.scenario import library, load_scenario, template
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
@@ -132,15 +133,22 @@ def test_help_of_a_process_comes_without_loading_what_is_not_needed() -> None:
 def test_list_names_the_scenarios_that_ship() -> None:
     result = convoy("list")
     assert result.exit_code == 0
-    lines = result.stdout.splitlines()
-    assert [line.split()[0] for line in lines] == list(library())
-    for line, name in zip(lines, library(), strict=True):
+    scenarios, channels = (part.splitlines() for part in result.stdout.split("\n\n"))
+    assert [line.split()[0] for line in scenarios] == list(library())
+    for line, name in zip(scenarios, library(), strict=True):
         assert line.endswith(load_scenario(name).tables.description)
+    assert channels[0] == "channels, for links.preset:"
+    assert [line.split()[0] for line in channels[1:]] == list(presets())
+    for line, name in zip(channels[1:], presets(), strict=True):
+        assert line.endswith(read_preset(name).description)
 
 
 def test_list_as_json_holds_names_and_descriptions() -> None:
     listed = json.loads(convoy("list", "--json").stdout)
-    assert [row["name"] for row in listed] == list(library())
+    assert [(row["kind"], row["name"]) for row in listed] == [
+        *(("scenario", name) for name in library()),
+        *(("channel", name) for name in presets()),
+    ]
     assert all(row["description"] for row in listed)
 
 

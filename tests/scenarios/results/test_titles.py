@@ -44,6 +44,31 @@ def test_other_settings_give_another_title_and_slug() -> None:
     assert len({scenario.virtual_run_id for scenario in found}) == len(ways)
 
 
+GILBERT = 'links.loss={kind="gilbert_elliott",loss_ratio=0.2,burst_messages_mean=8.0}'
+RADIO = 'links.radio={kind="table",distance_m=[0.0,90.0],delivery_ratio=[0.9,0.8]}'
+SILENCE = 'link=[{sender="lead",receiver="*",outages=[{kind="window",from_s=1.0,to_s=2.0}]}]'
+
+
+@pytest.mark.parametrize(
+    ("settings", "loss"),
+    [
+        ((), "loss 0 %"),
+        (("links.loss_ratio=0.4",), "loss 40 %"),
+        ((GILBERT,), "loss 20 %"),
+        ((GILBERT, "links.loss_ratio=0.1"), "loss 28 %"),
+        ((GILBERT, 'link=[{sender="v1",receiver="v2",loss_ratio=0.5}]'), "loss 20 to 60 %"),
+        ((RADIO,), "loss by radio"),
+        ((RADIO, "links.queue={bytes_per_s=900.0}"), "loss by radio and queue"),
+        ((SILENCE, "links.loss_ratio=0.1"), "loss 10 %, loss by outages"),
+        (("links.preset=nlosv_etsi",), "channel nlosv_etsi"),
+        (("links.preset=bursty",), "loss 20 %, channel bursty"),
+    ],
+)
+def test_the_title_says_the_loss_of_all_laws(settings: tuple[str, ...], loss: str) -> None:
+    title = load_scenario("lane_change", [SHORT, *settings]).title
+    assert title.startswith(f"lane_change, seed 1, α 0.5, {loss}, {SHORT}"), title
+
+
 def test_without_overrides_a_virtual_run_is_known_by_name_and_seed() -> None:
     assert load_scenario("lane_change").virtual_run_id == "lane_change-1"
 

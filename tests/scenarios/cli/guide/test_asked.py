@@ -13,6 +13,8 @@ ASKED = {
     "links.loss_ratio=0.2": ("links", "loss 0.2"),
     "links.latency_ms=70": ("links", "70 ms"),
     "links.jitter_ms=11": ("links", "jitter 11 ms"),
+    "links.preset=bursty": ("links", "bursty, 20 ms, .*; Gilbert–Elliott: loss 0.2, 8 messages"),
+    "vehicle.v2.receiver_off=[{from_s=1.0,to_s=2.0}]": ("links", "receiver off from 1 to 2 s: v1"),
     "links.rate_hz=7": ("links", "7 Hz"),
     'link=[{sender="v1",receiver="v3",loss_ratio=0.3}]': ("links", "loss 0.3, .*: v1 → v3"),
     "gnss.rate_hz=5": ("GNSS", "5 Hz"),

@@ -11,6 +11,7 @@ import pytest
 from click.shell_completion import ShellComplete
 
 from scenarios.cli.main import EXAMPLES, cli
+from scenarios.definition.channel.presets import presets
 from scenarios.definition.overrides import parse_override
 from scenarios.definition.scenario import library, load_scenario, template
 
@@ -35,6 +36,16 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_scenarios_that_ship_and_files_are_offered(command: str) -> None:
     assert offered(command, "") == [*library(), "mine.toml"]
     assert offered(command, "lo") == ["lossy_lane_change"]
+
+
+def test_channels_and_links_are_offered() -> None:
+    assert offered("channel", "show", "lte") == [
+        "lte_v2x_dense", "lte_v2x_light", "lte_v2x_oneshot",
+    ]  # fmt: skip
+    assert {*presets(), *library(), "mine.toml"} == {*offered("channel", "show", "")}
+    assert offered("channel", "show", "mine.toml", "--link", "") == ["ann:bob"]
+    assert offered("channel", "show", "bursty", "--link", "v2") == ["v2:v3"]
+    assert offered("run", "--set", "links.preset=bu") == ["links.preset=bursty"]
 
 
 def test_vehicles_are_those_of_the_scenario_named_before() -> None:
@@ -114,18 +125,28 @@ def test_bash_completes_with_the_line_of_the_help(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_script_of_a_shell_loads_nothing_that_drives(shell: str) -> None:
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("run --set links.loss_", "links.loss_ratio=0.0"),
+        ("channel show burs", "bursty"),
+        ("run --set links.preset=nlosv_e", "nlosv_etsi"),
+    ],
+)
+def test_the_script_of_a_shell_loads_nothing_that_drives(
+    shell: str, words: str, found: str
+) -> None:
     code = "import sys; from scenarios.cli.main import cli\ntry: cli(prog_name='convoy')\n"
     code += "finally: print(*sys.modules, file=sys.stderr)"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env=os.environ | {
             "_CONVOY_COMPLETE": f"{shell}_complete",
-            "COMP_WORDS": "convoy run --set links.loss_",
-            "COMP_CWORD": "links.loss_" if shell == "fish" else "3",
+            "COMP_WORDS": f"convoy {words}",
+            "COMP_CWORD": words.rsplit(maxsplit=1)[-1] if shell == "fish" else "3",
         },
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert "links.loss_ratio=0.0" in done.stdout, done.stderr
+    assert found in done.stdout, done.stderr
     loaded = {name.split(".")[0] for name in done.stderr.split()}
     assert not {"numpy", "scipy", "zenoh", "rerun", "mcap", "rich", "psutil"} & loaded

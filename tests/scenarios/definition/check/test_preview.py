@@ -47,6 +47,22 @@ def test_too_short_a_preview_is_said_in_one_line(
         assert "\n" not in line
 
 
+GILBERT = 'links.loss={kind="gilbert_elliott",loss_ratio=0.5,burst_messages_mean=2.0}'
+RADIO = (
+    'links.radio={kind="table",distance_m=[0.0,15.0,30.0,60.0],delivery_ratio=[1.0,0.5,0.5,0.0]}'
+)
+
+
+@pytest.mark.parametrize("law", [GILBERT, RADIO])
+def test_every_law_of_loss_thins_the_poses_alike(law: str) -> None:
+    """As much as independent losses of the same share, at the distance of the source."""
+    half = ("links.loss_ratio=0.5", "gnss.rate_hz=14.0", *ALONE)
+    other = (law, *half[1:])
+    expected = check("lane_change", half).warnings
+    assert expected
+    assert check("lane_change", other).warnings == expected
+
+
 def test_only_the_link_that_is_late_counts() -> None:
     late = 'link=[{sender="v2",receiver="v3",latency_ms=180.0}]'
     assert check("lane_change", [late]).warnings == ()  # the lead reaches further

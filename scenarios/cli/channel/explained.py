@@ -1,4 +1,4 @@
-"""What links did, and what a vehicle knew, as tables for a person."""
+"""What a vehicle knew at an instant, as a table for a person."""
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console

@@ -1,0 +1,61 @@
+"""What is asked of each link, and what follows from it, for a person."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from scenarios.definition.check.links import AskedLink
+
+UNKNOWN = "no number says it beforehand"
+Row = tuple[str, str]
+
+
+def print_links(name: str, links: Sequence[AskedLink], console: Console) -> None:
+    """Print a block for each link, links of which all is alike in one."""
+    console.print(f"[bold]{escape(name)}, its links[/]", highlight=False)
+    if not links:
+        console.print("none: nobody receives")
+    alike: dict[AskedLink, list[AskedLink]] = {}
+    for one in links:
+        alike.setdefault(replace(one, sender="", receiver=""), []).append(one)
+    for link, some in alike.items():
+        named = ", ".join(f"{one.sender} → {one.receiver}" for one in some)
+        console.print(f"\n[bold]{escape(named)}[/]", highlight=False)
+        table = Table.grid(padding=(0, 2, 0, 0))
+        table.add_column(no_wrap=True)
+        table.add_column()
+        for what, text in _rows(link):
+            table.add_row(f"  {what}", escape(text))
+        console.print(table)
+
+
+def _rows(link: AskedLink) -> Iterator[Row]:
+    first, *further = link.rules
+    yield "rule", first + (f", over {', '.join(further)}" if further else "")
+    if link.preset is not None:
+        yield "preset", link.preset
+        yield "source", link.preset_source or "not said"
+    for place, law in enumerate(link.laws):
+        yield "laws" if not place else "", f"{law.words} · {law.key}"
+    at = "" if link.distance_m is None else f" at {link.distance_m:.3g} m, the gap at first"
+    if link.loss_ratio is None:
+        yield "loss", UNKNOWN
+    else:
+        yield "loss", f"{100.0 * link.loss_ratio:.4g} %{at}{_burst(link)}"
+    if link.latency_ms_mean is None or link.latency_ms_deviation is None:
+        yield "delay", UNKNOWN
+    else:
+        yield "delay", f"{link.latency_ms_mean:.4g} ± {link.latency_ms_deviation:.4g} ms"
+    age = UNKNOWN if link.age_ms_mean is None else f"{link.age_ms_mean:.4g} ms on average"
+    yield "age", f"of the newest message at a command: {age}, at {link.rate_hz:g} Hz"
+
+
+def _burst(link: AskedLink) -> str:
+    if link.loss_ratio in {0.0, 1.0}:
+        return ""
+    if link.burst_messages_mean is None:
+        return ", in bursts of a length that no number says"
+    return f", {link.burst_messages_mean:.4g} in a row on average"

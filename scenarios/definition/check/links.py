@@ -1,0 +1,163 @@
+"""What is asked of each directed link: its rule, its laws in words, and what follows from them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+from transport.links.laws.collisions import Collisions
+
+from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.expected import expected_age_ms, expected_channel
+from scenarios.definition.channel.origins import giver, rules_of
+from scenarios.definition.channel.radio import vehicles_between
+from scenarios.definition.check.preview import gap_to
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.content import ContentTable, FalseTable
+from transport.links.laws.content import Reordering
+from transport.links.laws.delay import ConstantDelay, DrawnDelay
+from transport.links.laws.effect import Described, Effect
+from transport.links.laws.outages import CircleOutage, RandomOutage, StretchOutage, TimedOutage
+from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
+from transport.links.laws.queue import InOrder
+from transport.links.laws.radio import DeliveryOverDistance, Propagation
+
+KEYS: dict[type[object], str] = {
+    Decimation: "rate_hz",
+    TimedOutage: "outages",
+    StretchOutage: "outages",
+    CircleOutage: "outages",
+    RandomOutage: "outages",
+    Loss: "loss_ratio",
+    Collisions: "collisions",
+    DeliveryOverDistance: "radio",
+    Propagation: "radio",
+    Latency: "latency_ms",
+    Jitter: "jitter_ms",
+    ConstantDelay: "delay",
+    DrawnDelay: "delay",
+    Reordering: "content",
+}
+"""The key that asks for an effect; all others are asked for by `loss`."""
+PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedLaw:
+    """A law in words, and the key of the scenario that asks for it."""
+
+    words: str
+    key: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedLink:
+    """What is asked of one directed link, and what follows in the long run.
+
+    `rules` are what is about the link, the most specific first. Figures are None where no number
+    says them beforehand; those of a radio are for `distance_m`, the gap at the lead's first speed,
+    with all vehicles in between in the way. `age_ms_mean` is that of the newest message at a
+    command; losses in a row are taken as those of a two-state chain.
+    """
+
+    sender: str
+    receiver: str
+    rules: tuple[str, ...]
+    preset: str | None
+    preset_source: str | None
+    laws: tuple[AskedLaw, ...]
+    rate_hz: float
+    distance_m: float | None
+    loss_ratio: float | None
+    burst_messages_mean: float | None
+    latency_ms_mean: float | None
+    latency_ms_deviation: float | None
+    age_ms_mean: float | None
+
+
+def asked_links(scenario: Scenario) -> tuple[AskedLink, ...]:
+    """Say what is asked of each link of a scenario, by receiver from the lead back."""
+    return tuple(asked_link(scenario, link) for link in scenario.links)
+
+
+def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
+    """Say what is asked of one link (sender, receiver)."""
+    sender, receiver = link
+    table, source, setup = (
+        scenario.links[link],
+        scenario.vehicle(sender),
+        scenario.vehicle(receiver),
+    )
+    speed = scenario.route.profile.at(0.0)[0]
+    distance_m = gap_to(scenario, setup.place, sender, speed) if table.radio else None
+    between = partial(vehicles_between, scenario.route, source.place, setup.place)
+    expected = expected_channel(table, source.gnss.rate_hz, distance_m, between)
+    if scenario.link_setting(sender, receiver, 0).off:
+        expected = replace(expected, loss_ratio=None, burst_messages=None)
+    rate_hz = min(source.gnss.rate_hz, table.rate_hz or source.gnss.rate_hz)
+    return AskedLink(
+        sender=sender,
+        receiver=receiver,
+        rules=tuple(rules_of(scenario.tables, link)),
+        preset=table.preset,
+        preset_source=table.preset_source,
+        laws=tuple(
+            AskedLaw(words=words, key=key if "." in key else giver(scenario.tables, link, key))
+            for key, words in _laws(scenario, link)
+        ),
+        rate_hz=rate_hz,
+        distance_m=distance_m,
+        loss_ratio=expected.loss_ratio,
+        burst_messages_mean=expected.burst_messages,
+        latency_ms_mean=expected.latency_ms_mean,
+        latency_ms_deviation=expected.latency_ms_deviation,
+        age_ms_mean=expected_age_ms(expected, rate_hz, scenario.control_rate_hz),
+    )
+
+
+def laws_in_brief(scenario: Scenario, link: tuple[str, str]) -> str:
+    """Name the laws of a link besides latency, jitter, independent loss and rate."""
+    return "; ".join(words for key, words in _laws(scenario, link) if key not in PLAIN)
+
+
+def _laws(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]]:
+    """Give the key of each law, within the link's table or as a vehicle's, and its words."""
+    sender, receiver = link
+    table, source = scenario.links[link], scenario.vehicle(sender)
+    setting = scenario.link_setting(sender, receiver, 0)
+    place = scenario.vehicle(receiver).place
+    between = partial(vehicles_between, scenario.route, source.place, place)
+    for effect in link_effects(table, source.gnss.rate_hz, setting, between):
+        words = effect.in_words() if isinstance(effect, Described) else type(effect).__name__
+        key = key_of(effect)
+        if isinstance(effect, TimedOutage) and effect.reason != "outage":
+            off = sender if effect.reason == "transmitter_off" else receiver
+            key = f"vehicle.{off}.{effect.reason}"
+        yield key, words
+    for stage in link_stages(table):
+        yield "delay" if isinstance(stage, InOrder) else "queue", stage.in_words()
+    if table.content is not None:
+        yield from (("content", words) for words in content_in_words(table.content))
+
+
+def key_of(effect: Effect) -> str:
+    """Name the key of a link that asks for an effect."""
+    return KEYS.get(type(effect), "loss")
+
+
+def content_in_words(table: ContentTable) -> Iterator[str]:
+    """Say what is done to content and number of messages, but for those held back."""
+    if table.duplicate_ratio:
+        late = table.duplicate_delay_ms
+        after = "after a delay of its own" if late is None else f"{late:g} ms later"
+        told = "refused by its number" if table.filter_duplicates else "taken"
+        yield f"{100.0 * table.duplicate_ratio:g} % come twice, the copy {after}, {told}"
+    if table.bit_error_ratio:
+        told = "refuses" if table.frame_check else "does not check"
+        yield f"each bit wrong with {table.bit_error_ratio:g}, the receiver {told} such frames"
+    for one in table.false:
+        yield f"false content: {one.kind} {_span(one)}"
+
+
+def _span(table: FalseTable) -> str:
+    return f"from {table.from_s:g} s on" + ("" if table.to_s is None else f" to {table.to_s:g} s")

@@ -1,0 +1,135 @@
+"""The laws of a link against a sample of them: loss, bursts, delay, delivery over distance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.definition.channel.expected import expected_channel
+from scenarios.results.channel.estimates import CONFIDENCE, bursts, inflation, mean_length, share
+from scenarios.studies.channel.law import burst_shares, delay_quantiles, distances_m
+from scenarios.studies.channel.sample import SampledChannel, StraightDrive
+
+QUANTILES = (0.05, 0.5, 0.95, 0.99)
+EDGES = (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50)
+"""Bursts are counted from one of them up to before the next."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One figure: what the law says, None if it does not, and what the sample has.
+
+    `low` and `high` are the interval of 95 % of the sample's.
+    """
+
+    figure: str
+    law: float | None
+    sample: float | None
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """All figures of a link, ratios from 0 to 1 and delays in ms.
+
+    `bursts` are shares of the bursts by their length, such as "5 to 6"; `distances` deliveries by
+    metres, none without a radio.
+    """
+
+    sender: str
+    receiver: str
+    messages: int
+    rate_hz: float
+    distance_m: float
+    speed_mps: float
+    vehicles_between: int
+    figures: tuple[Compared, ...]
+    bursts: tuple[Compared, ...]
+    distances: tuple[Compared, ...]
+    dropped: dict[str, int]
+
+
+def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledChannel]:
+    """Draw so many messages of a link, and a tenth at each distance; hold them against the law."""
+    sample, effects = drive.sample(messages), drive.effects()
+    between = drive.between()
+    expected = expected_channel(drive.table, drive.rate_hz, drive.distance_m, drive.between)
+    if drive.scenario.link_setting(*drive.link, 0).off:
+        expected = replace(expected, loss_ratio=None, burst_messages=None)
+    lengths = bursts(sample.lost)
+    loss = _share("loss", expected.loss_ratio, sample.lost, expected.loss_inflation)
+    burst = mean_length(lengths, CONFIDENCE)
+    told = (burst.value, burst.low, burst.high) if burst and isfinite(burst.high) else ()
+    delays = sample.delay_ms
+    there = bool(len(delays))
+    quantiles: Sequence[float | None] = delay_quantiles(expected, effects, QUANTILES) or [
+        None for _ in QUANTILES
+    ]
+    return Comparison(
+        sender=drive.link[0],
+        receiver=drive.link[1],
+        messages=messages,
+        rate_hz=drive.rate_hz,
+        distance_m=drive.distance_m,
+        speed_mps=drive.speed_mps,
+        vehicles_between=between.count,
+        figures=(
+            loss,
+            Compared("lost in a row", expected.burst_messages, *(told or (None,))),
+            Compared(
+                "mean delay", expected.latency_ms_mean, float(delays.mean()) if there else None
+            ),
+            Compared(
+                "its deviation",
+                expected.latency_ms_deviation,
+                float(delays.std()) if there else None,
+            ),
+            *(
+                Compared(
+                    f"{100.0 * part:g} % of delays within",
+                    law,
+                    float(np.quantile(delays, part)) if there else None,
+                )
+                for part, law in zip(QUANTILES, quantiles, strict=True)
+            ),
+        ),
+        bursts=_bursts(lengths, burst_shares(expected, effects)),
+        distances=tuple(
+            _over(replace(drive, distance_m=metres), max(messages // 10, 100))
+            for metres in distances_m(effects)
+        ),
+        dropped=dict(sorted(sample.dropped.items())),
+    ), sample
+
+
+def _share(figure: str, law: float | None, of: NDArray[np.bool_], spread_by: float) -> Compared:
+    """A share of events, as dependent as their law makes them, or as bursts of their own show."""
+    lengths = bursts(of)
+    mean = float(np.mean(of)) if len(of) else 0.0
+    own = inflation(mean, float(lengths.mean())) if len(lengths) else 1.0
+    found = share(int(of.sum()), len(of), CONFIDENCE, max(own, spread_by))
+    return Compared(figure, law, found.value, found.low, found.high)
+
+
+def _bursts(lengths: NDArray[np.int_], law: NDArray[np.float64] | None) -> tuple[Compared, ...]:
+    rows = []
+    for edge, after in zip(EDGES, (*EDGES[1:], None), strict=True):
+        within = (lengths >= edge) & (lengths < (after or lengths.max(initial=0) + 1))
+        asked = None if law is None else float(law[edge - 1 : after and after - 1].sum())
+        found = share(int(within.sum()), len(lengths), CONFIDENCE)
+        name = f"{edge} or more" if after is None else f"{edge} to {after - 1}"
+        name = f"{edge}" if after == edge + 1 else name
+        rows.append(Compared(name, asked, found.value, found.low, found.high))
+    while rows and not rows[-1].sample and (rows[-1].law or 0.0) < 1e-4:
+        rows.pop()
+    return tuple(rows) if len(lengths) else ()
+
+
+def _over(drive: StraightDrive, messages: int) -> Compared:
+    expected = expected_channel(drive.table, drive.rate_hz, drive.distance_m, drive.between)
+    law = None if expected.loss_ratio is None else 1.0 - expected.loss_ratio
+    received = ~drive.sample(messages).lost
+    return _share(f"{drive.distance_m:.0f} m", law, received, expected.loss_inflation)

@@ -1,0 +1,107 @@
+"""A sample of one link, drawn by the very effects of a run, on a straight road.
+
+Both ends drive at one speed, a distance apart; vehicles in between stand evenly in the line of
+sight. A message is sent each period, all of one size.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from transport.links.laws.obstruction import Road, VehiclesBetween
+
+from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.expected import USUAL_MESSAGE_BYTES
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.links import LinkTable
+from transport.links.laws.content import BitErrors
+from transport.links.laws.effect import Effect, Passage, Whereabouts
+from transport.links.line import judge_stream
+from transport.links.link import Link
+from transport.reasons import counts_as_loss
+from vehicles.schedule import MILLISECOND, SECOND
+
+SLOWEST_MPS = 1.0
+"""A radio that stands wavers no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampledChannel:
+    """What became of the messages that a link carries, by number: lost, and delay (ms) if not."""
+
+    lost: NDArray[np.bool_]
+    delay_ms: NDArray[np.float64]
+    dropped: Counter[str]
+
+
+@dataclass(frozen=True, slots=True)
+class StraightDrive:
+    """A link of a scenario on its straight road: distance (m), speed (m/s), messages a second."""
+
+    scenario: Scenario
+    link: tuple[str, str]
+    distance_m: float
+
+    @property
+    def table(self) -> LinkTable:
+        """What is asked of the link."""
+        return self.scenario.links[self.link]
+
+    @property
+    def rate_hz(self) -> float:
+        """Messages a second that are sent."""
+        return self.scenario.vehicle(self.link[0]).gnss.rate_hz
+
+    @property
+    def speed_mps(self) -> float:
+        """The lead's mean speed."""
+        profile, duration_s = self.scenario.route.profile, self.scenario.duration_s
+        return max(profile.distance(duration_s) / duration_s, SLOWEST_MPS)
+
+    def between(self) -> VehiclesBetween:
+        """Who drives between both ends."""
+        places = [self.scenario.vehicle(name).place for name in self.link]
+        straight = Road(1.0, (0.0, 1.0), (0.0, 0.0))
+        return VehiclesBetween(max(places[1] - places[0] - 1, 0), straight, self.distance_m, 0.0)
+
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects of a run that starts at instant 0."""
+        setting = self.scenario.link_setting(*self.link, 0)
+        return link_effects(self.table, self.rate_hz, setting, self.between)
+
+    def sample(self, messages: int) -> SampledChannel:
+        """Judge so many messages with the scenario's seed."""
+        stages = link_stages(self.table)
+        link = Link(self.effects(), self.scenario.seed, *self.link, stages)
+        passages = list(self._passages(messages))
+        errors, lost, delays = self._bit_errors(), list[bool](), list[float]()
+        dropped: Counter[str] = Counter()
+        for passage, verdict in zip(passages, judge_stream(link, passages), strict=True):
+            reason: str = verdict.reason
+            if not reason and errors and errors.flips(link.draw, passage.seq, passage.size):
+                reason = "corrupted"
+            if reason:
+                dropped[reason] += 1
+            if not reason or counts_as_loss(reason):
+                lost.append(bool(reason))
+            if not reason:
+                delays.append((verdict.visible_at - passage.sent_at) / MILLISECOND)
+        return SampledChannel(np.array(lost, dtype=np.bool_), np.array(delays), dropped)
+
+    def _passages(self, messages: int) -> Iterator[Passage]:
+        for seq in range(messages):
+            sent_at = round(seq * SECOND / self.rate_hz)
+            driven = self.speed_mps * sent_at / SECOND
+            ahead = Whereabouts(self.distance_m + driven, 0.0, driven)
+            yield Passage(
+                seq, sent_at, USUAL_MESSAGE_BYTES, ahead, Whereabouts(driven, 0.0, driven)
+            )
+
+    def _bit_errors(self) -> BitErrors | None:
+        content = self.table.content
+        if content is None or not content.bit_error_ratio or not content.frame_check:
+            return None
+        return BitErrors(content.bit_error_ratio)

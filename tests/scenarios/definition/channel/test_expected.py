@@ -1,0 +1,259 @@
+"""What links should achieve: by closed forms, by drawn chains, and by the very effects."""
+
+from math import isclose, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.expected import (
+    USUAL_MESSAGE_BYTES,
+    expected_age_ms,
+    expected_channel,
+)
+from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.account import misses
+from scenarios.results.channel.estimates import bursts
+from scenarios.results.channel.tally import LinkTally
+from tests.made.scenarios.messages import verdict
+from transport.links.laws.effect import Passage
+from transport.links.link import Link
+from vehicles.schedule import MILLISECOND
+
+GILBERT = {"kind": "gilbert_elliott", "loss_ratio": 0.2, "burst_messages_mean": 8.0}
+FOUR = {
+    "kind": "four_state", "gap_to_burst_ratio": 0.05, "burst_to_gap_ratio": 0.3,
+    "lost_to_sent_ratio": 0.2, "sent_to_lost_ratio": 0.5, "isolated_loss_ratio": 0.02,
+}  # fmt: skip
+COLLISIONS = {"loss_ratio": 0.1, "keep_ratio": 0.4}
+RATIOS = st.floats(0.02, 0.98)
+
+
+def asked(**keys: object) -> LinkTable:
+    return LinkTable.model_validate(keys)
+
+
+def drawn_fates(table: LinkTable, count: int, seed: int = 3) -> NDArray[np.bool_]:
+    """Which messages the effects of a link lose, one after the other."""
+    link = Link(link_effects(table, 20.0), seed, "v1", "v2")
+    reasons = [link.judge(Passage(seq, seq * 50 * MILLISECOND)).reason for seq in range(count)]
+    return np.array([bool(one) for one in reasons])
+
+
+def chain(p: float, r: float, runs: int, steps: int) -> NDArray[np.bool_]:
+    """Runs of a two-state chain, in its stationary state, one in a row."""
+    random = np.random.default_rng(7)
+    bad = np.empty((steps, runs), dtype=bool)
+    bad[0] = random.random(runs) < p / (p + r)
+    for step in range(1, steps):
+        drawn = random.random(runs)
+        bad[step] = np.where(bad[step - 1], drawn >= r, drawn < p)
+    found: NDArray[np.bool_] = bad.T
+    return found
+
+
+@given(RATIOS, RATIOS, RATIOS)
+def test_a_chain_beside_independent_losses_has_the_burst_of_its_transitions(
+    p: float, r: float, q: float
+) -> None:
+    """By hand: a burst ends from bad to good, or from a loss in good, where the next one passes."""
+    law = {"kind": "gilbert_elliott", "good_to_bad_ratio": p, "bad_to_good_ratio": r}
+    found = expected_channel(asked(loss=law, loss_ratio=q))
+    bad = p / (p + r)
+    loss = bad + (1.0 - bad) * q
+    ends = (bad * r + (1.0 - bad) * q * (1.0 - p)) * (1.0 - q)
+    assert found.loss_ratio == pytest.approx(loss, rel=1e-9)
+    assert found.burst_messages == pytest.approx(loss / ends, rel=1e-6)
+
+
+@given(RATIOS)
+def test_independent_losses_alone_are_as_ever(loss: float) -> None:
+    found = expected_channel(LinkTable(loss_ratio=loss))
+    assert found.loss_ratio == loss
+    assert found.burst_messages == pytest.approx(1.0 / (1.0 - loss))
+    assert (found.loss_inflation, found.latency_inflation) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"loss": GILBERT, "collisions": COLLISIONS, "loss_ratio": 0.1},
+        {"loss": FOUR, "loss_ratio": 0.1},
+        {"loss": FOUR, "collisions": COLLISIONS},
+        {"loss": {"kind": "every_nth", "every_messages": 7}, "loss_ratio": 0.2},
+    ],
+)
+@pytest.mark.campaign(20_000, 100_000)
+def test_laws_together_lose_as_their_effects_do(keys: dict[str, object], campaign: int) -> None:
+    table = asked(**keys)
+    found, lost = expected_channel(table), drawn_fates(table, campaign)
+    assert found.loss_ratio is not None
+    assert found.burst_messages is not None
+    spread = found.loss_ratio * (1.0 - found.loss_ratio) * found.loss_inflation
+    assert abs(lost.mean() - found.loss_ratio) < 4.0 * sqrt(spread / campaign)
+    lengths = bursts(lost)
+    error = lengths.std() / sqrt(len(lengths))
+    assert abs(lengths.mean() - found.burst_messages) < 4.5 * error
+
+
+@pytest.mark.parametrize(("p", "r", "q"), [(0.03, 0.12, 0.0), (0.03, 0.12, 0.3), (0.3, 0.9, 0.0)])
+def test_a_counted_loss_is_spread_by_the_inflation(p: float, r: float, q: float) -> None:
+    """Of 2000 runs with 1000 messages: their variance is known to three per cent or so."""
+    law = {"kind": "gilbert_elliott", "good_to_bad_ratio": p, "bad_to_good_ratio": r}
+    found = expected_channel(asked(loss=law, loss_ratio=q))
+    lost = chain(p, r, 2000, 1000)
+    lost |= np.random.default_rng(1).random(lost.shape) < q
+    mean = found.loss_ratio or 0.0
+    inflation = lost.mean(axis=1).var() * 1000 / (mean * (1.0 - mean))
+    expected = max(found.loss_inflation, 1.0)
+    assert inflation < 1.15 * expected
+    if p + r < 1.0:
+        assert inflation > 0.85 * expected
+
+
+@pytest.mark.parametrize(
+    ("keys", "is_known"),
+    [
+        ({"radio": {"kind": "table", "distance_m": [0.0], "delivery_ratio": [0.9]}}, False),
+        ({"outages": [{"kind": "window", "from_s": 1.0, "to_s": 2.0}]}, False),
+        ({"queue": {"bytes_per_s": 5000.0}}, False),
+        ({"loss": {"kind": "listed", "lost_numbers": "3"}}, False),
+        ({"loss": {"kind": "log", "delays_ns": "20000000x9"}}, False),
+        ({"content": {"bit_error_ratio": 1e-4, "frame_check": False}}, False),
+        ({"loss": {"kind": "every_nth", "every_messages": 4}, "rate_hz": 5.0}, False),
+        ({"loss": {"kind": "every_nth", "every_messages": 4}}, True),
+        ({"content": {"bit_error_ratio": 1e-4}}, True),
+        ({"loss": GILBERT, "rate_hz": 10.0}, True),
+    ],
+)
+def test_a_loss_that_depends_on_more_than_the_laws_is_not_told(
+    keys: dict[str, object], is_known: bool
+) -> None:
+    found = expected_channel(asked(**keys, loss_ratio=0.1))
+    assert (found.loss_ratio is not None) == is_known
+    if not is_known:
+        assert found.burst_messages is None
+
+
+def test_a_law_with_memory_under_a_rate_has_no_burst_of_its_own() -> None:
+    table = asked(loss=GILBERT, rate_hz=10.0)
+    assert expected_channel(table, 20.0).burst_messages is None
+    assert expected_channel(table, 10.0).burst_messages == pytest.approx(8.0)
+    assert expected_channel(table, 20.0).loss_ratio == pytest.approx(0.2)
+
+
+def test_wrong_bits_count_as_losses() -> None:
+    found = expected_channel(asked(content={"bit_error_ratio": 1e-3}, loss_ratio=0.2))
+    assert found.loss_ratio == pytest.approx(1.0 - 0.8 * 0.999 ** (8 * USUAL_MESSAGE_BYTES))
+
+
+DELAYS = [
+    {"jitter_ms": 12.0},
+    {"jitter_ms": 12.0, "delay": {"kind": "uniform", "delay_ms_max": 30.0}},
+    {"delay": {"kind": "gamma", "mean_ms": 30.0, "deviation_ms": 20.0, "correlation_ratio": 0.5}},
+    {"content": {"reorder_ratio": 0.2, "reorder_delay_ms": 80.0}, "jitter_ms": 5.0},
+]
+
+
+@pytest.mark.parametrize("keys", DELAYS)
+def test_delays_add_up(keys: dict[str, object]) -> None:
+    table = asked(**keys)
+    found, link = expected_channel(table), Link(link_effects(table, 20.0), 5, "v1", "v2")
+    delays = np.array([link.judge(Passage(seq, 0)).visible_at / 1e6 for seq in range(8000)])
+    assert found.latency_ms_mean is not None
+    assert found.latency_ms_deviation is not None
+    error = found.latency_ms_deviation * sqrt(found.latency_inflation / len(delays))
+    assert abs(delays.mean() - found.latency_ms_mean) < 4.0 * error
+    assert delays.std() == pytest.approx(found.latency_ms_deviation, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"delay": {"kind": "constant", "delay_ms": 3.0, "order": "in_order"}},
+        {"queue": {"bytes_per_s": 5000.0}},
+        {"loss": {"kind": "log", "delays_ns": "20000000x9"}},
+    ],
+)
+def test_delays_that_depend_on_other_messages_are_not_told(keys: dict[str, object]) -> None:
+    found = expected_channel(asked(**keys))
+    assert found.latency_ms_mean is None
+    assert found.latency_ms_deviation is None
+    assert expected_age_ms(found, 20.0) is None
+
+
+@pytest.mark.parametrize(("p", "r"), [(0.2, 0.8), (0.03, 0.125), (0.5, 0.1)])
+def test_the_age_at_a_command_is_that_of_a_drawn_chain(p: float, r: float) -> None:
+    """Messages each 50 ms, known 27 ms later; commands each 20 ms, and at any instant."""
+    lost = chain(p, r, 1, 60_000)[0]
+    known = np.flatnonzero(~lost) * 50.0
+    law = {"kind": "gilbert_elliott", "good_to_bad_ratio": p, "bad_to_good_ratio": r}
+    expected = expected_channel(asked(loss=law, latency_ms=27.0))
+    random = np.random.default_rng(2)
+    for commands, rate_hz in (
+        (np.arange(100.0, 2.9e6, 20.0), 50.0),
+        (random.uniform(100.0, 2.9e6, 200_000), None),
+    ):
+        last = np.searchsorted(known, commands - 27.0, side="right") - 1
+        age = (commands - known[np.maximum(last, 0)])[last >= 0].mean()
+        assert expected_age_ms(expected, 20.0, rate_hz) == pytest.approx(age, rel=0.05)
+
+
+def test_without_loss_the_age_at_commands_is_exact() -> None:
+    """20 ms, then each 10 ms more up to the next message: 20, 30, 40, 50, 60 ms."""
+    expected = expected_channel(LinkTable())
+    assert expected_age_ms(expected, 20.0, 50.0) == pytest.approx(40.0)
+    assert expected_age_ms(expected, 20.0) == pytest.approx(45.0)
+    late = expected_channel(LinkTable(latency_ms=24.0))
+    assert expected_age_ms(late, 20.0, 50.0) == pytest.approx(50.0)  # 30 to 70 ms
+
+
+@given(st.floats(0.0, 0.95), st.floats(1.0, 100.0))
+def test_the_age_under_independent_losses_has_its_closed_form(loss: float, rate_hz: float) -> None:
+    found = expected_age_ms(expected_channel(LinkTable(loss_ratio=loss)), rate_hz)
+    assert found is not None
+    assert isclose(found, 20.0 + 1000.0 / rate_hz * (1.0 / (1.0 - loss) - 0.5), rel_tol=1e-9)
+
+
+def told(table: LinkTable, seeds: int, count: int = 700) -> int:
+    """How many of so many links that did as asked are named for not doing so."""
+    named = 0
+    for seed in range(seeds):
+        link, tally = Link(link_effects(table, 20.0), seed, "v1", "v2"), LinkTally()
+        for seq in range(count):
+            judged = link.judge(Passage(seq, 0))
+            latency_ms = judged.visible_at / MILLISECOND
+            tally.add(verdict("v1", "v2", seq, dropped=judged.reason, latency_ms=latency_ms))
+        named += bool(list(misses(("v1", "v2"), table, tally)))
+    return named
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"loss": {**GILBERT, "burst_messages_mean": 40.0}, "loss_ratio": 0.3},
+        {"loss": FOUR, "collisions": {**COLLISIONS, "keep_ratio": 0.8}},
+        {"loss": {"kind": "pattern", "length_messages": 5000, "lost_numbers": "0-499"}},
+        {
+            "delay": {
+                "kind": "lognormal", "mean_ms": 30.0, "deviation_ms": 90.0,
+                "correlation_ratio": 0.9,
+            }
+        },
+    ],
+)  # fmt: skip
+def test_links_that_do_as_asked_are_not_named(keys: dict[str, object]) -> None:
+    assert told(asked(**keys), 12) == 0
+    other = expected_channel(asked(**keys))
+    assert other.loss_inflation >= 1.0
+
+
+def test_a_vehicle_s_own_silence_is_not_the_link_s_loss() -> None:
+    tally = LinkTally()
+    for seq in range(300):
+        off = "transmitter_off" if 100 <= seq < 180 else ""
+        tally.add(verdict("v1", "v2", seq, dropped=off, latency_ms=20.0))
+    assert list(misses(("v1", "v2"), LinkTable(), tally)) == []

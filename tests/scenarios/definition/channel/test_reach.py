@@ -1,0 +1,55 @@
+"""What radios lose over a distance, by quadrature, against their effects."""
+
+from math import sqrt
+
+import pytest
+from transport.links.laws.obstruction import Road, VehiclesBetween
+
+from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.presets import presets
+from scenarios.definition.channel.reach import RADIO, farthest_m, loss_over_distance
+from scenarios.definition.scenario import load_scenario
+from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.plain import Loss
+from transport.links.link import Link
+
+FAR_APART_M = 1000.0
+"""Metres driven from message to message, over which the shadowing is another."""
+STRAIGHT = Road(1.0, (0.0, 1.0), (0.0, 0.0))
+
+
+@pytest.mark.parametrize("name", [name for name in presets() if "nlosv" in name])
+@pytest.mark.parametrize(("count", "distance"), [(0, 1800.0), (3, 250.0)])
+@pytest.mark.campaign(200, 5000)
+def test_path_loss_delivers_its_mean_over_the_shadowing(
+    name: str, count: int, distance: float, campaign: int
+) -> None:
+    asked = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
+
+    def between() -> VehiclesBetween:
+        return VehiclesBetween(count, STRAIGHT, distance, 0.0)
+
+    effects = link_effects(asked, 20.0, between=between)
+    link = Link(effects, 1, "v1", "v2")
+    radio = next(one for one in effects if isinstance(one, RADIO))
+    loss, _ = loss_over_distance(radio, distance)
+    lost = 0
+    for seq in range(campaign):
+        driven = seq * FAR_APART_M
+        sender = Whereabouts(driven + distance, 0.0, driven)
+        passage = Passage(seq, 0, 124, sender, Whereabouts(driven, 0.0, driven))
+        lost += link.judge(passage).outcome == "dropped"
+    error = sqrt(max(loss * (1.0 - loss), 1e-4) / campaign)
+    assert abs(lost / campaign - loss) < 4.0 * error + 0.002
+
+
+def test_beyond_its_reach_little_is_received() -> None:
+    for name in presets():
+        asked = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
+        for radio in (one for one in link_effects(asked, 20.0) if isinstance(one, RADIO)):
+            assert loss_over_distance(radio, farthest_m(radio) + 1.0)[0] > 0.99
+
+
+def test_only_radios_have_a_reach() -> None:
+    with pytest.raises(TypeError):
+        loss_over_distance(Loss(0.1), 10.0)
