@@ -54,6 +54,7 @@ for command in (
     logs.report,
     logs.explain,
     study.reproduce,
+    study.channel,
     reference,
 ):
     cli.add_command(command)

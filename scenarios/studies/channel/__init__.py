@@ -1,8 +1,13 @@
 """Channels: what a log says of the links that it was recorded over.
 
-recorded    the fates, delays and distances of the messages of each link of a log
-estimate    one parameter of a law, with its interval
-fit_loss    loss, its bursts, outages and loss over distance, with their intervals
-fit_delay   the law of a delay, with its intervals
-fit         a link as a block of a scenario that gives that channel again
+recorded        the fates, delays and distances of the messages of each link of a log
+estimate        one parameter of a law, with its interval
+fit_loss        loss, its bursts and outages, with their intervals
+fit_radio       loss over distance, on its own or by reservations
+fit_shadowing   loss that wavers over the way
+fit_delay       the law of a delay, with its intervals
+fit             a link as a block of a scenario that gives that channel again
+figure_drives   drives over many channels, and what each cost the last vehicle
+figure          them as a picture and as JSON
+figure_picture  the picture
 """

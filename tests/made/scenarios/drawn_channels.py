@@ -66,7 +66,7 @@ def drawn_radio(chance: Random) -> Raw:
 
 def drawn_content(chance: Random) -> Raw:
     """Draw what happens to contents."""
-    table = {
+    table: Raw = {
         "duplicate_ratio": chance.choice([0.0, 1.0, chance.random()]),
         "filter_duplicates": chance.random() < 0.5,
         "reorder_ratio": chance.choice([0.0, 1.0, chance.random()]),
@@ -76,7 +76,7 @@ def drawn_content(chance: Random) -> Raw:
     }
     if chance.random() < 0.5:
         table["duplicate_delay_ms"] = chance.choice([0.0, chance.uniform(1.0, 300.0)])
-    given = {key: value for key, value in table.items() if chance.random() < 0.6}
+    given: Raw = {key: value for key, value in table.items() if chance.random() < 0.6}
     if chance.random() < 0.6:
         given["false"] = [_false(chance) for _ in range(chance.randint(1, 3))]
     return given
