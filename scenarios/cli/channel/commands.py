@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.channel.costs import figure
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.options import setting_options
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from scenarios.definition.scenario import Scenario
-    from scenarios.studies.channel.fit import FittedLink
+    from scenarios.studies.channel.fitting.fit import FittedLink
 
 NEAREST_M, FARTHEST_M = 1.0, 100_000.0
 
@@ -23,10 +24,14 @@ NEAREST_M, FARTHEST_M = 1.0, 100_000.0
 Examples:
   convoy channel show bursty
   convoy channel fit run.mcap
+  convoy channel figure
 """
 )
 def channel() -> None:
-    """Look at channels: their laws against samples, and the laws of recorded links."""
+    """Look at channels: laws against samples, laws of recorded links, what they cost a convoy."""
+
+
+channel.add_command(figure)
 
 
 @channel.command(
@@ -165,7 +170,7 @@ def fit(log: Path, *, link: str | None, as_json: bool, out: Path | None) -> None
     with clear_errors():
         require("channel fit", "studies", "scipy")
     from scenarios.results.log_summary import log_in
-    from scenarios.studies.channel.fit import as_toml, fit_log
+    from scenarios.studies.channel.fitting.fit import as_toml, fit_log
 
     with clear_errors():
         found = {(one.sender, one.receiver): one for one in fit_log(log_in(log))}

@@ -4,10 +4,10 @@ from functools import cache
 from math import ceil, inf, log10, sqrt
 
 import numpy as np
-from transport.links.laws.obstruction import HOPELESS, OnceForAll, PerVehicle
 
 from transport.links.laws.effect import Effect
-from transport.links.laws.radio import NEAREST, DeliveryOverDistance, Propagation
+from transport.links.laws.radio.delivery import NEAREST, DeliveryOverDistance, Propagation
+from transport.links.laws.radio.obstruction import HOPELESS, OnceForAll, PerVehicle
 
 RADIO = DeliveryOverDistance, Propagation
 NODES = 32

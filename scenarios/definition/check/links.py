@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
-from transport.links.laws.collisions import Collisions
-
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.expected import expected_age_ms, expected_channel
@@ -20,7 +18,8 @@ from transport.links.laws.effect import Described, Effect
 from transport.links.laws.outages import CircleOutage, RandomOutage, StretchOutage, TimedOutage
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 from transport.links.laws.queue import InOrder
-from transport.links.laws.radio import DeliveryOverDistance, Propagation
+from transport.links.laws.radio.collisions import Collisions
+from transport.links.laws.radio.delivery import DeliveryOverDistance, Propagation
 
 KEYS: dict[type[object], str] = {
     Decimation: "rate_hz",

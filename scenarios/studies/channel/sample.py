@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from transport.links.laws.obstruction import Road, VehiclesBetween
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.delay import link_stages
@@ -19,6 +18,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import Effect, Passage, Whereabouts
+from transport.links.laws.radio.obstruction import Road, VehiclesBetween
 from transport.links.line import judge_stream
 from transport.links.link import Link
 from transport.reasons import counts_as_loss

@@ -17,7 +17,6 @@ import tomli_w
 
 from scenarios.definition.schema.gnss import DriftTable, GnssTable, StateErrorsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.radio import OnceForAllTable, PathLossRadio, PerVehicleTable
 from scenarios.definition.schema.sending import CAM_SHARES
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import (
@@ -35,7 +34,8 @@ from scenarios.definition.schema.tables import (
     SpeedTable,
     SteeringTable,
 )
-from tests.made.scenarios.drawn_laws import drawn_collisions, drawn_loss, inline
+from tests.made.scenarios.drawn_channels import LAWS, drawn_channel, drawn_spans
+from tests.made.scenarios.drawn_laws import inline
 from vehicles.car.parameters import LINCOLN_MKZ
 
 Raw = dict[str, Any]
@@ -53,8 +53,10 @@ CAR = {
 """What has to fit together for a car to be one."""
 SHARES = (0.0, 0.0, 0.2, 0.5, 1.0)
 """Of a table's keys so many are given."""
-LAWS = {"loss": drawn_loss, "collisions": drawn_collisions}
-"""Of a link, each with what draws it."""
+APART = (*LAWS, "preset", "preset_source")
+"""Keys of a link that are not drawn by the schema alone."""
+OF_ALL_SHARE, OF_ONE_SHARE = 0.12, 0.25
+"""Chance of each law for all links, and for one."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "vehicle", {name: own for name, own in followers.items() if own})
     _put(tables, "parameters", _car(chance))
     _put(tables, "loading", drawn_table(chance, LoadingTable))
-    _put(tables, "links", drawn_table(chance, LinkTable, LAWS) | _laws(chance))
+    _put(tables, "links", _links(chance, LinkTable, OF_ALL_SHARE))
     if len(names) > 1:
         _put(tables, "link", [_link(chance, names) for _ in range(chance.choice([0, 0, 1, 3]))])
     _put(tables, "events", drawn_table(chance, EventsTable))
@@ -229,6 +231,8 @@ def _vehicle(chance: Random, *, lead: bool) -> Raw:
     if chance.random() < 0.5:
         table["lateral_offset_m"] = chance.choice([-20.0, 20.0, chance.uniform(-2.0, 2.0)])
         table["heading_offset_deg"] = chance.choice([-90.0, 90.0, chance.uniform(-5.0, 5.0)])
+    if chance.random() < 0.3:
+        table[chance.choice(["transmitter_off", "receiver_off"])] = drawn_spans(chance)
     if not lead and chance.random() < 0.3:
         table["gap_m"] = chance.choice([51.0, 1000.0])
     return table
@@ -301,34 +305,13 @@ def _link(chance: Random, names: Sequence[str]) -> Raw:
     receiver = chance.randrange(1, len(names))
     sender = chance.choice([names[0], names[receiver - 1], "*"])
     entry = {"sender": sender, "receiver": chance.choice([names[receiver], names[receiver], "*"])}
-    return entry | drawn_table(chance, LinkEntry, ("sender", "receiver", *LAWS)) | _laws(chance)
+    return entry | _links(chance, LinkEntry, OF_ONE_SHARE)
 
 
-def _laws(chance: Random) -> Raw:
-    """Some of the laws of a link that are tables of their own."""
-    drawn_laws: Raw = {"radio": _radio(chance)} if chance.random() < 0.2 else {}
-    if chance.random() < 0.1:
-        presets = ["clear", "lossy", "bursty", "lte_v2x_oneshot", "nlosv_3gpp_car"]
-        drawn_laws["preset"] = chance.choice(presets)
-    drawn_laws |= {name: drawn(chance) for name, drawn in LAWS.items() if chance.random() < 0.25}
-    return drawn_laws
-
-
-def _radio(chance: Random) -> Raw:
-    """A table whose lists fit each other, or loss on the way with one kind of obstruction."""
-    if chance.random() < 0.5:
-        ways = sorted({chance.uniform(0.0, 500.0) for _ in range(chance.randint(1, 5))})
-        return {
-            "kind": "table",
-            "distance_m": ways,
-            "delivery_ratio": [chance.random() for _ in ways],
-            "burst": chance.choice(["independent", "reservation"]),
-            "keep_ratio": chance.choice([0.0, 0.4, 0.99]),
-        }
-    table: Raw = {"kind": "path_loss", **drawn_table(chance, PathLossRadio, ("kind", "errors"))}
-    laws: dict[str, type[Table]] = {"etsi": PerVehicleTable, "3gpp": OnceForAllTable}
-    kind, law = chance.choice(list(laws.items()))
-    return table | {"obstruction": {"kind": kind, **drawn_table(chance, law, ("kind",))}}
+def _links(chance: Random, table: type[Table], share: float) -> Raw:
+    """What links do: keys of the schema, laws that are tables of their own, or a preset."""
+    apart = ("sender", "receiver", *APART)
+    return drawn_table(chance, table, apart) | drawn_channel(chance, share)
 
 
 def _speed(chance: Random, longest_m: float) -> Raw:

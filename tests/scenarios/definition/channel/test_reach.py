@@ -3,7 +3,6 @@
 from math import sqrt
 
 import pytest
-from transport.links.laws.obstruction import Road, VehiclesBetween
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import presets
@@ -11,6 +10,7 @@ from scenarios.definition.channel.reach import RADIO, farthest_m, loss_over_dist
 from scenarios.definition.scenario import load_scenario
 from transport.links.laws.effect import Passage, Whereabouts
 from transport.links.laws.plain import Loss
+from transport.links.laws.radio.obstruction import Road, VehiclesBetween
 from transport.links.link import Link
 
 FAR_APART_M = 1000.0

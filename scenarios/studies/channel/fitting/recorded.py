@@ -23,7 +23,8 @@ class RecordedLink:
     """The messages of one link on which it decided, by number.
 
     `sent_at_s` is from the start, `delay_ms` from sending until it was or would have been there,
-    `distance_m` the true one at the sending, `reason` empty for what was delivered.
+    `distance_m` the true one at the sending, `reason` empty for what was delivered. `driven_m` is
+    what the receiver had driven by then since the start, if that is known.
     """
 
     sender: str
@@ -33,6 +34,7 @@ class RecordedLink:
     delay_ms: Floats
     distance_m: Floats
     reason: NDArray[np.str_]
+    driven_m: Floats | None = None
 
     @property
     def period_s(self) -> float:
@@ -57,7 +59,7 @@ def recorded_links(log: Path) -> tuple[RecordedLink, ...]:
     start_at = 0
     verdicts: defaultdict[tuple[str, str], dict[int, LinkVerdict]] = defaultdict(dict)
     senders: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
-    places: defaultdict[str, list[tuple[int, float, float]]] = defaultdict(list)
+    places: defaultdict[str, list[TruePose]] = defaultdict(list)
     for _, source, message in reader.messages(("gps", "verdict", "truth", "start")):
         match message:
             case RunStart():
@@ -67,7 +69,7 @@ def recorded_links(log: Path) -> tuple[RecordedLink, ...]:
             case LinkVerdict():
                 verdicts[message.sender, source][message.pose_seq] = message
             case TruePose():
-                places[source].append((message.true_at_ns, message.east_m, message.north_m))
+                places[source].append(message)
     return tuple(
         _link(pair, start_at, list(verdicts[pair].values()), senders[pair[0]], places[pair[1]])
         for pair in _listening(scenario)
@@ -84,11 +86,12 @@ def _link(
     start_at: int,
     verdicts: list[LinkVerdict],
     sender_at: dict[int, tuple[float, float]],
-    receiver_at: list[tuple[int, float, float]],
+    receiver_at: list[TruePose],
 ) -> RecordedLink:
     verdicts.sort(key=lambda one: one.pose_seq)
     sent_at = np.array([one.sent_at_ns for one in verdicts])
     nowhere = (np.nan, np.nan)
+    here = _places_at(sent_at, receiver_at)
     there = np.array([sender_at.get(one.pose_seq, nowhere) for one in verdicts])
     return RecordedLink(
         sender=pair[0],
@@ -96,16 +99,17 @@ def _link(
         number=np.array([one.pose_seq for one in verdicts]),
         sent_at_s=(sent_at - start_at) / SECOND,
         delay_ms=np.array([one.visible_at_ns - one.sent_at_ns for one in verdicts]) / MILLISECOND,
-        distance_m=np.hypot(*(there - _places_at(sent_at, receiver_at)).T),
+        distance_m=np.hypot(*(there - here[:, :2]).T),
         reason=np.array([one.reason for one in verdicts], dtype=np.str_),
+        driven_m=here[:, 2] if receiver_at else None,
     )
 
 
-def _places_at(instants: NDArray[np.int64], places: list[tuple[int, float, float]]) -> Floats:
-    """Where the receiver was at its last true pose until each instant."""
+def _places_at(instants: NDArray[np.int64], places: list[TruePose]) -> Floats:
+    """East, north and metres driven of the receiver at its last true pose until each instant."""
     if not places:
-        return np.full((len(instants), 2), np.nan)
-    table = np.array([(east, north) for _, east, north in places])
-    before = np.searchsorted(np.array([at for at, _, _ in places]), instants, side="right") - 1
+        return np.full((len(instants), 3), np.nan)
+    table = np.array([(one.east_m, one.north_m, one.distance_m) for one in places])
+    before = np.searchsorted([one.true_at_ns for one in places], instants, side="right") - 1
     found: Floats = table[np.maximum(before, 0)]
     return found

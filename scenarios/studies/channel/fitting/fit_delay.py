@@ -2,26 +2,31 @@
 
 Where messages keep their order, a message that had to wait for an earlier one says only that its
 own delay was no longer than that: it enters by the distribution function (left-censored).
+Delays that are correlated from message to message enter by what the one before them tells.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import exp, inf, log, log1p, sqrt
+from functools import cached_property
+from math import ceil, exp, inf, log, log1p, sqrt, tanh
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from scenarios.studies.channel.estimate import Estimate
+from scenarios.studies.channel.fitting.estimate import Estimate
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Kind = Literal["normal", "lognormal", "gamma"]
 
 SAME_MS = 1e-3
 """Delays that differ by less are the same: they are whole nanoseconds, and logged as such."""
 LEAST_MESSAGES = 100
 """Of fewer delays the law is not told apart; they stand as they are."""
+ALONE = 0.05
+"""Messages with a smaller correlation are taken to be on their own."""
 CERTAIN = 1e-3
 """A law that explains the delays with less chance than this is none of them."""
 MOST_QUANTILES = 500
@@ -62,11 +67,12 @@ def fit_delay(number: NDArray[np.int64], sent_at_s: Floats, delay_ms: Floats) ->
     uniform = None if in_order else _uniform(delay_ms)
     if uniform is not None:
         return uniform
-    found = [_fitted(kind, delay_ms, waited) for kind in ("gamma", "lognormal", "normal")]
+    seen = _Delays(number, delay_ms, waited)
+    found = [_fitted(kind, seen) for kind in ("gamma", "lognormal", "normal")]
     best = max((law for law in found if law), key=lambda law: law.likelihood, default=None)
-    if best is None or not _explains(best, delay_ms, waited):
+    if best is None or not _explains(best, seen):
         return _as_recorded(delay_ms, in_order=in_order)
-    return _described(best, number, delay_ms, waited, in_order=in_order)
+    return _described(best, in_order=in_order)
 
 
 def _uniform(delay_ms: Floats) -> FittedDelay | None:
@@ -99,8 +105,8 @@ def _distribution(kind: Kind, parameters: Floats) -> Any:
             return stats.truncnorm(-mean / deviation, inf, loc=floor + mean, scale=deviation)
 
 
-def _fitted(kind: Kind, delay_ms: Floats, waited: NDArray[np.bool_]) -> _Law | None:
-    exact, at_most = delay_ms[~waited], delay_ms[waited]
+def _fitted(kind: Kind, seen: "_Delays") -> _Law | None:
+    exact = seen.delay_ms[~seen.waited]
     low, deviation = float(exact.min()), float(exact.std())
 
     def minus_likelihood(parameters: Floats) -> float:
@@ -108,24 +114,79 @@ def _fitted(kind: Kind, delay_ms: Floats, waited: NDArray[np.bool_]) -> _Law | N
             return inf
         law = _distribution(kind, parameters)
         with np.errstate(all="ignore"):
-            value = float(law.logpdf(exact).sum() + law.logcdf(at_most).sum())
+            value = seen.likelihood(law, tanh(parameters[3]) if len(parameters) > 3 else 0.0)
         return -value if np.isfinite(value) else inf
 
     begin = max(0.0, low - 0.05 * deviation)
-    start = np.array([begin, log(max(exact.mean() - begin, 1e-3)), log(deviation)])
+    start = [begin, log(max(exact.mean() - begin, 1e-3)), log(deviation)]
     found = optimize.minimize(
-        minus_likelihood, start, method="Nelder-Mead",
-        options={"xatol": 1e-6, "fatol": 1e-6, "maxiter": 4000, "maxfev": 4000},
+        minus_likelihood, np.array([*start, 0.1] if seen.may_be_tied else start),
+        method="Nelder-Mead",
+        options={"xatol": 1e-4, "fatol": 1e-3, "maxiter": 4000, "maxfev": 4000},
     )  # fmt: skip
     if not np.isfinite(found.fun):
         return None
     law = _distribution(kind, found.x)
-    return _Law(kind, law, (*map(float, found.x), *_errors(minus_likelihood, found.x)), -found.fun)
+    values, errors = [*map(float, found.x)], [*_errors(minus_likelihood, found.x)]
+    if not seen.may_be_tied:
+        values, errors = [*values, 0.0], [*errors, inf]
+    return _Law(kind, law, (*values, *errors), -found.fun)
+
+
+@dataclass(frozen=True)
+class _Delays:
+    """Delays (ms) in the order of their numbers, and which of them waited for one before.
+
+    The normal numbers behind them are a chain: given the last message delivered, which did not wait
+    itself, one has the correlation ρ^steps with it. What followed one that waited, whose own
+    delay is not known, tells nothing for certain and is left out; so each term is the chance of
+    what came given all before it, and what made messages wait does not bias them.
+    """
+
+    number: NDArray[np.int64]
+    delay_ms: Floats
+    waited: Flags
+
+    @cached_property
+    def may_be_tied(self) -> bool:
+        """Whether delays of messages one after the other may be correlated."""
+        if self.waited.any():
+            return True
+        found = float(stats.spearmanr(self.delay_ms[:-1], self.delay_ms[1:]).statistic)
+        return bool(abs(found) > 3.0 / sqrt(len(self.delay_ms)))
+
+    def likelihood(self, law: Any, correlation: float) -> float:
+        """Logarithm of the chance of these delays."""
+        if not correlation:
+            exact, at_most = self.delay_ms[~self.waited], self.delay_ms[self.waited]
+            return float(law.logpdf(exact).sum() + law.logcdf(at_most).sum())
+        score = _scores(law, self.delay_ms)
+        after = np.flatnonzero(~self.waited[:-1]) + 1
+        steps = (self.number[after] - self.number[after - 1]).astype(np.float64)
+        tied = np.sign(correlation) ** steps * abs(correlation) ** steps
+        rest = np.sqrt(1.0 - tied * tied)
+        own = (score[after] - tied * score[after - 1]) / rest
+        waited = self.waited[after]
+        known = after[~waited]
+        told = law.logpdf(self.delay_ms[known]) + 0.5 * score[known] ** 2
+        told -= 0.5 * own[~waited] ** 2 + np.log(rest[~waited])
+        return float(told.sum() + stats.norm.logcdf(own[waited]).sum())
+
+
+def _scores(law: Any, delay_ms: Floats) -> Floats:
+    """Normal numbers that belong to delays, from the nearer tail."""
+    below = law.cdf(delay_ms)
+    found: Floats = np.where(
+        below < 0.5, stats.norm.ppf(np.clip(below, 1e-15, 0.5)),
+        stats.norm.isf(np.clip(law.sf(delay_ms), 1e-15, 0.5)),
+    )  # fmt: skip
+    return found
 
 
 def _errors(minus_likelihood: Callable[[Floats], float], best: Floats) -> tuple[float, ...]:
     """Standard errors from the curvature of the likelihood; inf where it has none."""
-    steps = np.array([1e-3 * max(1.0, abs(best[0])), 1e-3, 1e-3])
+    steps = np.full(len(best), 1e-3)
+    steps[0] *= max(1.0, abs(best[0]))
     size = len(best)
     hessian = np.empty((size, size))
     for i in range(size):
@@ -143,23 +204,21 @@ def _errors(minus_likelihood: Callable[[Floats], float], best: Floats) -> tuple[
     return tuple(sqrt(v) if v > 0.0 else inf for v in variances.tolist())
 
 
-def _explains(law: _Law, delay_ms: Floats, waited: NDArray[np.bool_]) -> bool:
-    """Whether what did not wait is as the law has it; what waited is left out of both."""
-    if waited.any():
-        return True  # the chance of having waited differs from message to message
-    return float(stats.kstest(delay_ms, law.frozen.cdf).pvalue) >= CERTAIN
+def _explains(law: _Law, seen: _Delays) -> bool:
+    """Whether delays are as the law has them, of messages so far apart that they are on their own.
+
+    Where some waited that is not asked: their share differs from message to message.
+    """
+    if seen.waited.any():
+        return True
+    correlation = abs(tanh(law.parameters[3]))
+    apart = 1 if correlation < ALONE else min(ceil(log(ALONE) / log(correlation)), 100)
+    return float(stats.kstest(seen.delay_ms[::apart], law.frozen.cdf).pvalue) >= CERTAIN
 
 
-def _described(
-    law: _Law,
-    number: NDArray[np.int64],
-    delay_ms: Floats,
-    waited: NDArray[np.bool_],
-    *,
-    in_order: bool,
-) -> FittedDelay:
-    floor, mean, deviation, *errors = law.parameters
-    mean, deviation = exp(mean), exp(deviation)
+def _described(law: _Law, *, in_order: bool) -> FittedDelay:
+    floor, mean, deviation, tied, *errors = law.parameters
+    mean, deviation, correlation = exp(mean), exp(deviation), tanh(tied)
     table: dict[str, Any] = {
         "kind": law.kind, "mean_ms": _rounded(mean), "deviation_ms": _rounded(deviation),
     }  # fmt: skip
@@ -168,28 +227,15 @@ def _described(
         Estimate.normal("delay.mean_ms", mean, mean * errors[1]),
         Estimate.normal("delay.deviation_ms", deviation, deviation * errors[2]),
     ]
-    correlation = _correlation(law, number, delay_ms, waited)
-    if correlation is not None and correlation.value > 3.0 * correlation.error:
-        estimates.append(correlation)
-        table["correlation_ratio"] = round(min(correlation.value, 0.99), 3)
+    error = (1.0 - correlation * correlation) * errors[3]
+    if correlation > 3.0 * error:
+        key = "delay.correlation_ratio"
+        estimates.append(Estimate.normal(key, correlation, error, -1.0, 1.0))
+        table["correlation_ratio"] = round(min(correlation, 0.99), 3)
     if in_order:
         table["order"] = "in_order"
     words = f"{law.kind}, {mean:.4g} ± {deviation:.4g} ms beyond {floor:.4g} ms"
     return FittedDelay({"latency_ms": _rounded(floor), "delay": table}, tuple(estimates), words)
-
-
-def _correlation(
-    law: _Law, number: NDArray[np.int64], delay_ms: Floats, waited: NDArray[np.bool_]
-) -> Estimate | None:
-    """Correlation of the normal numbers of messages one after the other."""
-    scores = stats.norm.ppf(np.clip(law.frozen.cdf(delay_ms), 1e-9, 1.0 - 1e-9))
-    pairs = (np.diff(number) == 1) & ~waited[1:] & ~waited[:-1]
-    count = int(pairs.sum())
-    if count < LEAST_MESSAGES:
-        return None
-    value = float(np.corrcoef(scores[:-1][pairs], scores[1:][pairs])[0, 1])
-    error = (1.0 - value * value) / sqrt(count)
-    return Estimate.normal("delay.correlation_ratio", value, error, -1.0, 1.0)
 
 
 def _as_recorded(delay_ms: Floats, *, in_order: bool) -> FittedDelay:

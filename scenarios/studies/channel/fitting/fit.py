@@ -6,15 +6,18 @@ from typing import Any
 
 import tomli_w
 
-from scenarios.studies.channel.estimate import Estimate
-from scenarios.studies.channel.fit_delay import fit_delay
-from scenarios.studies.channel.fit_loss import fit_losses
-from scenarios.studies.channel.recorded import RecordedLink, recorded_links
+from scenarios.studies.channel.fitting.estimate import Estimate
+from scenarios.studies.channel.fitting.fit_delay import fit_delay
+from scenarios.studies.channel.fitting.fit_loss import fit_losses
+from scenarios.studies.channel.fitting.recorded import RecordedLink, recorded_links
 
 
 @dataclass(frozen=True, slots=True)
 class FittedLink:
-    """What was found of one link: keys of a `[[link]]` entry, and their estimates."""
+    """What was found of one link: keys of a `[[link]]` entry, and their estimates.
+
+    `notes` say in a line each what the log cannot tell.
+    """
 
     sender: str
     receiver: str
@@ -22,6 +25,7 @@ class FittedLink:
     keys: dict[str, Any]
     estimates: tuple[Estimate, ...]
     delay: str
+    notes: tuple[str, ...] = ()
 
     @property
     def entry(self) -> dict[str, Any]:
@@ -31,7 +35,7 @@ class FittedLink:
 
 def fit_link(link: RecordedLink) -> FittedLink:
     """Find the laws of one link."""
-    loss_keys, estimates = fit_losses(link)
+    loss_keys, estimates, notes = fit_losses(link)
     there = link.delivered
     chosen = there if there.any() else ~there
     delay = fit_delay(link.number[chosen], link.sent_at_s[chosen], link.delay_ms[chosen])
@@ -42,6 +46,7 @@ def fit_link(link: RecordedLink) -> FittedLink:
         keys={**loss_keys, **delay.keys},
         estimates=(*estimates, *delay.estimates),
         delay=delay.words,
+        notes=tuple(notes),
     )
 
 
@@ -55,6 +60,8 @@ def as_toml(links: tuple[FittedLink, ...]) -> str:
     blocks = []
     for link in links:
         head = f"# {link.sender} → {link.receiver}, {link.messages} messages; 95 % intervals:"
-        lines = [head, *(f"#   {estimate}" for estimate in link.estimates)]
-        blocks.append("\n".join([*lines, tomli_w.dumps({"link": [link.entry]}).rstrip()]))
+        lines = [head, *(f"#   {one}" for one in (*link.estimates, *link.notes))]
+        # As one table and then one of many: short entries would be written as `link = [{…}]`.
+        entry = tomli_w.dumps({"link": link.entry}).replace("[link]", "[[link]]", 1)
+        blocks.append("\n".join([*lines, entry.rstrip()]))
     return "\n\n".join(blocks) + "\n"

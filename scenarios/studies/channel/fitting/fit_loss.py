@@ -5,7 +5,6 @@ drops a message names the reason; so a law is estimated from what no earlier one
 those dropped earlier are unknown, and what later ones dropped has passed it.
 """
 
-from collections.abc import Iterator
 from fractions import Fraction
 from math import sqrt
 from typing import Any
@@ -14,36 +13,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.results.channel.estimates import CONFIDENCE, bursts, inflation, share
-from scenarios.studies.channel.estimate import Estimate
-from scenarios.studies.channel.recorded import RecordedLink
+from scenarios.studies.channel.fitting.estimate import Estimate
+from scenarios.studies.channel.fitting.fit_radio import Found, fit_radio
+from scenarios.studies.channel.fitting.recorded import RecordedLink
 
 Flags = NDArray[np.bool_]
-Found = tuple[dict[str, Any], list[Estimate]]
 
 ORDER = (
     *("rate", "transmitter_off", "receiver_off", "outage", "loss", "burst", "pattern"),
     *("collision", "range", "queue", "corrupted"),
 )
 """Reasons in the order in which the effects of a link judge."""
+UNTOLD_PLACE = "outages as times: one drive does not tell whether places are behind them"
 OUTAGES = ("outage", "transmitter_off", "receiver_off")
-LEAST_IN_BIN = 200
-"""Messages from which a share of deliveries at a distance is told."""
-NARROWEST_M = 2.0
-"""Distances that differ by less are the same."""
-MOST_BINS = 40
 USUAL_RESERVATION = 10.0
 """Messages of a reservation of LTE-V2X on average, 5 to 15 at 10 Hz (3GPP TS 36.321)."""
 
 
 def fit_losses(link: RecordedLink) -> Found:
-    """Find all that a link lost messages by: keys of the link, and their estimates."""
+    """Find all that a link lost messages by: keys of it, their estimates, and what is not told."""
     keys: dict[str, Any] = {}
     estimates: list[Estimate] = []
-    for part in (_rate, _outages, _independent, _bursts, _collisions, _distance):
-        more, told = part(link)
+    notes: list[str] = []
+    for part in (_rate, _outages, _independent, _bursts, _collisions, _radio):
+        more, told, noted = part(link)
         keys |= more
         estimates += told
-    return keys, estimates
+        notes += noted
+    return keys, estimates, notes
 
 
 def judged_by(link: RecordedLink, *words: str) -> tuple[Flags, Flags]:
@@ -57,19 +54,19 @@ def judged_by(link: RecordedLink, *words: str) -> tuple[Flags, Flags]:
 def _rate(link: RecordedLink) -> Found:
     held = link.reason == "rate"
     if not held.any() or not link.period_s:
-        return {}, []
+        return {}, [], []
     carried = Fraction(float(1.0 - held.mean())).limit_denominator(100)
     rate_hz = float(carried) / link.period_s
     step = 1.0 / (len(held) * link.period_s)
     value = float(f"{rate_hz:.6g}")
-    return {"rate_hz": value}, [Estimate("rate_hz", value, step, value - step, value + step)]
+    return {"rate_hz": value}, [Estimate("rate_hz", value, step, value - step, value + step)], []
 
 
 def _outages(link: RecordedLink) -> Found:
     """Windows of time from the first message that was held back to the first that was not."""
     off = np.isin(link.reason, OUTAGES)
     if not off.any():
-        return {}, []
+        return {}, [], []
     known = off | (link.reason != "rate")
     off, sent_at = off[known], link.sent_at_s[known]
     edges = np.flatnonzero(np.diff(np.concatenate(([False], off, [False])).astype(np.int8)))
@@ -82,17 +79,17 @@ def _outages(link: RecordedLink) -> Found:
         for key, at in (("from_s", from_s), ("to_s", to_s)):
             low = max(0.0, at - link.period_s)
             estimates.append(Estimate(f"outages[{place}].{key}", at, link.period_s, low, at))
-    return {"outages": windows}, estimates
+    return {"outages": windows}, estimates, [UNTOLD_PLACE]
 
 
 def _independent(link: RecordedLink) -> Found:
     judged, dropped = judged_by(link, "loss")
     if not dropped.any():
-        return {}, []
+        return {}, [], []
     interval = share(int(dropped.sum()), int(judged.sum()), CONFIDENCE)
     error = sqrt(interval.value * (1.0 - interval.value) / int(judged.sum()))
     estimate = Estimate("loss_ratio", interval.value, error, interval.low, interval.high)
-    return {"loss_ratio": _rounded(interval.value)}, [estimate]
+    return {"loss_ratio": _rounded(interval.value)}, [estimate], []
 
 
 def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, int, int, int]:
@@ -109,7 +106,7 @@ def _bursts(link: RecordedLink) -> Found:
     """Gilbert's chain by its transitions: they are binomial, so are their errors."""
     judged, lost = judged_by(link, "burst", "pattern")
     if not lost.any():
-        return {}, []
+        return {}, [], []
     good, worsened, bad, mended = _transitions(link, judged, lost)
     if not worsened or not mended:  # one burst alone, or no end of it
         return _share_alone(judged, lost)
@@ -123,12 +120,16 @@ def _bursts(link: RecordedLink) -> Found:
         "loss_ratio": _rounded(loss),
         "burst_messages_mean": max(1.0, _rounded(burst)),
     }
-    return {"loss": table}, [
-        Estimate.normal("loss.loss_ratio", loss, loss_error, 0.0, 1.0),
-        Estimate.normal("loss.burst_messages_mean", burst, burst_error, 1.0),
-        Estimate.normal("loss.good_to_bad_ratio", p, sqrt(variance_p), 0.0, 1.0),
-        Estimate.normal("loss.bad_to_good_ratio", r, sqrt(variance_r), 0.0, 1.0),
-    ]
+    return (
+        {"loss": table},
+        [
+            Estimate.normal("loss.loss_ratio", loss, loss_error, 0.0, 1.0),
+            Estimate.normal("loss.burst_messages_mean", burst, burst_error, 1.0),
+            Estimate.normal("loss.good_to_bad_ratio", p, sqrt(variance_p), 0.0, 1.0),
+            Estimate.normal("loss.bad_to_good_ratio", r, sqrt(variance_r), 0.0, 1.0),
+        ],
+        [],
+    )
 
 
 def _share_alone(judged: Flags, lost: Flags) -> Found:
@@ -142,9 +143,11 @@ def _share_alone(judged: Flags, lost: Flags) -> Found:
         "burst_messages_mean": burst,
     }
     error = 0.5 * (interval.high - interval.low)
-    return {"loss": table}, [
-        Estimate("loss.loss_ratio", interval.value, error, interval.low, interval.high)
-    ]
+    return (
+        {"loss": table},
+        [Estimate("loss.loss_ratio", interval.value, error, interval.low, interval.high)],
+        [],
+    )
 
 
 def _collisions(link: RecordedLink) -> Found:
@@ -155,15 +158,19 @@ def _collisions(link: RecordedLink) -> Found:
     """
     judged, lost = judged_by(link, "collision")
     if not lost.any():
-        return {}, []
+        return {}, [], []
     loss, burst, loss_error, burst_error = _share_and_burst(judged, lost)
     again = max(0.0, 1.0 - USUAL_RESERVATION / burst)
     kept = min(0.99, max(0.0, (again - loss) / (1.0 - loss))) if loss < 1.0 else 0.0
     kept_error = USUAL_RESERVATION * burst_error / (burst * burst * max(1.0 - loss, 1e-9))
-    return {"collisions": {"loss_ratio": _rounded(loss), "keep_ratio": _rounded(kept)}}, [
-        Estimate.normal("collisions.loss_ratio", loss, loss_error, 0.0, 1.0),
-        Estimate.normal("collisions.keep_ratio", kept, kept_error, 0.0, 0.99),
-    ]
+    return (
+        {"collisions": {"loss_ratio": _rounded(loss), "keep_ratio": _rounded(kept)}},
+        [
+            Estimate.normal("collisions.loss_ratio", loss, loss_error, 0.0, 1.0),
+            Estimate.normal("collisions.keep_ratio", kept, kept_error, 0.0, 0.99),
+        ],
+        [],
+    )
 
 
 def _share_and_burst(judged: Flags, lost: Flags) -> tuple[float, float, float, float]:
@@ -176,46 +183,9 @@ def _share_and_burst(judged: Flags, lost: Flags) -> tuple[float, float, float, f
     return loss, burst, sqrt(loss * (1 - loss) / count * spread_by), deviation / sqrt(len(lengths))
 
 
-def _distance(link: RecordedLink) -> Found:
-    """Deliveries over distance, as a table with a row for each stretch of distances."""
-    judged, lost = judged_by(link, "range")
-    judged &= np.isfinite(link.distance_m)
-    if not (lost & judged).any():
-        return {}, []
-    distances, ratios, estimates = [], [], []
-    for chosen in _stretches(link.distance_m, judged):
-        within = lost[chosen]
-        count = len(within)
-        runs = bursts(within)
-        burst = float(runs.mean()) if len(runs) else 1.0
-        ratio = 1.0 - float(within.mean())
-        interval = share(count - int(within.sum()), count, CONFIDENCE, inflation(1 - ratio, burst))
-        at = float(link.distance_m[chosen].mean())
-        error = sqrt(max(ratio * (1.0 - ratio), 1e-9) / count * inflation(1 - ratio, burst))
-        distances.append(round(at, 3))
-        ratios.append(round(ratio, 4))
-        key = f"radio.delivery_ratio at {at:.1f} m"
-        estimates.append(Estimate(key, ratio, error, interval.low, interval.high))
-    table = {"kind": "table", **_reaching_on(distances, ratios)}
-    return {"radio": table}, estimates
-
-
-def _reaching_on(distances: list[float], ratios: list[float]) -> dict[str, list[float]]:
-    """The table with its last row held a little on: beyond it nothing is delivered."""
-    return {
-        "distance_m": [*distances, round(distances[-1] + NARROWEST_M, 3)],
-        "delivery_ratio": [*ratios, ratios[-1]],
-    }
-
-
-def _stretches(distance_m: NDArray[np.float64], judged: Flags) -> Iterator[NDArray[np.intp]]:
-    """Messages by stretches of distance: equally many in each, none too narrow; in their order."""
-    places = np.flatnonzero(judged)
-    ordered = places[np.argsort(distance_m[places], kind="stable")]
-    wide = float(distance_m[ordered[-1]] - distance_m[ordered[0]])
-    bins = max(1, min(MOST_BINS, len(ordered) // LEAST_IN_BIN, int(wide / NARROWEST_M)))
-    for part in np.array_split(ordered, bins):
-        yield np.sort(part)
+def _radio(link: RecordedLink) -> Found:
+    """What was lost on the way, with the distance."""
+    return fit_radio(link, *judged_by(link, "range"))
 
 
 def _rounded(value: float) -> float:

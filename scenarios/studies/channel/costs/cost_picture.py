@@ -1,0 +1,100 @@
+"""The picture of `convoy channel figure`. Needs matplotlib: import it when drawing."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+
+from scenarios.studies.channel.costs.drives import BURST_LOSS_RATIO, FLOOR_MS, Cost
+from scenarios.studies.picture_style import BLUE, GREY, RED, SEQUENCE, STYLE
+
+LEAST_M, MOST_M = 0.05, 1.0
+"""Ends of the colours; what is beyond has the colour of the end."""
+DARK_M = 0.3
+"""Below, cells are dark, and their numbers light."""
+SIZE = (8.0, 6.6)
+FAR_M = 5.0
+"""Whoever is farther off is drawn here: there is nothing to drive on."""
+
+
+def draw(costs: Sequence[Cost], lane_margin_m: float, file: Path) -> None:
+    """Draw the maps of loss and latency above, and the bursts below, a column for each gap."""
+    gaps = list(dict.fromkeys(one.channel.gap_m for one in costs))
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=SIZE, layout="constrained")
+        axes = figure.subplots(2, len(gaps), squeeze=False)
+        images = []
+        for column, gap in enumerate(gaps):
+            here = [one for one in costs if one.channel.gap_m == gap]
+            maps = [one for one in here if one.channel.burst_messages is None]
+            bursts = [one for one in here if one.channel.burst_messages is not None]
+            images.append(_map(axes[0, column], maps))
+            axes[0, column].set_title(f"{gap:g} m from car to car")
+            _bursts(axes[1, column], bursts, lane_margin_m)
+        axes[0, 0].set_ylabel("latency, ms")
+        axes[1, 0].set_ylabel("largest true error of the last car, m")
+        _explain(axes[1, 0], [one for one in costs if one.channel.burst_messages], lane_margin_m)
+        axes[1, -1].legend(loc="upper left", bbox_to_anchor=(0.0, 0.9))
+        bar = figure.colorbar(images[0], ax=list(axes[0]), extend="both", pad=0.01, aspect=22)
+        bar.set_label("largest true error, m (median of seeds)")
+        bar.set_ticks([0.05, 0.1, 0.2, 0.5, 1.0], labels=["0.05", "0.1", "0.2", "0.5", "1"])
+        bar.ax.minorticks_off()
+        figure.savefig(file, dpi=110.0)
+
+
+def _map(axes: Axes, costs: Sequence[Cost]) -> AxesImage:
+    """Draw the median error over loss and latency, with its number in each cell."""
+    losses = sorted({one.channel.loss_ratio for one in costs})
+    latencies = sorted({one.channel.latency_ms for one in costs})
+    table = np.full((len(latencies), len(losses)), np.nan)
+    for one in costs:
+        row, column = latencies.index(one.channel.latency_ms), losses.index(one.channel.loss_ratio)
+        table[row, column] = one.median_m
+        colour = "white" if one.median_m < DARK_M else "black"
+        text = f"{one.median_m:.2f}" if one.median_m < 9.995 else f"{one.median_m:.0f}"
+        axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
+    image = axes.imshow(
+        table, origin="lower", aspect="auto", cmap=SEQUENCE, norm=LogNorm(LEAST_M, MOST_M)
+    )
+    axes.set_xticks(range(len(losses)), [f"{100.0 * loss:g}" for loss in losses])
+    axes.set_yticks(range(len(latencies)), [f"{latency:g}" for latency in latencies])
+    axes.set_xlabel("messages lost, each on its own, %")
+    axes.grid(visible=False)
+    axes.tick_params(length=0.0)
+    return image
+
+
+def _bursts(axes: Axes, costs: Sequence[Cost], lane_margin_m: float) -> None:
+    """Draw each drive, and median and largest of the seeds, over the mean burst."""
+    lengths = [one.channel.burst_messages or 1.0 for one in costs]
+    for length, one in zip(lengths, costs, strict=True):
+        errors = np.minimum(one.errors_m, FAR_M)
+        xs = np.full(len(errors), length)
+        axes.plot(xs, errors, "o", color=GREY, alpha=0.4, markersize=3.2, markeredgewidth=0)
+        left = f"{one.beyond(lane_margin_m)}"
+        axes.text(length, 9.0, left, color=RED, ha="center", va="center", fontsize=8.5)
+    largest = [min(one.largest_m, FAR_M) for one in costs]
+    axes.plot(lengths, largest, "--", color=RED, label="worst seed")
+    axes.plot(lengths, [one.median_m for one in costs], "-", color=BLUE, marker="o", markersize=4.0,
+              label="median of seeds")  # fmt: skip
+    axes.axhline(lane_margin_m, color=GREY, linewidth=0.9, linestyle=":")
+    axes.set(xscale="log", yscale="log", xlim=(1.1, 1.12 * max(lengths)), ylim=(0.03, 13.0))
+    axes.set_xticks(lengths, [f"{length:g}" for length in lengths])
+    axes.set_yticks(
+        [0.03, 0.1, 0.3, 1.0, 3.0, FAR_M], labels=["0.03", "0.1", "0.3", "1", "3", "5+"]
+    )
+    axes.minorticks_off()
+    lost = f"{100.0 * BURST_LOSS_RATIO:g} % lost, {FLOOR_MS:g} ms"
+    axes.set_xlabel(f"messages lost in a row, mean ({lost})")
+
+
+def _explain(axes: Axes, costs: Sequence[Cost], lane_margin_m: float) -> None:
+    """Say in one of the panels what lines and numbers are."""
+    seeds = max(len(one.errors_m) for one in costs)
+    axes.text(1.16, 14.0, f"of {seeds} drives so many left the lane:", color=RED, fontsize=8.0)
+    axes.text(1.16, 1.1 * lane_margin_m, "edge of the lane", color=GREY, fontsize=7.5)

@@ -1,0 +1,142 @@
+"""What is driven for `convoy channel figure`, and what it cost.
+
+Three cars drive the first lane change of `lossy_lane_change` at 30 m/s and send ten messages a
+second, in virtual time. What counts is the largest true distance of the last car from the path of
+the first.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from statistics import median
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.pool import run_jobs
+from scenarios.runs.rehearsal import rehearse
+
+SCENARIO = "lossy_lane_change"
+SETTINGS = (
+    *("convoy.vehicles=3", "gnss.rate_hz=10.0", "duration_s=11.0"),
+    *("links.jitter_ms=0.0", "links.loss_ratio=0.0"),
+)
+"""Over the scenario: the last car is through its lane change after 9 s."""
+FLOOR_MS = 20.0
+"""Latency wherever something else is looked at."""
+BURST_LOSS_RATIO = 0.2
+"""Share of messages lost wherever bursts are looked at."""
+SAY_EVERY_S = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is driven: values of each axis, and how many seeds for each pair of them, from 1 on.
+
+    Mean bursts begin with 1 / (1 - loss), where every message is lost on its own.
+    """
+
+    gaps_m: tuple[float, ...] = (8.0, 15.0)
+    loss_ratios: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+    latencies_ms: tuple[float, ...] = (20.0, 60.0, 100.0, 150.0, 200.0, 300.0, 400.0)
+    bursts_messages: tuple[float, ...] = (1.25, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)
+    map_seeds: int = 9
+    burst_seeds: int = 20
+
+    @property
+    def channels(self) -> Iterator["Channel"]:
+        """Every channel at every gap."""
+        for gap in self.gaps_m:
+            for burst in self.bursts_messages:
+                yield Channel(gap, BURST_LOSS_RATIO, FLOOR_MS, burst)
+            for loss in self.loss_ratios:
+                for latency in self.latencies_ms:
+                    yield Channel(gap, loss, latency)
+
+    def seeds(self, channel: "Channel") -> range:
+        """Seeds of a channel."""
+        count = self.map_seeds if channel.burst_messages is None else self.burst_seeds
+        return range(1, count + 1)
+
+
+QUICK = Plan(
+    loss_ratios=(0.0, 0.3, 0.6),
+    latencies_ms=(20.0, 150.0, 400.0),
+    bursts_messages=(1.25, 4.0, 12.0),
+    map_seeds=1,
+    burst_seeds=3,
+)
+"""To see how it looks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One channel at one gap; without a mean burst every message is lost on its own."""
+
+    gap_m: float
+    loss_ratio: float
+    latency_ms: float
+    burst_messages: float | None = None
+
+    def scenario(self, seed: int) -> Scenario:
+        """The convoy over it."""
+        loss = f"links.loss_ratio={self.loss_ratio}"
+        if self.burst_messages is not None:
+            law = f"loss_ratio={self.loss_ratio}, burst_messages_mean={self.burst_messages}"
+            loss = f"links.loss={{kind='gilbert_elliott', {law}}}"
+        own = (f"convoy.gap_m={self.gap_m}", f"links.latency_ms={self.latency_ms}", loss)
+        return load_scenario(SCENARIO, (*SETTINGS, *own), seed)
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Largest true error (m) of the last vehicle over a channel, for each seed."""
+
+    channel: Channel
+    errors_m: tuple[float, ...]
+
+    @property
+    def median_m(self) -> float:
+        """Of the middle seed."""
+        return median(self.errors_m)
+
+    @property
+    def largest_m(self) -> float:
+        """Of the worst seed."""
+        return max(self.errors_m)
+
+    def beyond(self, limit_m: float) -> int:
+        """How many seeds are beyond a limit."""
+        return sum(error > limit_m for error in self.errors_m)
+
+
+def lane_margin_m() -> float:
+    """How far from the lead's path a car of the convoy may be within its lane."""
+    scenario = load_scenario(SCENARIO)
+    width = scenario.vehicle(scenario.lead).parameters.width
+    return 0.5 * (scenario.tables.events.lane_width_m - width)
+
+
+def driven(plan: Plan, progress: Callable[[str], None], workers: int) -> list[Cost]:
+    """Drive every channel of `plan` with every seed; the costs are in the order of the plan."""
+    jobs = {
+        (channel, seed): partial(error_m, channel, seed)
+        for channel in plan.channels
+        for seed in plan.seeds(channel)
+    }
+    found: dict[tuple[Channel, int], float] = {}
+    began = said = time.monotonic()
+    for key, error in run_jobs(jobs, workers):
+        found[key] = error
+        now = time.monotonic()
+        if now - said > SAY_EVERY_S or len(found) == len(jobs):
+            said = now
+            progress(f"{now - began:5.1f} s  {len(found):4d} of {len(jobs)} drives")
+    return [
+        Cost(channel, tuple(found[channel, seed] for seed in plan.seeds(channel)))
+        for channel in plan.channels
+    ]
+
+
+def error_m(channel: Channel, seed: int) -> float:
+    """Drive once; largest true distance (m) of the last vehicle from the lead's path."""
+    return rehearse(channel.scenario(seed)).cross_track[-1]

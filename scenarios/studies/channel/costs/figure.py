@@ -1,0 +1,62 @@
+"""`convoy channel figure`: what loss, its bursts and latency cost the last vehicle of a convoy."""
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.studies.channel.costs.drives import (
+    SCENARIO,
+    SETTINGS,
+    Cost,
+    Plan,
+    driven,
+    lane_margin_m,
+)
+
+SCHEMA = "convoy.channel_figure/1"
+PICTURE, TWIN = "channel.png", "channel.json"
+
+
+def channel_figure(
+    plan: Plan, out: Path, progress: Callable[[str], None], *, workers: int | None = None
+) -> list[Cost]:
+    """Drive `plan`, and write the picture and its figures as JSON into `out`.
+
+    By default on all cores. Raises ScenarioError if one of both files is there already.
+    """
+    from scenarios.studies.channel.costs.cost_picture import draw  # noqa: PLC0415 - matplotlib
+
+    for name in (PICTURE, TWIN):
+        if (out / name).exists():
+            raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
+    out.mkdir(parents=True, exist_ok=True)
+    costs = driven(plan, progress, len(os.sched_getaffinity(0)) if workers is None else workers)
+    margin_m = lane_margin_m()
+    (out / TWIN).write_text(json.dumps(machine_readable(costs, margin_m), indent=1) + "\n")
+    draw(costs, margin_m, out / PICTURE)
+    return costs
+
+
+def machine_readable(costs: Sequence[Cost], lane_margin_m: float) -> dict[str, Any]:
+    """Give what the picture shows, and every single drive, as JSON has it."""
+    return {
+        "schema": SCHEMA,
+        "scenario": SCENARIO,
+        "settings": list(SETTINGS),
+        "lane_margin_m": lane_margin_m,
+        "channels": [
+            {
+                **asdict(one.channel),
+                "seeds": list(range(1, len(one.errors_m) + 1)),
+                "true_error_m_max": list(one.errors_m),
+                "true_error_m_max_median": one.median_m,
+                "true_error_m_max_largest": one.largest_m,
+                "beyond_lane": one.beyond(lane_margin_m),
+            }
+            for one in costs
+        ],
+    }

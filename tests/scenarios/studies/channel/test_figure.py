@@ -1,0 +1,91 @@
+"""`convoy channel figure` on a few drives: picture, twin and table."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from scenarios.cli.channel.commands import channel
+from scenarios.cli.main import cli
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.schema.loss import GilbertElliottLoss
+from scenarios.runs.rehearsal import rehearse
+from scenarios.studies.channel.costs import drives as figure_drives
+from scenarios.studies.channel.costs.drives import (
+    BURST_LOSS_RATIO,
+    QUICK,
+    Channel,
+    Cost,
+    Plan,
+    lane_margin_m,
+)
+from scenarios.studies.channel.costs.figure import PICTURE, TWIN, channel_figure
+
+PNG = b"\x89PNG"
+SMALL = Plan(
+    gaps_m=(8.0,),
+    loss_ratios=(0.0, 0.6),
+    latencies_ms=(20.0,),
+    bursts_messages=(1.25, 16.0),
+    map_seeds=1,
+    burst_seeds=1,
+)
+
+
+def unseen(_: str) -> None:
+    pass
+
+
+def test_it_draws_and_writes_what_it_drove(tmp_path: Path) -> None:
+    said: list[str] = []
+    costs = channel_figure(SMALL, tmp_path / "out", said.append, workers=0)
+    assert said[-1].endswith("4 of 4 drives")
+    assert (tmp_path / "out" / PICTURE).read_bytes().startswith(PNG)
+    twin = json.loads((tmp_path / "out" / TWIN).read_text())
+    assert [row["true_error_m_max"] for row in twin["channels"]] == [
+        list(one.errors_m) for one in costs
+    ]
+    assert all(row["seeds"] == [1] for row in twin["channels"])
+    again = rehearse(Channel(8.0, 0.6, 20.0).scenario(1)).cross_track[-1]
+    (lossy,) = [one for one in costs if one.channel == Channel(8.0, 0.6, 20.0)]
+    assert lossy.errors_m == (again,)
+    (clear,) = [one for one in costs if one.channel == Channel(8.0, 0.0, 20.0)]
+    assert clear.median_m < 0.1
+    with pytest.raises(ScenarioError, match="exists; give another folder by --out"):
+        channel_figure(SMALL, tmp_path / "out", unseen, workers=0)
+
+
+def test_radios_of_one_loss_differ_in_their_bursts_alone() -> None:
+    tables = [
+        Channel(8.0, BURST_LOSS_RATIO, 20.0, burst).scenario(1).tables.links
+        for burst in Plan().bursts_messages
+    ]
+    assert all(isinstance(table.loss, GilbertElliottLoss) for table in tables)
+    assert len({table.model_copy(update={"loss": None}).model_dump_json() for table in tables}) == 1
+    first = tables[0].loss
+    assert isinstance(first, GilbertElliottLoss)
+    # Bursts as long as those of losses that are each on their own.
+    assert first.burst_messages_mean == pytest.approx(1.0 / (1.0 - BURST_LOSS_RATIO))
+
+
+def test_costs_are_told_over_their_seeds() -> None:
+    cost = Cost(Channel(8.0, 0.2, 20.0, 8.0), (0.1, 3.0, 0.2))
+    assert (cost.median_m, cost.largest_m) == (0.2, 3.0)
+    assert cost.beyond(lane_margin_m()) == 1
+    assert lane_margin_m() == pytest.approx(0.5 * (3.5 - 1.86))
+
+
+def test_the_command_takes_few_drives_if_it_is_to_be_quick(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drives = sum(len(QUICK.seeds(channel)) for channel in QUICK.channels)
+    assert drives < 0.05 * sum(len(Plan().seeds(channel)) for channel in Plan().channels)
+    monkeypatch.setattr(figure_drives, "QUICK", SMALL)
+    monkeypatch.setattr(figure_drives, "Plan", lambda: pytest.fail("the whole figure"))
+    arguments = ["channel", "figure", "--quick", "--out", str(tmp_path / "quick")]
+    result = CliRunner().invoke(cli, arguments)
+    assert result.exit_code == 0, result.output
+    assert "error m" in result.stdout
+    assert f"written: {tmp_path / 'quick' / PICTURE}" in result.stdout.replace("\n", "")
+    assert channel.commands["figure"].help

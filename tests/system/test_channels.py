@@ -1,0 +1,154 @@
+"""What real processes' links decide is what they decide in virtual time, message by message."""
+
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.channel.presets import presets
+from tests.system.logs import Run, assert_equal_while_nothing_was_late
+from tests.system.processes import run_to_the_end, start
+from vehicles.messages import LinkVerdict
+
+EVERY_LAW = """
+extends = "lane_change"
+name = "every_law"
+duration_s = 4.0
+[links]
+latency_ms = 100.0          # of which the wire takes a few
+jitter_ms = 15.0
+outages = [{ kind = "window", from_s = 1.0, to_s = 1.2 },
+           { kind = "stretch", from_m = 60.0, to_m = 66.0, who = "sender" },
+           { kind = "circle", east_m = 80.0, north_m = 0.0, radius_m = 5.0 },
+           { kind = "random", mean_on_s = 3.0, mean_off_s = 0.1 }]
+[vehicle.v2]
+transmitter_off = [{ from_s = 2.0, to_s = 2.1, every_s = 1.0 }]
+[vehicle.v3]
+receiver_off = [{ from_s = 1.5, to_s = 1.6 }]
+[[link]]
+sender = "v1"
+receiver = "v2"
+loss = { kind = "gilbert_elliott", loss_ratio = 0.15, burst_messages_mean = 2.0 }
+queue = { bytes_per_s = 1900.0, depth_messages = 2, drop = "oldest" }
+[link.delay]
+kind = "gamma"
+mean_ms = 25.0
+deviation_ms = 20.0
+correlation_ratio = 0.6
+order = "in_order"
+[[link]]
+sender = "v1"
+receiver = "v3"
+loss_ratio = 0.1
+loss = { kind = "every_nth", every_messages = 9 }
+delay = { kind = "lognormal", mean_ms = 30.0, deviation_ms = 20.0 }
+[link.radio]
+kind = "table"
+distance_m = [0.0, 25.0, 60.0]
+delivery_ratio = [1.0, 0.9, 0.2]
+burst = "reservation"
+[link.content]
+duplicate_ratio = 0.2
+reorder_ratio = 0.2
+bit_error_ratio = 1e-4
+false = [{ kind = "offset", left_m = 0.2, from_s = 1.0, to_s = 2.0 }]
+[[link]]
+sender = "v2"
+receiver = "v3"
+loss = { kind = "four_state", gap_to_burst_ratio = 0.05, burst_to_gap_ratio = 0.4 }
+[[link.content.false]]
+kind = "replayed"
+age_s = 0.3
+from_s = 1.0
+to_s = 2.0
+[[link.content.false]]
+kind = "ghost"
+left_m = 3.0
+from_s = 3.0
+[[link]]
+sender = "v1"
+receiver = "v4"
+rate_hz = 10.0
+collisions = { loss_ratio = 0.3, keep_ratio = 0.2 }
+[link.radio]
+kind = "path_loss"
+power_dbm = 0.0
+shadowing = { deviation_db = 4.0 }
+obstruction = { kind = "etsi" }
+[[link]]
+sender = "v3"
+receiver = "v4"
+preset = "nlosv_3gpp_truck"
+latency_ms = 100.0
+radio = { power_dbm = -8.0 }
+"""
+FLOOR_MS = 100.0
+USUAL_S = 4.0
+LONGER_S = {"lead_lost": 11.5, "tunnel": 11.5}
+"""Presets of which nothing is seen in the first seconds."""
+Fate = tuple[str, str, int, int, int, int, str]
+"""Outcome, reason, instants after the start (ns) of sending and of being visible and heard, copies,
+and what was made false."""
+
+
+def fates(run: Run) -> dict[tuple[str, str, int], Fate]:
+    """What became of each message, by sender, receiver and number."""
+    return {
+        (one.sender, one.vehicle, one.pose_seq): (
+            one.outcome,
+            one.reason,
+            one.sent_at_ns - run.start_at,
+            one.visible_at_ns - run.start_at,
+            one.heard_at_ns - run.start_at,
+            one.copies,
+            one.content,
+        )
+        for one in run.messages
+        if isinstance(one, LinkVerdict)
+    }
+
+
+def both(arguments: tuple[str, ...], folder: Path) -> tuple[Run, Run]:
+    """Run a scenario on the wall clock and in virtual time; both must end well."""
+    with start("run", *arguments, "--quiet", "--out=wall", folder=folder) as wall:
+        virtual = run_to_the_end(
+            "run", *arguments, "--clock=virtual", "--quiet", "--out=virtual", folder=folder
+        )
+        assert virtual.exit_code == 0, virtual.err
+        assert wall.wait() == 0, wall.err
+    return Run(folder / "wall"), Run(folder / "virtual")
+
+
+def assert_the_same_verdicts(wall: Run, virtual: Run) -> None:
+    """Every message has one fate, until one came late and vehicles parted."""
+    assert_equal_while_nothing_was_late(wall, virtual, within_m=20.0)
+    late = wall.late_messages_at
+    found, wanted = fates(wall), fates(virtual)
+    sound = {key for key, fate in wanted.items() if not late or fate[4] < late[0]}
+    assert len(sound) > len(wanted) / 2 or late
+    differ = {key: (found.get(key), wanted[key]) for key in sound if found.get(key) != wanted[key]}
+    assert not differ
+    if not late:
+        assert found == wanted
+
+
+def test_with_every_law_in_use_processes_judge_as_virtual_time_does(tmp_path: Path) -> None:
+    (tmp_path / "every_law.toml").write_text(EVERY_LAW)
+    wall, virtual = both(("every_law.toml",), tmp_path)
+    assert {fate[1] for fate in fates(virtual).values()} == {
+        *("", "rate", "transmitter_off", "receiver_off", "outage", "loss", "burst", "pattern"),
+        *("collision", "range", "queue", "corrupted"),
+    }
+    assert {fate[6] for fate in fates(virtual).values()} >= {"offset", "replayed", "ghost"}
+    assert any(fate[5] for fate in fates(virtual).values())
+    assert_the_same_verdicts(wall, virtual)
+
+
+@pytest.mark.campaign(1, len(presets()))
+def test_over_every_preset_processes_judge_as_virtual_time_does(case: int, tmp_path: Path) -> None:
+    name = presets()[case]
+    duration_s = LONGER_S.get(name, USUAL_S)
+    settings = (f"links.preset={name}", f"links.latency_ms={FLOOR_MS}", f"duration_s={duration_s}")
+    wall, virtual = both(("lane_change", *(f"--set={one}" for one in settings)), tmp_path)
+    lost = sum(bool(fate[1]) for fate in fates(virtual).values())
+    assert (lost > 0) == (name != "clear")
+    assert_the_same_verdicts(wall, virtual)
