@@ -3,6 +3,7 @@
 main       all commands, and `convoy` itself
 run        run, router, vehicle, record: drive a convoy, or its parts by hand
 running    what run and record do: folder, listeners, summary
+channel/   channels: what they cost
 guide/     completion of the shell, what a scenario asks for
 scenario   list, check, new: look at scenarios
 logs       review, report, explain: look at logs

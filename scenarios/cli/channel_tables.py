@@ -1,6 +1,4 @@
-"""What links did or cost, and what a vehicle knew, as tables for a person."""
-
-from collections.abc import Sequence
+"""What links did, and what a vehicle knew, as tables for a person."""
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -13,7 +11,6 @@ from scenarios.results.inquiry.explain import (
     KnownSource,
     MissingMessage,
 )
-from scenarios.studies.channel.figure_drives import Cost
 
 
 def print_explanation(found: Explanation, console: Console) -> None:
@@ -57,26 +54,3 @@ def _missing(sender: str, one: MissingMessage) -> str:
         return f"{name}: on the way, there at {one.due_at_s:.2f} s"
     due = f", was due at {one.due_at_s:.2f} s" if one.due_at_s is not None else ""
     return f"{name}: {one.fate}{f' by {one.cause}' if one.cause else ''}{due}"
-
-
-def print_costs(costs: Sequence[Cost], lane_margin_m: float, console: Console) -> None:
-    """Print what the last vehicle was off by over each mean burst, and over the worst channel."""
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    headings = ("gap\nm", "lost\n%", "latency\nms", "in a row,\nmean", "error m\nmedian",
-                "largest", "left its\nlane")  # fmt: skip
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for one in costs:
-        channel, burst = one.channel, one.channel.burst_messages
-        if burst is None:
-            continue
-        table.add_row(
-            f"{channel.gap_m:g}",
-            f"{100.0 * channel.loss_ratio:g}",
-            f"{channel.latency_ms:g}",
-            f"{burst:g}",
-            f"{one.median_m:.2f}",
-            f"{one.largest_m:.2f}",
-            f"{one.beyond(lane_margin_m)} of {len(one.errors_m)}",
-        )
-    console.print(table)

@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import click
 
 from scenarios.cli import logs, run, scenario, study
+from scenarios.cli.channel.commands import channel
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
 
@@ -53,8 +54,8 @@ for command in (
     logs.review,
     logs.report,
     logs.explain,
+    channel,
     study.reproduce,
-    study.channel,
     reference,
 ):
     cli.add_command(command)

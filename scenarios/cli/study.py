@@ -1,4 +1,4 @@
-"""Commands of the science: steering gains, the paper's experiments, what channels cost."""
+"""Commands of the science: steering gains, and the paper's experiments."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -108,39 +108,3 @@ def reproduce(*, cases: tuple[str, ...], out: Path) -> None:
 
     with clear_errors():
         sys.exit(carry_out(cases, out, click.echo))
-
-
-@click.group()
-def channel() -> None:
-    """Radio channels: what they cost a convoy."""
-
-
-@channel.command(
-    epilog="""\b
-Examples:
-  convoy channel figure --out channel            two or three minutes on two cores
-  convoy channel figure --quick --out look
-"""
-)
-@click.option("--quick", is_flag=True, help="A few drives only, to see how it looks.")
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("channel"),
-    show_default=True,
-    help="Folder for channel.png and channel.json.",
-)
-def figure(*, quick: bool, out: Path) -> None:
-    """Drive a convoy over many channels and draw what loss, bursts and latency cost."""
-    with clear_errors():
-        require("channel figure", *STUDIES)
-    from rich.console import Console
-
-    from scenarios.cli.channel_tables import print_costs
-    from scenarios.studies.channel.figure import PICTURE, TWIN, channel_figure
-    from scenarios.studies.channel.figure_drives import QUICK, Plan, lane_margin_m
-
-    with clear_errors():
-        costs = channel_figure(QUICK if quick else Plan(), out, click.echo)
-        print_costs(costs, lane_margin_m(), Console())
-        click.echo(f"written: {out / PICTURE} and {out / TWIN}")

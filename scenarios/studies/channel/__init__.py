@@ -7,7 +7,5 @@ fit_radio       loss over distance, on its own or by reservations
 fit_shadowing   loss that wavers over the way
 fit_delay       the law of a delay, with its intervals
 fit             a link as a block of a scenario that gives that channel again
-figure_drives   drives over many channels, and what each cost the last vehicle
-figure          them as a picture and as JSON
-figure_picture  the picture
+figure/         what loss, its bursts and latency cost the last vehicle
 """

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from scenarios.studies.channel.figure_drives import BURST_LOSS_RATIO, FLOOR_MS, Cost
+from scenarios.studies.channel.figure.drives import BURST_LOSS_RATIO, FLOOR_MS, Cost
 from scenarios.studies.picture_style import BLUE, GREY, RED, SEQUENCE, STYLE
 
 LEAST_M, MOST_M = 0.05, 1.0

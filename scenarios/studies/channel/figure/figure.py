@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.channel.figure_drives import (
+from scenarios.studies.channel.figure.drives import (
     SCENARIO,
     SETTINGS,
     Cost,
@@ -28,7 +28,7 @@ def channel_figure(
 
     By default on all cores. Raises ScenarioError if one of both files is there already.
     """
-    from scenarios.studies.channel.figure_picture import draw  # noqa: PLC0415 - matplotlib
+    from scenarios.studies.channel.figure.picture import draw  # noqa: PLC0415 - matplotlib
 
     for name in (PICTURE, TWIN):
         if (out / name).exists():
