@@ -25,7 +25,7 @@ from scenarios.runs.virtual import run_virtual
 from scenarios.studies.channel.estimate import Estimate
 from scenarios.studies.channel.fit import FittedLink, as_toml, fit_link, fit_log
 from scenarios.studies.channel.recorded import RecordedLink
-from tests.made.scenarios.recorded_channels import long_drive, recorded_links_of
+from tests.made.channels.recorded_channels import long_drive, recorded_links_of
 from transport.links.laws.radio import DeliveryOverDistance, highway_loss
 from transport.links.laws.reservations import Reservations
 
