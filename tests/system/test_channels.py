@@ -82,6 +82,8 @@ latency_ms = 100.0
 radio = { power_dbm = -8.0 }
 """
 FLOOR_MS = 100.0
+GAP_M = 220.0
+"""So that radios lose something within seconds."""
 USUAL_S = 4.0
 LONGER_S = {"lead_lost": 11.5, "tunnel": 11.5}
 """Presets of which nothing is seen in the first seconds."""
@@ -147,7 +149,10 @@ def test_with_every_law_in_use_processes_judge_as_virtual_time_does(tmp_path: Pa
 def test_over_every_preset_processes_judge_as_virtual_time_does(case: int, tmp_path: Path) -> None:
     name = presets()[case]
     duration_s = LONGER_S.get(name, USUAL_S)
-    settings = (f"links.preset={name}", f"links.latency_ms={FLOOR_MS}", f"duration_s={duration_s}")
+    settings = (
+        *(f"links.preset={name}", f"links.latency_ms={FLOOR_MS}", f"duration_s={duration_s}"),
+        *([] if name in LONGER_S else [f"convoy.gap_m={GAP_M}"]),
+    )
     wall, virtual = both(("lane_change", *(f"--set={one}" for one in settings)), tmp_path)
     lost = sum(bool(fate[1]) for fate in fates(virtual).values())
     assert (lost > 0) == (name != "clear")

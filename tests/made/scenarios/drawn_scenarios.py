@@ -34,8 +34,8 @@ from scenarios.definition.schema.tables import (
     SpeedTable,
     SteeringTable,
 )
-from tests.made.scenarios.drawn_channels import LAWS, drawn_channel, drawn_spans
-from tests.made.scenarios.drawn_laws import inline
+from tests.made.channels.drawn_channels import LAWS, drawn_channel, drawn_spans
+from tests.made.channels.drawn_laws import inline
 from vehicles.car.parameters import LINCOLN_MKZ
 
 Raw = dict[str, Any]

@@ -42,7 +42,7 @@ def fit_shadowing(
     if lost.all():
         return None
     loss_db = -10.0 * np.log10(np.maximum(distance_m, 1.0))
-    counts = _Counts(loss_db, driven_m, lost, pairs)
+    counts = _FatesByDistance(loss_db, driven_m, lost, pairs)
     values = counts.fitted(range(BLOCKS))
     left_out = np.array([counts.fitted(set(range(BLOCKS)) - {one}) for one in range(BLOCKS)])
     spread = left_out - left_out.mean(axis=0)
@@ -65,7 +65,7 @@ def fit_shadowing(
     return {"radio": table}, estimates
 
 
-class _Counts:
+class _FatesByDistance:
     """Fates by stretches of distance, and of pairs of messages, for each block of the run."""
 
     def __init__(self, loss_db: Floats, driven_m: Floats, lost: Flags, pairs: PairsAt) -> None:

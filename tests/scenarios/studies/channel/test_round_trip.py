@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from transport.links.laws.radio.reservations import Reservations
 
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.channel.radio import nobody, radio_effect
@@ -25,9 +26,8 @@ from scenarios.runs.virtual import run_virtual
 from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link, fit_log
 from scenarios.studies.channel.fitting.recorded import RecordedLink
-from tests.made.scenarios.recorded_channels import long_drive, recorded_links_of
+from tests.made.channels.recorded_channels import long_drive, recorded_links_of
 from transport.links.laws.radio.delivery import DeliveryOverDistance, highway_loss
-from transport.links.laws.radio.reservations import Reservations
 
 Counts = NDArray[np.float64]
 Measure = Callable[[Counts, Counts], Counts]

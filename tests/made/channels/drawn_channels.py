@@ -4,7 +4,7 @@ from random import Random
 from typing import Any
 
 from scenarios.definition.channel.presets import presets, read_preset
-from tests.made.scenarios.drawn_laws import drawn_collisions, drawn_loss
+from tests.made.channels.drawn_laws import drawn_collisions, drawn_loss
 
 Raw = dict[str, Any]
 
