@@ -55,6 +55,11 @@ def even_rate_hz(table: SendingTable, gnss: GnssTable) -> float | None:
     return None
 
 
+def link_rate_hz(table: SendingTable, gnss: GnssTable) -> float:
+    """Rate by which a link of a lower one holds messages back: the even one, or the highest."""
+    return even_rate_hz(table, gnss) or highest_rate_hz(table, gnss)
+
+
 def usual_rate_hz(table: SendingTable, gnss: GnssTable, speed: float) -> float:
     """Messages a second at a constant speed (m/s), straight on.
 

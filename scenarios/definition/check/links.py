@@ -12,6 +12,8 @@ from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.check.preview import gap_to
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.content import ContentTable, FalseTable
+from scenarios.definition.sending import even_rate_hz, link_rate_hz, usual_rate_hz
+from scenarios.definition.vehicle_setup import VehicleSetup
 from transport.links.laws.content import Reordering
 from transport.links.laws.delay import ConstantDelay, DrawnDelay
 from transport.links.laws.effect import Described, Effect
@@ -56,7 +58,7 @@ class AskedLink:
     `rules` are what is about the link, the most specific first. Figures are None where no number
     says them beforehand; those of a radio are for `distance_m`, the gap at the lead's first speed,
     with all vehicles in between in the way. `age_ms_mean` is that of the newest message at a
-    command; losses in a row are taken as those of a two-state chain.
+    command, where messages are sent evenly; losses are taken as those of a two-state chain.
     """
 
     sender: str
@@ -90,10 +92,14 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
     speed = scenario.route.profile.at(0.0)[0]
     distance_m = gap_to(scenario, setup.place, sender, speed) if table.radio else None
     between = partial(vehicles_between, scenario.route, source.place, setup.place)
-    expected = expected_channel(table, source.gnss.rate_hz, distance_m, between)
+    expected = expected_channel(table, _sent_hz(source), distance_m, between)
     if scenario.link_setting(sender, receiver, 0).off:
         expected = replace(expected, loss_ratio=None, burst_messages=None)
-    rate_hz = min(source.gnss.rate_hz, table.rate_hz or source.gnss.rate_hz)
+    sent_hz = usual_rate_hz(source.sending, source.gnss, speed)
+    rate_hz = min(sent_hz, table.rate_hz or sent_hz)
+    age_ms = None
+    if even_rate_hz(source.sending, source.gnss) is not None:
+        age_ms = expected_age_ms(expected, rate_hz, scenario.control_rate_hz)
     return AskedLink(
         sender=sender,
         receiver=receiver,
@@ -110,8 +116,13 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
         burst_messages_mean=expected.burst_messages,
         latency_ms_mean=expected.latency_ms_mean,
         latency_ms_deviation=expected.latency_ms_deviation,
-        age_ms_mean=expected_age_ms(expected, rate_hz, scenario.control_rate_hz),
+        age_ms_mean=None if age_ms is None else age_ms + source.gnss.latency_ms,
     )
+
+
+def _sent_hz(source: VehicleSetup) -> float:
+    """Rate by which a link of a lower one holds messages back."""
+    return link_rate_hz(source.sending, source.gnss)
 
 
 def laws_in_brief(scenario: Scenario, link: tuple[str, str]) -> str:
@@ -126,7 +137,7 @@ def _laws(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]
     setting = scenario.link_setting(sender, receiver, 0)
     place = scenario.vehicle(receiver).place
     between = partial(vehicles_between, scenario.route, source.place, place)
-    for effect in link_effects(table, source.gnss.rate_hz, setting, between):
+    for effect in link_effects(table, _sent_hz(source), setting, between):
         words = effect.in_words() if isinstance(effect, Described) else type(effect).__name__
         key = key_of(effect)
         if isinstance(effect, TimedOutage) and effect.reason != "outage":

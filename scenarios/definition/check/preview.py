@@ -9,7 +9,7 @@ from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.sending import usual_rate_hz
+from scenarios.definition.sending import link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.driver.follower import LEAST_SAMPLES
 from vehicles.preview.trajectory import FitSettings
@@ -96,7 +96,8 @@ def _sight(
     sent = usual_rate_hz(sender.sending, sender.gnss, speed)
     gap = gap_to(scenario, setup.place, source, speed)
     between = partial(vehicles_between, scenario.route, sender.place, setup.place)
-    loss = expected_channel(link, sent, gap, between).loss_ratio
+    source_hz = link_rate_hz(sender.sending, sender.gnss)
+    loss = expected_channel(link, source_hz, gap, between).loss_ratio
     # Without a number, as in a tunnel: what is known of it where it carries anything at all.
     rate = min(sent, link.rate_hz or sent) * (1.0 - (link.loss_ratio if loss is None else loss))
     late_ms = sender.gnss.latency_ms + usual_delay_ms(link)

@@ -71,9 +71,11 @@ def mean_length(lengths: NDArray[np.int_], confidence: float) -> Interval | None
     count = len(lengths)
     if not count:
         return None
-    mean = float(np.mean(lengths))
-    sample = float(np.std(lengths, ddof=1)) if count > 1 else 0.0
-    spread = max(sample, sqrt(mean * (mean - 1.0))) / sqrt(count)
+    each = lengths.tolist()
+    first, second = sum(each), sum(length * length for length in each)
+    mean = first / count
+    scatter = (count * second - first * first) / (count * (count - 1)) if count > 1 else 0.0
+    spread = sqrt(max(scatter, mean * (mean - 1.0))) / sqrt(count)
     half = quantile_of_normal(confidence) * spread
     return Interval(mean, max(1.0, mean - half), mean + half if count > 1 else float("inf"))
 
@@ -96,16 +98,21 @@ def spread(histogram: Mapping[int, int], unit: float) -> Spread | None:
     """
     if not histogram:
         return None
-    values = np.array(sorted(histogram))
-    counts = np.array([histogram[value] for value in values.tolist()])
-    total = int(counts.sum())
-    mean = float(values @ counts) / total
-    variance = float((values - mean) ** 2 @ counts) / total
-    at = int(np.searchsorted(np.cumsum(counts), 0.95 * total))
+    # In whole numbers, so that the figures are the same on every machine.
+    total = sum(histogram.values())
+    first = sum(count * value for value, count in histogram.items())
+    second = sum(count * value * value for value, count in histogram.items())
+    ordered, below = sorted(histogram), 0
+    p95 = ordered[-1]
+    for value in ordered:
+        below += histogram[value]
+        if below >= 0.95 * total:
+            p95 = value
+            break
     return Spread(
-        mean * unit,
-        sqrt(variance) * unit,
-        float(values[at]) * unit,
-        float(values[-1]) * unit,
+        first / total * unit,
+        sqrt((total * second - first * first) / (total * total)) * unit,
+        p95 * unit,
+        ordered[-1] * unit,
         total,
     )

@@ -2,19 +2,20 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
-from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from transport.reasons import counts_as_loss
 from vehicles.messages import LinkVerdict
-from vehicles.schedule import MILLISECOND
+from vehicles.schedule import MILLISECOND, SECOND
 
 MOST_WORDS, OTHER_WORD = 50, "other"
 """Reasons that are counted each by itself, far more than there are, and the rest."""
 MOST_NUMBERS = 10_000_000
 """Messages of which the fate is kept by number, a byte each: a day at 100 Hz."""
+OLDEST_S = 86_400.0
+"""Older data than of a day is of no run."""
 RESOLUTION_NS = MILLISECOND // 100
 """Delays and ages are counted so finely; the sums are exact."""
 _LOST, _DELIVERED, _NOT_CARRIED = 1, 2, 3
@@ -65,10 +66,13 @@ class LinkTally:
         self._heard_at = verdict.heard_at_ns
 
     def add_age(self, age_s: float) -> None:
-        """Take how old (s) the newest of the source is at a command, NaN before the first."""
+        """Take how old (s) the newest of the source is at a command, NaN before the first.
+
+        Whoever may send what it likes may say an age beyond all sense: it is not fresh.
+        """
         self.commands += 1
-        if isfinite(age_s):
-            self.ages[round(age_s * 1e9) // RESOLUTION_NS] += 1
+        if 0.0 <= age_s <= OLDEST_S:
+            self.ages[int(age_s * SECOND) // RESOLUTION_NS] += 1
 
     @property
     def lost(self) -> NDArray[np.bool_]:

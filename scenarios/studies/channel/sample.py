@@ -16,6 +16,7 @@ from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.expected import USUAL_MESSAGE_BYTES
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.sending import link_rate_hz
 from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import Effect, Passage, Whereabouts
 from transport.links.laws.radio.obstruction import Road, VehiclesBetween
@@ -52,8 +53,9 @@ class StraightDrive:
 
     @property
     def rate_hz(self) -> float:
-        """Messages a second that are sent."""
-        return self.scenario.vehicle(self.link[0]).gnss.rate_hz
+        """Messages a second that are sent, the highest number where it changes."""
+        sender = self.scenario.vehicle(self.link[0])
+        return link_rate_hz(sender.sending, sender.gnss)
 
     @property
     def speed_mps(self) -> float:

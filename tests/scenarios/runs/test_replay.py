@@ -63,7 +63,14 @@ def test_a_replayed_vehicle_says_what_was_recorded(
     said = published(lead, later)
     log = [m for _, _, m in LogReader(recorded[0]).messages(topics=("gps",), vehicles=("v1",))]
     poses = [message for message in said if isinstance(message, GpsPose)]
-    back = [replace(p, measured_at_ns=p.measured_at_ns - 300 * SECOND) for p in poses]
+    back = [
+        replace(
+            p,
+            measured_at_ns=p.measured_at_ns - 300 * SECOND,
+            sent_at_ns=p.sent_at_ns - 300 * SECOND,
+        )
+        for p in poses
+    ]
     assert len(poses) == 120
     assert back == log
     truth = [message for message in said if isinstance(message, TruePose)]

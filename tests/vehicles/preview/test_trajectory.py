@@ -39,8 +39,8 @@ def assert_exact(path: ArcSpline, length: float, ego: float, tightest: float) ->
     found = fit(*two_sources(path, length, ego))
     offset, heading, bend = misses(found, path, ego)
     assert abs(offset) < 1e-3
-    assert abs(heading) < 1e-4
-    assert abs(bend) <= 0.01 * abs(tightest) + 1e-9
+    assert abs(heading) < 3e-4
+    assert abs(bend) <= 0.03 * abs(tightest) + 1e-9  # the place of a join is found by a parabola
     assert found.residual_max < 4e-3
 
 

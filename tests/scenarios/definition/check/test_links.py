@@ -88,6 +88,16 @@ def test_the_rate_of_a_link_ages_its_messages() -> None:
     assert asked.age_ms_mean == pytest.approx(20.0 + 100.0 - 10.0)
 
 
+def test_messages_that_are_sent_more_rarely_are_older() -> None:
+    asked = link("v1", "v2", 'sending={kind="fixed",rate_hz=5.0}')
+    assert asked.rate_hz == 5.0
+    assert asked.age_ms_mean == pytest.approx(20.0 + 100.0 - 10.0)
+    late = link("v1", "v2", "gnss.latency_ms=30.0").age_ms_mean
+    assert late == pytest.approx(20.0 + 25.0 - 5.0 + 30.0)
+    uneven = link("v1", "v2", 'sending.kind="cam"')
+    assert (uneven.rate_hz, uneven.age_ms_mean) == (5.0, None)
+
+
 @pytest.mark.parametrize("name", [*presets(), *library()])
 def test_every_law_of_what_ships_has_words_and_a_key(name: str) -> None:
     shipped = load_scenario(name) if name in library() else scenario(f"links.preset={name}")

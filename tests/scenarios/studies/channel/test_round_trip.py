@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from transport.links.laws.radio.reservations import Reservations
 
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.channel.radio import nobody, radio_effect
@@ -28,6 +27,7 @@ from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link,
 from scenarios.studies.channel.fitting.recorded import RecordedLink
 from tests.made.channels.recorded_channels import long_drive, recorded_links_of
 from transport.links.laws.radio.delivery import DeliveryOverDistance, highway_loss
+from transport.links.laws.radio.reservations import Reservations
 
 Counts = NDArray[np.float64]
 Measure = Callable[[Counts, Counts], Counts]
