@@ -10,9 +10,16 @@ Raw = dict[str, Any]
 
 
 def drawn_channel(chance: Random, share: float) -> Raw:
-    """Draw a link with each law by a chance of `share`, and as often none at all but a preset."""
+    """Draw a link with each law by a chance of `share`, and as often over a preset that lacks it.
+
+    The keys of one law can contradict those of a preset's, which is refused.
+    """
     laws = {name: drawn(chance) for name, drawn in LAWS.items() if chance.random() < share}
-    return {**laws, "preset": drawn_preset(chance)} if chance.random() < share else laws
+    if chance.random() >= share:
+        return laws
+    preset = drawn_preset(chance)
+    below = read_preset(preset).links
+    return {"preset": preset, **{name: law for name, law in laws.items() if name not in below}}
 
 
 def drawn_preset(chance: Random) -> str:
