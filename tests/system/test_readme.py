@@ -23,6 +23,7 @@ NOT_HERE = {
     "review runs/first": "review runs/first --rerun save=again.rrd",
     "--at 12.4": "--at 1.4",  # within the two seconds
     "convoy gains": "convoy gains --speed 30",
+    "convoy channel figure": "convoy channel figure --quick",
     "convoy reproduce": "convoy reproduce --case propagation",  # all takes up to two minutes
 }
 """What a test replaces, and by what."""
