@@ -68,7 +68,7 @@ def test_exact_lines_are_recovered(
 
 
 def test_exact_joins_of_line_and_arc_are_recovered() -> None:
-    """All to a few millimetres; but for one in a hundred, whose place a parabola misses, exactly."""
+    """Exactly, but for one in a hundred whose place the parabola misses by millimetres."""
     random = np.random.default_rng(1)
     found = []
     for _ in range(200):
