@@ -57,8 +57,10 @@ def examples(run: Run) -> dict[str, dict[Topic, Message]]:
 
 def now(message: Message) -> Message:
     """Return a message that is valid at this moment, and of a number that is still to come."""
-    at = TOPIC_OF[type(message)].instant
-    return replace(message, seq=message.seq + 100, **{at: time.time_ns()})  # type: ignore[arg-type]
+    instants = dict.fromkeys([TOPIC_OF[type(message)].instant], time.time_ns())
+    if isinstance(message, GpsPose):
+        instants["sent_at_ns"] = instants["measured_at_ns"]
+    return replace(message, seq=message.seq + 100, **instants)  # type: ignore[arg-type]
 
 
 def spoilt(data: bytes) -> Iterator[bytes]:
