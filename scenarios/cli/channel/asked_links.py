@@ -50,7 +50,7 @@ def _rows(link: AskedLink) -> Iterator[Row]:
     else:
         yield "delay", f"{link.latency_ms_mean:.4g} ± {link.latency_ms_deviation:.4g} ms"
     age = UNKNOWN if link.age_ms_mean is None else f"{link.age_ms_mean:.4g} ms on average"
-    yield "age", f"of the newest message at a command: {age}, at {link.rate_hz:g} Hz"
+    yield "age", f"of the newest message at a command: {age}, at {link.rate_hz:.3g} Hz"
 
 
 def _burst(link: AskedLink) -> str:
