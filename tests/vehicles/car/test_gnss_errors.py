@@ -59,9 +59,13 @@ def errors(
 
 
 def fixes(
-    found: ReceiverErrors, seconds: float, rate_hz: float = 20.0, noise: GnssNoise = SILENT
+    found: ReceiverErrors,
+    seconds: float,
+    rate_hz: float = 20.0,
+    noise: GnssNoise = SILENT,
+    seed: int = 1,
 ) -> list[Fix]:
-    gnss = GnssReceiver(noise, rate_hz, START, np.random.default_rng(1), found)
+    gnss = GnssReceiver(noise, rate_hz, START, np.random.default_rng(seed), found)
     end = START + round(seconds * SECOND)
     measured = (gnss.measure(BODY, now) for now in instants(START, end, rate_hz))
     return [fix for fix in measured if fix is not None]
@@ -197,6 +201,6 @@ def test_the_accuracy_is_the_deviation_or_a_part_of_it() -> None:
 @pytest.mark.campaign(150, 2000)
 def test_the_stated_deviation_is_what_errors_scatter_by(campaign: int) -> None:
     made = replace(model(StateErrors(0.3, Wander(0.4, 10.0))), bias=Bias(0.5), quantum=1.0)
-    each = [off(fixes(errors(made, place), 0.04)[0]) for place in range(campaign)]
+    each = [off(fixes(errors(made, place), 0.04, seed=place)[0]) for place in range(campaign)]
     size = 2 * campaign
     assert np.std(each) == pytest.approx(made.deviation("fixed"), rel=5.0 / math.sqrt(2.0 * size))
