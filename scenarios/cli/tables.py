@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from scenarios.results.channel.account import LinkSummary
 from scenarios.results.encounters import EventKind
 from scenarios.results.holes import hole_lines
 from scenarios.results.summary import RunSummary
@@ -188,10 +189,17 @@ def link_table(summary: RunSummary) -> Table:
             f"{_asked(row.requested_latency_ms_mean)} / {row.latency_ms_mean:.1f}",
             str(row.sent),
             str(row.heard),
-            ", ".join(f"{count} {reason}" for reason, count in row.dropped.items()) or "0",
+            _dropped(row),
             str(row.late),
         )
     return table
+
+
+def _dropped(row: LinkSummary) -> str:
+    """Messages dropped by cause, and what became of others on the way."""
+    counts = {**row.dropped, "copies": row.copies, "overtaken": row.reordered}
+    counts |= {f"false: {kind}": count for kind, count in row.false.items()}
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "0"
 
 
 def freshness_table(summary: RunSummary) -> Table:

@@ -7,6 +7,7 @@ from pathlib import Path
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import highest_rate_hz
+from scenarios.results.channel.account import in_words
 from scenarios.results.holes import hole_lines
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
 from scenarios.results.log_summary import (
@@ -29,6 +30,8 @@ from vehicles.schedule import nanoseconds
 
 MOST_HOLE_LINES = 20
 """Holes with a line of their own in the log; the summary has them all."""
+MOST_LINK_LINES = 100
+"""Links with a line of their own, likewise."""
 SLOW_WRITER = "this version of the mcap package writes the log in its own, slower way"
 
 
@@ -102,6 +105,9 @@ class RunLog:
             self.recorder.say_news(at)
             for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
                 self.recorder.say(at, line, "warning")
+            for row in self.metrics.link_summaries()[:MOST_LINK_LINES]:
+                if row.judged:
+                    self.recorder.say(at, in_words(row), "info")
             silent = silent_links(self.metrics, self._replayed, self._off())
             self._reason = why_failed(reason or silent, self._broken())
             return self.recorder.end(at, self._reason)

@@ -135,6 +135,26 @@ def _expected(requested: LinkTable, tally: LinkTally) -> ExpectedChannel:
     return expected
 
 
+def in_words(row: LinkSummary) -> str:
+    """Say in a line what a link did, with intervals of 95 %, and what was asked of it."""
+    asked_loss, asked_ms = row.requested_loss_ratio, row.requested_latency_ms_mean
+    parts = [
+        f"{row.sender} → {row.receiver}: lost {100 * row.loss_ratio:.1f} % "
+        f"({100 * row.loss_ratio_low:.1f} to {100 * row.loss_ratio_high:.1f}) of what it carried, "
+        f"asked {'-' if asked_loss is None else f'{100 * asked_loss:.3g} %'}"
+    ]
+    if row.burst_messages_mean is not None:
+        parts.append(f"{row.burst_messages_mean:.2f} in a row, {row.burst_messages_max} at most")
+    if row.latency_ms_low is not None and row.latency_ms_high is not None:
+        parts.append(
+            f"delayed {row.latency_ms_mean:.1f} ms ({row.latency_ms_low:.1f} to "
+            f"{row.latency_ms_high:.1f}), asked {'-' if asked_ms is None else f'{asked_ms:.4g}'}"
+        )
+    if row.age_ms_mean is not None:
+        parts.append(f"{row.age_ms_mean:.0f} ms old at commands, {row.age_ms_max:.0f} at most")
+    return "; ".join(parts)
+
+
 def _losses(tally: LinkTally, confidence: float) -> tuple[Interval, Interval | None, int]:
     """Loss and mean length of its bursts with their intervals, and the longest burst."""
     lost = tally.lost

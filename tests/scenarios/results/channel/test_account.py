@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.account import LinkSummary, link_summary, misses
+from scenarios.results.channel.account import LinkSummary, in_words, link_summary, misses
 from scenarios.results.channel.tally import LinkTally
 from tests.made.scenarios.messages import at, verdict
 from vehicles.messages import LinkVerdict
@@ -111,3 +111,12 @@ def test_what_the_machine_delayed_is_not_the_link_s_fault() -> None:
     said = fates("." * 200)
     said[7] = replace(said[7], late=True, heard_at_ns=at(900.0))
     assert list(misses(LINK, LinkTable(), tallied(*said))) == []
+
+
+def test_a_line_says_what_was_asked_and_done() -> None:
+    tally = tallied(*fates(("x" * 2 + "." * 8) * 20))
+    tally.add_age(0.12)
+    line = in_words(account(LinkTable(loss_ratio=0.25), tally))
+    assert line.startswith("v1 → v2: lost 20.0 % (")
+    assert ") of what it carried, asked 25 %; 2.00 in a row, 2 at most; delayed 20.0 ms" in line
+    assert line.endswith("asked 20; 120 ms old at commands, 120 at most")
