@@ -107,7 +107,7 @@ class RunLog:
                 self.recorder.say(at, line, "warning")
             for row in self.metrics.link_summaries()[:MOST_LINK_LINES]:
                 if row.judged:
-                    self.recorder.say(at, in_words(row), "info")
+                    self.recorder.say(at, in_words(row), "debug")  # for the log only
             silent = silent_links(self.metrics, self._replayed, self._off())
             self._reason = why_failed(reason or silent, self._broken())
             return self.recorder.end(at, self._reason)
