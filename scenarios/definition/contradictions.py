@@ -92,7 +92,7 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
             allowed = ", ".join(map(shown, known))
             yield f"link[{index}].{end}", f"given {given}, allowed {allowed}"
         if unknown:
-            return
+            continue
         if all(specificity(link, names, *pair) is None for pair in directed_links(names)):
             yield (
                 f"link[{index}]",

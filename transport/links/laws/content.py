@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from math import exp, expm1, log1p
 from zlib import crc32
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, LosesNothing, Passage
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
 
 @dataclass(frozen=True, slots=True)
-class Reordering:
+class Reordering(LosesNothing):
     """Holds each message back, on its own with probability `ratio`, for `delay` ns.
 
     It is overtaken by those that are sent meanwhile, unless they are held back too.
@@ -22,16 +22,6 @@ class Reordering:
 
     ratio: float
     delay: int
-
-    @property
-    def mean_loss_ratio(self) -> float:
-        """None is lost."""
-        return 0.0
-
-    @property
-    def mean_burst_messages(self) -> None:
-        """None is lost."""
-        return
 
     def in_words(self) -> str:
         """Say so in a line."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from math import erfc, exp, fsum, inf, log, log1p, pi, sqrt
 from typing import Protocol
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, LosesNothing, Passage
 from transport.links.laws.gamma import log_quantile, log_quantiles
 from transport.links.laws.normals import Normals, quantile
 from transport.reasons import DropReason
@@ -39,7 +39,7 @@ class DelayLaw(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class DrawnDelay:
+class DrawnDelay(LosesNothing):
     """Delays each message by a law's delay for its own normal number."""
 
     law: DelayLaw
@@ -55,16 +55,6 @@ class DrawnDelay:
         """Standard deviation of the delay."""
         return self.law.deviation_ns
 
-    @property
-    def mean_loss_ratio(self) -> float:
-        """None is lost."""
-        return 0.0
-
-    @property
-    def mean_burst_messages(self) -> None:
-        """None is lost."""
-        return
-
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Delay by the law."""
         return round(self.law.at(self.normals.at(draw, passage.seq)))
@@ -76,7 +66,7 @@ class DrawnDelay:
 
 
 @dataclass(frozen=True, slots=True)
-class ConstantDelay:
+class ConstantDelay(LosesNothing):
     """Always `delay` ns."""
 
     delay: int
@@ -90,16 +80,6 @@ class ConstantDelay:
     def deviation_ns(self) -> float:
         """None."""
         return 0.0
-
-    @property
-    def mean_loss_ratio(self) -> float:
-        """None is lost."""
-        return 0.0
-
-    @property
-    def mean_burst_messages(self) -> None:
-        """None is lost."""
-        return
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
         """Delay by it."""
