@@ -13,7 +13,7 @@ from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
-from vehicles.driver.tracking import TrackingErrors, track
+from vehicles.driver.tracking import TrackingErrors, WayBehind, track
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Mode
 from vehicles.preview.trace import Trace, Window
@@ -71,6 +71,8 @@ class Follower:
         self._traces = {name: Trace() for name in (lead, predecessor)}
         self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
         self._along: tuple[tuple[float, Fit], ...] = ()
+        self._driven = 0.0
+        self._behind = WayBehind(), WayBehind()
         self._mode: Mode = "straight"
         self._reason = ""
         self._refit = Timer(REFIT_AFTER)
@@ -173,7 +175,8 @@ class Follower:
         if not self._along:
             errors = TrackingErrors(0.0, 0.0, pose.yaw_rate, 0.0)
             return errors, self._controller.steer(errors, pose.speed)
-        tracked = [(share, track(fit.spline, pose)) for share, fit in self._along]
+        self._driven += pose.speed / self._control.rate_hz
+        tracked = [(share, self._track(fit, pose)) for share, fit in self._along]
         if len(tracked) == 1:
             errors = tracked[0][1]
             return errors, self._controller.steer(errors, pose.speed)
@@ -191,6 +194,14 @@ class Follower:
                 feedback=sum(share * c.feedback for share, c in commands),
             ),
         )
+
+    def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
+        """Errors along a trajectory, whose way behind is that of its source if they are blended."""
+        errors = track(fit.spline, pose)
+        behind = self._behind[fit.source.item(0) if self._fusion == "blend" else 0]
+        behind.go_on(self._driven, errors)
+        errors.behind = behind
+        return errors
 
     def _measured_gap(self, now: int, pose: Pose) -> float:
         """Gap (m) from the predecessor's last received place and speed; or NaN."""

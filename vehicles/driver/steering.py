@@ -101,6 +101,11 @@ class SlipCompensated:
     what dθ/dt is compared with. Where l < 0, in fast cars, that would be ahead, and the curvature
     beside the car is taken: followers learn late of a change, and there the difference is a lead.
 
+    Where a trajectory has a bend begin too early or too late, its heading beside the car is wrong
+    one way and its curvature behind the other, so that in θ̃ both errors add up if l > 0, as below
+    24 to 27 m/s, and cancel in part if l < 0. In slower cars the curvature behind is therefore that
+    which was followed there, in fast ones that of the trajectory.
+
     Eq. (4) answers a command late by 2ζ/ω_n, and being underdamped sharpens it: to second order it
     is exp(-2ζ s/ω_n) exp(-(1 - 2ζ²) s²/ω_n²). The wheels are therefore told what they are to do
     that much later, and all of it is a mean, with weights 1/4, 1/2, 1/4, over three places v times
@@ -129,9 +134,11 @@ class SlipCompensated:
         """Steer by eqs. (6) and (7), with θ̃ and dθ̃/dt against those of a car on the path."""
         car, gains = self._parameters, self._gains
         delay, apart = speed * self._delay, speed * self._apart
-        lag = max(car.steady_slip_per_curvature(speed), 0.0)
+        slip = car.steady_slip_per_curvature(speed)
+        lag = max(slip, 0.0)
         reach = -lag - apart, delay + apart
-        motion = path_motion(errors.curvatures_ahead, reach, speed, car)
+        way = errors.curvatures_driven if slip > 0.0 else errors.curvatures_ahead
+        motion = path_motion(way, reach, speed, car)
         heading = motion.mean(0.0, apart).heading
         curvature = motion.mean(-lag, apart).curvature
         feedback = (

@@ -6,10 +6,16 @@ that run north; the signed form of `ArcSpline.project` holds for both turns and 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import ceil
 from typing import Protocol
 
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.geometry.geodesy import wrap_angle
+
+SPACING = 0.1
+"""Distance (m) between the places at which the curvature of the way behind is kept."""
+PLACES = 256
+"""So many of the last places are kept at least: 26 m."""
 
 
 class PoseLike(Protocol):
@@ -54,11 +60,50 @@ class Curved(Protocol):
 
 
 @dataclass(slots=True)
+class WayBehind:
+    """The way that a car came, as it was followed then: its curvature 1/R of Section III-B.
+
+    A trajectory is fitted to samples ahead of the car and just behind. Where it begins its
+    curvature is the least sure: where a bend sets in, wrong by a quarter of the bend's. When the
+    car was there, it had samples on both sides.
+
+    `driven` is the distance (m) that the car has come, `rest` what of it lies beyond the last place
+    `passed`, one every `SPACING`, whose curvatures (1/m) these are.
+    """
+
+    driven: float = 0.0
+    rest: float = 0.0
+    passed: list[float] = field(default_factory=list)
+
+    def go_on(self, driven: float, errors: "TrackingErrors") -> None:
+        """Go on until so much (m) is driven in all, to the foot point of these (Section III-B)."""
+        self.rest += driven - self.driven
+        self.driven = driven
+        self.passed = self.passed or [errors.curvature]
+        count = int(self.rest / SPACING)
+        if count > 0:
+            self.passed += errors.curvatures_ahead(SPACING - self.rest, SPACING, count)
+            self.rest -= count * SPACING
+        if len(self.passed) > 2 * PLACES:
+            del self.passed[:-PLACES]
+
+    def curvatures(self, start: float, step: float, count: int) -> list[float]:
+        """Curvature (1/m), as it was on the arcs of Section III-A, at the nearest places passed.
+
+        They are `count`, `step` (m) apart, from `start` (m, negative) ahead of the car on.
+        """
+        passed, newest = self.passed, len(self.passed) - 1
+        first, pace = newest + (start + self.rest) / SPACING + 0.5, step / SPACING
+        return [passed[min(max(int(first + k * pace), 0), newest)] for k in range(count)]
+
+
+@dataclass(slots=True)
 class TrackingErrors:
     """e_lat (m, left of the path positive), θ̃ (rad), dθ̃/dt (rad/s), path curvature (1/m).
 
     Section III-B, with signed curvature 1/R; the car's errors in eq. (7).
     The foot point is at `station` (m) of `path`; without a path its curvature is taken as constant.
+    The way `behind` is as it was followed when the car was there, if that is known.
     """
 
     lateral: float
@@ -67,6 +112,7 @@ class TrackingErrors:
     curvature: float
     path: Curved | None = field(default=None, compare=False, repr=False)
     station: float = field(default=0.0, compare=False, repr=False)
+    behind: WayBehind | None = field(default=None, compare=False, repr=False)
 
     def curvature_ahead(self, distance: float) -> float:
         """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0.
@@ -85,6 +131,17 @@ class TrackingErrors:
         if self.path is None:
             return [self.curvature] * count
         return self.path.curvatures(self.station + start, step, count)
+
+    def curvatures_driven(self, start: float, step: float, count: int) -> Sequence[float]:
+        """As `curvatures_ahead`, of eq. (6), but behind the foot point as they were followed there.
+
+        Without a way `behind` they are the same.
+        """
+        if self.behind is None or start >= 0.0:
+            return self.curvatures_ahead(start, step, count)
+        passed = min(ceil(-start / step), count)
+        ahead = self.curvatures_ahead(start + passed * step, step, count - passed)
+        return [*self.behind.curvatures(start, step, passed), *ahead]
 
 
 def track(spline: ArcSpline, pose: PoseLike) -> TrackingErrors:

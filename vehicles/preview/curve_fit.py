@@ -55,22 +55,23 @@ class FitSettings:
     """Constants of the fit (s, m): Section III-A names the preview time and the tolerance.
 
     Samples count up to `preview_time` times the speed ahead, at least `preview_min` (the paper's
-    0.8 s), and `behind_time` times the speed behind, at least `behind_min`. `tolerance` is the
-    paper's 10 cm: a sample further off is a jump, or is not explained. `position_noise` is what a
-    sample is assumed to be off by (RTK, 2 cm); smaller residuals lower that, down to
-    `noise_floor`. An arc instead of a line must lower the sum of squared residuals by `evidence`
-    times the noise squared, a clothoid by `rate_evidence`, a join of line and arc by
-    `join_evidence`, one of two arcs by another `arcs_evidence`. By what it is short of, divided by
-    twice the `temperature`, a curve loses weight exponentially; one with less than `ignored` times
-    the weight of the best counts nothing. Up to `joins` places are tried for a join, each piece
-    being at least `piece_min` long and `piece_ratio` of the whole; the best is refined in up to
-    `passes`. `span_min` is the least travel that has a direction.
+    0.8 s), and `behind_time` times the speed behind, at least `behind_min`. A street corner is
+    entered over 5 to 8 m: the more of it and of the straight before it are seen at once, the less
+    one shape explains them. `tolerance` is the paper's 10 cm: a sample further off is a jump, or is
+    not explained. `position_noise` is what a sample is assumed to be off by (RTK, 2 cm); smaller
+    residuals lower that, down to `noise_floor`. An arc instead of a line must lower the sum of
+    squared residuals by `evidence` times the noise squared, a clothoid by `rate_evidence`, a join
+    of line and arc by `join_evidence`, one of two arcs by another `arcs_evidence`. By what it is
+    short of, divided by twice the `temperature`, a curve loses weight exponentially; one with less
+    than `ignored` times the weight of the best counts nothing. Up to `joins` places are tried for a
+    join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
+    refined in up to `passes`. `span_min` is the least travel that has a direction.
 
     `trajectory` says who fits; the paper's own rules know preview time, tolerance and `span_min`.
     """
 
     preview_time: float = 0.8
-    preview_min: float = 6.0
+    preview_min: float = 5.0
     behind_time: float = 0.35
     behind_min: float = 3.0
     tolerance: float = 0.10

@@ -39,9 +39,27 @@ def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
 def test_on_an_arc_it_is_steady_cornering(car: VehicleParameters, speed: float) -> None:
     slip, steering = steady(car, speed)
     here = path_motion(sampled(lambda _: -0.002), (0.0, 5.0), speed, car).at(0.0)
-    assert here.curvature == -0.002
-    assert here.heading == pytest.approx(0.002 * slip)
-    assert here.steering == pytest.approx(-0.002 * steering)
+    assert here.curvature == pytest.approx(-0.002, rel=1e-5)
+    assert here.heading == pytest.approx(0.002 * slip, rel=1e-5)
+    assert here.steering == pytest.approx(-0.002 * steering, rel=1e-5)
+
+
+@pytest.mark.parametrize("speed", [1.5, 4.0, 6.0])
+@pytest.mark.parametrize("radius", [-7.0, 12.0])
+def test_steering_so_the_simulated_car_drives_a_tight_arc_at_large_slip(
+    speed: float, radius: float
+) -> None:
+    """Radius, slip and yaw rate are those of the car at rest in its states, angles not small."""
+    here = path_motion(sampled(lambda _: 1.0 / radius), (0.0, 5.0), speed, CAR).at(0.0)
+    body = Body(0.0, 0.0, 0.0, speed)
+    for _ in range(300):
+        body = advance(body, Actuation(here.steering, 0.0), 0.02, CAR)
+    along = math.hypot(body.speed, body.lateral_speed)
+    assert along / body.yaw_rate == pytest.approx(radius, rel=2e-3)
+    slip = math.atan2(body.lateral_speed, body.speed)
+    assert abs(slip) > 0.1
+    assert here.heading == pytest.approx(-slip, rel=5e-3)
+    assert here.curvature * body.speed == pytest.approx(body.yaw_rate, rel=2e-3)
 
 
 @pytest.mark.parametrize("car", [CAR, FULL])

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.arc_courses import beside, course
-from vehicles.driver.tracking import TrackingErrors, track
+from vehicles.driver.tracking import SPACING, TrackingErrors, WayBehind, track
 
 HEADINGS = {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}
 ROADS = {"straight": 0.0, "left": 1 / 40, "right": -1 / 40}
@@ -70,3 +70,53 @@ def test_beyond_both_ends_the_path_goes_on() -> None:
     assert track(path, pose(-5.0, 0.3, 0.0)).lateral == pytest.approx(0.3)
     errors = track(path, pose(*beside(path, 26.0, 0.3), 0.8))
     assert (errors.lateral, errors.heading) == pytest.approx((0.3, 0.0))
+
+
+class Bends:
+    """A way whose curvature grows by `rate` per metre, and is off by `wrong` behind the car."""
+
+    def __init__(self, rate: float, here: float = 0.0, wrong: float = 0.0) -> None:
+        self._rate, self._here, self._wrong = rate, here, wrong
+
+    def curvature_at(self, station: float) -> float:
+        """Curvature of the way."""
+        return self._rate * station + (self._wrong if station < self._here - 1.0 else 0.0)
+
+    def curvatures(self, start: float, step: float, count: int) -> list[float]:
+        """Curvatures of the way."""
+        return [self.curvature_at(start + k * step) for k in range(count)]
+
+
+@given(
+    steps=st.lists(st.floats(0.0, 0.9), min_size=1, max_size=60),
+    start=st.floats(-12.0, 1.0),
+    step=st.floats(0.05, 1.0),
+)
+def test_behind_the_car_curvature_is_that_which_was_followed_there(
+    steps: list[float], start: float, step: float
+) -> None:
+    """Whatever the trajectory of now says of places passed more than a metre ago."""
+    rate, behind, driven = 0.01, WayBehind(), 0.0
+    for distance in (0.0, *steps):
+        driven += distance
+        way = Bends(rate, driven, wrong=0.7)
+        errors = TrackingErrors(0.0, 0.0, 0.0, rate * driven, way, driven)
+        behind.go_on(driven, errors)
+    errors.behind = behind
+    found = errors.curvatures_driven(start, step, 30)
+    assert len(found) == 30
+    for k, curvature in enumerate(found):
+        place = max(driven + start + k * step, 0.0)  # before the beginning it is as there
+        assert curvature == pytest.approx(rate * place, abs=1.01 * rate * SPACING)
+    errors.behind = None
+    assert errors.curvatures_driven(start, step, 30) == errors.curvatures_ahead(start, step, 30)
+
+
+def test_the_way_behind_is_kept_for_as_far_as_a_fast_car_looks_back() -> None:
+    behind = WayBehind()
+    for k in range(3000):
+        behind.go_on(1.0 * k, TrackingErrors(0.0, 0.0, 0.0, 0.0, Bends(1.0), 1.0 * k))
+        assert len(behind.passed) < 1000
+    assert behind.curvatures(-25.0, 5.0, 5) == pytest.approx(
+        [2974.0, 2979.0, 2984.0, 2989.0, 2994.0], abs=0.051
+    )
