@@ -41,6 +41,9 @@ class GpsPose(_message.Message):
     TRUE_EAST_M_FIELD_NUMBER: _builtins.int
     TRUE_NORTH_M_FIELD_NUMBER: _builtins.int
     TRUE_DRIVEN_M_FIELD_NUMBER: _builtins.int
+    MODE_FIELD_NUMBER: _builtins.int
+    HAZARD_FIELD_NUMBER: _builtins.int
+    ACCELERATION_MPS2_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     measured_at_ns: _builtins.int
@@ -56,6 +59,9 @@ class GpsPose(_message.Message):
     true_east_m: _builtins.float
     true_north_m: _builtins.float
     true_driven_m: _builtins.float
+    mode: _builtins.str
+    hazard: _builtins.bool
+    acceleration_mps2: _builtins.float
     def __init__(
         self,
         *,
@@ -74,15 +80,22 @@ class GpsPose(_message.Message):
         true_east_m: _builtins.float | None = ...,
         true_north_m: _builtins.float | None = ...,
         true_driven_m: _builtins.float | None = ...,
+        mode: _builtins.str | None = ...,
+        hazard: _builtins.bool | None = ...,
+        acceleration_mps2: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_fix", b"_fix", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "fix", b"fix", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m", "_fix", b"_fix", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "altitude_m", b"altitude_m", "fix", b"fix", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    _WhichOneofReturnType__acceleration_mps2: _TypeAlias = _typing.Literal["acceleration_mps2"]  # noqa: Y015
+    _WhichOneofArgType__acceleration_mps2: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2"]  # noqa: Y015
     _WhichOneofReturnType__altitude_m: _TypeAlias = _typing.Literal["altitude_m"]  # noqa: Y015
     _WhichOneofArgType__altitude_m: _TypeAlias = _typing.Literal["_altitude_m", b"_altitude_m"]  # noqa: Y015
     _WhichOneofReturnType__fix: _TypeAlias = _typing.Literal["fix"]  # noqa: Y015
     _WhichOneofArgType__fix: _TypeAlias = _typing.Literal["_fix", b"_fix"]  # noqa: Y015
+    _WhichOneofReturnType__hazard: _TypeAlias = _typing.Literal["hazard"]  # noqa: Y015
+    _WhichOneofArgType__hazard: _TypeAlias = _typing.Literal["_hazard", b"_hazard"]  # noqa: Y015
     _WhichOneofReturnType__heading_deg: _TypeAlias = _typing.Literal["heading_deg"]  # noqa: Y015
     _WhichOneofArgType__heading_deg: _TypeAlias = _typing.Literal["_heading_deg", b"_heading_deg"]  # noqa: Y015
     _WhichOneofReturnType__latitude_deg: _TypeAlias = _typing.Literal["latitude_deg"]  # noqa: Y015
@@ -91,6 +104,8 @@ class GpsPose(_message.Message):
     _WhichOneofArgType__longitude_deg: _TypeAlias = _typing.Literal["_longitude_deg", b"_longitude_deg"]  # noqa: Y015
     _WhichOneofReturnType__measured_at_ns: _TypeAlias = _typing.Literal["measured_at_ns"]  # noqa: Y015
     _WhichOneofArgType__measured_at_ns: _TypeAlias = _typing.Literal["_measured_at_ns", b"_measured_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__mode: _TypeAlias = _typing.Literal["mode"]  # noqa: Y015
+    _WhichOneofArgType__mode: _TypeAlias = _typing.Literal["_mode", b"_mode"]  # noqa: Y015
     _WhichOneofReturnType__position_accuracy_m: _TypeAlias = _typing.Literal["position_accuracy_m"]  # noqa: Y015
     _WhichOneofArgType__position_accuracy_m: _TypeAlias = _typing.Literal["_position_accuracy_m", b"_position_accuracy_m"]  # noqa: Y015
     _WhichOneofReturnType__sent_at_ns: _TypeAlias = _typing.Literal["sent_at_ns"]  # noqa: Y015
@@ -110,9 +125,13 @@ class GpsPose(_message.Message):
     _WhichOneofReturnType__yaw_rate_radps: _TypeAlias = _typing.Literal["yaw_rate_radps"]  # noqa: Y015
     _WhichOneofArgType__yaw_rate_radps: _TypeAlias = _typing.Literal["_yaw_rate_radps", b"_yaw_rate_radps"]  # noqa: Y015
     @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__acceleration_mps2) -> _WhichOneofReturnType__acceleration_mps2 | None: ...
+    @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__altitude_m) -> _WhichOneofReturnType__altitude_m | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__fix) -> _WhichOneofReturnType__fix | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__hazard) -> _WhichOneofReturnType__hazard | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__heading_deg) -> _WhichOneofReturnType__heading_deg | None: ...
     @_typing.overload
@@ -121,6 +140,8 @@ class GpsPose(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__longitude_deg) -> _WhichOneofReturnType__longitude_deg | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__measured_at_ns) -> _WhichOneofReturnType__measured_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__mode) -> _WhichOneofReturnType__mode | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__position_accuracy_m) -> _WhichOneofReturnType__position_accuracy_m | None: ...
     @_typing.overload
@@ -371,6 +392,20 @@ class Tracking(_message.Message):
     GAP_M_FIELD_NUMBER: _builtins.int
     LEAD_AGE_S_FIELD_NUMBER: _builtins.int
     PREDECESSOR_AGE_S_FIELD_NUMBER: _builtins.int
+    LEAD_PERIOD_S_FIELD_NUMBER: _builtins.int
+    PREDECESSOR_PERIOD_S_FIELD_NUMBER: _builtins.int
+    LEAD_RECEIVED_RATIO_FIELD_NUMBER: _builtins.int
+    PREDECESSOR_RECEIVED_RATIO_FIELD_NUMBER: _builtins.int
+    LEAD_KNOWN_M_FIELD_NUMBER: _builtins.int
+    PREDECESSOR_KNOWN_M_FIELD_NUMBER: _builtins.int
+    LEAD_STATUS_FIELD_NUMBER: _builtins.int
+    PREDECESSOR_STATUS_FIELD_NUMBER: _builtins.int
+    KNOWN_M_FIELD_NUMBER: _builtins.int
+    COMFORTABLE_STOP_M_FIELD_NUMBER: _builtins.int
+    FIRM_STOP_M_FIELD_NUMBER: _builtins.int
+    BLIND_M_FIELD_NUMBER: _builtins.int
+    PREDECESSOR_WEIGHT_RATIO_FIELD_NUMBER: _builtins.int
+    HAZARD_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     decided_at_ns: _builtins.int
@@ -383,6 +418,20 @@ class Tracking(_message.Message):
     gap_m: _builtins.float
     lead_age_s: _builtins.float
     predecessor_age_s: _builtins.float
+    lead_period_s: _builtins.float
+    predecessor_period_s: _builtins.float
+    lead_received_ratio: _builtins.float
+    predecessor_received_ratio: _builtins.float
+    lead_known_m: _builtins.float
+    predecessor_known_m: _builtins.float
+    lead_status: _builtins.str
+    predecessor_status: _builtins.str
+    known_m: _builtins.float
+    comfortable_stop_m: _builtins.float
+    firm_stop_m: _builtins.float
+    blind_m: _builtins.float
+    predecessor_weight_ratio: _builtins.float
+    hazard: _builtins.bool
     def __init__(
         self,
         *,
@@ -398,27 +447,69 @@ class Tracking(_message.Message):
         gap_m: _builtins.float | None = ...,
         lead_age_s: _builtins.float | None = ...,
         predecessor_age_s: _builtins.float | None = ...,
+        lead_period_s: _builtins.float | None = ...,
+        predecessor_period_s: _builtins.float | None = ...,
+        lead_received_ratio: _builtins.float | None = ...,
+        predecessor_received_ratio: _builtins.float | None = ...,
+        lead_known_m: _builtins.float | None = ...,
+        predecessor_known_m: _builtins.float | None = ...,
+        lead_status: _builtins.str | None = ...,
+        predecessor_status: _builtins.str | None = ...,
+        known_m: _builtins.float | None = ...,
+        comfortable_stop_m: _builtins.float | None = ...,
+        firm_stop_m: _builtins.float | None = ...,
+        blind_m: _builtins.float | None = ...,
+        predecessor_weight_ratio: _builtins.float | None = ...,
+        hazard: _builtins.bool | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_gap_m", b"_gap_m", "_heading_error_rad", b"_heading_error_rad", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "gap_m", b"gap_m", "heading_error_rad", b"heading_error_rad", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_firm_stop_m", b"_firm_stop_m", "_gap_m", b"_gap_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "firm_stop_m", b"firm_stop_m", "gap_m", b"gap_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_gap_m", b"_gap_m", "_heading_error_rad", b"_heading_error_rad", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "gap_m", b"gap_m", "heading_error_rad", b"heading_error_rad", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_firm_stop_m", b"_firm_stop_m", "_gap_m", b"_gap_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "firm_stop_m", b"firm_stop_m", "gap_m", b"gap_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    _WhichOneofReturnType__blind_m: _TypeAlias = _typing.Literal["blind_m"]  # noqa: Y015
+    _WhichOneofArgType__blind_m: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m"]  # noqa: Y015
+    _WhichOneofReturnType__comfortable_stop_m: _TypeAlias = _typing.Literal["comfortable_stop_m"]  # noqa: Y015
+    _WhichOneofArgType__comfortable_stop_m: _TypeAlias = _typing.Literal["_comfortable_stop_m", b"_comfortable_stop_m"]  # noqa: Y015
     _WhichOneofReturnType__curvature_per_m: _TypeAlias = _typing.Literal["curvature_per_m"]  # noqa: Y015
     _WhichOneofArgType__curvature_per_m: _TypeAlias = _typing.Literal["_curvature_per_m", b"_curvature_per_m"]  # noqa: Y015
     _WhichOneofReturnType__decided_at_ns: _TypeAlias = _typing.Literal["decided_at_ns"]  # noqa: Y015
     _WhichOneofArgType__decided_at_ns: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__firm_stop_m: _TypeAlias = _typing.Literal["firm_stop_m"]  # noqa: Y015
+    _WhichOneofArgType__firm_stop_m: _TypeAlias = _typing.Literal["_firm_stop_m", b"_firm_stop_m"]  # noqa: Y015
     _WhichOneofReturnType__gap_m: _TypeAlias = _typing.Literal["gap_m"]  # noqa: Y015
     _WhichOneofArgType__gap_m: _TypeAlias = _typing.Literal["_gap_m", b"_gap_m"]  # noqa: Y015
+    _WhichOneofReturnType__hazard: _TypeAlias = _typing.Literal["hazard"]  # noqa: Y015
+    _WhichOneofArgType__hazard: _TypeAlias = _typing.Literal["_hazard", b"_hazard"]  # noqa: Y015
     _WhichOneofReturnType__heading_error_rad: _TypeAlias = _typing.Literal["heading_error_rad"]  # noqa: Y015
     _WhichOneofArgType__heading_error_rad: _TypeAlias = _typing.Literal["_heading_error_rad", b"_heading_error_rad"]  # noqa: Y015
+    _WhichOneofReturnType__known_m: _TypeAlias = _typing.Literal["known_m"]  # noqa: Y015
+    _WhichOneofArgType__known_m: _TypeAlias = _typing.Literal["_known_m", b"_known_m"]  # noqa: Y015
     _WhichOneofReturnType__lateral_error_m: _TypeAlias = _typing.Literal["lateral_error_m"]  # noqa: Y015
     _WhichOneofArgType__lateral_error_m: _TypeAlias = _typing.Literal["_lateral_error_m", b"_lateral_error_m"]  # noqa: Y015
     _WhichOneofReturnType__lead_age_s: _TypeAlias = _typing.Literal["lead_age_s"]  # noqa: Y015
     _WhichOneofArgType__lead_age_s: _TypeAlias = _typing.Literal["_lead_age_s", b"_lead_age_s"]  # noqa: Y015
+    _WhichOneofReturnType__lead_known_m: _TypeAlias = _typing.Literal["lead_known_m"]  # noqa: Y015
+    _WhichOneofArgType__lead_known_m: _TypeAlias = _typing.Literal["_lead_known_m", b"_lead_known_m"]  # noqa: Y015
+    _WhichOneofReturnType__lead_period_s: _TypeAlias = _typing.Literal["lead_period_s"]  # noqa: Y015
+    _WhichOneofArgType__lead_period_s: _TypeAlias = _typing.Literal["_lead_period_s", b"_lead_period_s"]  # noqa: Y015
+    _WhichOneofReturnType__lead_received_ratio: _TypeAlias = _typing.Literal["lead_received_ratio"]  # noqa: Y015
+    _WhichOneofArgType__lead_received_ratio: _TypeAlias = _typing.Literal["_lead_received_ratio", b"_lead_received_ratio"]  # noqa: Y015
+    _WhichOneofReturnType__lead_status: _TypeAlias = _typing.Literal["lead_status"]  # noqa: Y015
+    _WhichOneofArgType__lead_status: _TypeAlias = _typing.Literal["_lead_status", b"_lead_status"]  # noqa: Y015
     _WhichOneofReturnType__mode: _TypeAlias = _typing.Literal["mode"]  # noqa: Y015
     _WhichOneofArgType__mode: _TypeAlias = _typing.Literal["_mode", b"_mode"]  # noqa: Y015
     _WhichOneofReturnType__predecessor_age_s: _TypeAlias = _typing.Literal["predecessor_age_s"]  # noqa: Y015
     _WhichOneofArgType__predecessor_age_s: _TypeAlias = _typing.Literal["_predecessor_age_s", b"_predecessor_age_s"]  # noqa: Y015
+    _WhichOneofReturnType__predecessor_known_m: _TypeAlias = _typing.Literal["predecessor_known_m"]  # noqa: Y015
+    _WhichOneofArgType__predecessor_known_m: _TypeAlias = _typing.Literal["_predecessor_known_m", b"_predecessor_known_m"]  # noqa: Y015
+    _WhichOneofReturnType__predecessor_period_s: _TypeAlias = _typing.Literal["predecessor_period_s"]  # noqa: Y015
+    _WhichOneofArgType__predecessor_period_s: _TypeAlias = _typing.Literal["_predecessor_period_s", b"_predecessor_period_s"]  # noqa: Y015
+    _WhichOneofReturnType__predecessor_received_ratio: _TypeAlias = _typing.Literal["predecessor_received_ratio"]  # noqa: Y015
+    _WhichOneofArgType__predecessor_received_ratio: _TypeAlias = _typing.Literal["_predecessor_received_ratio", b"_predecessor_received_ratio"]  # noqa: Y015
+    _WhichOneofReturnType__predecessor_status: _TypeAlias = _typing.Literal["predecessor_status"]  # noqa: Y015
+    _WhichOneofArgType__predecessor_status: _TypeAlias = _typing.Literal["_predecessor_status", b"_predecessor_status"]  # noqa: Y015
+    _WhichOneofReturnType__predecessor_weight_ratio: _TypeAlias = _typing.Literal["predecessor_weight_ratio"]  # noqa: Y015
+    _WhichOneofArgType__predecessor_weight_ratio: _TypeAlias = _typing.Literal["_predecessor_weight_ratio", b"_predecessor_weight_ratio"]  # noqa: Y015
     _WhichOneofReturnType__reason: _TypeAlias = _typing.Literal["reason"]  # noqa: Y015
     _WhichOneofArgType__reason: _TypeAlias = _typing.Literal["_reason", b"_reason"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
@@ -428,21 +519,49 @@ class Tracking(_message.Message):
     _WhichOneofReturnType__yaw_rate_error_radps: _TypeAlias = _typing.Literal["yaw_rate_error_radps"]  # noqa: Y015
     _WhichOneofArgType__yaw_rate_error_radps: _TypeAlias = _typing.Literal["_yaw_rate_error_radps", b"_yaw_rate_error_radps"]  # noqa: Y015
     @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__blind_m) -> _WhichOneofReturnType__blind_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__comfortable_stop_m) -> _WhichOneofReturnType__comfortable_stop_m | None: ...
+    @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__curvature_per_m) -> _WhichOneofReturnType__curvature_per_m | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__decided_at_ns) -> _WhichOneofReturnType__decided_at_ns | None: ...
     @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__firm_stop_m) -> _WhichOneofReturnType__firm_stop_m | None: ...
+    @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__gap_m) -> _WhichOneofReturnType__gap_m | None: ...
     @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__hazard) -> _WhichOneofReturnType__hazard | None: ...
+    @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__heading_error_rad) -> _WhichOneofReturnType__heading_error_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__known_m) -> _WhichOneofReturnType__known_m | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__lateral_error_m) -> _WhichOneofReturnType__lateral_error_m | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__lead_age_s) -> _WhichOneofReturnType__lead_age_s | None: ...
     @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lead_known_m) -> _WhichOneofReturnType__lead_known_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lead_period_s) -> _WhichOneofReturnType__lead_period_s | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lead_received_ratio) -> _WhichOneofReturnType__lead_received_ratio | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__lead_status) -> _WhichOneofReturnType__lead_status | None: ...
+    @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__mode) -> _WhichOneofReturnType__mode | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__predecessor_age_s) -> _WhichOneofReturnType__predecessor_age_s | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__predecessor_known_m) -> _WhichOneofReturnType__predecessor_known_m | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__predecessor_period_s) -> _WhichOneofReturnType__predecessor_period_s | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__predecessor_received_ratio) -> _WhichOneofReturnType__predecessor_received_ratio | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__predecessor_status) -> _WhichOneofReturnType__predecessor_status | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__predecessor_weight_ratio) -> _WhichOneofReturnType__predecessor_weight_ratio | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__reason) -> _WhichOneofReturnType__reason | None: ...
     @_typing.overload
@@ -793,6 +912,63 @@ class LogText(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
 
 Global___LogText: _TypeAlias = LogText  # noqa: Y015
+
+@_typing.final
+class Change(_message.Message):
+    DESCRIPTOR: _descriptor.Descriptor
+
+    VEHICLE_FIELD_NUMBER: _builtins.int
+    SEQ_FIELD_NUMBER: _builtins.int
+    EFFECTIVE_AT_NS_FIELD_NUMBER: _builtins.int
+    KIND_FIELD_NUMBER: _builtins.int
+    BY_HAND_FIELD_NUMBER: _builtins.int
+    TABLE_FIELD_NUMBER: _builtins.int
+    vehicle: _builtins.str
+    seq: _builtins.int
+    effective_at_ns: _builtins.int
+    kind: _builtins.str
+    by_hand: _builtins.bool
+    table: _builtins.str
+    def __init__(
+        self,
+        *,
+        vehicle: _builtins.str | None = ...,
+        seq: _builtins.int | None = ...,
+        effective_at_ns: _builtins.int | None = ...,
+        kind: _builtins.str | None = ...,
+        by_hand: _builtins.bool | None = ...,
+        table: _builtins.str | None = ...,
+    ) -> None: ...
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_by_hand", b"_by_hand", "_effective_at_ns", b"_effective_at_ns", "_kind", b"_kind", "_seq", b"_seq", "_table", b"_table", "_vehicle", b"_vehicle", "by_hand", b"by_hand", "effective_at_ns", b"effective_at_ns", "kind", b"kind", "seq", b"seq", "table", b"table", "vehicle", b"vehicle"]  # noqa: Y015
+    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_by_hand", b"_by_hand", "_effective_at_ns", b"_effective_at_ns", "_kind", b"_kind", "_seq", b"_seq", "_table", b"_table", "_vehicle", b"_vehicle", "by_hand", b"by_hand", "effective_at_ns", b"effective_at_ns", "kind", b"kind", "seq", b"seq", "table", b"table", "vehicle", b"vehicle"]  # noqa: Y015
+    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    _WhichOneofReturnType__by_hand: _TypeAlias = _typing.Literal["by_hand"]  # noqa: Y015
+    _WhichOneofArgType__by_hand: _TypeAlias = _typing.Literal["_by_hand", b"_by_hand"]  # noqa: Y015
+    _WhichOneofReturnType__effective_at_ns: _TypeAlias = _typing.Literal["effective_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__effective_at_ns: _TypeAlias = _typing.Literal["_effective_at_ns", b"_effective_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__kind: _TypeAlias = _typing.Literal["kind"]  # noqa: Y015
+    _WhichOneofArgType__kind: _TypeAlias = _typing.Literal["_kind", b"_kind"]  # noqa: Y015
+    _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
+    _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__table: _TypeAlias = _typing.Literal["table"]  # noqa: Y015
+    _WhichOneofArgType__table: _TypeAlias = _typing.Literal["_table", b"_table"]  # noqa: Y015
+    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
+    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__by_hand) -> _WhichOneofReturnType__by_hand | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__effective_at_ns) -> _WhichOneofReturnType__effective_at_ns | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__kind) -> _WhichOneofReturnType__kind | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__table) -> _WhichOneofReturnType__table | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
+
+Global___Change: _TypeAlias = Change  # noqa: Y015
 
 @_typing.final
 class RunStart(_message.Message):

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from vehicles.messages import (
+    Change,
     Command,
     CompositeTrajectory,
     GpsPose,
@@ -45,6 +46,7 @@ _ROWS = (
     Topic("verdict",    LinkVerdict,         "heard_at_ns",    True,  False, "what the link did to each message, and why"),
     Topic("health",     Health,              "reported_at_ns", True,  False, "counters of the process, once a second"),
     Topic("log",        LogText,             "logged_at_ns",   True,  False, "text"),
+    Topic("change",     Change,              "effective_at_ns", True, False, "something done to the running convoy, by its scenario or by hand"),
     Topic("start",      RunStart,            "start_at_ns",    True,  True,  "the instant at which all start"),
     Topic("end",        RunEnd,              "end_at_ns",      True,  True,  "the run is over, and why"),
 )

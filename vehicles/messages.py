@@ -12,9 +12,14 @@ a second for each vehicle, and frozen ones take three times as long to make.
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-Mode = Literal["path", "composite", "lead", "predecessor", "coast", "straight"]
+Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "straight"]
 """What a vehicle steers along: its own path (the lead), the composite of both sources, one source
-only, the last trajectory extrapolated, or straight ahead (nothing heard yet)."""
+only, what it still knows of the road without hearing anybody (slowing down in "coast", braking to a
+standstill in "stop"), or straight ahead (nothing heard yet)."""
+
+SourceStatus = Literal["unheard", "fresh", "late", "lost", "distrusted", "probation"]
+"""What a follower makes of a source: never heard; heard as expected; some messages overdue; silent
+for too long; heard, but not believed; heard again, and not relied on yet."""
 
 FloatOrNan = Annotated[float, "NaN where there is nothing to measure"]
 """A number that may be missing; every other number of a message is finite."""
@@ -26,14 +31,31 @@ Outcome = Literal["delivered", "dropped"]
 Level = Literal["debug", "info", "warning", "error", "fatal"]
 
 
+@dataclass(frozen=True, slots=True)
+class Announcement:
+    """What a vehicle tells those behind beside its pose, as a CAM tells of lights and acceleration.
+
+    `acceleration_mps2` is what it asked of its drive.
+    """
+
+    mode: Mode = "path"
+    hazard: bool = False
+    acceleration_mps2: float = 0.0
+
+
+NOTHING_TOLD = Announcement()
+
+
 @dataclass(slots=True, kw_only=True)
 class GpsPose:
     """One measurement of a GNSS receiver, as broadcast to the convoy.
 
     `seq` counts what was sent. `position_accuracy_m` is what the receiver says of the standard
-    deviation of its position, per axis, which may be wrong. The true place of the antenna,
-    and the metres driven since the start, are for the emulated channel alone, whose losses depend
-    on them: no vehicle uses them.
+    deviation of its position, per axis, which may be wrong. `mode`, `hazard` and
+    `acceleration_mps2` tell those behind what the vehicle is about to do: what it steers along,
+    whether it warns of itself, and the acceleration that it has asked of its drive. The true place
+    of the antenna, and the metres driven since the start, are for the emulated channel alone, whose
+    losses depend on them: no vehicle uses them.
     """
 
     vehicle: str
@@ -51,6 +73,9 @@ class GpsPose:
     true_east_m: float
     true_north_m: float
     true_driven_m: float
+    mode: Mode
+    hazard: bool
+    acceleration_mps2: float
 
 
 @dataclass(slots=True, kw_only=True)
@@ -107,7 +132,17 @@ class CompositeTrajectory:
 
 @dataclass(slots=True, kw_only=True)
 class Tracking:
-    """Errors of a vehicle against the trajectory it steers along, as it estimates them."""
+    """What a vehicle knows at a command: its errors, and how fresh what it follows is.
+
+    Errors are against the trajectory it steers along, as it estimates them. Of each source: the age
+    of the newest sample, the period at which its messages are expected, the share of them that was
+    received in the last second, how far ahead of the car its path is known (negative: it ends
+    behind), and what is made of it. `known_m` is the path known of all of them; the braking
+    distances are those from the present speed, comfortably and firmly; `blind_m` is how far the
+    car would drive beyond the known path if it had to stop now as hard as it may.
+    `predecessor_weight_ratio` is the weight of the predecessor in the trajectory. `hazard` says
+    whether the vehicle warns those behind.
+    """
 
     vehicle: str
     seq: int
@@ -121,6 +156,20 @@ class Tracking:
     gap_m: FloatOrNan
     lead_age_s: FloatOrNan
     predecessor_age_s: FloatOrNan
+    lead_period_s: FloatOrNan
+    predecessor_period_s: FloatOrNan
+    lead_received_ratio: FloatOrNan
+    predecessor_received_ratio: FloatOrNan
+    lead_known_m: FloatOrNan
+    predecessor_known_m: FloatOrNan
+    lead_status: SourceStatus
+    predecessor_status: SourceStatus
+    known_m: FloatOrNan
+    comfortable_stop_m: FloatOrNan
+    firm_stop_m: FloatOrNan
+    blind_m: FloatOrNan
+    predecessor_weight_ratio: FloatOrNan
+    hazard: bool
 
 
 @dataclass(slots=True, kw_only=True)
@@ -194,6 +243,23 @@ class LogText:
 
 
 @dataclass(slots=True, kw_only=True)
+class Change:
+    """Something done to a running convoy at an instant: by its scenario, or by hand.
+
+    `vehicle` is the one that carried it out: of a link the receiver. It takes effect at
+    `effective_at_ns`: of a link on what is sent from then on, of a vehicle at its first tick from
+    then on. `table` is the change as an entry of `[[change]]` in a scenario, in JSON.
+    """
+
+    vehicle: str
+    seq: int
+    effective_at_ns: int
+    kind: str
+    by_hand: bool
+    table: str
+
+
+@dataclass(slots=True, kw_only=True)
 class RunStart:
     """The one instant at which every vehicle of a run starts its schedule."""
 
@@ -222,6 +288,7 @@ Message = (
     | LinkVerdict
     | Health
     | LogText
+    | Change
     | RunStart
     | RunEnd
 )

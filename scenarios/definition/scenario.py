@@ -250,9 +250,12 @@ class Scenario:
     def text(self) -> str:
         """The scenario as one self-contained TOML file, which `scenario_from_text` reads back."""
         tables = self.tables
-        whole = tables.model_dump(exclude_none=True, exclude={"link", "vehicle"})
-        # What one link or vehicle leaves out must stay left out: it is the convoy's value.
-        some = tables.model_dump(exclude_unset=True, exclude_none=True, include={"link", "vehicle"})
+        apart = {"link", "vehicle", "change"}
+        whole = tables.model_dump(exclude_none=True, exclude=apart)
+        # What one of these leaves out must stay left out: it is the convoy's value.
+        some = tables.model_dump(
+            exclude_unset=True, exclude_none=True, include={"link", "vehicle", "change"}
+        )
         return tomli_w.dumps(whole | some)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from tests.made.vehicles.arc_courses import course, shaken, window
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.driver.own_state import Pose
+from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.preview.samples import Window

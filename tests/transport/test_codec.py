@@ -194,7 +194,22 @@ def test_the_longest_message_fits() -> None:
 
 
 NOT_FINITE = (math.nan, math.inf, -math.inf)
-MAY_BE_NAN = {"gap_m", "lead_age_s", "predecessor_age_s"}
+MAY_BE_NAN = {
+    "gap_m",
+    "lead_age_s",
+    "predecessor_age_s",
+    "lead_period_s",
+    "predecessor_period_s",
+    "lead_received_ratio",
+    "predecessor_received_ratio",
+    "lead_known_m",
+    "predecessor_known_m",
+    "known_m",
+    "comfortable_stop_m",
+    "firm_stop_m",
+    "blind_m",
+    "predecessor_weight_ratio",
+}
 
 
 @pytest.mark.parametrize("value", NOT_FINITE)

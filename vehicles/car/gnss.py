@@ -14,7 +14,7 @@ from numpy.random import Generator
 from vehicles.car.dynamics import Body
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, yaw_from_heading
-from vehicles.messages import FixState, GpsPose
+from vehicles.messages import NOTHING_TOLD, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 
 
@@ -138,10 +138,11 @@ def to_message(
     seq: int,
     sent_at: int,
     true_place: tuple[float, float, float],
+    told: Announcement = NOTHING_TOLD,
 ) -> GpsPose:
     """Convert a fix to message `seq`, sent at `sent_at` (ns) from `true_place`.
 
-    That is east, north, and the way driven (m).
+    That is east, north, and the way driven (m). `told` is what the vehicle tells beside.
 
     WGS84, compass course.
 
@@ -162,6 +163,9 @@ def to_message(
         sent_at_ns=sent_at,
         fix=fix.state,
         position_accuracy_m=fix.accuracy,
+        mode=told.mode,
+        hazard=told.hazard,
+        acceleration_mps2=told.acceleration_mps2,
         true_east_m=true_place[0],
         true_north_m=true_place[1],
         true_driven_m=true_place[2],

@@ -1,16 +1,25 @@
 """The decision at a control instant, and the interface of a driver."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 from typing import Protocol
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
+from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.messages import Command, CompositeTrajectory, GpsPose, Message, Mode, Tracking
+from vehicles.messages import (
+    Announcement,
+    Command,
+    CompositeTrajectory,
+    GpsPose,
+    Message,
+    Mode,
+    Tracking,
+)
 from vehicles.preview.trajectory import Fit
 
 
@@ -18,8 +27,9 @@ from vehicles.preview.trajectory import Fit
 class Decision:
     """Commands for steering and drive, and what they follow from (Fig. 1, Sections III-A to III-C).
 
-    Units: gap m, ages s, target_speed m/s. `fresh` is False at instants between two control
-    instants, where the last decision is held. `fit` is the trajectory if it was made anew.
+    Units: gap m, target_speed m/s. `situation` says how fresh what it follows from is. `fresh` is
+    False at instants between two control instants, where the last decision is held. `fit` is the
+    trajectory if it was made anew.
     """
 
     actuation: Actuation
@@ -30,12 +40,12 @@ class Decision:
     fit: Fit | None = None
     target_speed: float = 0.0
     gap: float = nan
-    lead_age: float = nan
-    predecessor_age: float = nan
+    situation: Situation = field(default_factory=Situation)
     fresh: bool = True
 
     def messages(self, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
         """The decision as messages for the log: tracking, command, and the trajectory if any."""
+        situation, lead, ahead = self.situation, self.situation.lead, self.situation.predecessor
         tracking = Tracking(
             vehicle=vehicle,
             seq=seq,
@@ -47,8 +57,22 @@ class Decision:
             yaw_rate_error_radps=self.errors.yaw_rate,
             curvature_per_m=self.errors.curvature,
             gap_m=self.gap,
-            lead_age_s=self.lead_age,
-            predecessor_age_s=self.predecessor_age,
+            lead_age_s=lead.age,
+            predecessor_age_s=ahead.age,
+            lead_period_s=lead.period,
+            predecessor_period_s=ahead.period,
+            lead_received_ratio=lead.share,
+            predecessor_received_ratio=ahead.share,
+            lead_known_m=lead.known,
+            predecessor_known_m=ahead.known,
+            lead_status=lead.status,
+            predecessor_status=ahead.status,
+            known_m=situation.known,
+            comfortable_stop_m=situation.comfortable_stop,
+            firm_stop_m=situation.firm_stop,
+            blind_m=situation.blind,
+            predecessor_weight_ratio=situation.predecessor_weight,
+            hazard=situation.hazard,
         )
         command = Command(
             vehicle=vehicle,
@@ -63,6 +87,11 @@ class Decision:
         if self.fit is None:
             return tracking, command
         return tracking, command, self._trajectory(self.fit, vehicle, seq, now)
+
+    @property
+    def announcement(self) -> Announcement:
+        """What is told to those behind beside the pose (beyond the paper, as in a CAM)."""
+        return Announcement(self.mode, self.situation.hazard, self.actuation.acceleration)
 
     def _trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:
         pieces = fit.spline.pieces

@@ -9,8 +9,9 @@ from vehicles.car.gnss import Fix, from_message
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
-from vehicles.driver.own_state import OwnState, Pose
-from vehicles.driver.slip_estimator import LoadWatch
+from vehicles.driver.degradation.situation import Situation, SourceFreshness
+from vehicles.driver.ego.own_state import OwnState, Pose
+from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors, WayBehind, track
@@ -128,8 +129,10 @@ class Follower:
             fit=self._along[0][1] if refit and self._along and self._mode != "coast" else None,
             target_speed=speed.target_speed,
             gap=ahead.gap,
-            lead_age=self._age(now, self._lead),
-            predecessor_age=self._age(now, self._predecessor),
+            situation=Situation(
+                lead=SourceFreshness(age=self._age(now, self._lead)),
+                predecessor=SourceFreshness(age=self._age(now, self._predecessor)),
+            ),
         )
 
     def _choose_trajectory(self, now: int, pose: Pose) -> tuple[Mode, str]:

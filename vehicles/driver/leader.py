@@ -8,8 +8,8 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
-from vehicles.driver.own_state import OwnState, Pose
-from vehicles.driver.slip_estimator import LoadWatch
+from vehicles.driver.ego.own_state import OwnState, Pose
+from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors

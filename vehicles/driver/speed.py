@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Protocol
 
-from vehicles.driver.own_state import Pose
+from vehicles.driver.ego.own_state import Pose
 from vehicles.schedule import SECOND
 
 PROFILE_CORRECTION = 0.5

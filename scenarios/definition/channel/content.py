@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from math import inf
 
-from scenarios.definition.schema.content import (
+from scenarios.definition.schema.channel.content import (
     AnyFalseTable,
     ContentTable,
     DriftingTable,

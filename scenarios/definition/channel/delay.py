@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from scenarios.definition.errors import Refused
-from scenarios.definition.schema.delay import (
+from scenarios.definition.schema.channel.delay import (
     MOST_RECORDED,
     ConstantDelayTable,
     DelayTable,

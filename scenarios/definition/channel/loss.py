@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 from scenarios.definition.refusal import shown
-from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.loss import (
+from scenarios.definition.schema.channel.loss import (
     CollisionsTable,
     EveryNthLoss,
     FourStateLoss,
@@ -16,6 +15,7 @@ from scenarios.definition.schema.loss import (
     NoLoss,
     PatternLoss,
 )
+from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.chains import FourState, GilbertElliott
 from transport.links.laws.effect import Effect
 from transport.links.laws.patterns import (

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, nan
 
-from scenarios.definition.schema.outages import (
+from scenarios.definition.schema.channel.outages import (
     CircleTable,
     OutageTable,
     RandomOutageTable,

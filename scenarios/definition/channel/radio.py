@@ -7,8 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from scenarios.definition.road.route import Route
-from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.radio import (
+from scenarios.definition.schema.channel.radio import (
     ErrorTable,
     ObstructionTable,
     PathLossRadio,
@@ -17,6 +16,7 @@ from scenarios.definition.schema.radio import (
     ShadowingTable,
     TableRadio,
 )
+from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.radio.delivery import (
     DeliveryOverDistance,
     ErrorCurve,

@@ -15,8 +15,8 @@ from scenarios.definition.errors import Refused
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.channel.loss import LogLoss, PatternLoss
 from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.loss import LogLoss, PatternLoss
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import ScenarioTables
 from scenarios.definition.traces.recorded import is_file

@@ -11,7 +11,7 @@ from scenarios.definition.channel.origins import giver, rules_of
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.check.preview import gap_to
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.content import ContentTable, FalseTable
+from scenarios.definition.schema.channel.content import ContentTable, FalseTable
 from scenarios.definition.sending import even_rate_hz, link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
 from transport.links.laws.content import Reordering

@@ -2,11 +2,11 @@
 
 from pydantic import Field
 
-from scenarios.definition.schema.content import ContentTable
-from scenarios.definition.schema.delay import DelayTable, QueueTable
-from scenarios.definition.schema.loss import CollisionsTable, LossTable
-from scenarios.definition.schema.outages import Outages
-from scenarios.definition.schema.radio import RadioTable
+from scenarios.definition.schema.channel.content import ContentTable
+from scenarios.definition.schema.channel.delay import DelayTable, QueueTable
+from scenarios.definition.schema.channel.loss import CollisionsTable, LossTable
+from scenarios.definition.schema.channel.outages import Outages
+from scenarios.definition.schema.channel.radio import RadioTable
 from scenarios.definition.schema.table import Ratio, Table
 
 

@@ -10,9 +10,11 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field, StringConstraints
 
+from scenarios.definition.schema.changes import Changes
+from scenarios.definition.schema.channel.outages import Spans
+from scenarios.definition.schema.degradation import DegradationTable
 from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.outages import Spans
 from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.sending import EveryFixSending, SendingTable
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
@@ -82,6 +84,7 @@ class SteeringTable(Table):
     estimate_slip: bool = False
     own_state: Literal["estimated", "exact"] = "estimated"
     gains: GainsTable = GainsTable()
+    degradation: DegradationTable = DegradationTable()
 
 
 class ControlTable(SteeringTable):
@@ -127,11 +130,13 @@ class SpeedTable(Table):
     """How fast the convoy goes.
 
     The lead drives one set speed, a profile, or the speed recorded in its trace. Before curves,
-    set speeds and profiles are lowered to keep the lateral acceleration. The others drive the
-    same speed at the same time (as in the paper), or keep their gap.
+    set speeds and profiles are lowered to keep the lateral acceleration. With `lead_waits` it
+    listens to its followers, and slows down while one of them is lost. The others drive the same
+    speed at the same time (as in the paper), or keep their gap.
     """
 
     lead: Literal["set", "profile", "recorded"] = "set"
+    lead_waits: bool = False
     set_mps: float = Field(default=20.0, ge=0.1, le=100)
     profile: Annotated[tuple[ProfilePoint, ...], Field(strict=False)] = ()
     followers: Literal["same", "gap"] = "same"
@@ -215,6 +220,13 @@ class LimitsTable(Table):
     after_collision: Literal["end", "go_on"] | None = None
 
 
+class ClockTable(Table):
+    """How far a vehicle's own clock is off: at the start of the run, and by how much more since."""
+
+    offset_ms: float = Field(default=0.0, ge=-10_000, le=10_000)
+    drift_ppm: float = Field(default=0.0, ge=-1000, le=1000)
+
+
 class VehicleTable(Table):
     """What is different about one vehicle; keys that are left out keep the convoy's values.
 
@@ -233,6 +245,7 @@ class VehicleTable(Table):
     heading_offset_deg: float = Field(default=0.0, ge=-90, le=90)
     transmitter_off: Spans = ()
     receiver_off: Spans = ()
+    clock: ClockTable = ClockTable()
     control: SteeringTable | None = None
     gnss: GnssTable | None = None
     sending: SendingTable | None = None
@@ -268,6 +281,7 @@ class ScenarioTables(Table):
     events: EventsTable = EventsTable()
     limits: LimitsTable = LimitsTable()
     link: Annotated[tuple[LinkEntry, ...], Field(strict=False)] = ()
+    change: Changes = ()
     parameters: ParametersTable = ParametersTable()
     loading: LoadingTable = LoadingTable()
     vehicle: dict[str, VehicleTable] = Field(default_factory=dict)

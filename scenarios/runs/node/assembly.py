@@ -29,12 +29,12 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
+from vehicles.driver.ego.late_fixes import LatePoseEstimator
+from vehicles.driver.ego.own_state import KnownState, OwnState
+from vehicles.driver.ego.pose_estimator import PoseEstimator
+from vehicles.driver.ego.slip_estimator import Assuming, LoadWatch, SlipEstimator
 from vehicles.driver.follower import Follower
-from vehicles.driver.late_fixes import LatePoseEstimator
 from vehicles.driver.leader import Leader
-from vehicles.driver.own_state import KnownState, OwnState
-from vehicles.driver.pose_estimator import PoseEstimator
-from vehicles.driver.slip_estimator import Assuming, LoadWatch, SlipEstimator
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import LocalPlane

@@ -12,7 +12,7 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import TyreUse, rolling_use, tyre_use
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import Message
+from vehicles.messages import NOTHING_TOLD, Announcement, Message
 from vehicles.schedule import SECOND, Timer
 
 
@@ -51,7 +51,7 @@ class Outbox:
         """Send `fix`, if there is one, and what was received and decided at tick `now` (ns)."""
         self._ticks += 1
         if fix is not None:
-            self._add_pose(now, body, fix)
+            self._add_pose(now, body, fix, decision.announcement)
         for verdict in self._inbox.verdicts():
             self._add(verdict)
         if decision.fresh:
@@ -68,7 +68,7 @@ class Outbox:
         """Send what a vehicle that decides nothing measured; `fresh` at instants of control."""
         self._ticks += 1
         if fix is not None:
-            self._add_pose(now, body, fix)
+            self._add_pose(now, body, fix, NOTHING_TOLD)
         if fresh:
             self._add_truth(now, body, rolling_use(body, self._parameters))
         if self._health.is_due(now):
@@ -126,7 +126,7 @@ class Outbox:
             )
         )
 
-    def _add_pose(self, now: int, body: Body, fix: Fix) -> None:
+    def _add_pose(self, now: int, body: Body, fix: Fix, told: Announcement) -> None:
         self._add(
             to_message(
                 fix,
@@ -135,6 +135,7 @@ class Outbox:
                 seq=self._next[messages.GpsPose],
                 sent_at=now,
                 true_place=(body.east, body.north, body.distance),
+                told=told,
             )
         )
 

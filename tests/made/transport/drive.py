@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from vehicles.messages import (
+    Change,
     Command,
     CompositeTrajectory,
     GpsPose,
@@ -72,6 +73,9 @@ def gps(vehicle: str, seq: int, at: int) -> GpsPose:
         sent_at_ns=at,
         fix="fixed",
         position_accuracy_m=0.02,
+        mode="path",
+        hazard=False,
+        acceleration_mps2=0.0,
         true_east_m=0.0,
         true_north_m=0.0,
         true_driven_m=0.0,
@@ -115,6 +119,20 @@ def tracking(vehicle: str, tick: int) -> Tracking:
         gap_m=GAP,
         lead_age_s=0.03,
         predecessor_age_s=0.02,
+        lead_period_s=0.05,
+        predecessor_period_s=0.05,
+        lead_received_ratio=1.0,
+        predecessor_received_ratio=1.0,
+        lead_known_m=30.0,
+        predecessor_known_m=15.0,
+        lead_status="fresh",
+        predecessor_status="fresh",
+        known_m=30.0,
+        comfortable_stop_m=220.0,
+        firm_stop_m=90.0,
+        blind_m=0.0,
+        predecessor_weight_ratio=0.5,
+        hazard=False,
     )
 
 
@@ -172,6 +190,17 @@ def drive(ticks: int) -> Iterator[tuple[int, Message]]:
     """Every message of a drive of `ticks` control ticks, as (recorded at, message), in order."""
     yield START, RunStart(vehicle="run", seq=0, start_at_ns=START, run_id="circle")
     yield START, LogText(vehicle="run", seq=0, logged_at_ns=START, level="warning", text="off")
+    yield (
+        START,
+        Change(
+            vehicle="run",
+            seq=0,
+            effective_at_ns=START,
+            kind="heal",
+            by_hand=True,
+            table='{"at_s": 0.0, "kind": "heal"}',
+        ),
+    )
     for tick in range(ticks):
         now = START + tick * TICK
         for vehicle in VEHICLES:

@@ -8,8 +8,8 @@ from tests.made.vehicles.exact_drives import CONTROL_HZ, PLANE, START, Source, S
 from transport.codec import RefusedMessageError
 from transport.links.gate import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.follower import Follower
-from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.speed import ProfileSpeed, SpeedLaw, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.path import Path, Segment, path_from_segments

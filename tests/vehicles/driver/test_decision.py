@@ -8,10 +8,11 @@ from transport.codec import decode, encode
 from transport.topics import TOPIC_OF
 from vehicles.car.dynamics import Actuation
 from vehicles.driver.decision import Decision
+from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.arc_spline import ArcSpline, Piece
-from vehicles.messages import Command, CompositeTrajectory, Tracking
+from vehicles.messages import Announcement, Command, CompositeTrajectory, Tracking
 from vehicles.preview.trajectory import Fit
 
 NOW = 1_790_000_000_123_456_789
@@ -34,8 +35,20 @@ DECISION = Decision(
     fit=FIT,
     target_speed=29.5,
     gap=14.8,
-    lead_age=0.07,
-    predecessor_age=0.02,
+    situation=Situation(
+        lead=SourceFreshness(
+            status="late", age=0.07, silence=0.05, period=0.05, share=0.9, known=28.0
+        ),
+        predecessor=SourceFreshness(
+            status="fresh", age=0.02, silence=0.01, period=0.1, share=1.0, known=13.0
+        ),
+        known=28.0,
+        comfortable_stop=250.0,
+        firm_stop=90.0,
+        blind=4.0,
+        predecessor_weight=0.6,
+        hazard=True,
+    ),
 )
 
 
@@ -54,7 +67,22 @@ def test_a_decision_tells_what_was_tracked_and_asked() -> None:
         gap_m=14.8,
         lead_age_s=0.07,
         predecessor_age_s=0.02,
+        lead_period_s=0.05,
+        predecessor_period_s=0.1,
+        lead_received_ratio=0.9,
+        predecessor_received_ratio=1.0,
+        lead_known_m=28.0,
+        predecessor_known_m=13.0,
+        lead_status="late",
+        predecessor_status="fresh",
+        known_m=28.0,
+        comfortable_stop_m=250.0,
+        firm_stop_m=90.0,
+        blind_m=4.0,
+        predecessor_weight_ratio=0.6,
+        hazard=True,
     )
+    assert DECISION.announcement == Announcement("composite", True, -1.5)
     assert command == Command(
         vehicle="v3",
         seq=17,

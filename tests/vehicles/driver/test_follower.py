@@ -120,7 +120,7 @@ def test_lead_or_predecessor_may_be_silent_alone() -> None:
     )
     assert [mode for mode, _ in modes(steps)] == ["straight", "composite", "predecessor"]
     assert re.fullmatch(r"v1 unheard for 8\.[01] s", steps[-1].decision.reason)
-    assert steps[-1].decision.lead_age == pytest.approx(steps[-1].seconds - 3.95)
+    assert steps[-1].decision.situation.lead.age == pytest.approx(steps[-1].seconds - 3.95)
     assert max(map(abs, lateral(BEND, steps))) < 0.05
 
 
@@ -171,7 +171,7 @@ def test_the_first_follower_hears_the_lead_alone_whatever_the_fusion(fusion: Fus
     steps = drive_behind(fusion)
     assert [mode for mode, _ in modes(steps)] == ["straight", "lead"]
     assert steps[-1].decision.reason == ""
-    assert steps[-1].decision.lead_age == steps[-1].decision.predecessor_age
+    assert steps[-1].decision.situation.lead.age == steps[-1].decision.situation.predecessor.age
     assert max(map(abs, lateral(BEND, steps))) < 0.05
     assert [step.body for step in steps] == [step.body for step in drive_behind("composite")]
 
@@ -243,8 +243,8 @@ def test_gap_and_ages_are_those_of_the_moment() -> None:
     for step in (step for step in steps if step.decision.fresh and step.seconds > 1.0):
         newest = START + (step.now - LATENCY_NS - START) // period * period
         age = (step.now - newest) / SECOND
-        assert step.decision.lead_age == pytest.approx(age)
-        assert step.decision.predecessor_age == pytest.approx(age)
+        assert step.decision.situation.lead.age == pytest.approx(age)
+        assert step.decision.situation.predecessor.age == pytest.approx(age)
         ahead = GAP + 10.0 * step.seconds
         place = BEND.project(step.body.east, step.body.north, step.body.distance).station
         assert step.decision.gap == pytest.approx(ahead - place, abs=0.05)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vehicles.driver.own_state import Pose
+from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     BEND_RATE,
     DAMPING,

@@ -12,8 +12,8 @@ from vehicles.car.gnss import Fix, GnssNoise
 from vehicles.car.imu import InertialNoise, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, Loading, VehicleParameters, loaded
-from vehicles.driver.own_state import Pose
-from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.steering import FeedforwardFeedback
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.schedule import SECOND, Cadence, instants

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from scenarios.definition.schema.radio import PathLossRadio
+from scenarios.definition.schema.channel.radio import PathLossRadio
 from scenarios.studies.channel.fitting.estimate import Estimate
 from transport.links.laws.radio.delivery import noise_power
 

@@ -4,7 +4,7 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from scenarios.definition.schema.content import ContentTable
+from scenarios.definition.schema.channel.content import ContentTable
 from tests.made.scenarios.messages import STRAIGHT
 
 CONTENT, FALSE = "links.content", "links.content.false[0]"

@@ -10,8 +10,8 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.loss import loss_problems
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text, template
+from scenarios.definition.schema.channel.loss import LossTable
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.loss import LossTable
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.chains import FourState, GilbertElliott
 from transport.links.laws.effect import Described, Effect, Passage

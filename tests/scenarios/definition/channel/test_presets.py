@@ -13,8 +13,8 @@ from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.check.report import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, library, load_scenario, scenario_from_text
+from scenarios.definition.schema.channel.radio import PathLossRadio, PerVehicleTable, TableRadio
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.radio import PathLossRadio, PerVehicleTable, TableRadio
 from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME
 from scenarios.results.summary import from_json
 from scenarios.runs.stop import Stop

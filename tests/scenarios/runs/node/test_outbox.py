@@ -18,6 +18,7 @@ from vehicles.car.gnss import Fix, from_message
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import tyre_use
 from vehicles.driver.decision import Decision
+from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.geodesy import LocalPlane, Origin
@@ -37,8 +38,19 @@ DECISION = Decision(
     mode="lead",
     reason="v2 never heard",
     gap=14.0,
-    lead_age=0.02,
-    predecessor_age=0.04,
+    situation=Situation(
+        lead=SourceFreshness(
+            status="fresh", age=0.02, silence=0.01, period=0.05, share=1.0, known=28.0
+        ),
+        predecessor=SourceFreshness(
+            status="late", age=0.04, silence=0.03, period=0.05, share=0.9, known=12.0
+        ),
+        known=28.0,
+        comfortable_stop=120.0,
+        firm_stop=50.0,
+        blind=0.0,
+        predecessor_weight=0.5,
+    ),
 )
 TYRES = tyre_use(BODY, 0.5, LINCOLN_MKZ)
 HELD = replace(DECISION, fresh=False)

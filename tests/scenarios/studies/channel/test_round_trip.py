@@ -15,10 +15,14 @@ from numpy.typing import NDArray
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.channel.radio import nobody, radio_effect
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.definition.schema.delay import GammaDelayTable
+from scenarios.definition.schema.channel.delay import GammaDelayTable
+from scenarios.definition.schema.channel.loss import GilbertElliottLoss
+from scenarios.definition.schema.channel.radio import (
+    OnceForAllTable,
+    PathLossRadio,
+    PerVehicleTable,
+)
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.loss import GilbertElliottLoss
-from scenarios.definition.schema.radio import OnceForAllTable, PathLossRadio, PerVehicleTable
 from scenarios.results.channel.estimates import bursts
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.delay import QueueTable
+from scenarios.definition.schema.channel.delay import QueueTable
 from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import link
 from transport.links.laws.effect import Passage

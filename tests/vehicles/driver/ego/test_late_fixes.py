@@ -12,9 +12,9 @@ from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver
 from vehicles.car.imu import InertialNoise, InertialSensor, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.late_fixes import LatePoseEstimator
-from vehicles.driver.own_state import Pose
-from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.ego.late_fixes import LatePoseEstimator
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.schedule import MILLISECOND, SECOND
 
 TICK = 10 * MILLISECOND

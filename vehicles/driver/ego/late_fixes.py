@@ -12,8 +12,8 @@ from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.parameters import VehicleParameters
-from vehicles.driver.own_state import Pose
-from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.ego.pose_estimator import PoseEstimator
 
 
 class LatePoseEstimator:

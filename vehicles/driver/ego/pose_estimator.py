@@ -22,8 +22,8 @@ from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, GnssNoise
 from vehicles.car.imu import InertialNoise, Motion
 from vehicles.car.parameters import VehicleParameters
-from vehicles.driver.covariance import AcrossCovariance, AlongCovariance
-from vehicles.driver.own_state import Pose
+from vehicles.driver.ego.covariance import AcrossCovariance, AlongCovariance
+from vehicles.driver.ego.own_state import Pose
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 

@@ -12,8 +12,8 @@ from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver
 from vehicles.car.imu import InertialNoise, InertialSensor, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, VehicleParameters, loaded
-from vehicles.driver.own_state import Pose
-from vehicles.driver.pose_estimator import JUMPS_BELIEVED, PoseEstimator
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.ego.pose_estimator import JUMPS_BELIEVED, PoseEstimator
 from vehicles.geometry.geodesy import wrap_angle
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ import pytest
 from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
-from vehicles.driver.slip_estimator import (
+from vehicles.driver.ego.slip_estimator import (
     PRIOR,
     Assuming,
     LoadWatch,

@@ -1,0 +1,50 @@
+"""How fresh what a follower knows is, in seconds and in metres; SI units, NaN where unknown."""
+
+from dataclasses import dataclass, field
+from math import nan
+
+from vehicles.messages import Mode, SourceStatus
+
+
+@dataclass(slots=True, kw_only=True)
+class SourceFreshness:
+    """What a follower knows of one source at a control instant (beyond the paper).
+
+    `age` (s) is that of the newest sample, counted from when it was measured, `silence` (s) the
+    time since it was heard, `period` (s) the time between messages as expected, `share` that of the
+    messages of the last second which were received. Its path is known up to `known` (m) ahead of
+    the car, negative where it ends behind. `mode`, `hazard` and `acceleration` (m/s²) are what it
+    announced last.
+    """
+
+    status: SourceStatus = "unheard"
+    age: float = nan
+    silence: float = nan
+    period: float = nan
+    share: float = nan
+    known: float = nan
+    mode: Mode = "path"
+    hazard: bool = False
+    acceleration: float = 0.0
+
+
+@dataclass(slots=True, kw_only=True)
+class Situation:
+    """What a follower knows of its sources, its road and its brakes at a control instant.
+
+    Beyond the paper. The first follower has one source, which is both. `known` (m) is the path
+    known ahead of the car by all sources; `comfortable_stop` and `firm_stop` are the braking
+    distances (m), `blind` how far the car would drive beyond the known path in the hardest stop (m,
+    0 if it stops within).
+    `predecessor_weight` is the predecessor's weight in the trajectory, `hazard` whether the car
+    warns those behind.
+    """
+
+    lead: SourceFreshness = field(default_factory=SourceFreshness)
+    predecessor: SourceFreshness = field(default_factory=SourceFreshness)
+    known: float = nan
+    comfortable_stop: float = nan
+    firm_stop: float = nan
+    blind: float = nan
+    predecessor_weight: float = nan
+    hazard: bool = False
