@@ -118,7 +118,7 @@ def innovation(before: Fix, fix: Fix, noise: GnssNoise) -> Innovation:
     )
 
 
-class Track:
+class PoseTrack:
     """Poses of a source that agree with one another, the innovation of the next one, and its sum.
 
     Innovations of poses one after the other hide what goes wrong slowly. Their sum since a pose of

@@ -8,6 +8,7 @@ the time, or one that comes to a new place and stays.
 
 from collections import Counter, deque
 from dataclasses import dataclass
+from itertools import pairwise
 from math import hypot, isfinite, sqrt
 from typing import Literal
 
@@ -17,7 +18,7 @@ from vehicles.driver.degradation.innovation import (
     LEAST_DEVIATION,
     MOST_DEVIATION,
     Innovation,
-    Track,
+    PoseTrack,
     innovation,
     stated_variance,
 )
@@ -33,28 +34,37 @@ ghost           two tracks under one name; this pose is not of the one that is b
 over-confident  believed, but its places scatter more than it says
 """
 
-WINDOW = 16
+WINDOW = 32
 """So many poses tell whether a source is over-confident."""
-TAIL = 5.99
-"""One in twenty squared innovations of 2 degrees of freedom lies beyond."""
-TELLING = 9
-"""So many of the window beyond the tail: of independent ones by chance once in 10⁸ (binomial)."""
-QUIETING = 4
-"""With so few of them it is not over-confident any more (twice as many as by chance)."""
-HONEST_MEDIAN = 0.73
-"""Median of the smaller one of a pose's squared innovations against the two before it."""
+MOST_SQUARE = 15.0
+"""A squared innovation counts so much at most, so that two or three jumps are not taken for it."""
+TELLING = 95.0
+"""Sum of the window beyond which it is. An honest one's is 36.3 with a deviation of 7.8, nearly
+chi-squared (of 43 degrees of freedom after scaling), which is beyond 90 as rarely as a normal
+number beyond 5 deviations (Wilson and Hilferty, 1931)."""
+QUIETING = 60.0
+"""Below it is not over-confident any more: 3 deviations."""
+HONEST_THIRD = 0.41
+"""A third of an honest source's squared innovations, the smaller one of those against the two poses
+before, lie below. So do a third of two tracks', if one is honest."""
+LEAST_INFLATION = 1.5
+"""With less no source is over-confident; a ghost's poses may be as far off as they like."""
 MOST_INFLATION = 30.0
 """Beyond this it is not noise any more: one solver stated a twentieth of its true deviation."""
 HEADINGS = 3
 """So many headings in a row beyond their gate: by chance as rare as 5 deviations of one."""
 RESTART_POSES = 3
 """A new place is believed after so many poses at least, as by the trace that they are added to."""
+LATELY = 12
+"""Of so many poses heard last ..."""
+RETURNS = 2
+"""... the first of the believed ones after a refused one come so often: they are a ghost's."""
 FORGOTTEN = 3 * SECOND
 """Poses that were refused longer ago than this (ns) say nothing of a new one."""
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Belief:
     """What to make of a pose (not in the paper): whether to use it, why not, how exact it is.
 
     `reason` is "over-confident" of poses that are believed, but not their accuracy; `deviation` (m,
@@ -89,47 +99,62 @@ class InnovationGate:
         self._gate = gate
         self._heading_gate = heading_gate
         self._settle = round(settle * SECOND)
-        self._believed: Track | None = None
+        self._believed: PoseTrack | None = None
         self._level: Fix | None = None
         self._twisted = 0
-        self._suspect: Track | None = None
+        self._suspect: PoseTrack | None = None
         self._suspected: Distrust = ""
         self._agreed = 0
         self._agreed_since = 0
-        self._interleaved = False
+        self._lately: deque[bool] = deque(maxlen=LATELY)
         self._heard: deque[Fix] = deque(maxlen=2)
+        self._known: tuple[Fix, Fix, Innovation] | None = None
         self._squares: deque[float] = deque(maxlen=WINDOW)
         self._inflation = 1.0
         self._place: Fix | None = None
-        self._claimed = (0.0, 0.0)
+        self._claimed = (0.0, 0.0, 0.0)
         self.refused: Counter[Distrust] = Counter()
 
-    def judge(self, now: int, fix: Fix) -> Verdict:
+    def judge(self, now: int, fix: Fix) -> Belief:
         """Judge a pose heard at `now` (ns) by its innovations (Kalman filter)."""
         if not isfinite(fix.east + fix.north + fix.yaw + fix.speed + fix.yaw_rate):
             return self._refuse(fix, "impossible")
         frozen = self._listen(fix)
         if self._believed is None:
-            self._start(Track(fix))
+            self._start(PoseTrack(fix))
             return self._believe(fix)
-        one = innovation(self._believed.last, fix, self._noise)
+        one = self._against(self._believed.last, fix)
         reason: Distrust = "frozen" if frozen else self._fault(self._believed, one, fix)
         if one.span <= 0.0:
             return self._refuse(fix, reason) if reason else self._believe(fix)
         reason = reason or self._twist(one, fix)
         if not reason:
             self._believed.push(one, fix)
-            self._agreed, self._interleaved = 0, self._suspect is not None
+            self._agreed = 0
+            self._lately.append(True)
             return self._believe(fix)
-        return self._doubt(now, fix, reason)
+        self._lately.append(False)
+        return self._doubt(now, fix, "ghost" if self._alternates else reason)
 
-    def _believe(self, fix: Fix) -> Verdict:
+    @property
+    def _alternates(self) -> bool:
+        """Whether poses have been believed and refused in turn, so that there are two tracks."""
+        returns = sum(after and not before for before, after in pairwise(self._lately))
+        return returns >= RETURNS
+
+    def _against(self, before: Fix, fix: Fix) -> Innovation:
+        """Innovation against another pose: mostly the same one is believed and heard last."""
+        if self._known is None or self._known[0] is not before or self._known[1] is not fix:
+            self._known = before, fix, innovation(before, fix, self._noise)
+        return self._known[2]
+
+    def _believe(self, fix: Fix) -> Belief:
         reason: Distrust = "over-confident" if self._inflation > 1.0 else ""
-        return Verdict(True, reason, self._deviation(fix))
+        return Belief(True, reason, self._deviation(fix))
 
-    def _refuse(self, fix: Fix, reason: Distrust) -> Verdict:
+    def _refuse(self, fix: Fix, reason: Distrust) -> Belief:
         self.refused[reason] += 1
-        return Verdict(False, reason, self._deviation(fix))
+        return Belief(False, reason, self._deviation(fix))
 
     def _deviation(self, fix: Fix) -> float:
         """What to assume of a pose's accuracy (m)."""
@@ -137,17 +162,17 @@ class InnovationGate:
             return fix.accuracy
         return min(self._inflation * max(fix.accuracy, LEAST_DEVIATION), MOST_DEVIATION)
 
-    def _start(self, track: Track) -> None:
+    def _start(self, track: PoseTrack) -> None:
         """Believe in a track from now on."""
         self._believed, self._suspect = track, None
         self._level, self._twisted = track.last, 0
 
-    def _fault(self, track: Track, one: Innovation, fix: Fix) -> Distrust:
+    def _fault(self, track: PoseTrack, one: Innovation, fix: Fix) -> Distrust:
         """What is wrong with a pose, held against a track."""
-        if one.gain > self._gate:
-            return "impossible"
         if one.deviations(self._inflation) > self._gate:
             return "jumping"
+        if one.gain > self._gate:
+            return "impossible"
         if one.span > 0.0 and (
             track.strays(one, fix, self._inflation) > self._gate
             or track.cornering(fix) > CORNERING + self._gate * fix.speed * self._noise.heading
@@ -168,7 +193,7 @@ class InnovationGate:
         self._twisted += 1
         return "jumping" if self._twisted >= HEADINGS else ""
 
-    def _doubt(self, now: int, fix: Fix, reason: Distrust) -> Verdict:
+    def _doubt(self, now: int, fix: Fix, reason: Distrust) -> Belief:
         """Refuse a pose, unless it is the last one of those that make a new place."""
         track = self._suspect
         if track is not None and fix.measured_at - track.last.measured_at > FORGOTTEN:
@@ -180,8 +205,8 @@ class InnovationGate:
             elif one.span > 0.0:
                 track.push(one, fix)
         if track is None:
-            self._suspect, self._suspected = Track(fix), reason
-            self._agreed, self._agreed_since, self._interleaved = 1, now, False
+            self._suspect, self._suspected = PoseTrack(fix), reason
+            self._agreed, self._agreed_since = 1, now
             return self._refuse(fix, reason)
         if not self._agreed:
             self._agreed_since = now
@@ -189,7 +214,7 @@ class InnovationGate:
         if self._agreed >= RESTART_POSES and now - self._agreed_since >= self._settle:
             self._start(track)
             return self._believe(fix)
-        return self._refuse(fix, "ghost" if self._interleaved else self._suspected)
+        return self._refuse(fix, "ghost" if reason == "ghost" else self._suspected)
 
     def _listen(self, fix: Fix) -> bool:
         """Learn from a pose, believed or not, how exact and how frozen its source is."""
@@ -197,7 +222,7 @@ class InnovationGate:
             self._heard.append(fix)
             self._place = fix
             return False
-        one = innovation(self._heard[-1], fix, self._noise)
+        one = self._against(self._heard[-1], fix)
         if one.span <= 0.0:
             return False
         frozen = self._stays(one, fix)
@@ -215,18 +240,21 @@ class InnovationGate:
         place = self._place or fix
         limit = self._gate * self._inflation * sqrt(stated_variance(place) + stated_variance(fix))
         if hypot(fix.east - place.east, fix.north - place.north) > limit:
-            self._place, self._claimed = fix, (0.0, 0.0)
+            self._place, self._claimed = fix, (0.0, 0.0, 0.0)
             return False
         if fix.speed > self._gate * self._noise.speed:
-            east, north = self._claimed
-            self._claimed = east + one.way[0], north + one.way[1]
-        return hypot(*self._claimed) > 2.0 * limit
+            east, north, variance = self._claimed
+            variance += max(one.along_variance, one.across_variance)
+            self._claimed = east + one.way[0], north + one.way[1], variance
+        east, north, variance = self._claimed
+        return hypot(east, north) > 2.0 * limit + self._gate * sqrt(variance)
 
     def _inflate(self) -> None:
         """Take the source's accuracy for worse than stated while its innovations say so."""
-        beyond = sum(square > TAIL for square in self._squares)
-        if beyond >= (TELLING if self._inflation == 1.0 else QUIETING + 1):
-            middle = sorted(self._squares)[len(self._squares) // 2]
-            self._inflation = min(max(sqrt(middle / HONEST_MEDIAN), 1.01), MOST_INFLATION)
+        size = sum(min(square, MOST_SQUARE) for square in self._squares)
+        if size > (TELLING if self._inflation == 1.0 else QUIETING):
+            third = sorted(self._squares)[len(self._squares) // 3]
+            inflation = min(sqrt(third / HONEST_THIRD), MOST_INFLATION)
+            self._inflation = inflation if inflation >= LEAST_INFLATION else 1.0
         else:
             self._inflation = 1.0
