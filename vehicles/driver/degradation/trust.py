@@ -52,7 +52,8 @@ LEAST_INFLATION = 1.5
 MOST_INFLATION = 30.0
 """Beyond this it is not noise any more: one solver stated a twentieth of its true deviation."""
 HEADINGS = 3
-"""So many headings in a row beyond their gate: by chance as rare as 5 deviations of one."""
+"""So many headings in a row beyond their gate, against each of the two level ones before: by chance
+once in 2e7 poses, where the car's own turning does not make it rarer still."""
 RESTART_POSES = 3
 """A new place is believed after so many poses at least, as by the trace that they are added to."""
 LATELY = 12
@@ -100,7 +101,7 @@ class InnovationGate:
         self._heading_gate = heading_gate
         self._settle = round(settle * SECOND)
         self._believed: PoseTrack | None = None
-        self._level: Fix | None = None
+        self._level: deque[Fix] = deque(maxlen=2)
         self._twisted = 0
         self._suspect: PoseTrack | None = None
         self._suspected: Distrust = ""
@@ -134,7 +135,8 @@ class InnovationGate:
             self._lately.append(True)
             return self._believe(fix)
         self._lately.append(False)
-        return self._doubt(now, fix, "ghost" if self._alternates else reason)
+        ghost = reason != "frozen" and self._alternates
+        return self._doubt(now, fix, "ghost" if ghost else reason)
 
     @property
     def _alternates(self) -> bool:
@@ -165,7 +167,9 @@ class InnovationGate:
     def _start(self, track: PoseTrack) -> None:
         """Believe in a track from now on."""
         self._believed, self._suspect = track, None
-        self._level, self._twisted = track.last, 0
+        self._level.clear()
+        self._level.append(track.last)
+        self._twisted = 0
 
     def _fault(self, track: PoseTrack, one: Innovation, fix: Fix) -> Distrust:
         """What is wrong with a pose, held against a track."""
@@ -182,13 +186,13 @@ class InnovationGate:
 
     def _twist(self, one: Innovation, fix: Fix) -> Distrust:
         """Whether the heading has been wrong several times in a row."""
-        if self._believed is None or self._level is None:
+        if not self._twisted and one.turn <= self._heading_gate:
+            self._level.append(fix)
             return ""
-        turn = one.turn
-        if self._level is not self._believed.last:
-            turn = innovation(self._level, fix, self._noise).turn
-        if turn <= self._heading_gate:
-            self._level, self._twisted = fix, 0
+        turns = (innovation(before, fix, self._noise).turn for before in self._level)
+        if min(turns) <= self._heading_gate:
+            self._level.append(fix)
+            self._twisted = 0
             return ""
         self._twisted += 1
         return "jumping" if self._twisted >= HEADINGS else ""

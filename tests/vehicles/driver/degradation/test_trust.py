@@ -370,6 +370,16 @@ def test_three_headings_in_a_row_beyond_their_gate_are_refused_and_two_are_not()
     assert [one.fix.seq for one in refused(judged(still[:2] + turned[2:5] + still[5:]))] == [4]
 
 
+def test_headings_that_scatter_as_assumed_are_believed() -> None:
+    """So coarse that the car's own turning covers nothing: the noise of single poses is shared."""
+    noise = GnssNoise(heading=math.radians(1.0))
+    yaws = noise.heading * np.random.default_rng(1).standard_normal(60_000)
+    gate = InnovationGate(noise)
+    for k, yaw in enumerate(yaws.tolist()):
+        fix = Fix(k, START + 50 * MILLISECOND * k, 0.0, 0.0, yaw, 0.0, 0.0)
+        assert gate.judge(fix.measured_at, fix).believed
+
+
 def test_no_accuracy_is_too_bad_to_be_judged() -> None:
     fixes = [replace(fix, accuracy=1e6) for fix in told(steadily(15.0), seconds=12.0, speed=15.0)]
     far = falsified(fixes, FalseOffset(SPELL, Shift(left=100.0)))
