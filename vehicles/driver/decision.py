@@ -29,7 +29,7 @@ class Decision:
 
     Units: gap m, target_speed m/s. `situation` says how fresh what it follows from is. `fresh` is
     False at instants between two control instants, where the last decision is held. `fit` is the
-    trajectory if it was made anew.
+    trajectory if it was made anew. `remarks` are lines for the log.
     """
 
     actuation: Actuation
@@ -41,6 +41,7 @@ class Decision:
     target_speed: float = 0.0
     gap: float = nan
     situation: Situation = field(default_factory=Situation)
+    remarks: tuple[str, ...] = ()
     fresh: bool = True
 
     def messages(self, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:

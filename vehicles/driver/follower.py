@@ -9,6 +9,7 @@ from vehicles.car.gnss import Fix, from_message
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
+from vehicles.driver.degradation.beliefs import Beliefs
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
@@ -50,11 +51,13 @@ class Follower:
         settings: FitSettings,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
+        beliefs: Beliefs | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
         `limit` is that of the steering command, `load` watches how heavily the car is laden, if
         there are such.
+        `beliefs` say which received poses are used; left out, all are.
         """
         self._own_state = own_state
         self._controller = controller
@@ -69,6 +72,7 @@ class Follower:
         self._settings = settings
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
+        self._beliefs = beliefs or Beliefs()
         self._traces = {name: Trace() for name in (lead, predecessor)}
         self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
         self._along: tuple[tuple[float, Fit], ...] = ()
@@ -102,6 +106,8 @@ class Follower:
 
     def _receive(self, now: int, message: GpsPose) -> None:
         fix = from_message(message, self._plane)
+        if not self._beliefs.accepts(now, message.vehicle, fix):
+            return
         trace = self._traces[message.vehicle]
         trace.add(fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed)
         if not trace.joined:
@@ -133,6 +139,7 @@ class Follower:
                 lead=SourceFreshness(age=self._age(now, self._lead)),
                 predecessor=SourceFreshness(age=self._age(now, self._predecessor)),
             ),
+            remarks=self._beliefs.remarks(),
         )
 
     def _choose_trajectory(self, now: int, pose: Pose) -> tuple[Mode, str]:

@@ -29,6 +29,8 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
+from vehicles.driver.degradation.beliefs import Beliefs
+from vehicles.driver.degradation.trust import InnovationGate
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
 from vehicles.driver.ego.own_state import KnownState, OwnState
 from vehicles.driver.ego.pose_estimator import PoseEstimator
@@ -204,6 +206,24 @@ class VehicleBuilder:
             settings=self._fit_settings(),
             limit=self._command_limit(),
             load=load,
+            beliefs=self._beliefs(),
+        )
+
+    def _beliefs(self) -> Beliefs:
+        """Gates for the sources; the baselines of degradation believe everything, as they did."""
+        asked = self._setup.steering.degradation
+        if asked.reaction != "degrade":
+            return Beliefs()
+        return Beliefs(
+            {
+                name: InnovationGate(
+                    self._scenario.vehicle(name).gnss_noise,
+                    gate=asked.gate_deviations,
+                    heading_gate=asked.heading_gate_deviations,
+                    settle=asked.probation_s,
+                )
+                for name in self._setup.senders
+            }
         )
 
     def _load_watch(self, *told: object) -> LoadWatch:

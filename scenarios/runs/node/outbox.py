@@ -167,6 +167,8 @@ class Outbox:
             self._mode = decision.mode
             why = f" ({decision.reason})" if decision.reason else ""
             self._add_text(now, f"steers along: {decision.mode}{why}")
+        for line in decision.remarks:
+            self._add_text(now, line)
 
     def _add(self, message: Message) -> None:
         self._next[type(message)] += 1

@@ -1,0 +1,126 @@
+"""Drives of a car as another vehicle hears them: honestly measured, then made false."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.made.vehicles.exact_drives import PLANE, START
+from transport.links.laws.false_content import FalseContent, GhostVehicle
+from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver, from_message, to_message
+from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
+from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.driver.degradation.trust import Belief, InnovationGate
+from vehicles.messages import GpsPose
+from vehicles.schedule import MILLISECOND, SECOND
+
+TICK_S = 0.01
+LATENCY = 20 * MILLISECOND
+Command = Callable[[float, Body], Actuation]
+
+
+def steadily(speed: float, curvature: float = 0.0, car: VehicleParameters = LINCOLN_MKZ) -> Command:
+    """Round at a curvature (1/m), at a speed (m/s) from the start."""
+    wheel = curvature * (car.wheelbase + car.steer_gradient * speed * speed)
+    return lambda _seconds, _body: Actuation(wheel, 0.0)
+
+
+def wildly(
+    seed: int, *, lateral: float = 8.0, braking: float = 8.0, fastest: float = 35.0
+) -> Command:
+    """Something else every half second: bends, swerves, full braking, standstills.
+
+    `lateral`, `braking` (m/s²) and `fastest` (m/s) are the most.
+    """
+    random = np.random.default_rng(seed)
+    drawn = random.uniform(-1.0, 1.0, (10_000, 2)).tolist()
+
+    def command(seconds: float, body: Body) -> Actuation:
+        bend, push = drawn[int(2.0 * seconds)]
+        speed = max(body.speed, 1.0)
+        curvature = bend * min(lateral / speed**2, 0.18)
+        car = LINCOLN_MKZ
+        wheel = curvature * (car.wheelbase + car.steer_gradient * speed * speed)
+        acceleration = braking * push if body.speed < fastest else -abs(push)
+        return Actuation(wheel, acceleration)
+
+    return command
+
+
+def told(
+    command: Command,
+    *,
+    seconds: float = 10.0,
+    speed: float = 20.0,
+    rate_hz: float = 20.0,
+    noise: GnssNoise | None = None,
+    errors: ReceiverErrors | None = None,
+    seed: int = 1,
+    car: VehicleParameters = LINCOLN_MKZ,
+) -> list[Fix]:
+    """What a receiver measures of a car under a command."""
+    receiver = GnssReceiver(
+        noise or GnssNoise(), rate_hz, START, np.random.default_rng(seed), errors
+    )
+    body, fixes, now = Body(100.0, -50.0, 0.7, speed), [], START
+    tick = round(TICK_S * SECOND)
+    while now < START + seconds * SECOND:
+        fix = receiver.measure(body, now)
+        if fix is not None:
+            fixes.append(fix)
+        body = advance(body, command((now - START) / SECOND, body), TICK_S, car)
+        now += tick
+    return fixes
+
+
+def pose_of(fix: Fix) -> GpsPose:
+    """The message of a fix, sent when it was measured."""
+    return to_message(
+        fix, "v1", PLANE, seq=fix.seq, sent_at=fix.measured_at, true_place=(0.0, 0.0, 0.0)
+    )
+
+
+def falsified(fixes: Sequence[Fix], false: FalseContent) -> list[Fix]:
+    """What is heard of honest fixes over a link with one kind of false content."""
+    poses = [pose_of(fix) for fix in fixes]
+
+    def recall(until: int) -> GpsPose | None:
+        return next((pose for pose in reversed(poses) if pose.sent_at_ns <= until), None)
+
+    heard: list[Fix] = []
+    for pose in poses:
+        acts = pose.sent_at_ns in false.span
+        one = false.tell(pose, PLANE, recall) if acts else None
+        heard.append(from_message(one or pose, PLANE))
+        if acts and isinstance(false, GhostVehicle):
+            heard.append(from_message(false.beside(pose, PLANE), PLANE))
+    return heard
+
+
+def thinned(fixes: Iterable[Fix], share: float, seed: int) -> list[Fix]:
+    """Those of the fixes that are not lost: a share, drawn."""
+    random = np.random.default_rng(seed)
+    return [fix for fix in fixes if random.random() < share]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A pose and what was made of it."""
+
+    fix: Fix
+    verdict: Belief
+
+    @property
+    def seconds(self) -> float:
+        return (self.fix.measured_at - START) / SECOND
+
+
+def judged(fixes: Iterable[Fix], gate: InnovationGate | None = None) -> list[Judged]:
+    """All verdicts on what is heard."""
+    gate = gate or InnovationGate()
+    return [Judged(fix, gate.judge(fix.measured_at + LATENCY, fix)) for fix in fixes]
+
+
+def refused(all_of: Iterable[Judged]) -> list[Judged]:
+    return [one for one in all_of if not one.verdict.believed]

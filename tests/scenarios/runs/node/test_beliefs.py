@@ -1,0 +1,91 @@
+"""Sources of the scenarios that ship are believed; false content is named in the log."""
+
+import pytest
+
+from scenarios.definition.library import library
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.sink import BusSink
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import VirtualConvoy
+from transport.topics import Topic
+from vehicles.driver.degradation.beliefs import Beliefs
+from vehicles.messages import Command, LogText, Message
+from vehicles.schedule import SECOND
+
+WORDS = ("not believed", "over-confident", "believed again")
+
+
+def driven(scenario: Scenario) -> tuple[list[str], list[bytes]]:
+    """What was said of sources, by whom and when (s), and all commands as they went out."""
+    convoy = VirtualConvoy(scenario)
+    said: list[str] = []
+    commands: list[bytes] = []
+
+    def record(_topic: Topic, data: bytes, message: Message) -> None:
+        if isinstance(message, Command):
+            commands.append(data)
+        elif isinstance(message, LogText) and any(word in message.text for word in WORDS):
+            at = (message.logged_at_ns - scenario.start_at_ns) / SECOND
+            said.append(f"{at:.2f} {message.vehicle}: {message.text}")
+
+    convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record))
+    convoy.run(Stop())
+    return said, commands
+
+
+@pytest.mark.parametrize("name", library())
+def test_no_source_of_a_shipped_scenario_is_distrusted(name: str) -> None:
+    assert driven(load_scenario(name))[0] == []
+
+
+@pytest.mark.parametrize("name", ["lossy_lane_change", "paper_field"])
+def test_the_gate_leaves_commands_as_they_are(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario(name, ["duration_s=20"])
+    _, commands = driven(scenario)
+    monkeypatch.setattr(VehicleBuilder, "_beliefs", lambda _builder: Beliefs())
+    assert commands
+    assert driven(scenario)[1] == commands
+
+
+@pytest.mark.parametrize(
+    "sending", ['{ kind = "cam" }', '{ kind = "intervals", table = "cam_vw_highway" }']
+)
+@pytest.mark.parametrize("name", ["highway", "church_lot"])
+def test_sources_that_send_seldom_are_believed(name: str, sending: str) -> None:
+    assert driven(load_scenario(name, [f"sending={sending}", "duration_s=40"]))[0] == []
+
+
+def test_sources_whose_fix_comes_and_goes_are_believed() -> None:
+    states = """{ kind = "schedule", entries = [
+        { at_s = 3.0, state = "float" }, { at_s = 8.0, state = "fixed" },
+        { at_s = 12.0, state = "single" }, { at_s = 15.0, state = "fixed" } ] }"""
+    asked = ['gnss.preset="rtk_fixed"', f"gnss.fix_states={states}", "duration_s=20"]
+    assert driven(load_scenario("highway", asked))[0] == []
+
+
+@pytest.mark.parametrize(
+    ("false", "line"),
+    [
+        ('{ kind = "frozen", from_s = 5.0, to_s = 7.0 }', "v2 not believed: frozen"),
+        (
+            '{ kind = "replayed", age_s = 2.0, from_s = 5.0, to_s = 7.0 }',
+            "v2 not believed: jumping",
+        ),
+        ('{ kind = "ghost", left_m = 4.0, from_s = 5.0, to_s = 7.0 }', "v2 not believed: ghost"),
+    ],
+)
+def test_false_content_is_named_and_the_source_comes_back(false: str, line: str) -> None:
+    asked = [f"links.content.false=[{false}]", "duration_s=12", "convoy.vehicles=3"]
+    said, _ = driven(load_scenario("highway", asked))
+    of_v2 = [one for one in said if " v3: v2 " in one]
+    assert any(line in one for one in of_v2)
+    assert 5.0 <= float(of_v2[0].split()[0]) <= 5.1
+    assert "believed again" in of_v2[-1]
+    assert float(of_v2[-1].split()[0]) <= 9.2
+
+
+def test_baselines_of_degradation_believe_everything_as_they_did() -> None:
+    false = 'links.content.false=[{ kind = "frozen", from_s = 5.0, to_s = 7.0 }]'
+    asked = [false, "duration_s=8", 'control.degradation.reaction="extrapolate"']
+    assert driven(load_scenario("highway", asked))[0] == []

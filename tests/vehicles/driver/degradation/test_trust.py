@@ -1,0 +1,418 @@
+"""What a source's gate believes of honest drives, and how soon it finds and names false ones."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from tests.made.vehicles.exact_drives import START
+from tests.made.vehicles.told_drives import (
+    LATENCY,
+    Judged,
+    falsified,
+    judged,
+    refused,
+    steadily,
+    thinned,
+    told,
+    wildly,
+)
+from transport.links.laws.false_content import (
+    FalseContent,
+    FalseDrift,
+    FalseOffset,
+    FalseSpell,
+    FrozenContent,
+    GhostVehicle,
+    ReplayedContent,
+    Shift,
+)
+from vehicles.car.dynamics import Actuation
+from vehicles.car.gnss import Fix, GnssNoise
+from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.car.positioning.fix_states import StateSchedule
+from vehicles.car.positioning.gnss_errors import ErrorModel, ReceiverErrors, StateErrors, Wander
+from vehicles.driver.degradation.beliefs import Beliefs
+from vehicles.driver.degradation.innovation import CORNERING, innovation
+from vehicles.driver.degradation.trust import InnovationGate
+from vehicles.messages import FixState
+from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
+
+BEGIN, END = 4.0, 7.0
+SPELL = FalseSpell(START + nanoseconds(BEGIN), START + nanoseconds(END))
+HALF_PERIOD = 25 * MILLISECOND
+
+
+def first_refused(all_of: list[Judged]) -> float:
+    """Seconds from the beginning of the false spell to the first refused pose."""
+    return refused(all_of)[0].seconds - BEGIN
+
+
+def reasons(all_of: list[Judged]) -> set[str]:
+    return {str(one.verdict.reason) for one in all_of} - {""}
+
+
+# ---- What honest sources do
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1, 1.0])
+@pytest.mark.parametrize("curvature", [0.0, 0.005])
+def test_squared_innovations_of_an_honest_drive_are_chi_squared(
+    noise: float, curvature: float
+) -> None:
+    fixes = told(steadily(15.0, curvature), seconds=100.0, speed=15.0, noise=GnssNoise(noise))
+    pairs = zip(fixes[0::2], fixes[1::2], strict=False)  # pairs without a common pose
+    squares = [innovation(one, other, GnssNoise()).square() for one, other in pairs]
+    assert len(squares) == 1000
+    assert stats.kstest(squares, stats.chi2(2).cdf).pvalue > 0.01
+
+
+@given(
+    parts=st.lists(
+        st.tuples(st.floats(-math.pi, math.pi), st.floats(0.0, CORNERING)), min_size=1, max_size=9
+    ),
+    speed=st.floats(0.0, 40.0),
+    span=st.floats(0.05, 5.0),
+)
+def test_no_car_is_beyond_three_deviations_of_what_it_may_do(
+    parts: list[tuple[float, float]], speed: float, span: float
+) -> None:
+    """Places integrated exactly under accelerations of any direction up to the limit."""
+    east, velocity = 0j, complex(speed, 0.0)
+    each = span / len(parts)
+    for direction, size in parts:
+        push = size * complex(math.cos(direction), math.sin(direction))
+        east += velocity * each + push * each * each / 2.0
+        velocity += push * each
+    before = Fix(0, START, 0.0, 0.0, 0.0, speed, 0.0)
+    yaw = math.atan2(velocity.imag, velocity.real)
+    after = Fix(
+        1, START + nanoseconds(span), east.real, east.imag, yaw, abs(velocity), 0.0, accuracy=0.0
+    )
+    one = innovation(before, after, GnssNoise(0.0, 0.0, 0.0, 0.0))
+    assert math.hypot(one.east, one.north) <= CORNERING * span * span / 4.0 + 1e-6
+    assert one.deviations() <= 3.0 + 1e-6
+
+
+def test_the_most_a_car_may_do_is_reached() -> None:
+    """Full drive for half the time, then full braking: 3 deviations, so the bound is tight."""
+    span = 2.0
+    way = 10.0 * span + CORNERING * span * span / 4.0
+    before = Fix(0, START, 0.0, 0.0, 0.0, 10.0, 0.0)
+    after = Fix(1, START + nanoseconds(span), way, 0.0, 0.0, 10.0, 0.0)
+    one = innovation(before, after, GnssNoise())
+    assert 2.9 < one.deviations() < 3.0
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    speed=st.floats(0.0, 35.0),
+    rate_hz=st.sampled_from([1.0, 2.0, 5.0, 10.0, 20.0]),
+    lateral=st.floats(0.0, 8.5),
+    braking=st.floats(0.0, 8.0),
+    position=st.floats(0.0, 2.0),
+    coarser=st.floats(0.1, 10.0),
+    share=st.floats(0.2, 1.0),
+)
+def test_no_honest_source_is_distrusted(
+    *,
+    seed: int,
+    speed: float,
+    rate_hz: float,
+    lateral: float,
+    braking: float,
+    position: float,
+    coarser: float,
+    share: float,
+) -> None:
+    usual = GnssNoise()
+    noise = GnssNoise(
+        position, coarser * usual.heading, coarser * usual.speed, coarser * usual.yaw_rate
+    )
+    wild = wildly(seed, lateral=lateral, braking=braking)
+    fixes = told(wild, seconds=15.0, speed=speed, rate_hz=rate_hz, noise=noise, seed=seed)
+    all_of = judged(thinned(fixes, share, seed), InnovationGate(noise))
+    assert not refused(all_of)
+    assert not reasons(all_of)
+    assert all(one.verdict.deviation == one.fix.accuracy for one in all_of)
+
+
+def test_thirty_thousand_honest_poses_pass() -> None:
+    """5 deviations in two axes: one in 900 000 by chance, and twice as many for the sums."""
+    count = 0
+    for seed in range(12):
+        fixes = told(wildly(seed), seconds=80.0, speed=2.0 * seed, seed=seed)
+        for every in (1, 2, 10):
+            all_of = judged(fixes[::every])
+            assert not reasons(all_of)
+            count += len(all_of)
+    assert count > 30_000
+
+
+def test_a_car_with_saturating_tyres_at_their_limit_is_believed() -> None:
+    brush = replace(LINCOLN_MKZ, tyres="brush")
+    for seed in range(5):
+        wild = wildly(seed, lateral=6.0, braking=5.0)
+        assert not reasons(judged(told(wild, seconds=40.0, speed=25.0, seed=seed, car=brush)))
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 20.0])
+def test_a_standing_car_that_repeats_its_place_is_not_frozen(rate_hz: float) -> None:
+    fixes = told(steadily(0.0), seconds=120.0, speed=0.0, rate_hz=rate_hz)
+    assert not reasons(judged(fixes))
+    exact = [replace(fix, east=1.0, north=2.0, yaw=0.0, speed=0.0) for fix in fixes]
+    assert not reasons(judged(exact))
+
+
+@pytest.mark.parametrize("silence", [0.5, 2.0, 10.0])
+def test_after_a_silence_a_source_is_believed_wherever_it_may_have_come_to(silence: float) -> None:
+    fixes = told(wildly(3, lateral=5.0), seconds=20.0)
+    heard = [fix for fix in fixes if not 0 <= (fix.measured_at - START) / SECOND - 5.0 < silence]
+    assert not reasons(judged(heard))
+
+
+@given(seed=st.integers(0, 1000), late=st.integers(1, 12))
+def test_what_comes_late_is_believed_if_it_is_true_and_changes_nothing(
+    seed: int, late: int
+) -> None:
+    """Poses that overtake one another: the same ones are believed, and those behind as well."""
+    fixes = told(wildly(seed, lateral=6.0), seconds=6.0, seed=seed)
+    shuffled = sorted(fixes, key=lambda fix: fix.seq + (late if fix.seq % 3 == 0 else 0))
+    assert not reasons(judged(shuffled))
+    gate = InnovationGate()
+    judged(fixes[:50], gate)
+    false = replace(fixes[48], east=fixes[48].east + 5.0)
+    assert not gate.judge(fixes[49].measured_at, false).believed
+    assert all(one.verdict.believed for one in judged(fixes[50:], gate))
+
+
+# ---- How soon what is false is found, named, and over
+
+FALSE: list[tuple[FalseContent, str, float, float]] = [
+    (FrozenContent(SPELL), "frozen", 0.0, 0.0),
+    (ReplayedContent(SPELL, 2 * SECOND), "jumping", 0.0, 1.0),
+    (FalseOffset(SPELL, Shift(left=0.5)), "jumping", 0.0, 0.5),
+    (FalseOffset(SPELL, Shift(east=3.0, north=4.0)), "jumping", 0.0, 1.0),
+    (FalseDrift(SPELL, Shift(left=5.0)), "jumping", 0.1, 1.0),
+    (FalseDrift(SPELL, Shift(ahead=1.0)), "impossible", 0.3, 1.0),
+    (GhostVehicle(SPELL, Shift(left=4.0), HALF_PERIOD), "ghost", 0.05, 0.0),
+    (GhostVehicle(SPELL, Shift(ahead=20.0), HALF_PERIOD), "ghost", 0.05, 0.0),
+    (GhostVehicle(SPELL, Shift(left=0.4), HALF_PERIOD), "ghost", 0.05, 0.0),
+]
+"""Kind, its name, seconds until found at 20 Hz, and seconds from its end until all is believed."""
+
+
+@pytest.mark.parametrize(("false", "name", "found", "back"), FALSE)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_each_falsehood_is_found_named_and_over(
+    false: FalseContent, name: str, found: float, back: float, seed: int
+) -> None:
+    fixes = told(steadily(15.0), seconds=12.0, speed=15.0, seed=seed)
+    all_of = judged(falsified(fixes, false))
+    assert 0.0 <= first_refused(all_of) <= found + 1e-9
+    assert name in reasons(all_of)
+    assert all(one.verdict.believed for one in all_of if one.seconds >= END + back)
+
+
+def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
+    fixes = told(wildly(5, lateral=5.0, braking=4.0), seconds=12.0)
+    all_of = judged(falsified(fixes, FrozenContent(SPELL)))
+    assert {one.fix.seq for one in refused(all_of)} == set(range(80, 140))
+    assert reasons(all_of) == {"frozen"}
+
+
+@pytest.mark.parametrize(("rate_hz", "within"), [(20.0, 0.25), (10.0, 0.3), (2.0, 1.0)])
+def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float) -> None:
+    fixes = told(steadily(1.4), seconds=12.0, speed=1.4, rate_hz=rate_hz)
+    all_of = judged(falsified(fixes, FrozenContent(SPELL)))
+    assert first_refused(all_of) <= within
+    assert "frozen" in reasons(all_of)
+    assert all(one.verdict.believed for one in all_of if one.seconds >= END)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.4])
+def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
+    fixes = told(wildly(7, lateral=5.0, braking=4.0), seconds=12.0)
+    ghost = GhostVehicle(SPELL, Shift(left=4.0), HALF_PERIOD)
+    heard = thinned(falsified(fixes, ghost), share, 1)
+    true_at = {fix.measured_at for fix in fixes}
+    for one in judged(heard):
+        assert one.verdict.believed == (one.fix.measured_at in true_at)
+
+
+def test_a_new_place_is_believed_once_it_has_agreed_with_itself_for_the_time_asked() -> None:
+    fixes = told(steadily(15.0), seconds=12.0, speed=15.0)
+    ever = FalseSpell(SPELL.from_at)
+    moved = falsified(fixes, FalseOffset(ever, Shift(east=60.0, north=80.0)))
+    for settle in (0.3, 1.0, 2.0):
+        all_of = judged(moved, InnovationGate(settle=settle))
+        spell = [one.seconds for one in refused(all_of)]
+        assert spell[0] == BEGIN
+        assert spell[-1] == pytest.approx(BEGIN + settle - 0.05)
+
+
+@given(seed=st.integers(0, 1000), size=st.floats(0.01, 1000.0), share=st.floats(0.0, 1.0))
+def test_no_source_is_locked_out_whatever_it_said_before(
+    seed: int, size: float, share: float
+) -> None:
+    random = np.random.default_rng(seed)
+    fixes = told(wildly(seed, lateral=6.0, braking=5.0), seconds=8.0, seed=seed)
+
+    def spoilt(fix: Fix) -> Fix:
+        off = size * random.standard_normal(2)
+        speed = abs(fix.speed + size * random.standard_normal())
+        return replace(fix, east=fix.east + off[0], north=fix.north + off[1], speed=speed)
+
+    heard = [spoilt(fix) if fix.seq < 80 and random.random() < share else fix for fix in fixes]
+    assert all(one.verdict.believed for one in judged(heard) if one.seconds >= 5.2)
+
+
+@pytest.mark.parametrize("truth", [1.0, 0.05])
+def test_a_receiver_that_loses_its_fix_is_believed_or_said_to_jump(truth: float) -> None:
+    """Jumps of up to half a metre into "float": within an honest accuracy, beyond a false one."""
+    states: dict[FixState, StateErrors] = {
+        "fixed": StateErrors(0.006, Wander(0.016, 100.0)),
+        "float": StateErrors(0.0, Wander(0.19, 100.0), entry_jump=0.5, accuracy=truth),
+    }
+    for seed in range(10):
+
+        def stream(purpose: str, seed: int = seed) -> np.random.Generator:
+            return np.random.default_rng([seed, len(purpose), ord(purpose[-1])])
+
+        schedule = StateSchedule("fixed", ((4.0, "float"), (7.0, "fixed")), START)
+        errors = ReceiverErrors(ErrorModel(states=states), schedule, (), START, stream, stream)
+        all_of = judged(
+            told(steadily(20.0, 0.003), seconds=12.0, noise=GnssNoise(0.006), errors=errors)
+        )
+        assert reasons(all_of) <= (set() if truth == 1.0 else {"jumping"})
+        assert all(
+            one.verdict.believed
+            for one in all_of
+            if not (BEGIN <= one.seconds < BEGIN + 1.0 or END <= one.seconds < END + 1.0)
+        )
+
+
+@pytest.mark.parametrize(("factor", "within"), [(2.0, 4.0), (3.0, 2.0), (10.0, 1.5)])
+def test_a_source_that_scatters_more_than_it_says_is_over_confident(
+    factor: float, within: float
+) -> None:
+    for seed in range(5):
+        noise = GnssNoise(position=0.3)
+        fixes = told(steadily(20.0, 0.005), seconds=15.0, noise=noise, seed=seed)
+        all_of = judged([replace(fix, accuracy=0.3 / factor) for fix in fixes])
+        found = [one for one in all_of if one.verdict.reason == "over-confident"]
+        assert found[0].seconds < within
+        later = [one.verdict for one in all_of if one.seconds > within]
+        assert sum(one.believed for one in later) > 0.98 * len(later)
+        assert np.median([one.deviation for one in later]) == pytest.approx(0.3, rel=0.3)
+
+
+def test_the_accuracy_is_believed_again_when_it_is_true_again() -> None:
+    noisy = told(steadily(20.0), seconds=6.0, noise=GnssNoise(position=0.3))
+    quiet = told(steadily(20.0), seconds=15.0)
+    said = [replace(fix, accuracy=0.02) for fix in noisy] + quiet[len(noisy) :]
+    all_of = judged(said)
+    assert "over-confident" in reasons(all_of)
+    assert not reasons([one for one in all_of if one.seconds > 8.5])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda fix: replace(fix, speed=fix.speed + 5.0),
+        lambda fix: replace(fix, yaw=math.nan),
+        lambda fix: replace(fix, east=math.inf),
+    ],
+)
+def test_what_no_car_does_is_impossible(wrong: Callable[[Fix], Fix]) -> None:
+    fixes = told(steadily(20.0), seconds=6.0)
+    gate = InnovationGate()
+    judged(fixes[:80], gate)
+    assert gate.judge(fixes[80].measured_at + LATENCY, wrong(fixes[80])).reason == "impossible"
+    assert gate.judge(fixes[81].measured_at + LATENCY, fixes[81]).believed
+    assert gate.refused.total() == 1
+
+
+def test_a_bend_that_no_tyre_carries_is_impossible() -> None:
+    """A made motion, consistent in itself: a circle at 25 m/s², where tyres carry 9."""
+    speed, radius = 25.0, 25.0
+    rate = speed / radius
+
+    def at(k: int) -> Fix:
+        angle = rate * 0.05 * k
+        place = radius * math.sin(angle), radius * (1.0 - math.cos(angle))
+        return Fix(k, START + 50 * MILLISECOND * k, *place, angle, speed, rate)
+
+    all_of = judged(map(at, range(100)))
+    assert reasons(all_of) <= {"impossible", "jumping"}
+    assert refused(all_of)[0].seconds <= 0.55
+
+
+def test_a_heading_that_turns_without_the_car_is_refused() -> None:
+    fixes = told(steadily(20.0), seconds=6.0)
+    gate = InnovationGate()
+    judged(fixes[:80], gate)
+    turned = replace(fixes[80], yaw=fixes[80].yaw + 0.3)
+    assert not gate.judge(turned.measured_at, turned).believed
+
+
+def test_three_headings_in_a_row_beyond_their_gate_are_refused_and_two_are_not() -> None:
+    """Off by 4 deviations of two headings, so soon that the car cannot have turned by itself."""
+    still = [Fix(k, START + 10 * MILLISECOND * k, 0.0, 0.0, 0.0, 0.0, 0.0) for k in range(8)]
+    off = 4.0 * math.sqrt(2.0) * math.radians(0.1)
+    turned = [replace(fix, yaw=off) for fix in still]
+    assert not refused(judged(still[:2] + turned[2:4] + still[4:]))
+    assert [one.fix.seq for one in refused(judged(still[:2] + turned[2:5] + still[5:]))] == [4]
+
+
+def test_headings_that_scatter_as_assumed_are_believed() -> None:
+    """So coarse that the car's own turning covers nothing: the noise of single poses is shared."""
+    noise = GnssNoise(heading=math.radians(1.0))
+    yaws = noise.heading * np.random.default_rng(1).standard_normal(60_000)
+    gate = InnovationGate(noise)
+    for k, yaw in enumerate(yaws.tolist()):
+        fix = Fix(k, START + 50 * MILLISECOND * k, 0.0, 0.0, yaw, 0.0, 0.0)
+        assert gate.judge(fix.measured_at, fix).believed
+
+
+def test_no_accuracy_is_too_bad_to_be_judged() -> None:
+    fixes = [replace(fix, accuracy=1e6) for fix in told(steadily(15.0), seconds=12.0, speed=15.0)]
+    far = falsified(fixes, FalseOffset(SPELL, Shift(left=100.0)))
+    assert first_refused(judged(far)) == 0.0
+
+
+def test_a_lead_that_brakes_fully_to_a_standstill_is_believed() -> None:
+    for rate_hz in (1.0, 5.0, 20.0):
+        fixes = told(
+            lambda seconds, body: Actuation(0.0, -8.0 if seconds > 2.0 and body.speed else 0.0),
+            seconds=12.0, speed=30.0, rate_hz=rate_hz,
+        )  # fmt: skip
+        assert not reasons(judged(fixes))
+
+
+# ---- What is said
+
+
+def test_lines_say_once_what_is_not_believed_and_when_it_is_again() -> None:
+    beliefs = Beliefs({"v1": InnovationGate()})
+    fixes = told(steadily(15.0), seconds=12.0, speed=15.0)
+    heard = falsified(fixes, FrozenContent(SPELL))
+    said: list[str] = []
+    for fix in heard:
+        now = fix.measured_at + LATENCY
+        frozen = BEGIN <= (fix.measured_at - START) / SECOND < END
+        assert beliefs.accepts(now, "v1", fix) is not frozen
+        said += beliefs.remarks()
+    assert said == ["v1 not believed: frozen", "v1 believed again; 60 poses refused"]
+
+
+def test_without_gates_everything_is_believed() -> None:
+    beliefs = Beliefs()
+    for fix in falsified(told(steadily(15.0), seconds=12.0), FrozenContent(SPELL)):
+        assert beliefs.accepts(fix.measured_at, "v1", fix)
+    assert beliefs.remarks() == ()

@@ -1,0 +1,163 @@
+"""How far a pose lies from where earlier poses of its source say it should be.
+
+Innovations as of a Kalman filter (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to
+Tracking and Navigation, 2001, 5.4): what was measured less what was predicted, over the deviation
+of that. The prediction holds for whatever a
+car may do: the way between two poses is their mean velocity times the time between them, and with
+an acceleration of at most A no car is further from there than A T² / 4.
+"""
+
+from math import cos, remainder, sin, sqrt, tau
+from typing import NamedTuple
+
+from vehicles.car.gnss import Fix, GnssNoise
+from vehicles.schedule import SECOND
+
+BRAKING = 8.0
+"""Acceleration along the road (m/s²) beyond which no car drives or brakes."""
+CORNERING = 9.0
+"""Acceleration across the road (m/s²) beyond which none corners: what dry tyres carry."""
+TURNING_UP = 8.0
+"""Yaw acceleration (rad/s²) of a car whose one axle alone uses all its friction, rounded up."""
+SLIP_ARM = 1.5
+"""Lateral speed over yaw rate (m) at walking pace: from the rear axle to the antenna."""
+SLIP_ARM_GROWTH = 0.002
+"""What tyres that slip add to it (s²/m), times the squared speed: the steady-state model's."""
+BASE = SECOND
+"""Over so long (ns) the way told is held against the speeds told."""
+LEAST_DEVIATION = 0.01
+"""No receiver of a car is taken to know its place better (m)."""
+MOST_DEVIATION = 5.0
+"""None is taken to know it worse (m): else a pose that says so would pass whatever it tells."""
+
+
+class Innovation(NamedTuple):
+    """Innovation (of a Kalman filter) of a pose against another one of its source.
+
+    `span` (s) lies between them, negative for an earlier pose. `east`, `north` (m) are the place
+    less the prediction, `along` and `across` (m) the same by the direction of travel; the variances
+    (m²) are those of what the car may have done meanwhile, `stated` (m²) that of both places by
+    what the source says. `way` (m, m) is the prediction. `turn` is the heading's innovation
+    in deviations, `gain` that of the speed beyond what a car can (0 within).
+    """
+
+    span: float
+    east: float
+    north: float
+    along: float
+    across: float
+    along_variance: float
+    across_variance: float
+    stated: float
+    way: tuple[float, float]
+    turn: float
+    gain: float
+
+    def square(self, inflation: float = 1.0) -> float:
+        """Squared normalised innovation of the place, chi-squared of 2 (Kalman filter).
+
+        `inflation` (ratio) is by how much deviations stated are taken for larger.
+        """
+        noise = self.stated * inflation * inflation
+        return self.along * self.along / (
+            self.along_variance + noise
+        ) + self.across * self.across / (self.across_variance + noise)
+
+    def deviations(self, inflation: float = 1.0) -> float:
+        """Innovation of the place in its deviations, the larger axis (Kalman filter)."""
+        noise = self.stated * inflation * inflation
+        return max(
+            abs(self.along) / sqrt(self.along_variance + noise),
+            abs(self.across) / sqrt(self.across_variance + noise),
+        )
+
+
+def stated_variance(fix: Fix) -> float:
+    """Variance (m²) of a place per axis by its own account, within reason (not in the paper)."""
+    return min(max(fix.accuracy, LEAST_DEVIATION), MOST_DEVIATION) ** 2
+
+
+def innovation(before: Fix, fix: Fix, noise: GnssNoise) -> Innovation:
+    """Innovation of `fix` against `before` (Kalman filter); `noise` is that of all but places.
+
+    What the car may have done is normal with a third of the most as its deviation.
+    """
+    span = (fix.measured_at - before.measured_at) / SECOND
+    size = abs(span)
+    cosine, sine = cos(fix.yaw), sin(fix.yaw)
+    way_east = 0.5 * span * (before.speed * cos(before.yaw) + fix.speed * cosine)
+    way_north = 0.5 * span * (before.speed * sin(before.yaw) + fix.speed * sine)
+    east = fix.east - before.east - way_east
+    north = fix.north - before.north - way_north
+    speed = max(before.speed, fix.speed)
+    slipping = max(abs(before.yaw_rate), abs(fix.yaw_rate))
+    slip = slipping * (SLIP_ARM + SLIP_ARM_GROWTH * speed * speed)
+    driven = (CORNERING * size * size / 12.0) ** 2
+    gain = abs(fix.speed - before.speed) - BRAKING * size
+    turn = remainder(
+        fix.yaw - before.yaw - 0.5 * span * (before.yaw_rate + fix.yaw_rate),
+        tau,
+    )
+    turn_variance = (
+        2.0 * noise.heading**2
+        + 0.5 * (size * noise.yaw_rate) ** 2
+        + (TURNING_UP * size * size / 12.0) ** 2
+    )
+    return Innovation(
+        span=span,
+        east=east,
+        north=north,
+        along=east * cosine + north * sine,
+        across=north * cosine - east * sine,
+        along_variance=driven + 0.5 * (size * noise.speed) ** 2,
+        across_variance=driven + 0.5 * (size * speed * noise.heading) ** 2 + (size * slip) ** 2,
+        stated=stated_variance(before) + stated_variance(fix),
+        way=(way_east, way_north),
+        turn=abs(turn) / sqrt(turn_variance) if turn_variance else 0.0,
+        gain=gain / (sqrt(2.0) * noise.speed + 1e-3) if gain > 0.0 else 0.0,
+    )
+
+
+class PoseTrack:
+    """Poses of a source that agree with one another, the innovation of the next one, and its sum.
+
+    Innovations of poses one after the other hide what goes wrong slowly. Their sum since a pose of
+    up to a second ago, the anchor, has the noise of two places alone (CUSUM; Page, 1954).
+    """
+
+    def __init__(self, fix: Fix) -> None:
+        """Begin at `fix`."""
+        self.last = fix
+        self._anchor = fix
+        self._east = self._north = self._spread = self._turned = 0.0
+
+    def strays(self, one: Innovation, fix: Fix, inflation: float) -> float:
+        """Sum of innovations with that of `fix`, in deviations (CUSUM)."""
+        spread = self._spread + sqrt(max(one.along_variance, one.across_variance))
+        noise = stated_variance(self._anchor) + stated_variance(fix)
+        deviation = sqrt(spread * spread + noise * inflation * inflation)
+        return max(abs(self._east + one.east), abs(self._north + one.north)) / deviation
+
+    def cornering(self, fix: Fix) -> float:
+        """Mean acceleration across the road (m/s²) up to `fix`, 0 before it can be told.
+
+        Speed times the change of heading, over half a second at least: in it the lateral speed of
+        eq. (1) averages out, which a swerving car's yaw rate alone is full of.
+        """
+        span = fix.measured_at - self._anchor.measured_at
+        if 2 * span < BASE:
+            return 0.0
+        turned = self._turned + remainder(fix.yaw - self.last.yaw, tau)
+        return min(self._anchor.speed, fix.speed) * abs(turned) * SECOND / span
+
+    def push(self, one: Innovation, fix: Fix) -> None:
+        """Go on with `fix`, a newer pose, and its innovation (Kalman filter)."""
+        self._turned += remainder(fix.yaw - self.last.yaw, tau)
+        self.last = fix
+        if fix.measured_at - self._anchor.measured_at >= BASE:
+            self._anchor = fix
+            self._east = self._north = self._spread = self._turned = 0.0
+            return
+        self._east += one.east
+        self._north += one.north
+        self._spread += sqrt(max(one.along_variance, one.across_variance))
