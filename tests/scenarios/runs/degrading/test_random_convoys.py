@@ -29,28 +29,23 @@ ROUNDING = 1e-9
 
 def drawn_change(chance: Random, names: list[str]) -> Raw:
     """Something done to the convoy, at an instant drawn like itself."""
-    kind = chance.choice(["link", "cut", "heal", "gnss", "stall", "crash", "leave", "speed"])
-    at: Raw = {"kind": kind, "at_s": round(chance.uniform(0.5, DURATION_S - 1.0), 3)}
     ends = {"sender": chance.choice(["*", names[0]]), "receiver": chance.choice(["*", names[-1]])}
-    follower = {"vehicle": chance.choice(names[1:])}
     some = {"for_s": round(chance.uniform(0.1, 6.0), 3)}
-    match kind:
-        case "link":
-            return at | ends | some | {"loss_ratio": chance.random(), "latency_ms": 80.0}
-        case "cut":
-            return at | ends | some
-        case "heal":
-            return at
-        case "gnss":
-            fix = chance.choice(["float", "single", "none"])
-            return at | some | {"vehicle": chance.choice(names), "fix": fix}
-        case "stall":
-            return at | follower | {"for_s": round(chance.uniform(0.02, 1.0), 3)}
-        case "crash":
-            return at | follower | {"for_s": round(chance.uniform(1.0, 4.0), 3)}
-        case "leave":
-            return at | follower
-    return at | {"speed_mps": round(chance.uniform(3.0, 25.0), 2)}
+    follower = {"vehicle": chance.choice(names[1:])}
+    receiver = {"vehicle": chance.choice(names), "fix": chance.choice(["float", "single", "none"])}
+    kinds: dict[str, Raw] = {
+        "link": ends | some | {"loss_ratio": chance.random(), "latency_ms": 80.0},
+        "cut": ends | some,
+        "heal": {},
+        "gnss": some | receiver,
+        "stall": follower | {"for_s": round(chance.uniform(0.02, 1.0), 3)},
+        "crash": follower | {"for_s": round(chance.uniform(1.0, 4.0), 3)},
+        "leave": follower,
+        "speed": {"speed_mps": round(chance.uniform(3.0, 25.0), 2)},
+    }
+    kind = chance.choice(list(kinds))
+    at_s = round(chance.uniform(0.5, DURATION_S - 1.0), 3)
+    return {"kind": kind, "at_s": at_s} | kinds[kind]
 
 
 def drawn_changes(chance: Random, names: list[str]) -> list[Raw]:
