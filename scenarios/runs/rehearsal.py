@@ -1,6 +1,6 @@
 """A virtual run whose drives stay in memory, with or without a log; vehicles may be replayed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
@@ -16,18 +16,18 @@ from vehicles.messages import GpsPose, Message
 
 
 class RehearsalSink:
-    """Publishes the pose for the convoy and gives the rest to a drive recorder, not encoded."""
+    """Publishes the pose for the convoy and gives the rest to whoever listens, not encoded."""
 
-    def __init__(self, vehicle: str, bus: Bus, drives: DriveRecorder) -> None:
+    def __init__(self, vehicle: str, bus: Bus, listen: Callable[[Message], None]) -> None:
         self._to_convoy = BusSink(vehicle, bus)
-        self._drives = drives
+        self._listen = listen
 
     def send(self, message: Message) -> None:
         """Take one message; a pose waits until `flush`."""
         if isinstance(message, GpsPose):
             self._to_convoy.send(message)
         else:
-            self._drives.listen(message)
+            self._listen(message)
 
     def flush(self) -> None:
         """Publish the poses that wait."""
@@ -40,10 +40,18 @@ def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
     Vehicles in `replays` send what was recorded, the others are live. What is received, and so
     what the vehicles do, is the same as in a logged run.
     """
-    convoy, drives = VirtualConvoy(scenario), DriveRecorder()
-    convoy.build(lambda vehicle: RehearsalSink(vehicle, convoy.bus, drives), replays)
-    convoy.run(Stop())
+    drives = DriveRecorder()
+    overhear(scenario, drives.listen, replays)
     return drives.trial(scenario)
+
+
+def overhear(
+    scenario: Scenario, listen: Callable[[Message], None], replays: Sequence[Replay] = ()
+) -> None:
+    """Run `scenario` in virtual time without a log; `listen` gets all that is not a pose."""
+    convoy = VirtualConvoy(scenario)
+    convoy.build(lambda vehicle: RehearsalSink(vehicle, convoy.bus, listen), replays)
+    convoy.run(Stop())
 
 
 def record(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.channel.costs import figure
+from scenarios.cli.channel.cut_costs import cuts
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.options import setting_options
@@ -25,6 +26,7 @@ Examples:
   convoy channel show bursty
   convoy channel fit run.mcap
   convoy channel figure
+  convoy channel cuts
 """
 )
 def channel() -> None:
@@ -32,6 +34,7 @@ def channel() -> None:
 
 
 channel.add_command(figure)
+channel.add_command(cuts)
 
 
 @channel.command(

@@ -60,7 +60,7 @@ def test_on_sent_is_called_before_the_bus_has_the_message() -> None:
 def test_a_rehearsal_publishes_the_pose_alone_and_keeps_the_rest() -> None:
     bus, heard = listened_to()
     drives = TakenDown()
-    sink = RehearsalSink("v2", bus, drives)
+    sink = RehearsalSink("v2", bus, drives.listen)
     pose = gps("v2", 0)
     others: list[Message] = [
         truth("v2", 0, 1.0, 0.0),

@@ -1,0 +1,135 @@
+"""Many cuts, the same ones with each reaction, and what to say of them."""
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.runs.pool import run_jobs
+from scenarios.studies.cuts.cut import Cut, CutFigures, carry_out
+from vehicles.driver.degradation.settings import Reaction
+
+SCHEMA = "convoy.cuts/1"
+PICTURE, TWIN = "cuts.png", "cuts.json"
+REACTIONS: tuple[Reaction, ...] = ("degrade", "extrapolate", "hold", "straight")
+SPEEDS_MPS = 8.0, 30.0
+CUT_AT_S = 3.0, 17.0
+"""The convoy has formed by then, and its last car is through both lane changes by then."""
+SHORT_S, LONG_S = (0.3, 4.0), 14.0
+"""Half of the cuts last so long, at random; the others until everybody stands."""
+SAY_EVERY_S = 3.0
+
+
+def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[Cut]:
+    """Draw cuts at random instants of double lane changes at random speeds; equal for equal seeds.
+
+    The same for each reaction.
+    """
+    chance = np.random.Generator(np.random.PCG64(seed))
+    for number in range(count):
+        yield Cut(
+            reaction=reaction,
+            speed_mps=round(float(chance.uniform(*SPEEDS_MPS)), 2),
+            at_s=round(float(chance.uniform(*CUT_AT_S)), 3),
+            for_s=LONG_S if number % 2 else round(float(chance.uniform(*SHORT_S)), 3),
+            seed=number + 1,
+        )
+
+
+def carry_out_all(
+    cuts: Sequence[Cut], progress: Callable[[str], None], workers: int
+) -> list[CutFigures]:
+    """Drive all of them on so many processes; a row for each follower, in the order of `cuts`."""
+    jobs = {place: partial(carry_out, cut) for place, cut in enumerate(cuts)}
+    found: dict[int, tuple[CutFigures, ...]] = {}
+    began = said = time.monotonic()
+    for place, figures in run_jobs(jobs, workers):
+        found[place] = figures
+        now = time.monotonic()
+        if now - said > SAY_EVERY_S or len(found) == len(jobs):
+            said = now
+            left = (now - began) * (len(jobs) / len(found) - 1.0)
+            progress(f"{now - began:5.1f} s  {len(found)} of {len(jobs)} cuts, {left:.0f} s left")
+    return [row for place in range(len(cuts)) for row in found[place]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReactionFigures:
+    """What followers with one reaction did over all cuts (m, s; shares from 0 to 1)."""
+
+    reaction: Reaction
+    cuts: int
+    error_m_median: float
+    error_m_max: float
+    error_inside_m_max: float
+    blind_m_max: float
+    stood_ratio: float
+    friction_ratio_max: float
+    resumed_ratio: float
+
+
+def of_reaction(rows: Sequence[CutFigures]) -> ReactionFigures:
+    """Sum up the rows of one reaction."""
+    return ReactionFigures(
+        reaction=rows[0].cut.reaction,
+        cuts=len({row.cut for row in rows}),
+        error_m_median=median(row.error for row in rows),
+        error_m_max=max(row.error for row in rows),
+        error_inside_m_max=max(row.error_inside for row in rows),
+        blind_m_max=max(row.blind for row in rows),
+        stood_ratio=sum(row.stood for row in rows) / len(rows),
+        friction_ratio_max=max(row.friction for row in rows),
+        resumed_ratio=sum(isfinite(row.resumed_after) for row in rows) / len(rows),
+    )
+
+
+def cuts_figure(
+    count: int, out: Path, progress: Callable[[str], None], *, workers: int | None = None
+) -> list[ReactionFigures]:
+    """Carry out `count` cuts with each reaction; write the picture and all rows as JSON into `out`.
+
+    By default on all cores. Raises ScenarioError if one of both files is there already.
+    """
+    from scenarios.studies.cuts.picture import draw  # noqa: PLC0415 - matplotlib
+
+    for name in (PICTURE, TWIN):
+        if (out / name).exists():
+            raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
+    out.mkdir(parents=True, exist_ok=True)
+    cuts = [cut for reaction in REACTIONS for cut in drawn(count, reaction)]
+    cores = len(os.sched_getaffinity(0)) if workers is None else workers
+    rows = carry_out_all(cuts, progress, cores)
+    by_reaction = {
+        reaction: [row for row in rows if row.cut.reaction == reaction] for reaction in REACTIONS
+    }
+    found = [of_reaction(of) for of in by_reaction.values()]
+    (out / TWIN).write_text(json.dumps(machine_readable(found, rows), indent=1) + "\n")
+    draw(by_reaction, out / PICTURE)
+    return found
+
+
+def machine_readable(
+    found: Sequence[ReactionFigures], rows: Sequence[CutFigures]
+) -> dict[str, Any]:
+    """Give the table, and every follower of every cut, as JSON has it."""
+    return {
+        "schema": SCHEMA,
+        "reactions": [asdict(one) for one in found],
+        "rows": [
+            {key: value if _is_known(value) else None for key, value in asdict(row).items()}
+            for row in rows
+        ],
+    }
+
+
+def _is_known(value: object) -> bool:
+    return not isinstance(value, float) or isfinite(value)

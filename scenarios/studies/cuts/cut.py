@@ -1,0 +1,214 @@
+"""One cut of all messages in a double lane change, and what is to be known of it."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import inf, isnan
+
+import tomli_w
+
+from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.runs.rehearsal import overhear
+from vehicles.driver.degradation.settings import Reaction
+from vehicles.geometry.driven_path import CrossTrackError
+from vehicles.messages import Command, LinkVerdict, Message, Mode, Tracking, TruePose
+from vehicles.schedule import SECOND, nanoseconds
+
+LATERAL_ACCELERATION = 1.8
+"""Of the lane changes (m/s²): that of the paper's, 500 m at 30 m/s."""
+AFTERWARDS_S = 14.0
+"""A run goes on for so long after the messages are back."""
+STANDING = 0.05
+"""A car that is slower than this (m/s) stands."""
+UNDER_WAY = 0.8
+"""A car that drives at this share of the convoy's speed has resumed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """All messages stop `at_s` after the start, for `for_s`, of a convoy that drives `speed_mps`.
+
+    `vehicles` drive, with `reaction` of the followers; `seed` is that of all noise.
+    """
+
+    reaction: Reaction
+    speed_mps: float
+    at_s: float
+    for_s: float
+    seed: int
+    vehicles: int = 3
+
+    def scenario(self) -> Scenario:
+        """The double lane change of the paper, each piece a second long at any speed."""
+        second, radius = self.speed_mps, self.speed_mps**2 / LATERAL_ACCELERATION
+        right = {"length_m": second, "radius_m": radius, "turn": "right"}
+        left = right | {"turn": "left"}
+        straights = [{"length_m": count * second} for count in (5, 1, 4, 1, 80)]
+        change, back = [right, straights[1], left], [left, straights[3], right]
+        text = {
+            "extends": "lane_change",
+            "name": "cut",
+            "duration_s": self.at_s + self.for_s + AFTERWARDS_S,
+            "seed": self.seed,
+            "convoy": {"vehicles": self.vehicles},
+            "speed": {"set_mps": self.speed_mps},
+            "control": {"degradation": {"reaction": self.reaction}},
+            "path": {
+                "kind": "segments",
+                "segments": [straights[0], *change, straights[2], *back, straights[4]],
+            },
+            "links": {
+                "outages": [{"kind": "window", "from_s": self.at_s, "to_s": self.at_s + self.for_s}]
+            },
+        }
+        return scenario_from_text(tomli_w.dumps(text), label="cut")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModeChange:
+    """When a follower changed its mode (s after the start), to which, and why."""
+
+    at_s: float
+    mode: Mode
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutFigures:
+    """What a follower did in a cut (m, s).
+
+    `error` is the largest true distance from the lead's driven path while the messages were away,
+    `error_inside` that within the path that it knew, until the end. `predicted_blind` is how far it
+    would drive beyond that path as it said when it gave up its last source, `blind` how far it did;
+    both are 0 where it can stop within. `ticks_late` is how many control periods after the instant
+    at which its last source became lost by the thresholds it said so. `friction` is the largest
+    share used, `command_step` (rad) the largest of the steering command. `resumed_after` counts
+    from when the messages were back; inf if it never did.
+    """
+
+    cut: Cut
+    vehicle: str
+    error: float
+    error_inside: float
+    predicted_blind: float
+    blind: float
+    stood: bool
+    ticks_late: int
+    friction: float
+    command_step: float
+    resumed_after: float
+    changes: tuple[ModeChange, ...]
+
+
+@dataclass(slots=True)
+class _Heard:
+    """What was overheard of one follower."""
+
+    truth: list[TruePose] = field(default_factory=list)
+    tracking: list[Tracking] = field(default_factory=list)
+    steering: list[float] = field(default_factory=list)
+    heard_at: dict[str, int] = field(default_factory=dict)
+    errors: dict[int, float] = field(default_factory=dict)
+
+
+class Witness:
+    """Takes all messages of a run with a cut, and gives the figures of its followers."""
+
+    def __init__(self, cut: Cut, scenario: Scenario) -> None:
+        self._cut = cut
+        self._names = scenario.vehicle_names
+        self._period = nanoseconds(1.0 / scenario.control_rate_hz)
+        self._start = scenario.start_at_ns
+        self._from = self._start + nanoseconds(cut.at_s)
+        self._to = self._from + nanoseconds(cut.for_s)
+        table = scenario.tables.control.degradation
+        period_s = 1.0 / scenario.tables.gnss.rate_hz
+        self._lost_after = nanoseconds(max(table.lost_periods * period_s, table.lost_s))
+        self._path = CrossTrackError(self._names[0], scenario.route.start_yaw, self._names[1:])
+        self._of: defaultdict[str, _Heard] = defaultdict(_Heard)
+
+    def listen(self, message: Message) -> None:
+        """Take one message."""
+        of = self._of[message.vehicle]
+        match message:
+            case TruePose():
+                of.truth.append(message)
+                for foot in self._path.add(message):
+                    self._of[foot.vehicle].errors[foot.at_ns] = foot.lateral
+            case Tracking():
+                of.tracking.append(message)
+            case Command():
+                of.steering.append(message.steering_rad)
+            case LinkVerdict() if (
+                message.outcome == "delivered" and message.sent_at_ns < self._from
+            ):
+                of.heard_at[message.sender] = message.heard_at_ns
+
+    def figures(self) -> tuple[CutFigures, ...]:
+        """The figures of each follower."""
+        return tuple(self._figures(name) for name in self._names[1:])
+
+    def _figures(self, name: str) -> CutFigures:
+        of = self._of[name]
+        away = [one for one in of.tracking if self._from <= one.decided_at_ns < self._to]
+        after = [one for one in of.tracking if one.decided_at_ns >= self._from]
+        lost = next((one for one in away if one.mode in {"coast", "stop"}), None)
+        return CutFigures(
+            cut=self._cut,
+            vehicle=name,
+            error=_largest(of.errors.get(one.decided_at_ns, 0.0) for one in away),
+            error_inside=_largest(
+                of.errors.get(one.decided_at_ns, 0.0) for one in after if one.known_m >= 0.0
+            ),
+            predicted_blind=lost.blind_m if lost else 0.0,
+            blind=max([0.0, *(-one.known_m for one in away if not isnan(one.known_m))]),
+            stood=any(
+                one.speed_mps < STANDING
+                for one in of.truth
+                if self._from <= one.true_at_ns < self._to
+            ),
+            ticks_late=self._ticks_late(of, lost),
+            friction=max(one.friction_ratio for one in of.truth),
+            command_step=_largest(b - a for a, b in pairwise([0.0, *of.steering])),
+            resumed_after=self._resumed_after(of),
+            changes=tuple(self._changes(of.tracking)),
+        )
+
+    def _ticks_late(self, of: _Heard, lost: Tracking | None) -> int:
+        """Count control periods between the threshold and the change of mode."""
+        if lost is None or not of.heard_at:
+            return 0
+        threshold = max(of.heard_at.values()) + self._lost_after
+        return (lost.decided_at_ns - threshold) // self._period
+
+    def _resumed_after(self, of: _Heard) -> float:
+        speeds = {one.true_at_ns: one.speed_mps for one in of.truth}
+        under_way = UNDER_WAY * self._cut.speed_mps
+        instants = (
+            one.decided_at_ns
+            for one in of.tracking
+            if one.decided_at_ns >= self._to and one.mode not in {"coast", "stop", "straight"}
+        )
+        at = next((at for at in instants if speeds.get(at, 0.0) >= under_way), None)
+        return inf if at is None else (at - self._to) / SECOND
+
+    def _changes(self, tracking: Sequence[Tracking]) -> list[ModeChange]:
+        changes = []
+        for before, one in pairwise(tracking):
+            if one.mode != before.mode:
+                at_s = (one.decided_at_ns - self._start) / SECOND
+                changes.append(ModeChange(at_s=at_s, mode=one.mode, reason=one.reason))
+        return changes
+
+
+def _largest(values: Iterable[float]) -> float:
+    return max(map(abs, values), default=0.0)
+
+
+def carry_out(cut: Cut) -> tuple[CutFigures, ...]:
+    """Drive one cut in virtual time; the figures of each follower."""
+    scenario = cut.scenario()
+    witness = Witness(cut, scenario)
+    overhear(scenario, witness.listen)
+    return witness.figures()

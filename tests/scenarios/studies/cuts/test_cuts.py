@@ -1,0 +1,60 @@
+"""All messages stop at some instant of a double lane change: what followers must make of it.
+
+`pytest --campaign` makes 1000 cuts.
+"""
+
+from itertools import pairwise
+from math import isfinite
+
+import pytest
+
+from scenarios.studies.cuts.campaign import LONG_S, drawn
+from scenarios.studies.cuts.cut import Cut, carry_out
+
+FEW, ALL = 8, 1000
+INSIDE_M = 0.3
+BLIND_SHARE, BLIND_M = 0.05, 0.5
+"""Blind metres are what was predicted to so much of them, or so many metres where they are few."""
+STEERING_RATE, CONTROL_S = 1.18, 0.02
+PROBATION_S = 1.0
+ROUNDING = 1e-9
+CUTS = list(drawn(ALL, "degrade"))
+
+
+@pytest.mark.campaign(FEW, ALL)
+def test_a_follower_stops_within_what_it_knows_or_drives_blind_as_far_as_it_said(
+    case: int,
+) -> None:
+    cut = CUTS[case]
+    for one in carry_out(cut):
+        what = f"{one.vehicle} in {cut}: {one.changes}"
+        assert one.error_inside <= INSIDE_M, what
+        assert one.friction <= 1.0 + ROUNDING, what
+        assert one.command_step <= STEERING_RATE * CONTROL_S + ROUNDING, what
+        assert 0 <= one.ticks_late <= 1, what
+        assert isfinite(one.resumed_after), what
+        assert all(change.reason for change in one.changes if change.mode in {"coast", "stop"}), (
+            what
+        )
+        for first, later in pairwise(one.changes):
+            assert later.mode != first.mode, what
+        for mode in ("coast", "stop", "lead", "predecessor", "composite"):
+            at = [change.at_s for change in one.changes if change.mode == mode]
+            assert all(b - a >= PROBATION_S for a, b in pairwise(at)), what
+        if cut.for_s == LONG_S:
+            assert one.stood, what
+            off = abs(one.blind - one.predicted_blind)
+            assert off <= max(BLIND_M, BLIND_SHARE * one.predicted_blind), what
+
+
+def test_cuts_are_the_same_for_each_reaction() -> None:
+    ours = [(cut.speed_mps, cut.at_s, cut.for_s, cut.seed) for cut in drawn(20, "degrade")]
+    theirs = [(cut.speed_mps, cut.at_s, cut.for_s, cut.seed) for cut in drawn(20, "hold")]
+    assert ours == theirs
+
+
+def test_a_follower_that_extrapolates_leaves_the_road_at_full_speed() -> None:
+    cut = Cut(reaction="extrapolate", speed_mps=20.0, at_s=6.5, for_s=8.0, seed=1)
+    (first, *_) = carry_out(cut)
+    assert first.error > 3.0
+    assert not first.stood
