@@ -132,14 +132,14 @@ class SlipCompensated:
         lag = max(car.steady_slip_per_curvature(speed), 0.0)
         reach = -lag - apart, delay + apart
         motion = path_motion(errors.curvatures_ahead, reach, speed, car)
-        heading = motion.mean(0.0, apart).heading
-        curvature = motion.mean(-lag, apart).curvature
+        heading = motion.heading.mean(0.0, apart)
+        curvature = motion.curvature.mean(-lag, apart)
         feedback = (
             -gains.lateral * errors.lateral
             - gains.heading * (errors.heading - heading)
             - gains.yaw_rate * (errors.yaw_rate + speed * (errors.curvature - curvature))
         )
-        return limited(motion.mean(delay, apart).steering, feedback, car.steering_limit)
+        return limited(motion.steering.mean(delay, apart), feedback, car.steering_limit)
 
 
 class Stanley:
