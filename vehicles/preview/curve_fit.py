@@ -82,7 +82,7 @@ class FitSettings:
     arcs_evidence: float = 8.0
     temperature: float = 2.5
     ignored: float = 0.15
-    joins: int = 9
+    joins: int = 7
     piece_min: float = 2.0
     piece_ratio: float = 0.15
     passes: int = 6
