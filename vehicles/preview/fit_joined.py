@@ -12,9 +12,9 @@ from math import atan, hypot, sqrt
 
 from vehicles.preview.fit_arc import DETERMINED, Centred, FitData, LocalCurve, X, Y, cumulated
 
-LITTLE = 0.25
+LITTLE = 0.05
 """A join is not moved again unless that is foretold to explain so much of the noise squared more:
-off by its standard error it explains less by one, by half of that less by this."""
+off by its standard error it explains less by one."""
 SURPRISE = 2.0
 """By so much of the noise squared a join may come to explain more than the parabola foretold. One
 that would still not count then is left alone."""
