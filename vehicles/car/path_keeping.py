@@ -41,54 +41,47 @@ MEMORY, LEAST_MEMORY = 0.35, 3.0
 at 30 m/s, faster at lower speeds."""
 
 
-class OnPath(NamedTuple):
-    """Curvature κ/cos θ̃ (1/m), heading θ̃ against the path (rad), angle δ of the wheels (rad).
+class AlongPath(NamedTuple):
+    """A quantity of eqs. (1), (2) at places `step` (m) apart, from `start` (m ahead of the car) on.
 
-    By the inverse of eqs. (1), (2).
+    Of a single value, it is the same everywhere.
     """
 
-    curvature: float
-    heading: float
-    steering: float
+    start: float
+    step: float
+    values: Sequence[float]
 
+    def at(self, distance: float) -> float:
+        """Value `distance` (m) ahead, interpolated; beyond the ends as there (eqs. (1), (2))."""
+        start, step, values = self
+        where, last = (distance - start) / step, len(values) - 1
+        if where <= 0.0 or last == 0:
+            return values[0]
+        if where >= last:
+            return values[last]
+        index = int(where)
+        return values[index] + (where - index) * (values[index + 1] - values[index])
 
-class PathMotion:
-    """The motion of eqs. (1), (2) that keeps to a path, each `step` (m) from `start` (m) on."""
-
-    def __init__(self, start: float, step: float, places: list[tuple[float, float, float]]) -> None:
-        self._start = start
-        self._step = step
-        self._places = places
-
-    def at(self, distance: float) -> OnPath:
-        """Motion `distance` (m) ahead, interpolated; beyond the ends as there (eqs. (1), (2))."""
-        if len(self._places) == 1:  # the same everywhere
-            return OnPath(*self._places[0])
-        where = (distance - self._start) / self._step
-        index = min(max(int(where), 0), len(self._places) - 2)
-        share = min(max(where - index, 0.0), 1.0)
-        (kappa, theta, delta), (next_kappa, next_theta, next_delta) = self._places[
-            index : index + 2
-        ]
-        return OnPath(
-            kappa + share * (next_kappa - kappa),
-            theta + share * (next_theta - theta),
-            delta + share * (next_delta - delta),
-        )
-
-    def mean(self, distance: float, apart: float) -> OnPath:
-        """Mean motion (eqs. (1), (2)) about `distance` (m) ahead and so far `apart` (m) from it.
+    def mean(self, distance: float, apart: float) -> float:
+        """Mean (of eqs. (1), (2)) about `distance` (m) ahead and so far `apart` (m) from it.
 
         With weights 1/4, 1/2, 1/4: what keeps to the path whose curvature is such a mean.
         """
-        if len(self._places) == 1:
-            return OnPath(*self._places[0])
-        near, here, far = self.at(distance - apart), self.at(distance), self.at(distance + apart)
-        return OnPath(
-            0.25 * (near.curvature + far.curvature) + 0.5 * here.curvature,
-            0.25 * (near.heading + far.heading) + 0.5 * here.heading,
-            0.25 * (near.steering + far.steering) + 0.5 * here.steering,
-        )
+        if len(self.values) == 1:
+            return self.values[0]
+        beside = self.at(distance - apart) + self.at(distance + apart)
+        return 0.25 * beside + 0.5 * self.at(distance)
+
+
+class PathMotion(NamedTuple):
+    """The motion that keeps to a path, by the inverse of eqs. (1), (2), along the way.
+
+    Curvature κ/cos θ̃ (1/m), heading θ̃ against the path (rad), angle δ of the wheels (rad).
+    """
+
+    curvature: AlongPath
+    heading: AlongPath
+    steering: AlongPath
 
 
 def path_motion(
@@ -107,42 +100,66 @@ def path_motion(
     step = max(STEP * v, LEAST_STEP)
     first = math.floor(reach[0] / step)
     fading = math.ceil(max(MEMORY * v, LEAST_MEMORY * p.rear_axle_distance) / step)
-    start, count = (first - fading) * step, fading + math.ceil(reach[1] / step) - first + 1
-    found = curvatures(start, step, count)
-    steady = p.steady_slip_per_curvature(v)
-    longer = 0.5 * steady * steady  # 1/cos θ̃ = 1 + (l κ)²/2, to fourth order
+    count = fading + math.ceil(reach[1] / step) - first + 1
+    found = curvatures((first - fading) * step, step, count)
+    slip = p.steady_slip_per_curvature(v)
+    gradient = p.wheelbase + p.steer_gradient * v * v
+    longer = 0.5 * slip * slip  # 1/cos θ̃ = 1 + (l κ)²/2, to fourth order
     kappa = found[0] + longer * found[0] ** 3
     if found.count(found[0]) == count:  # an arc or a line, as far as it counts
-        gradient = p.wheelbase + p.steer_gradient * v * v
-        return PathMotion(start, step, [(kappa, math.atan(-steady * kappa), gradient * kappa)])
-    square = p.wheelbase * p.rear_cornering_stiffness / p.yaw_inertia
-    a, b = p.front_axle_distance, p.rear_axle_distance
-    lag = b * steady - v * v / square
-    keep, gain, loss, rest = _fading(step / v, v, square, b * square / v)
-    push = p.mass * v * v / p.front_cornering_stiffness
+        steady = (kappa, math.atan(-slip * kappa), gradient * kappa)
+        return PathMotion(*(AlongPath(0.0, step, (value,)) for value in steady))
+    kept, answer = _off_an_arc(step, v, slip, p)
+    (keep, gain), (loss, rest) = kept
+    of_heading, of_turn = answer
     ratio = p.rear_cornering_stiffness / p.front_cornering_stiffness
-    rate = heading = turn = 0.0
-    places = []
-    for k in range(1, count):
-        following = found[k]
-        following += longer * following * following * following
-        change = (following - kappa) / step
-        # What the motion is off the one that suits the rate of curvature from here on.
-        heading += lag * (rate - change)
-        turn -= steady * (rate - change)
-        heading, turn = keep * heading + gain * turn, loss * heading + rest * turn
-        kappa, rate = following, change
+    by_heading, by_turn = 1.0 + ratio, p.front_axle_distance - ratio * p.rear_axle_distance
+    heading = turn = 0.0  # what θ̃ and ρ are off those of an arc of the curvature there
+    kappas, headings, angles = [], [], []
+    for k, flat in enumerate(found[1:], 1):
+        following = flat + longer * flat * flat * flat
+        change = following - kappa
+        heading, turn = (
+            keep * heading + gain * turn + of_heading * change,
+            loss * heading + rest * turn + of_turn * change,
+        )
+        kappa = following
         if k >= fading:
-            theta = heading - steady * kappa + lag * rate
-            rho = turn + kappa - steady * rate
-            steering = push * kappa - ratio * (theta + b * rho) - theta + a * rho
-            places.append((kappa, math.atan(theta), steering))
-    return PathMotion(start + fading * step, step, places)
+            kappas.append(kappa)
+            headings.append(math.atan(heading - slip * kappa))
+            angles.append(gradient * kappa - by_heading * heading + by_turn * turn)
+    start = first * step
+    return PathMotion(
+        AlongPath(start, step, kappas),
+        AlongPath(start, step, headings),
+        AlongPath(start, step, angles),
+    )
 
 
-def _fading(
-    span: float, v: float, square: float, damping: float
-) -> tuple[float, float, float, float]:
+Pair = tuple[float, float]
+
+
+def _off_an_arc(
+    step: float, v: float, slip: float, p: VehicleParameters
+) -> tuple[tuple[Pair, Pair], Pair]:
+    """How θ̃ and ρ, less those of an arc, change over a `step` (m) of a path, by eqs. (1), (2).
+
+    What they were off before fades by the matrix, and a curvature that changes evenly by 1 adds
+    the vector: while it changes by κ' they are off by (b l - v²/ω²) κ' and -l κ' in the end, and
+    what is short of that fades like any other motion. `slip` is l.
+    """
+    square = p.wheelbase * p.rear_cornering_stiffness / p.yaw_inertia
+    b = p.rear_axle_distance
+    (keep, gain), (loss, rest) = fading = _fading(step / v, v, square, b * square / v)
+    heading, turn = (b * slip - v * v / square) / step, -slip / step
+    answer = (
+        heading - keep * heading - gain * turn,
+        turn - loss * heading - rest * turn,
+    )
+    return fading, answer
+
+
+def _fading(span: float, v: float, square: float, damping: float) -> tuple[Pair, Pair]:
     """Rows of the matrix by which a deviation (θ̃, ρ) fades in `span` (s): e^(At) of eqs. (1), (2).
 
     A = [[0, v], [-square/v, -damping]], whose eigenvalues are -damping/2 ± their `spread`.
@@ -157,4 +174,4 @@ def _fading(
         fade = math.exp(middle * span)
         even = fade * math.cos(root * span)
         odd = fade * (math.sin(root * span) / root if root > 0.0 else span)
-    return even - middle * odd, v * odd, -square / v * odd, even + middle * odd
+    return (even - middle * odd, v * odd), (-square / v * odd, even + middle * odd)

@@ -139,14 +139,14 @@ class SlipCompensated:
         reach = -lag - apart, delay + apart
         way = errors.curvatures_driven if slip > 0.0 else errors.curvatures_ahead
         motion = path_motion(way, reach, speed, car)
-        heading = motion.mean(0.0, apart).heading
-        curvature = motion.mean(-lag, apart).curvature
+        heading = motion.heading.mean(0.0, apart)
+        curvature = motion.curvature.mean(-lag, apart)
         feedback = (
             -gains.lateral * errors.lateral
             - gains.heading * (errors.heading - heading)
             - gains.yaw_rate * (errors.yaw_rate + speed * (errors.curvature - curvature))
         )
-        return limited(motion.mean(delay, apart).steering, feedback, car.steering_limit)
+        return limited(motion.steering.mean(delay, apart), feedback, car.steering_limit)
 
 
 class Stanley:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, floor, inf, sin, sqrt
+from math import atan2, ceil, cos, floor, inf, sin, sqrt
 
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_point import Foot, PathPoint
@@ -120,15 +120,17 @@ class Piece:
         return self.curvature + self.rate * min(max(station, 0.0), self.length)
 
     def project(self, east: float, north: float) -> Foot:
-        """Nearest point of the extended piece (projection and e_lat of Section III-B).
-
-        On a clothoid by Newton's method, each step to the nearest point of the circle that hugs it.
-        """
+        """Nearest point of the extended piece (projection and e_lat of Section III-B)."""
         foot = self.near(east, north)
-        if self.rate == 0.0:
-            return foot
+        return foot if self.rate == 0.0 else self.settled(foot, east, north)
+
+    def settled(self, near: Foot, east: float, north: float) -> Foot:
+        """Nearest point of a clothoid (Section III-B), that of its mean arc being known.
+
+        By Newton's method, each step to the nearest point of the circle that hugs it.
+        """
         # The arc from the start that turns by as much as the clothoid does up to about there.
-        bend = self.curvature + 0.5 * self.rate * min(max(foot.station, 0.0), self.length)
+        bend = self.curvature + 0.5 * self.rate * min(max(near.station, 0.0), self.length)
         station = near_arc((self.east, self.north, self.yaw), bend, east, north).station
         for _ in range(MOST_STEPS):
             point = self.at(station)
@@ -200,7 +202,13 @@ class ArcSpline:
             if piece.rate == 0.0:
                 found += [piece.curvature] * max(end - k, 0)
             else:
-                found += [piece.curvature_at(offset + j * step) for j in range(k, end)]
+                # Constant before the piece, even within it, and constant after it.
+                begin = min(max(ceil(-offset / step), k), max(end, k))
+                after = min(max(floor((piece.length - offset) / step) + 1, begin), max(end, k))
+                found += [piece.curvature] * (begin - k)
+                bend, rise = piece.curvature + piece.rate * offset, piece.rate * step
+                found += [bend + rise * j for j in range(begin, after)]
+                found += [piece.curvature + piece.rate * piece.length] * (end - after)
             offset -= piece.length
         return found
 
@@ -222,5 +230,5 @@ class ArcSpline:
             start += piece.length
         _, index, start, foot = min(candidates)
         if self.pieces[index].rate != 0.0:
-            foot = self.pieces[index].project(east, north)
+            foot = self.pieces[index].settled(foot, east, north)
         return Foot(start + foot.station, foot.lateral, foot.yaw, foot.curvature)

@@ -9,7 +9,7 @@ from one shape to another while samples come and go, where a choice would make t
 """
 
 from dataclasses import dataclass
-from math import exp, hypot, inf, sqrt
+from math import exp, hypot, inf, log, sqrt
 from typing import Literal
 
 import numpy as np
@@ -32,7 +32,7 @@ from vehicles.preview.fit_arc import (
     summed,
 )
 from vehicles.preview.fit_clothoid import best_clothoid
-from vehicles.preview.fit_joined import best_joined
+from vehicles.preview.fit_joined import Search, best_joined
 from vehicles.preview.laying import between, laid
 
 Floats = NDArray[np.float64]
@@ -63,9 +63,9 @@ class FitSettings:
     squared residuals by `evidence` times the noise squared, a clothoid by `rate_evidence`, a join
     of line and arc by `join_evidence`, one of two arcs by another `arcs_evidence`. By what it is
     short of, divided by twice the `temperature`, a curve loses weight exponentially; one with less
-    than `ignored` times the weight of the best counts nothing. Up to `joins` places are tried for a
-    join, each piece being at least `piece_min` long and `piece_ratio` of the whole; the best is
-    refined in up to `passes`. `span_min` is the least travel that has a direction.
+    than `ignored` times the weight of the best counts nothing. A join is sought at some of
+    `joins` places, each piece being at least `piece_min` long and `piece_ratio` of the whole; the
+    best is refined in up to `passes`. `span_min` is the least travel that has a direction.
 
     `trajectory` says who fits; the paper's own rules know preview time, tolerance and `span_min`.
     """
@@ -83,7 +83,7 @@ class FitSettings:
     arcs_evidence: float = 8.0
     temperature: float = 2.5
     ignored: float = 0.15
-    joins: int = 5
+    joins: int = 7
     piece_min: float = 2.0
     piece_ratio: float = 0.15
     passes: int = 6
@@ -99,6 +99,14 @@ class FitSettings:
         if joins:
             return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
         return (0.0, self.evidence, self.rate_evidence)[freedom - 2]
+
+    @property
+    def reach(self) -> float:
+        """By how much, in noise squared, a curve may score worse than the best and still count.
+
+        Where its Akaike weight (beyond the paper) is `ignored` times that of the best.
+        """
+        return 2.0 * self.temperature * log(1.0 / self.ignored)
 
     def ahead(self, speed: float) -> float:
         """Preview distance L_preview (m) at `speed` (m/s), Section III-A, with a floor."""
@@ -155,15 +163,23 @@ def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
     if found is None:
         return None
     graphs, joined, noise = found
-    scores = [graph.distance + settings.price(graph.freedom) * noise for graph in graphs]
+    scores = _scores(graphs, noise, settings)
     if joined is not None:
         scores.append(joined.misfit + settings.price(joined.freedom, 1) * noise)
-    least, fade = min(scores), -0.5 / (settings.temperature * noise)
-    weights = [max(exp(fade * (score - least)) - settings.ignored, 0.0) for score in scores]
-    smooth = as_curve(mean(graphs, weights[: len(graphs)])) if any(weights[: len(graphs)]) else None
-    if joined is None or weights[-1] == 0.0:
+    least, fade, ignored = min(scores), -0.5 / (settings.temperature * noise), settings.ignored
+    weights = [max(exp(fade * (score - least)) - ignored, 0.0) for score in scores]
+    share = 0.0 if joined is None else weights.pop()
+    of_smooth = sum(weights)
+    smooth = as_curve(mean(graphs, weights)) if of_smooth > 0.0 else None
+    if joined is None or share == 0.0:
         return smooth
-    return joined if smooth is None else between(smooth, joined, weights[-1] / sum(weights), data)
+    return joined if smooth is None else between(smooth, joined, share / (share + of_smooth), data)
+
+
+def _scores(graphs: list[Graph], noise: float, settings: FitSettings) -> list[float]:
+    """What line, arc and clothoid leave and cost (m²), the least being the best explanation."""
+    prices = 0.0, settings.evidence, settings.rate_evidence
+    return [graph.distance + price * noise for graph, price in zip(graphs, prices, strict=False)]
 
 
 def _tried(
@@ -194,7 +210,8 @@ def _tried(
             or variance > unlike
             or drift(*clothoid, data) > STRAYING * sqrt(noise * count)
         ):
-            joined = _joined(data, through, settings, noise)
+            least = min(_scores(graphs, noise, settings))
+            joined = _joined(data, through, settings, noise, least)
         if joined is not None:
             variance = min(variance, _variance(joined.misfit, joined.freedom, count, settings))
         noise = _noise(variance, settings)
@@ -227,8 +244,13 @@ def _noise(variance: float, settings: FitSettings) -> float:
     return min(max(variance, settings.noise_floor**2), settings.position_noise**2)
 
 
-def _joined(data: FitData, line: Centred, settings: FitSettings, noise: float) -> LocalCurve | None:
-    """Try joins at samples, at least three samples away from both ends; one arc or two."""
+def _joined(
+    data: FitData, line: Centred, settings: FitSettings, noise: float, least: float
+) -> LocalCurve | None:
+    """Try joins at samples, at least three samples away from both ends; one arc or two.
+
+    None if it would have no weight beside the curve whose score is `least` (m²).
+    """
     first, last = data.station.item(0), data.station.item(-1)
     margin = max(settings.piece_min, settings.piece_ratio * (last - first))
     first, last = first + margin, last - margin
@@ -239,11 +261,9 @@ def _joined(data: FitData, line: Centred, settings: FitSettings, noise: float) -
     count = min(settings.joins, high - low)
     places = [low + k * (high - 1 - low) // (count - 1) for k in range(count)]
     return best_joined(
-        data,
-        line,
+        Search(data, line, (settings.noise_floor**2, noise), settings.arcs_evidence),
         places=places,
         within=(first, last),
-        evidence=settings.arcs_evidence,
-        noise=(settings.noise_floor**2, noise),
+        counting=least + (settings.reach - settings.join_evidence) * noise,
         passes=settings.passes,
     )

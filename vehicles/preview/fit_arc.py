@@ -21,8 +21,8 @@ linear-algebra library.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import atan, cos, sin, sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,15 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 SQUARE, X, Y, ONE = range(4)
 """Places of x² + y², x, y and 1 in `FitData`."""
+PAIRS = np.triu_indices(4)
+"""Rows of `FitData` whose products are different: every one with itself and those after it."""
 Factors = tuple[float, float, float, float]
 DETERMINED = 1e-9
 """Relative spread below which the samples do not determine an unknown."""
 
 
-class LocalCurve(NamedTuple):
+@dataclass(slots=True)
+class LocalCurve:
     """A curve of one or two pieces (arc spline of Section III-A) in the local frame.
 
     It passes P = (x, y) (m), where two pieces join, with tangent `angle` (rad). There its curvature
@@ -54,7 +57,8 @@ class LocalCurve(NamedTuple):
     rate: float = 0.0
 
 
-class FitData(NamedTuple):
+@dataclass(slots=True)
+class FitData:
     """Samples of both sources (Section III-A) in the local frame, in order of travel.
 
     `rows` are x² + y², x, y and 1 with x along the travel, y left (m), `weighted` the same times
@@ -68,7 +72,8 @@ class FitData(NamedTuple):
     total: list[list[float]]
 
 
-class Centred(NamedTuple):
+@dataclass(slots=True)
+class Centred:
     """Linear regression about the weighted mean: weight, means (m), xx (m²), slope, misfit (m²)."""
 
     weight: float
@@ -79,7 +84,8 @@ class Centred(NamedTuple):
     misfit: float
 
 
-class Graph(NamedTuple):
+@dataclass(slots=True)
+class Graph:
     """Curve y = offset + slope x + half (x² + y²) + rate t, its misfit in y (m²) and freedom.
 
     Circle of Section III-A.1 in the local frame. With t from `fit_clothoid` its curvature changes;
@@ -107,20 +113,20 @@ class Graph(NamedTuple):
 def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
     """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to."""
     rows = np.empty((4, len(x)))
-    rows[X], rows[Y], rows[ONE] = x, y, 1.0
-    np.multiply(x, x, out=rows[SQUARE])
-    rows[SQUARE] += y * y
+    rows[SQUARE], rows[X], rows[Y], rows[ONE] = x * x + y * y, x, y, 1.0
     weighted = rows * weight
     total = np.einsum("ik,jk->ij", weighted, rows).tolist()
     return FitData(rows, weighted, station, weight, total)
 
 
 def cumulated(data: FitData) -> Floats:
-    """Sums as in `total` over the first k + 1 samples, for every k, shape (4, 4, n).
+    """Sums as in `total` over the first k + 1 samples, for every k, shape (10, n).
 
-    What J of eq. (5) expands to for the samples before a join.
+    What J of eq. (5) expands to for the samples before a join. `PAIRS` says which row is what: a
+    product does not depend on the order of its factors.
     """
-    return np.add.accumulate(data.weighted[:, None, :] * data.rows, 2)
+    one, other = PAIRS
+    return np.add.accumulate(data.weighted.take(one, 0) * data.rows.take(other, 0), 1)
 
 
 def seen_from(x: float, y: float, angle: float) -> tuple[Factors, Factors, Factors]:
@@ -143,14 +149,14 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
     """
     ahead, left, square = seen_from(curve.x, curve.y, curve.angle)
     half, other = 0.5 * curve.after, 0.5 * curve.before
-    away = [own - half * all_round for own, all_round in zip(left, square, strict=True)]
-    found: Floats
     if half == other and curve.rate == 0.0:
-        found = np.einsum("i,ik->k", away, data.rows)
-        return found
-    found, rho, xi = np.einsum("ai,ik->ak", (away, square, ahead), data.rows)
+        away = [own - half * all_round for own, all_round in zip(left, square, strict=True)]
+        straight: Floats = np.einsum("i,ik->k", away, data.rows)
+        return straight
+    xi, eta, rho = np.einsum("ai,ik->ak", (ahead, left, square), data.rows)
+    found: Floats = eta - half * rho
     if half != other:
-        np.add(found, (half - other) * rho, out=found, where=xi <= 0.0)
+        found += (half - other) * rho * (xi <= 0.0)
     if curve.rate != 0.0:
         found -= curve.rate * cubic(xi, np.abs(rho, out=rho), 0.5 * (half + other))
     return found
@@ -211,6 +217,13 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
     return found if found.square > 0.0 else None
 
 
+def largest(values: Floats) -> float:
+    """Largest of the sizes of some values, as of the distances in eq. (5)."""
+    sizes = np.abs(values)
+    found: float = sizes.item(sizes.argmax())
+    return found
+
+
 def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
     """How far the distances from a graph add up (m, weighted), at most, along the samples.
 
@@ -218,10 +231,10 @@ def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
     `column` is that of the rate, weighted, if there is one.
     """
     equation = (-graph.half, -graph.slope, 1.0, -graph.offset)
-    away = np.einsum("i,ik->k", equation, data.weighted)
+    away: Floats = np.einsum("i,ik->k", equation, data.weighted)
     if column is not None:
         away -= graph.rate * column
-    return float(np.maximum.reduce(np.abs(np.add.accumulate(away))))
+    return largest(np.add.accumulate(away))
 
 
 def mean(graphs: Sequence[Graph], weights: Sequence[float]) -> Graph:
@@ -241,19 +254,18 @@ def mean(graphs: Sequence[Graph], weights: Sequence[float]) -> Graph:
 
 def as_curve(graph: Graph) -> LocalCurve:
     """Give the graph as a curve from the foot of the local origin (elementary algebra)."""
-    offset, slope, half, rate, misfit, freedom = graph
     square = graph.square
     gradient = sqrt(square)
-    kappa, algebraic = 2.0 * half / gradient, -offset / gradient
+    kappa, algebraic = 2.0 * graph.half / gradient, -graph.offset / gradient
     away = 2.0 * algebraic / (1.0 + sqrt(max(1.0 - 2.0 * kappa * algebraic, 0.0)))
-    angle = atan(slope)
+    angle = atan(graph.slope)
     return LocalCurve(
         away * sin(angle),
         -away * cos(angle),
         angle,
         kappa,
         kappa,
-        misfit / square,
-        freedom,
-        rate / gradient,
+        graph.misfit / square,
+        graph.freedom,
+        graph.rate / gradient,
     )

@@ -2,19 +2,22 @@
 
 Given the join P on the curve, all three are linear in offset, slope and curvatures: the equation of
 the arc (see `fit_arc`) with a curvature on either side. So only the place of the join is sought: at
-some of the samples, and from the best of them by parabolas through what the joins explain. All is
-plain arithmetic on the sums of products up to a join.
+some of the samples, uphill from those in the middle, and from the best of them by parabolas through
+what the joins explain. All is plain arithmetic on the sums of products up to a join.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import atan, hypot, sqrt
-from typing import NamedTuple
 
 from vehicles.preview.fit_arc import DETERMINED, Centred, FitData, LocalCurve, X, Y, cumulated
 
-SETTLED = 0.5
-"""A join has settled where it explains what the parabola foretold, to within this share of the
-noise squared: off by its standard error it explains less by one."""
+LITTLE = 0.05
+"""A join is not moved again unless that is foretold to explain so much of the noise squared more:
+off by its standard error it explains less by one."""
+SURPRISE = 2.0
+"""By so much of the noise squared a join may come to explain more than the parabola foretold. One
+that would still not count then is left alone."""
 TINY = 1e-30
 """Keeps an undetermined curvature from being zero by zero."""
 AFTER, BEFORE, BOTH = range(3)
@@ -23,7 +26,8 @@ AFTER, BEFORE, BOTH = range(3)
 Column = tuple[float, float, float, float]
 
 
-class Joined(NamedTuple):
+@dataclass(slots=True)
+class Joined:
     """Two pieces with a join between, each linear least squares for the join (Section III-A).
 
     At the `station` and the place (x, y) (m). For `AFTER`, `BEFORE` and `BOTH`: by how much they
@@ -43,10 +47,58 @@ class Joined(NamedTuple):
 class Search:
     """Looks for the best join; a change of curvature of Section III-A, anywhere in the samples."""
 
-    def __init__(self, data: FitData, line: Centred) -> None:
-        """`line` is the line of least squares through the samples."""
+    def __init__(
+        self, data: FitData, line: Centred, noise: tuple[float, float], evidence: float
+    ) -> None:
+        """`line` is the line of least squares through the samples.
+
+        Two arcs have to lower the sum of squared residuals by `evidence` times the noise squared
+        more than one; that is what they leave, held within `noise` (m²).
+        """
+        self._least, self.noise = noise
+        self._most, self._evidence = self.noise, evidence
         self._data, self._line, self._sums = data, line, cumulated(data)
+        self._total = self._sums[:, -1].tolist()
         self._norms = 1.0 / sqrt(line.weight), 1.0 / sqrt(line.xx)
+
+    def climb(self, places: Sequence[int]) -> tuple[list[Joined], Joined, int]:
+        """Best join of Section III-A at samples, up to three around it in order, and its side.
+
+        Tried are the samples `places` from the middle on to where the join explains most.
+        """
+        begin, end = max(len(places) // 2 - 1, 0), len(places) // 2 + 2
+        tried = [self.at_sample(place) for place in places[begin:end]]
+        while True:
+            gains = list(zip(*[one.gains for one in tried], strict=True))
+            most = [max(of_side) for of_side in gains]
+            side = self.side(most)
+            place = gains[side].index(most[side])
+            if place == 0 and begin > 0:
+                begin -= 1
+                tried.insert(0, self.at_sample(places[begin]))
+            elif place == len(tried) - 1 and end < len(places):
+                tried.append(self.at_sample(places[end]))
+                end += 1
+            else:
+                break
+        first = min(max(place - 1, 0), max(len(tried) - 3, 0))
+        return tried[first : first + 3], tried[place], side
+
+    def side(self, gains: Sequence[float]) -> int:
+        """Side of the join that is best taken for an arc, by what each explains (Section III-A)."""
+        line = self._line
+        left = (line.misfit - gains[BOTH]) / max(line.weight - 5.0, 1.0)
+        self.noise = min(max(left, self._least), self._most)
+        side = AFTER if gains[AFTER] >= gains[BEFORE] else BEFORE
+        return BOTH if gains[BOTH] - self._evidence * self.noise > gains[side] else side
+
+    def left(self, gain: float, side: int) -> float:
+        """Misfit (m², J of eq. (5)) at least left by a join that is foretold to explain `gain`.
+
+        Two arcs are charged what they cost more than one.
+        """
+        dearer = self._evidence * self.noise if side == BOTH else 0.0
+        return self._line.misfit - gain + dearer - SURPRISE * self._most
 
     def at_sample(self, index: int) -> Joined:
         """Fit two pieces that join at a sample: linear least squares as in Section III-A.1."""
@@ -71,8 +123,8 @@ class Search:
 
     def _at(self, split: int, station: float, x: float, y: float) -> Joined:
         """Fit two pieces that join beside (x, y), the first `split` samples before that."""
-        one, along, cross, square = self._column(self._sums[:, :, split - 1].tolist(), x, y)
-        all_one, all_along, all_cross, all_square = self._column(self._data.total, x, y)
+        one, along, cross, square = self._column(self._sums[:, split - 1].tolist(), x, y)
+        all_one, all_along, all_cross, all_square = self._column(self._total, x, y)
         later_one, later_along = all_one - one, all_along - along
         later_cross = all_cross - cross
         spread = _spread(square, one, along)
@@ -93,15 +145,15 @@ class Search:
             (along, later_along),
         )
 
-    def _column(self, sums: list[list[float]], x: float, y: float) -> Column:
+    def _column(self, sums: list[float], x: float, y: float) -> Column:
         """Sums of products of |q − P|² with 1 and x, normed, with the residual, with itself."""
         line, (norm_one, norm_x) = self._line, self._norms
-        by_square, by_x, by_y, by_one = sums
+        ss, sx, sy, s1, xx, xy, x1, yy, y1, weight = sums  # s is x² + y²
         a, b, c = -2.0 * x, -2.0 * y, x * x + y * y
-        of_square = by_square[0] + a * by_x[0] + b * by_y[0] + c * by_one[0]
-        of_x = by_square[1] + a * by_x[1] + b * by_y[1] + c * by_one[1]
-        of_y = by_square[2] + a * by_x[2] + b * by_y[2] + c * by_one[2]
-        of_one = by_square[3] + a * by_x[3] + b * by_y[3] + c * by_one[3]
+        of_square = ss + a * sx + b * sy + c * s1
+        of_x = sx + a * xx + b * xy + c * x1
+        of_y = sy + a * xy + b * yy + c * y1
+        of_one = s1 + a * x1 + b * y1 + c * weight
         of_x_about = of_x - line.mean_x * of_one
         return (
             of_one * norm_one,
@@ -141,59 +193,45 @@ def _spread(square: float, one: float, along: float) -> float:
 
 
 def best_joined(
-    data: FitData,
-    line: Centred,
+    search: Search,
     *,
     places: Sequence[int],
     within: tuple[float, float],
-    evidence: float,
-    noise: tuple[float, float],
+    counting: float,
     passes: int,
-) -> LocalCurve:
+) -> LocalCurve | None:
     """Best line→arc or arc→line with its join at one of the samples `places`, or best two arcs.
 
-    Two arcs have to lower the sum of squared residuals by `evidence` times the noise squared more;
-    that is what they leave, held within `noise` (m²). The join then moves in up to `passes` to
-    where a parabola through what the best three explain is highest, but stays between the stations
-    `within`. Section III-A splits off the longest straight prefix instead.
+    The join then moves in up to `passes` to where a parabola through what the best three explain is
+    highest, but stays between the stations `within`. None where that is not foretold to leave as
+    little as `counting` (m²), which is what one arc may leave and still count. Section III-A splits
+    off the longest straight prefix instead.
     """
-    search = Search(data, line)
-    tried = [search.at_sample(place) for place in places]
-    most = [max(one.gains[side] for one in tried) for side in (AFTER, BEFORE, BOTH)]
-    spare, (least, largest) = max(line.weight - 5.0, 1.0), noise
-    square = min(max((line.misfit - most[BOTH]) / spare, least), largest)
-    side = _side(most, evidence * square)
-    place = [one.gains[side] for one in tried].index(most[side])
-    best, first = tried[place], min(max(place - 1, 0), max(len(tried) - 3, 0))
-    three = tried[first : first + 3]
+    three, best, side = search.climb(places)
+    top = _top(three, side, within)
+    foretold = best.gains[side] if top is None else max(best.gains[side], top[1])
+    if search.left(foretold, side) > counting:
+        return None
     for _ in range(passes):
-        top = _top(three, side, within)
         if top is None:
             break
         moved = search.at(top[0])
         if moved.gains[side] > best.gains[side]:
             best = moved
-        square = min((line.misfit - best.gains[side]) / spare, largest)
-        settled = abs(moved.gains[side] - top[1]) < SETTLED * square
         if side == BOTH:
-            side = _side(best.gains, evidence * max(square, least))
-            settled = settled and side == BOTH
-        if settled:
+            side = search.side(best.gains)
+        three = _nearest(best.station, three, moved)
+        top = _top(three, side, within)
+        if top is not None and top[1] - best.gains[side] < LITTLE * search.noise:
             break
-        three = _nearest(best.station, [*three, moved])
     return search.curve(best, side)
 
 
-def _side(gains: Sequence[float], dearer: float) -> int:
-    """Side of the join that is best taken for an arc; both have to explain `dearer` (m²) more."""
-    side = AFTER if gains[AFTER] >= gains[BEFORE] else BEFORE
-    return BOTH if gains[BOTH] - dearer > gains[side] else side
-
-
-def _nearest(station: float, tried: list[Joined]) -> list[Joined]:
+def _nearest(station: float, three: list[Joined], moved: Joined) -> list[Joined]:
     """Leave out the join furthest from `station` (m); the others in order of travel."""
-    furthest = max(tried, key=lambda one: abs(one.station - station))
-    return sorted(one for one in tried if one is not furthest)
+    four = sorted((*three, moved), key=lambda one: one.station)
+    first_is_nearer = station - four[0].station < four[3].station - station
+    return four[:3] if first_is_nearer else four[1:]
 
 
 def _top(three: list[Joined], side: int, within: tuple[float, float]) -> tuple[float, float] | None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
+from vehicles.preview.fit_arc import largest
 from vehicles.preview.outliers import without_jumps
 from vehicles.preview.paper_recipe import recipe_curve
 from vehicles.preview.trace import Window
@@ -83,16 +84,15 @@ def fit_composite(
     curve = None if merged is None else _curve(merged, settings)
     if merged is None or curve is None:
         return None
-    largest = float(np.maximum.reduce(np.abs(curve.offsets)))
-    outliers = 0
-    if largest > settings.tolerance and settings.trajectory == "fitted":
+    most, outliers = largest(curve.offsets), 0
+    if most > settings.tolerance and settings.trajectory == "fitted":
         keep = without_jumps(*merged[:3], curve.offsets, settings.tolerance)
         kept = None if keep is None else merged.where(keep)
         again = None if kept is None else _curve(kept, settings)
         if kept is not None and again is not None:
             outliers = len(merged.station) - len(kept.station)
             merged, curve = kept, again
-            largest = float(np.maximum.reduce(np.abs(curve.offsets)))
+            most = largest(curve.offsets)
     return Fit(
         curve.spline,
         merged.east,
@@ -100,7 +100,7 @@ def fit_composite(
         merged.station,
         merged.source,
         curve.rms,
-        largest,
+        most,
         outliers,
     )
 

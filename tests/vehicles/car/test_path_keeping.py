@@ -38,10 +38,10 @@ def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_on_an_arc_it_is_steady_cornering(car: VehicleParameters, speed: float) -> None:
     slip, steering = steady(car, speed)
-    here = path_motion(sampled(lambda _: -0.002), (0.0, 5.0), speed, car).at(0.0)
-    assert here.curvature == pytest.approx(-0.002, rel=1e-5)
-    assert here.heading == pytest.approx(0.002 * slip, rel=1e-5)
-    assert here.steering == pytest.approx(-0.002 * steering, rel=1e-5)
+    motion = path_motion(sampled(lambda _: -0.002), (0.0, 5.0), speed, car)
+    assert motion.curvature.at(0.0) == pytest.approx(-0.002, rel=1e-5)
+    assert motion.heading.at(0.0) == pytest.approx(0.002 * slip, rel=1e-5)
+    assert motion.steering.at(0.0) == pytest.approx(-0.002 * steering, rel=1e-5)
 
 
 @pytest.mark.parametrize("speed", [1.5, 4.0, 6.0])
@@ -50,16 +50,16 @@ def test_steering_so_the_simulated_car_drives_a_tight_arc_at_large_slip(
     speed: float, radius: float
 ) -> None:
     """Radius, slip and yaw rate are those of the car at rest in its states, angles not small."""
-    here = path_motion(sampled(lambda _: 1.0 / radius), (0.0, 5.0), speed, CAR).at(0.0)
+    motion = path_motion(sampled(lambda _: 1.0 / radius), (0.0, 5.0), speed, CAR)
     body = Body(0.0, 0.0, 0.0, speed)
     for _ in range(300):
-        body = advance(body, Actuation(here.steering, 0.0), 0.02, CAR)
+        body = advance(body, Actuation(motion.steering.at(0.0), 0.0), 0.02, CAR)
     along = math.hypot(body.speed, body.lateral_speed)
     assert along / body.yaw_rate == pytest.approx(radius, rel=2e-3)
     slip = math.atan2(body.lateral_speed, body.speed)
     assert abs(slip) > 0.1
-    assert here.heading == pytest.approx(-slip, rel=5e-3)
-    assert here.curvature * body.speed == pytest.approx(body.yaw_rate, rel=2e-3)
+    assert motion.heading.at(0.0) == pytest.approx(-slip, rel=5e-3)
+    assert motion.curvature.at(0.0) * body.speed == pytest.approx(body.yaw_rate, rel=2e-3)
 
 
 @pytest.mark.parametrize("car", [CAR, FULL])
@@ -71,13 +71,15 @@ def test_on_a_clothoid_it_lags_and_leads_by_the_terms_of_first_order(
     rate, length = 2e-4, car.wheelbase
     slip, steering = steady(car, speed)
     motion = path_motion(sampled(lambda distance: rate * distance), (0.0, 40.0), speed, car)
-    there = motion.at(35.0)  # what was assumed of the path before it was seen has faded
+    there = 35.0  # what was assumed of the path before it was seen has faded
     front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
     moment = car.yaw_inertia * speed**2 / length
     lag = moment / rear - car.rear_axle_distance * slip
-    assert there.heading == pytest.approx(-rate * (35.0 * slip + lag), abs=1e-3 * rate)
+    assert motion.heading.at(there) == pytest.approx(-rate * (there * slip + lag), abs=1e-3 * rate)
     kick = moment * (1.0 / front + 1.0 / rear) - slip * length
-    assert there.steering == pytest.approx(rate * (35.0 * steering + kick), abs=1e-2 * rate)
+    assert motion.steering.at(there) == pytest.approx(
+        rate * (there * steering + kick), abs=1e-2 * rate
+    )
 
 
 def test_at_walking_pace_the_body_turns_in_over_the_rear_axle_s_distance() -> None:
@@ -87,7 +89,7 @@ def test_at_walking_pace_the_body_turns_in_over_the_rear_axle_s_distance() -> No
     )
     for distance in (1.0, 2.0, 4.0):
         turned_in = -0.1 * b * (1.0 - math.exp(-distance / b))
-        assert motion.at(distance).heading == pytest.approx(turned_in, rel=0.15)
+        assert motion.heading.at(distance) == pytest.approx(turned_in, rel=0.15)
 
 
 def bends(distance: float) -> float:
@@ -124,15 +126,15 @@ def test_the_simulated_car_keeps_to_the_road_by_steering_so_without_feedback(
     body, span, path = Body(0.0, 0.0, 0.0, speed), 0.005, road()
     off_road, off_slip, off_steady = [], [], []
     while body.distance < 150.0:
-        told = path_motion(seen_from(body.distance), (0.0, 2.0), speed, quick).at(0.0)
+        told = path_motion(seen_from(body.distance), (0.0, 2.0), speed, quick)
         off_road.append(abs(path.project(body.east, body.north).lateral))
         slip = body.lateral_speed / speed
-        off_slip.append(abs(slip + told.heading))
-        off_steady.append(abs(slip - steady(car, speed)[0] * told.curvature))
+        off_slip.append(abs(slip + told.heading.at(0.0)))
+        off_steady.append(abs(slip - steady(car, speed)[0] * told.curvature.at(0.0)))
         halfway = path_motion(
             seen_from(body.distance + 0.5 * span * speed), (0.0, 2.0), speed, quick
         )
-        body = advance(body, Actuation(halfway.at(0.0).steering, 0.0), span, quick)
+        body = advance(body, Actuation(halfway.steering.at(0.0), 0.0), span, quick)
     assert max(off_slip) < 0.15 * max(off_steady)
     assert max(off_road) < 0.03
 
@@ -146,11 +148,9 @@ def seen_from(place: float) -> Curvatures:
 def test_it_is_finite_and_mirrored_for_the_other_turn(
     speed: float, curvature: float, at: float
 ) -> None:
-    one = path_motion(sampled(lambda s: curvature * (s > at)), (-1.0, 6.0), speed, CAR).mean(
-        1.0, 2.0
-    )
-    other = path_motion(sampled(lambda s: -curvature * (s > at)), (-1.0, 6.0), speed, CAR).mean(
-        1.0, 2.0
-    )
-    assert all(map(math.isfinite, one))
-    assert tuple(one) == pytest.approx(tuple(-value for value in other))
+    def means(bend: float) -> list[float]:
+        told = path_motion(sampled(lambda s: bend * (s > at)), (-1.0, 6.0), speed, CAR)
+        return [along.mean(1.0, 2.0) for along in told]
+
+    assert all(map(math.isfinite, means(curvature)))
+    assert means(curvature) == pytest.approx([-value for value in means(-curvature)])
