@@ -36,7 +36,7 @@ def test_exact_clothoids_are_recovered(bend: float, rate: float, side: float, ya
     path = ArcSpline((Piece(400.0, -300.0, yaw, bend, length, side * rate),))
     found = fit(path, np.linspace(0.0, length, 40).tolist(), ego)
     # To first order in the rate: what the clothoid leaves the arc by is itself bent.
-    off = 2e-5 + 0.003 * rate * length**3 / 24.0
+    off = 2e-5 + 0.005 * rate * length**3 / 24.0
     offset, heading, curvature = misses(found, path, ego)
     assert abs(offset) < off
     assert abs(heading) < off
