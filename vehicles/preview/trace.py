@@ -6,7 +6,7 @@ crossing of a figure of eight, an earlier or later lap) is therefore never consi
 """
 
 from bisect import bisect_left, bisect_right
-from math import atan2, ceil, cos, hypot, inf, isfinite, sin
+from math import atan2, ceil, cos, hypot, inf, isfinite, nan, sin
 
 import numpy as np
 
@@ -222,6 +222,13 @@ class Trace:
         beyond_north = self.newest.north - self._line.north[-1]
         beyond = beyond_east * cos(self.newest.yaw) + beyond_north * sin(self.newest.yaw)
         return self._line.station[-1] + beyond - here
+
+    def known(self, east: float, north: float) -> float:
+        """Path (m) known ahead of the ego at (east, north): negative where it ends behind.
+
+        The metres left of the preview of Section III-A; NaN before the first sample.
+        """
+        return self._line.station[-1] - self._locate(east, north) if len(self) else nan
 
     def _locate(self, east: float, north: float) -> float:
         """Move the ego's station to the nearest place within reach of where it was."""

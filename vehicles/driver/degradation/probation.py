@@ -1,0 +1,46 @@
+"""How long a source that came back has to behave before it is relied on again."""
+
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.schedule import SECOND
+
+
+class Probation:
+    """Doubles with each relapse, and halves after each time without one.
+
+    As PX4's estimator EKF2 does with its sensors: the time grows while failing and shrinks while
+    passing (beyond the paper).
+    """
+
+    def __init__(self, settings: DegradationSettings) -> None:
+        self._settings = settings
+        self._relapses = 0
+        self._trusted_at: int | None = None
+        self._began_at = 0
+
+    @property
+    def length(self) -> float:
+        """Time (s) that it takes, beyond the paper: as PX4's EKF2, at most so much."""
+        doubled = min(max(self._relapses - 1, 0), 32)
+        longest = max(self._settings.probation_max, self._settings.probation)
+        return min(self._settings.probation * 2.0**doubled, longest)
+
+    def fail(self, now: int) -> None:
+        """Count that the source was lost at `now` (ns), or is not believed (beyond the paper)."""
+        if self._trusted_at is not None:
+            healthy = (now - self._trusted_at) / SECOND
+            forgiven = int(healthy / self._settings.forgiven_after)
+            self._relapses = max(self._relapses - forgiven, 0)
+            self._trusted_at = None
+        self._relapses += 1
+
+    def begin(self, now: int) -> None:
+        """Begin at `now` (ns), when the source is heard again."""
+        self._began_at = now
+
+    def served(self, now: int) -> float:
+        """Time (s) of it that has passed at `now` (ns)."""
+        return (now - self._began_at) / SECOND
+
+    def end(self, now: int) -> None:
+        """Rely on the source again from `now` (ns) on."""
+        self._trusted_at = now
