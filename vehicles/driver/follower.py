@@ -13,6 +13,7 @@ from vehicles.driver.degradation.baselines import ModesByReach, without_hearing
 from vehicles.driver.degradation.longitudinal import SpeedGuard
 from vehicles.driver.degradation.machine import SLOWING, ModeMachine, Modes
 from vehicles.driver.degradation.pair import SourcePair
+from vehicles.driver.degradation.rejoining import Rejoining
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.sources import Source
 from vehicles.driver.ego.own_state import OwnState, Pose
@@ -80,6 +81,7 @@ class Follower:
             self._modes = ModeMachine(degradation)
         self._along: tuple[tuple[float, Fit], ...] = ()
         self._fitted = False
+        self._rejoining = Rejoining()
         self._mode: Mode = "straight"
         self._refit = Timer(REFIT_AFTER)
         self._gap, self._gap_at = nan, 0
@@ -126,7 +128,7 @@ class Follower:
             fitted=self._fitted,
             has_path=bool(self._along),
         )
-        errors, asked = self._steer(pose)
+        errors, asked = self._steer(now, pose)
         kept = last.steering if last else asked
         asked = without_hearing(self._reaction, self._mode, asked, kept)
         steering = self._limit.held_back(asked)
@@ -159,11 +161,13 @@ class Follower:
             alpha=self._sources.alpha(self._alpha),
             settings=self._settings,
         )
+        if slowing and along and not self._fitted:  # heard again, after driving on without a path
+            self._rejoining.want()
         self._fitted = bool(along)
         self._along = along or self._along
         self._gap, self._gap_at = self._measured_gap(now, pose), now
 
-    def _steer(self, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
+    def _steer(self, now: int, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
         """Errors and command along each trajectory, blended by their shares."""
         if not self._along:
             errors = TrackingErrors(0.0, 0.0, pose.yaw_rate, 0.0)
@@ -171,21 +175,9 @@ class Follower:
         tracked = [(share, track(fit.spline, pose)) for share, fit in self._along]
         if len(tracked) == 1:
             errors = tracked[0][1]
-            return errors, self._controller.steer(errors, pose.speed)
-        commands = [(share, self._controller.steer(e, pose.speed)) for share, e in tracked]
-        return (
-            TrackingErrors(
-                lateral=sum(share * e.lateral for share, e in tracked),
-                heading=sum(share * e.heading for share, e in tracked),
-                yaw_rate=sum(share * e.yaw_rate for share, e in tracked),
-                curvature=sum(share * e.curvature for share, e in tracked),
-            ),
-            SteeringCommand(
-                steering=sum(share * c.steering for share, c in commands),
-                feedforward=sum(share * c.feedforward for share, c in commands),
-                feedback=sum(share * c.feedback for share, c in commands),
-            ),
-        )
+            aimed = self._rejoining.from_there(now, errors, pose.speed)
+            return errors, self._controller.steer(aimed, pose.speed)
+        return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
 
     def _measured_gap(self, now: int, pose: Pose) -> float:
         """Gap (m) from the predecessor's last received place and speed; or NaN."""
@@ -207,3 +199,22 @@ class Follower:
             predecessor_speed=predecessor.speed,
             lead_speed=nan if lead is None else lead.speed,
         )
+
+
+def blended(
+    parts: Sequence[tuple[float, TrackingErrors, SteeringCommand]],
+) -> tuple[TrackingErrors, SteeringCommand]:
+    """Mean errors and command of several trajectories by their shares (not in the paper)."""
+    return (
+        TrackingErrors(
+            lateral=sum(share * e.lateral for share, e, _ in parts),
+            heading=sum(share * e.heading for share, e, _ in parts),
+            yaw_rate=sum(share * e.yaw_rate for share, e, _ in parts),
+            curvature=sum(share * e.curvature for share, e, _ in parts),
+        ),
+        SteeringCommand(
+            steering=sum(share * c.steering for share, _, c in parts),
+            feedforward=sum(share * c.feedforward for share, _, c in parts),
+            feedback=sum(share * c.feedback for share, _, c in parts),
+        ),
+    )

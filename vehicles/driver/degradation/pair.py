@@ -51,8 +51,8 @@ class SourcePair:
         behind, ahead = settings.behind(pose.speed), settings.ahead(pose.speed)
         found: dict[Mode, Window] = {}
         for mode, source in self.used.items():
-            known = source.freshness.known
-            more = max(ahead - max(known, 0.0), 0.0) if slowing and not isnan(known) else 0.0
+            known = 0.0 if isnan(source.known) else source.known
+            more = min(max(ahead - known, 0.0), ahead) if slowing else 0.0
             window = source.window(pose.east, pose.north, behind + more, ahead)
             if window is not None:
                 found[mode] = window
@@ -93,5 +93,5 @@ class SourcePair:
 
 def farthest(sources: Iterable[Source]) -> float:
     """How far the path is known ahead of the car (m) by any of them (beyond the paper), or NaN."""
-    ends = [one.freshness.known for one in sources]
+    ends = [one.known for one in sources]
     return max((end for end in ends if not isnan(end)), default=nan)

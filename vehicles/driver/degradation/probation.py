@@ -34,13 +34,13 @@ class Probation:
         self._relapses += 1
 
     def begin(self, now: int) -> None:
-        """Begin at `now` (ns), when the source is heard again."""
+        """Begin at `now` (ns), when the source is heard again (beyond the paper)."""
         self._began_at = now
 
     def served(self, now: int) -> float:
-        """Time (s) of it that has passed at `now` (ns)."""
+        """Time (s) of it that has passed at `now` (ns), beyond the paper."""
         return (now - self._began_at) / SECOND
 
     def end(self, now: int) -> None:
-        """Rely on the source again from `now` (ns) on."""
+        """Rely on the source again from `now` (ns) on (beyond the paper)."""
         self._trusted_at = now

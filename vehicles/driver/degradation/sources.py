@@ -1,10 +1,11 @@
 """One source of a follower: its trace, how fresh it is, and what is made of it."""
 
+from dataclasses import replace
 from math import isnan, nan
 
 from vehicles.car.gnss import Fix
-from vehicles.driver.degradation.arrivals import RECENT, Arrivals
 from vehicles.driver.degradation.probation import Probation
+from vehicles.driver.degradation.reception import RECENT, Reception
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SourceFreshness
 from vehicles.driver.degradation.trust import InnovationGate
@@ -38,7 +39,7 @@ class Source:
         self.refusal = ""
         self.probation = Probation(settings)
         self._settings = settings
-        self._arrivals = Arrivals(period)
+        self._reception = Reception(period)
         self._gate = InnovationGate(settings) if settings.reaction == "degrade" else None
         self._refused_at: int | None = None
         self._now = SourceFreshness()
@@ -51,6 +52,11 @@ class Source:
         return self._now.status
 
     @property
+    def known(self) -> float:
+        """How far its path is known ahead of the car (m), when last looked at; NaN before."""
+        return self._now.known
+
+    @property
     def relied_on(self) -> bool:
         """Whether it is heard as it should be, and a trajectory was made of it before."""
         return self.usable and self.status in RELIED_ON
@@ -58,7 +64,7 @@ class Source:
     @property
     def freshness(self) -> SourceFreshness:
         """How fresh it was when last looked at (beyond the paper)."""
-        return self._now
+        return replace(self._now)
 
     def hear(self, now: int, fix: Fix, message: GpsPose) -> None:
         """Take a message heard at `now` (ns) to its trace, if it is believed (Section III-A)."""
@@ -69,10 +75,13 @@ class Source:
             if not verdict.believed:
                 self._refused_at = now
                 return
-        self.trace.add(fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed)
+        # Baselines know no holes: what they hear after a silence is one more sample to them.
+        lost = self._gate is not None and self.status in ("lost", "distrusted")
+        place = fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed
+        self.trace.add(*place, after_hole=lost)
         if newest and self.trace.newest_at != fix.measured_at:
             self._refused_at, self.refusal = now, "a jump"
-        elif self._arrivals.add(now, fix.measured_at, message.seq):
+        elif self._reception.add(now, fix.measured_at, message.seq):
             self._heard_anew(now, message)
 
     def _heard_anew(self, now: int, message: GpsPose) -> None:
@@ -82,7 +91,7 @@ class Source:
         if seen.status == "unheard":
             seen.status = "fresh"
         elif seen.status in ("lost", "distrusted"):
-            self._arrivals.forget()
+            self._reception.forget()
             self.probation.begin(now)
             seen.status = "probation"
 
@@ -101,24 +110,23 @@ class Source:
         """Measure how far its path is known ahead of the ego at (east, north), beyond the paper."""
         self._known = self.trace.known(east, north)
 
-    def look(self, now: int, driven: float, span: float) -> SourceFreshness:
+    def look(self, now: int, driven: float, span: float) -> None:
         """Judge it at a control instant `now` (ns), `span` (s) and `driven` (m) after the last.
 
         By silence, not by age, so that a latency alone makes nobody lost (beyond the paper).
         """
-        seen, arrivals, at = self._now, self._arrivals, self.trace.newest_at
+        seen, reception, at = self._now, self._reception, self.trace.newest_at
         self._known -= driven
         seen.known = self._known
         if at is None:
-            return seen
+            return
         seen.age = (now - at) / SECOND
-        seen.silence = arrivals.silence(now)
-        seen.period = arrivals.period
-        seen.share = arrivals.share(now)
+        seen.silence = reception.silence(now)
+        seen.period = reception.period
+        seen.share = reception.share(now)
         self._judge(now)
         if self._settings.reaction == "degrade":
             self._weigh(span)
-        return seen
 
     def _judge(self, now: int) -> None:
         """Lost and distrusted at once, relied on again only after probation."""
@@ -130,12 +138,12 @@ class Source:
             if seen.status not in ("lost", "distrusted"):
                 self.probation.fail(now)
             seen.status = "distrusted" if refused else "lost"
-            self._arrivals.pause_count(now)
+            self._reception.pause_count(now)
             return
         if seen.status == "probation":
             self._serve(now)
         else:
-            self._arrivals.count_share(now)
+            self._reception.count_share(now)
         if seen.status != "probation":
             seen.status = "late" if late else "fresh"
 
@@ -143,11 +151,11 @@ class Source:
         """Let it come back; what it usually delivers may be less by now, so that it always can."""
         served = self.probation.served(now)
         if served * SECOND < RECENT:
-            self._arrivals.pause_count(now)
+            self._reception.pause_count(now)
         else:
-            self._arrivals.count_share(now)
+            self._reception.count_share(now)
         share = self._settings.trusted_share
-        if served >= self.probation.length and self._arrivals.delivers(now, share):
+        if served >= self.probation.length and self._reception.delivers(now, share):
             self.probation.end(now)
             self._now.status = "fresh"
 

@@ -7,7 +7,7 @@ from vehicles.driver.degradation.settings import DegradationSettings
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class TrustVerdict:
     """Whether a pose is believed, why not, and the accuracy (m) to assume (beyond the paper)."""
 
     believed: bool
@@ -22,6 +22,6 @@ class InnovationGate:
         """Take the `settings` of the gate."""
         self._settings = settings
 
-    def judge(self, now: int, fix: Fix) -> Verdict:  # noqa: ARG002
+    def judge(self, now: int, fix: Fix) -> TrustVerdict:  # noqa: ARG002
         """Believe `fix`, heard at `now` (ns); beyond the paper."""
-        return Verdict(believed=True, reason="", deviation=fix.accuracy)
+        return TrustVerdict(believed=True, reason="", deviation=fix.accuracy)

@@ -15,13 +15,13 @@ USUAL_TIME = 10.0
 """Time (s) over which the usual share is a mean, once so much has been seen."""
 
 
-class _Arrival(NamedTuple):
+class _Received(NamedTuple):
     heard_at: int
     measured_at: int
     seq: int
 
 
-class Arrivals:
+class Reception:
     """The messages of one source as they came (beyond the paper, whose messages always come).
 
     The period at which they are expected is what lies between two in the sender's own time, over
@@ -33,7 +33,7 @@ class Arrivals:
         self._least_period = period
         self.period = period
         self.usual_share = nan
-        self._recent: deque[_Arrival] = deque()
+        self._recent: deque[_Received] = deque()
         self._first_at = 0
         self._newest_at: int | None = None
         self._counted_until = 0
@@ -47,7 +47,7 @@ class Arrivals:
         if any(one.seq == seq for one in self._recent):
             return False
         newest = self._newest_at is None or measured_at > self._recent[-1].measured_at
-        arrival = _Arrival(now, measured_at, seq)
+        arrival = _Received(now, measured_at, seq)
         if not self._recent:
             self._first_at = self._counted_until = now
         if not newest:
@@ -60,7 +60,7 @@ class Arrivals:
         return True
 
     def forget(self) -> None:
-        """Forget when messages came: what comes after a long silence tells nothing of it."""
+        """Forget when messages came; a long silence is no period (beyond the paper)."""
         while len(self._recent) > 1:
             self._recent.popleft()
 
