@@ -13,25 +13,21 @@ class Probation:
 
     def __init__(self, settings: DegradationSettings) -> None:
         self._settings = settings
-        self._relapses = 0
+        self._next = settings.probation
         self._trusted_at: int | None = None
         self._began_at = 0
-
-    @property
-    def length(self) -> float:
-        """Time (s) that it takes, beyond the paper: as PX4's EKF2, at most so much."""
-        doubled = min(max(self._relapses - 1, 0), 32)
-        longest = max(self._settings.probation_max, self._settings.probation)
-        return min(self._settings.probation * 2.0**doubled, longest)
+        self.length = settings.probation
 
     def fail(self, now: int) -> None:
         """Count that the source was lost at `now` (ns), or is not believed (beyond the paper)."""
+        settings = self._settings
         if self._trusted_at is not None:
             healthy = (now - self._trusted_at) / SECOND
-            forgiven = int(healthy / self._settings.forgiven_after)
-            self._relapses = max(self._relapses - forgiven, 0)
+            halvings = min(int(healthy / settings.forgiven_after), 64)
+            self._next = max(self._next * 0.5**halvings, settings.probation)
             self._trusted_at = None
-        self._relapses += 1
+        self.length = self._next
+        self._next = min(2.0 * self.length, max(settings.probation_max, settings.probation))
 
     def begin(self, now: int) -> None:
         """Begin at `now` (ns), when the source is heard again (beyond the paper)."""
