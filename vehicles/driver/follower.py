@@ -1,39 +1,42 @@
 """A follower fuses the poses received from lead and predecessor and steers along the result."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import isnan, nan
+from math import nan
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, from_message
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.beliefs import Beliefs
-from vehicles.driver.degradation.situation import Situation, SourceFreshness
+from vehicles.driver.degradation.baselines import ModesByReach, without_hearing
+from vehicles.driver.degradation.longitudinal import SpeedGuard
+from vehicles.driver.degradation.machine import SLOWING, ModeMachine, Modes
+from vehicles.driver.degradation.pair import SourcePair
+from vehicles.driver.degradation.rejoining import Rejoining
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.trust.beliefs import Beliefs
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
-from vehicles.driver.speed import SpeedLaw, VehiclesAhead
+from vehicles.driver.speed import VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors, WayBehind, track
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Mode
-from vehicles.preview.trace import Trace, Window
 from vehicles.preview.trajectory import Fit, FitSettings, Fusion, fuse
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
 REFIT_AFTER = 50 * MILLISECOND
 """Without new poses the trajectory is fitted again this often (ns), so that a source that stopped
 sending is noticed."""
-LEAST_SAMPLES = 3
-"""Fewer samples of a source than these determine no trajectory."""
 
 
 class Follower:
     """Steers along the composite trajectory of its sources (paper, Section III).
 
-    When a source stops sending, its last samples come to lie behind the ego, and the other source
-    alone is followed; when both have stopped, the last trajectory is extrapolated.
+    When a source stops sending, the other one alone is followed. When both have stopped, the last
+    trajectory is kept, and the car slows down and stops, unless its reaction is another.
     """
 
     def __init__(
@@ -41,31 +44,32 @@ class Follower:
         *,
         own_state: OwnState,
         controller: LateralController,
-        speed_law: SpeedLaw,
+        speed_guard: SpeedGuard,
         control: Cadence,
         plane: LocalPlane,
         lead: str,
         predecessor: str,
+        periods: Mapping[str, float],
         alpha: float,
         fusion: Fusion,
         settings: FitSettings,
+        degradation: DegradationSettings,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
         beliefs: Beliefs | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
+        `periods` (s) are those between the messages of its sources, as far as they are known.
         `limit` is that of the steering command, `load` watches how heavily the car is laden, if
         there are such.
         `beliefs` say which received poses are used; left out, all are.
         """
         self._own_state = own_state
         self._controller = controller
-        self._speed_law = speed_law
+        self._speed_guard = speed_guard
         self._control = control
         self._plane = plane
-        self._lead = lead
-        self._predecessor = predecessor
         self._alpha = alpha
         # The first follower's predecessor is the lead: one source, whatever the fusion.
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
@@ -73,13 +77,18 @@ class Follower:
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
         self._beliefs = beliefs or Beliefs()
-        self._traces = {name: Trace() for name in (lead, predecessor)}
-        self._sources = (predecessor,) if self._fusion == "predecessor" else tuple(self._traces)
+        named = {name: Source(name, periods[name], degradation) for name in (lead, predecessor)}
+        self._sources = SourcePair(named[lead], named[predecessor], fusion, degradation)
+        self._reaction = degradation.reaction
+        self._modes: Modes = ModesByReach()
+        if self._reaction == "degrade":
+            self._modes = ModeMachine(degradation)
         self._along: tuple[tuple[float, Fit], ...] = ()
         self._driven = 0.0
         self._behind = WayBehind(), WayBehind()
+        self._fitted = False
+        self._rejoining = Rejoining()
         self._mode: Mode = "straight"
-        self._reason = ""
         self._refit = Timer(REFIT_AFTER)
         self._gap, self._gap_at = nan, 0
         self._decision: Decision | None = None
@@ -106,81 +115,68 @@ class Follower:
 
     def _receive(self, now: int, message: GpsPose) -> None:
         fix = from_message(message, self._plane)
-        if not self._beliefs.accepts(now, message.vehicle, fix):
-            return
-        trace = self._traces[message.vehicle]
-        trace.add(fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed)
-        if not trace.joined:
+        belief = self._beliefs.judge(now, message.vehicle, fix)
+        source = self._sources.hear(now, fix, message, belief)
+        if not source.trace.joined:
             pose = self._own_state.at(now)
-            trace.bridge(pose.east, pose.north)
+            source.trace.bridge(pose.east, pose.north)
         self._refit.due_at = now
 
     def _decide(self, now: int, pose: Pose) -> Decision:
+        last = self._decision
         refit = self._refit.is_due(now)
         if refit:
-            self._mode, self._reason = self._choose_trajectory(now, pose)
-            self._gap, self._gap_at = self._measured_gap(now, pose), now
-        errors, asked = self._steer(pose)
+            self._fit(now, pose)
+        acceleration = last.actuation.acceleration if last else 0.0
+        situation = self._sources.look(now, pose, acceleration, anew=refit)
+        self._mode, reason = self._modes.decide(
+            self._sources,
+            situation,
+            pose.speed,
+            fitted=self._fitted,
+            has_path=bool(self._along),
+        )
+        errors, asked = self._steer(now, pose)
+        kept = last.steering if last else asked
+        asked = without_hearing(self._reaction, self._mode, asked, kept)
         steering = self._limit.held_back(asked)
         ahead = self._vehicles_ahead(now, pose)
         ahead.curvature_ahead = errors.curvature_ahead
         self._load.commanded(steering.steering)
-        speed = self._speed_law.command(now, pose, ahead)
+        situation.predecessor_weight = self._sources.alpha(self._alpha)
+        situation.hazard = self._mode == "stop"
+        speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
             errors=errors,
             mode=self._mode,
-            reason=self._reason,
-            fit=self._along[0][1] if refit and self._along and self._mode != "coast" else None,
+            reason=reason,
+            fit=self._along[0][1] if refit and self._fitted else None,
             target_speed=speed.target_speed,
             gap=ahead.gap,
-            situation=Situation(
-                lead=SourceFreshness(age=self._age(now, self._lead)),
-                predecessor=SourceFreshness(age=self._age(now, self._predecessor)),
-            ),
+            situation=situation,
             remarks=self._beliefs.remarks(),
         )
 
-    def _choose_trajectory(self, now: int, pose: Pose) -> tuple[Mode, str]:
+    def _fit(self, now: int, pose: Pose) -> None:
         """Fit the received samples; without enough of them keep the last trajectory."""
-        windows = {name: self._window(name, pose) for name in self._sources}
-        usable = [name for name, window in windows.items() if window is not None]
+        slowing = self._reaction == "degrade" and self._mode in SLOWING
+        windows = self._sources.windows(pose, self._settings, slowing=slowing)
         along = fuse(
             self._fusion,
-            windows.get(self._lead),
-            None if self._predecessor == self._lead else windows[self._predecessor],
-            alpha=self._alpha,
+            windows.get("lead"),
+            windows.get("predecessor"),
+            alpha=self._sources.alpha(self._alpha),
             settings=self._settings,
         )
+        if slowing and along and not self._fitted:  # heard again, after driving on without a path
+            self._rejoining.want()
+        self._fitted = bool(along)
         self._along = along or self._along
-        reason = self._silence(now, [name for name in windows if name not in usable])
-        if not self._along:
-            return "straight", "nothing heard yet"
-        if not along:
-            return "coast", reason
-        if len(usable) > 1:
-            return "composite", reason
-        return ("lead" if usable == [self._lead] else "predecessor"), reason
+        self._gap, self._gap_at = self._measured_gap(now, pose), now
 
-    def _window(self, name: str, pose: Pose) -> Window | None:
-        """Samples of a source around the ego, None if they do not reach ahead of it."""
-        settings = self._settings
-        window = self._traces[name].window(
-            pose.east, pose.north, settings.behind(pose.speed), settings.ahead(pose.speed)
-        )
-        enough = len(window.station) >= LEAST_SAMPLES and window.station[-1] >= 0.0
-        return window if enough else None
-
-    def _silence(self, now: int, missing: Sequence[str]) -> str:
-        """The sources missing from the trajectory, in words."""
-        ages = [(name, self._age(now, name)) for name in missing]
-        return ", ".join(
-            f"{name} never heard" if isnan(age) else f"{name} unheard for {age:.1f} s"
-            for name, age in ages
-        )
-
-    def _steer(self, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
+    def _steer(self, now: int, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
         """Errors and command along each trajectory, blended by their shares."""
         if not self._along:
             errors = TrackingErrors(0.0, 0.0, pose.yaw_rate, 0.0)
@@ -189,21 +185,9 @@ class Follower:
         tracked = [(share, self._track(fit, pose)) for share, fit in self._along]
         if len(tracked) == 1:
             errors = tracked[0][1]
-            return errors, self._controller.steer(errors, pose.speed)
-        commands = [(share, self._controller.steer(e, pose.speed)) for share, e in tracked]
-        return (
-            TrackingErrors(
-                lateral=sum(share * e.lateral for share, e in tracked),
-                heading=sum(share * e.heading for share, e in tracked),
-                yaw_rate=sum(share * e.yaw_rate for share, e in tracked),
-                curvature=sum(share * e.curvature for share, e in tracked),
-            ),
-            SteeringCommand(
-                steering=sum(share * c.steering for share, c in commands),
-                feedforward=sum(share * c.feedforward for share, c in commands),
-                feedback=sum(share * c.feedback for share, c in commands),
-            ),
-        )
+            aimed = self._rejoining.from_there(now, errors, pose.speed)
+            return errors, self._controller.steer(aimed, pose.speed)
+        return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
 
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
         """Errors along a trajectory, whose way behind is that of its source if they are blended."""
@@ -215,15 +199,16 @@ class Follower:
 
     def _measured_gap(self, now: int, pose: Pose) -> float:
         """Gap (m) from the predecessor's last received place and speed; or NaN."""
-        predecessor = self._traces[self._predecessor]
-        gap = predecessor.gap(pose.east, pose.north)
-        if gap is None or predecessor.newest is None:
+        trace = self._sources.predecessor.trace
+        gap = trace.gap(pose.east, pose.north)
+        if gap is None or trace.newest is None:
             return nan
-        return gap + predecessor.newest.speed * self._age(now, self._predecessor)
+        age = (now - trace.newest.measured_at) / SECOND
+        return gap + trace.newest.speed * age
 
     def _vehicles_ahead(self, now: int, pose: Pose) -> VehiclesAhead:
         """State of the vehicles ahead, extrapolated to now."""
-        lead, predecessor = self._traces[self._lead].newest, self._traces[self._predecessor].newest
+        lead, predecessor = self._sources.lead.trace.newest, self._sources.predecessor.trace.newest
         if predecessor is None:
             return VehiclesAhead()
         opened = (predecessor.speed - pose.speed) * (now - self._gap_at) / SECOND
@@ -233,7 +218,21 @@ class Follower:
             lead_speed=nan if lead is None else lead.speed,
         )
 
-    def _age(self, now: int, name: str) -> float:
-        """Time (s) since the newest sample of a source was measured, NaN before the first."""
-        newest_at = self._traces[name].newest_at
-        return nan if newest_at is None else (now - newest_at) / SECOND
+
+def blended(
+    parts: Sequence[tuple[float, TrackingErrors, SteeringCommand]],
+) -> tuple[TrackingErrors, SteeringCommand]:
+    """Mean errors and command of several trajectories by their shares (not in the paper)."""
+    return (
+        TrackingErrors(
+            lateral=sum(share * e.lateral for share, e, _ in parts),
+            heading=sum(share * e.heading for share, e, _ in parts),
+            yaw_rate=sum(share * e.yaw_rate for share, e, _ in parts),
+            curvature=sum(share * e.curvature for share, e, _ in parts),
+        ),
+        SteeringCommand(
+            steering=sum(share * c.steering for share, _, c in parts),
+            feedforward=sum(share * c.feedforward for share, _, c in parts),
+            feedback=sum(share * c.feedback for share, _, c in parts),
+        ),
+    )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.arc_spline import Piece
+from vehicles.geometry.arc_spline import Piece, Place
 from vehicles.geometry.geodesy import wrap_angle
 
 FloatArray = NDArray[np.float64]
@@ -125,6 +125,19 @@ def filled(points: FloatArray, reach: float) -> Filled:
         given[hole + 1 :] += bridge.shape[1]
         begin = hole + 1
     return Filled(np.concatenate([*parts, points[:, begin:]], axis=1), given, tuple(found))
+
+
+def curve_between(before: Place, after: Place, spacing: float) -> FloatArray:
+    """Points (2, n) on a cubic (Hermite) from one place to the next, both left out.
+
+    About `spacing` (m) apart, at least seven. Raises UnbridgedError where the places point away
+    from each other.
+    """
+    away = _End(after[0], after[1], after[2] + math.pi)
+    try:
+        return _bridge(_End(*before), away, spacing)
+    except ValueError as error:
+        raise UnbridgedError(str(error), 0) from error
 
 
 def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:

@@ -84,6 +84,13 @@ class Polyline:
         del self.at[:count], self.east[:count], self.north[:count]
         del self.yaw[:count], self.station[:count]
 
+    def cut(self, count: int) -> list[Point]:
+        """Take away all but the first `count` points; returns them."""
+        taken = [self.point(k) for k in range(count, len(self))]
+        del self.at[count:], self.east[count:], self.north[count:]
+        del self.yaw[count:], self.station[count:]
+        return taken
+
     def nearest(self, east: float, north: float, low: float, high: float) -> float:
         """Station (m) nearest to a place, of those from `low` to `high`.
 

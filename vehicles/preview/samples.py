@@ -25,7 +25,8 @@ class TraceSettings:
     behind than `memory` are dropped, and never more than `capacity` are held. A window holds at
     most `window_samples`, and at least `least_samples` where a source is heard so rarely that fewer
     lie in it: half of them ahead, as far as there are any. A bridge has a point every
-    `bridge_spacing` and at most `bridge_length`.
+    `bridge_spacing` and at most `bridge_length`; where a source was lost for at least `hole`, it is
+    bridged, too.
     """
 
     spacing: float = 0.2
@@ -42,6 +43,7 @@ class TraceSettings:
     least_samples: int = 4
     bridge_spacing: float = 1.0
     bridge_length: float = 150.0
+    hole: float = 5.0
 
 
 class Sample(NamedTuple):

@@ -6,10 +6,12 @@ crossing of a figure of eight, an earlier or later lap) is therefore never consi
 """
 
 from bisect import bisect_left, bisect_right
-from math import atan2, ceil, cos, hypot, inf, isfinite, sin
+from itertools import pairwise
+from math import atan2, ceil, cos, hypot, inf, isfinite, nan, sin
 
 import numpy as np
 
+from vehicles.geometry.bridges import UnbridgedError, curve_between
 from vehicles.preview.polyline import Polyline, step
 from vehicles.preview.samples import Sample, TraceSettings, Window, plausible
 
@@ -17,6 +19,10 @@ __all__ = ["Sample", "Trace", "TraceSettings", "Window"]
 
 BRIDGE_AT = -1
 """Instant of bridge points: before any sample."""
+MOST_GUESSED = 500
+"""So many points are put into a hole at most."""
+MOST_HOLES = 8
+"""So many holes are remembered, for late samples that belong there."""
 FORGET_CHUNK = 64
 """Samples behind the ego are dropped so many at a time."""
 
@@ -45,6 +51,7 @@ class Trace:
         self._here: float | None = None
         self._located: tuple[float, float] | None = None
         self._changed = False
+        self._holes: list[tuple[Sample, int]] = []
 
     def __len__(self) -> int:
         """Points held, bridge included."""
@@ -55,10 +62,20 @@ class Trace:
         """Time stamp (ns; Section III-B) of the newest sample taken as true; None without any."""
         return None if self.newest is None else self.newest.measured_at
 
-    def add(self, measured_at: int, east: float, north: float, yaw: float, speed: float) -> None:
+    def add(
+        self,
+        measured_at: int,
+        east: float,
+        north: float,
+        yaw: float,
+        speed: float,
+        *,
+        after_hole: bool = False,
+    ) -> None:
         """Take one fix of the source (ns, m, m, rad, m/s) to its place in the order of travel.
 
-        What is received is stored, as in Section III-A; what no car can have driven is refused.
+        What is received is stored, as in Section III-A; what no car can have driven is refused. If
+        it comes `after_hole`, a curve from both sides bridges what was not heard.
         """
         sample = Sample(measured_at, east, north, yaw, speed)
         if not isfinite(east + north + yaw + speed):
@@ -73,6 +90,8 @@ class Trace:
             self._suspect(sample)
         else:
             self._suspects.clear()
+            if after_hole:
+                self._fill(sample)
             self.newest = sample
             on = step(self._line.point(-1), sample[:4])
             if on < self.settings.spacing:
@@ -92,6 +111,58 @@ class Trace:
         self._forgotten_at = BRIDGE_AT
         self._bridged_from = None
         self._here = None
+        self._holes.clear()
+
+    def _fill(self, after: Sample) -> None:
+        """Put points in front of a sample, by a cubic with the places and headings of both sides.
+
+        They are about a bridge's spacing apart, and their instants lie evenly between.
+        """
+        before = Sample(*self._line.point(-1), after.speed)
+        length = hypot(after.east - before.east, after.north - before.north)
+        if length < self.settings.hole:
+            return
+        spacing = max(self.settings.bridge_spacing, length / MOST_GUESSED)
+        try:
+            points = curve_between(before[1:4], after[1:4], spacing)
+        except UnbridgedError:  # a straight line it is
+            return
+        count = points.shape[1]
+        span = after.measured_at - before.measured_at
+        ends = [*points.T.tolist(), [after.east, after.north]]
+        for k, ((east, north), (next_east, next_north)) in enumerate(pairwise(ends)):
+            yaw = atan2(next_north - north, next_east - east)
+            point = (before.measured_at + span * (k + 1) // (count + 1), east, north, yaw)
+            last = self._line.point(-1)
+            self._line.append(point, hypot(east - last[1], north - last[2]))
+        self._holes = [*self._holes[1 - MOST_HOLES :], (before, after.measured_at)]
+
+    def _insert_in_hole(self, sample: Sample) -> None:
+        """Put a late sample into a hole: what was guessed there is guessed anew on both sides."""
+        hole = next(h for h in self._holes if h[0].measured_at < sample.measured_at < h[1])
+        before, end = hole
+        line = self._line
+        first, last = bisect_right(line.at, before.measured_at), bisect_left(line.at, end)
+        if not 0 < first < last < len(line) or not plausible(before, sample, self.settings):
+            self.rejected += 1
+            return
+        self._holes.remove(hole)
+        station, tail = line.station[last], line.cut(last)
+        line.cut(first)
+        self._append(sample)
+        self._append(Sample(*tail[0], sample.speed))
+        shift = line.station[-1] - station
+        for point in tail[1:]:
+            line.append(point, step(line.point(-1), point))
+        if self._here is not None and self._here > station:
+            self._here += shift
+        self._changed = True
+
+    def _append(self, sample: Sample) -> None:
+        """Add a sample at the end of the line, with what lies between if that is long."""
+        self._fill(sample)
+        on = step(self._line.point(-1), sample[:4])
+        self._line.append(sample[:4], max(on, self.settings.spacing))
 
     def _suspect(self, sample: Sample) -> None:
         """Keep a jump apart; several consistent ones are the new place of the source."""
@@ -111,6 +182,9 @@ class Trace:
         """Put a late sample at its place, if that place is still held and it fits there."""
         line = self._line
         if sample.measured_at <= self._forgotten_at:
+            return
+        if any(hole[0].measured_at < sample.measured_at < hole[1] for hole in self._holes):
+            self._insert_in_hole(sample)
             return
         place = bisect_left(line.at, sample.measured_at)
         steps = [0.0, 0.0]
@@ -222,6 +296,13 @@ class Trace:
         beyond_north = self.newest.north - self._line.north[-1]
         beyond = beyond_east * cos(self.newest.yaw) + beyond_north * sin(self.newest.yaw)
         return self._line.station[-1] + beyond - here
+
+    def known(self, east: float, north: float) -> float:
+        """Path (m) known ahead of the ego at (east, north): negative where it ends behind.
+
+        The metres left of the preview of Section III-A; NaN before the first sample.
+        """
+        return self._line.station[-1] - self._locate(east, north) if len(self) else nan
 
     def _locate(self, east: float, north: float) -> float:
         """Move the ego's station to the nearest place within reach of where it was."""

@@ -12,7 +12,7 @@ from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.sending import even_rate_hz, highest_rate_hz
+from scenarios.definition.sending import even_rate_hz, highest_rate_hz, link_rate_hz
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import Probe
@@ -29,8 +29,9 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
-from vehicles.driver.degradation.beliefs import Beliefs
-from vehicles.driver.degradation.trust import InnovationGate
+from vehicles.driver.degradation.longitudinal import SpeedGuard
+from vehicles.driver.degradation.trust.beliefs import Beliefs
+from vehicles.driver.degradation.trust.gate import InnovationGate
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
 from vehicles.driver.ego.own_state import KnownState, OwnState
 from vehicles.driver.ego.pose_estimator import PoseEstimator
@@ -196,14 +197,16 @@ class VehicleBuilder:
         return Follower(
             own_state=own_state,
             controller=controller,
-            speed_law=self._speed_law(start_at),
+            speed_guard=self._speed_guard(start_at),
             control=control,
             plane=self._plane,
             lead=setup.lead,
             predecessor=setup.predecessor,
+            periods={sender: self._period(sender) for sender in setup.senders},
             alpha=steering.alpha_ratio,
             fusion=steering.fusion,
             settings=self._fit_settings(),
+            degradation=setup.degradation,
             limit=self._command_limit(),
             load=load,
             beliefs=self._beliefs(),
@@ -262,6 +265,23 @@ class VehicleBuilder:
 
     def _profile(self, start_at: int) -> SpeedLaw:
         return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)
+
+    def _period(self, sender: str) -> float:
+        """Shortest time (s) between two messages that can come from `sender`."""
+        setup, link = self._scenario.vehicle(sender), self._scenario.links[sender, self.name]
+        rate_hz = link_rate_hz(setup.sending, setup.gnss)
+        return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
+
+    def _speed_guard(self, start_at: int) -> SpeedGuard:
+        setup = self._setup
+        return SpeedGuard(
+            self._speed_law(start_at),
+            setup.degradation,
+            limits=self._scenario.gap_limits,
+            length=setup.parameters.length,
+            initial_gap=self._route.gaps[setup.place],
+            friction=setup.parameters.friction,
+        )
 
     def _speed_law(self, start_at: int) -> SpeedLaw:
         if self._scenario.tables.speed.followers == "same":

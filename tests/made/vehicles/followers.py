@@ -4,13 +4,15 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from tests.made.vehicles.exact_drives import CONTROL_HZ, PLANE, START, Source, Step
+from tests.made.vehicles.exact_drives import CONTROL_HZ, GNSS_HZ, PLANE, START, Source, Step
 from transport.codec import RefusedMessageError
 from transport.links.gate import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.degradation.longitudinal import SpeedGuard
+from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.follower import Follower
-from vehicles.driver.speed import ProfileSpeed, SpeedLaw, SpeedProfile
+from vehicles.driver.speed import GapLimits, ProfileSpeed, SpeedLaw, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.messages import GpsPose
@@ -21,6 +23,7 @@ FUSIONS: list[Fusion] = ["composite", "predecessor", "blend"]
 STRAIGHT = path_from_segments([Segment(600.0, 0.0)])
 BEND = path_from_segments([Segment(60.0, 0.0), Segment(500.0, 1 / 100)])
 GAP = 15.0
+EXTRAPOLATES = DegradationSettings(reaction="extrapolate")
 Spans = Sequence[tuple[float, float]]
 ALWAYS: Spans = ((0.0, math.inf),)
 
@@ -33,18 +36,30 @@ def follower(
     fusion: Fusion = "composite",
     speed: float = 10.0,
     law: SpeedLaw | None = None,
+    degradation: DegradationSettings = EXTRAPOLATES,
 ) -> Follower:
+    """A follower of the car that extrapolates when it hears nobody, or as `degradation` says."""
+    law = law or ProfileSpeed(SpeedProfile((0.0,), (speed,)), START, 1.0 / CONTROL_HZ)
     return Follower(
         own_state=PoseEstimator(CAR),
         controller=SlipCompensated(CAR),
-        speed_law=law or ProfileSpeed(SpeedProfile((0.0,), (speed,)), START, 1.0 / CONTROL_HZ),
+        speed_guard=SpeedGuard(
+            law,
+            degradation,
+            limits=GapLimits(),
+            length=CAR.length,
+            initial_gap=GAP,
+            friction=CAR.friction,
+        ),
         control=Cadence(START, CONTROL_HZ),
         plane=PLANE,
         lead=lead,
         predecessor=predecessor,
+        periods={lead: 1.0 / GNSS_HZ, predecessor: 1.0 / GNSS_HZ},
         alpha=alpha,
         fusion=fusion,
         settings=FitSettings(),
+        degradation=degradation,
     )
 
 

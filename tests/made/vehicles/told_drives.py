@@ -11,7 +11,7 @@ from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver, from_message, to_message
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
-from vehicles.driver.degradation.trust import Belief, InnovationGate
+from vehicles.driver.degradation.trust.gate import Belief, InnovationGate
 from vehicles.messages import GpsPose
 from vehicles.schedule import MILLISECOND, SECOND
 

@@ -36,6 +36,8 @@ profile = [
 ]
 [links]
 loss_ratio = 0.9
+[control.degradation]
+reaction = "extrapolate"        # no others drive through each other
 """
 
 

@@ -9,7 +9,7 @@ from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import VirtualConvoy
 from transport.topics import Topic
-from vehicles.driver.degradation.beliefs import Beliefs
+from vehicles.driver.degradation.trust.beliefs import Beliefs
 from vehicles.messages import Command, LogText, Message
 from vehicles.schedule import SECOND
 

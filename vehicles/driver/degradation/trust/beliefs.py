@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from vehicles.car.gnss import Fix
-from vehicles.driver.degradation.trust import Distrust, InnovationGate
+from vehicles.driver.degradation.trust.gate import Belief, Distrust, InnovationGate
 from vehicles.schedule import SECOND
 
 QUIET = SECOND
@@ -29,11 +29,11 @@ class Beliefs:
         self._doubts = {name: _Doubt() for name in self._gates}
         self._remarks: list[str] = []
 
-    def accepts(self, now: int, name: str, fix: Fix) -> bool:
-        """Whether a pose of `name`, heard at `now` (ns), is to be used (beyond the paper)."""
+    def judge(self, now: int, name: str, fix: Fix) -> Belief:
+        """What to make of a pose of `name`, heard at `now` (ns) (beyond the paper)."""
         gate = self._gates.get(name)
         if gate is None:
-            return True
+            return Belief(believed=True, reason="", deviation=fix.accuracy)
         verdict, doubt = gate.judge(now, fix), self._doubts[name]
         if not verdict.believed:
             doubt.refused_at = now
@@ -48,7 +48,7 @@ class Beliefs:
             if verdict.believed:
                 what = f"{verdict.reason}: accuracy taken for {verdict.deviation:.2f} m"
             self._remarks.append(f"{name} {what}")
-        return verdict.believed
+        return verdict
 
     def remarks(self) -> tuple[str, ...]:
         """Lines for the log since the last call: "v1 not believed: frozen" (beyond the paper)."""

@@ -37,9 +37,9 @@ from vehicles.car.gnss import Fix, GnssNoise
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.positioning.fix_states import StateSchedule
 from vehicles.car.positioning.gnss_errors import ErrorModel, ReceiverErrors, StateErrors, Wander
-from vehicles.driver.degradation.beliefs import Beliefs
-from vehicles.driver.degradation.innovation import CORNERING, innovation
-from vehicles.driver.degradation.trust import InnovationGate
+from vehicles.driver.degradation.trust.beliefs import Beliefs
+from vehicles.driver.degradation.trust.gate import InnovationGate
+from vehicles.driver.degradation.trust.innovation import CORNERING, innovation
 from vehicles.messages import FixState
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
@@ -406,7 +406,7 @@ def test_lines_say_once_what_is_not_believed_and_when_it_is_again() -> None:
     for fix in heard:
         now = fix.measured_at + LATENCY
         frozen = BEGIN <= (fix.measured_at - START) / SECOND < END
-        assert beliefs.accepts(now, "v1", fix) is not frozen
+        assert beliefs.judge(now, "v1", fix).believed is not frozen
         said += beliefs.remarks()
     assert said == ["v1 not believed: frozen", "v1 believed again; 60 poses refused"]
 
@@ -414,5 +414,5 @@ def test_lines_say_once_what_is_not_believed_and_when_it_is_again() -> None:
 def test_without_gates_everything_is_believed() -> None:
     beliefs = Beliefs()
     for fix in falsified(told(steadily(15.0), seconds=12.0), FrozenContent(SPELL)):
-        assert beliefs.accepts(fix.measured_at, "v1", fix)
+        assert beliefs.judge(fix.measured_at, "v1", fix).believed
     assert beliefs.remarks() == ()

@@ -13,7 +13,7 @@ from math import hypot, isfinite, sqrt
 from typing import Literal
 
 from vehicles.car.gnss import Fix, GnssNoise
-from vehicles.driver.degradation.innovation import (
+from vehicles.driver.degradation.trust.innovation import (
     CORNERING,
     LEAST_DEVIATION,
     MOST_DEVIATION,

@@ -1,0 +1,82 @@
+import math
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicles.driver.degradation.reception import Reception
+from vehicles.schedule import MILLISECOND, SECOND
+
+PERIOD = 50 * MILLISECOND
+
+
+def heard(numbers: Iterable[int], latency: int = 0, least: float = 0.05) -> Reception:
+    reception = Reception(least)
+    for seq in numbers:
+        reception.add(seq * PERIOD + latency, seq * PERIOD, seq)
+    return reception
+
+
+def test_nothing_is_known_before_the_first_message() -> None:
+    reception = Reception(0.05)
+    assert math.isnan(reception.silence(SECOND))
+    assert math.isnan(reception.share(SECOND))
+    assert reception.period == 0.05
+
+
+@given(st.sets(st.integers(0, 200), min_size=2))
+def test_losses_do_not_stretch_the_period(numbers: set[int]) -> None:
+    assert heard(sorted(numbers), least=0.01).period == pytest.approx(0.05)
+
+
+def test_a_slower_sender_has_a_longer_period_and_a_link_of_a_lower_rate_has_its_own() -> None:
+    slow = Reception(0.05)
+    for seq in range(5):
+        slow.add(seq * SECOND, seq * SECOND, seq)
+    assert slow.period == 1.0
+    assert heard(range(0, 100, 10), least=0.5).period == 0.5
+
+
+@given(st.integers(0, 5 * SECOND))
+def test_a_latency_is_no_silence(latency: int) -> None:
+    reception = heard(range(50), latency)
+    now = 49 * PERIOD + latency
+    assert reception.silence(now) == 0.0
+    assert reception.share(now) == 1.0
+    assert reception.silence(now + SECOND // 2) == 0.5
+
+
+@given(st.sets(st.integers(180, 199)))
+def test_the_share_is_that_of_the_last_second(lost: set[int]) -> None:
+    reception = heard(seq for seq in range(200) if seq not in lost)
+    assert reception.share(199 * PERIOD) == pytest.approx(1.0 - len(lost) / 20)
+
+
+def test_what_comes_twice_or_late_is_no_news() -> None:
+    reception = heard([0, 1, 2, 4])
+    now = 4 * PERIOD
+    assert not reception.add(now, 4 * PERIOD, 4)
+    assert not reception.add(now, 3 * PERIOD, 3)
+    assert reception.share(now) == 1.0  # all five came
+    assert reception.silence(now + PERIOD) == 0.05
+    assert reception.period == 0.05
+
+
+def test_a_sender_that_begins_anew_keeps_its_period() -> None:
+    reception = heard(range(40))
+    for seq in range(10):
+        at = 5 * SECOND + seq * PERIOD
+        assert reception.add(at, at, seq)
+    assert reception.period == 0.05
+
+
+def test_the_usual_share_is_the_mean_over_what_was_counted() -> None:
+    reception = Reception(0.05)
+    for seq in range(400):
+        now = seq * PERIOD
+        if seq % 2 == 0:
+            reception.add(now, now, seq)
+        reception.count_share(now)
+    assert reception.usual_share == pytest.approx(0.5, abs=0.05)
+    assert reception.delivers(400 * PERIOD, 0.9)

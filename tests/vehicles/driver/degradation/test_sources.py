@@ -1,0 +1,154 @@
+"""A source at 20 Hz straight ahead, of which messages are lost as the tests say."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.made.vehicles.exact_drives import GNSS_HZ, PLANE, START
+from vehicles.car.gnss import Fix, to_message
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.trust.gate import Belief
+from vehicles.messages import SourceStatus
+from vehicles.schedule import SECOND, instant
+
+TICK = SECOND // 50
+SPEED, GAP = 20.0, 15.0
+DEGRADE = DegradationSettings()
+BELIEVED = Belief(believed=True, reason="", deviation=0.02)
+
+
+@dataclass(frozen=True)
+class Look:
+    seconds: float
+    status: SourceStatus
+    silence: float
+    known: float
+    weight: float
+    probation: float
+
+
+def watched(
+    comes: Callable[[int], bool],
+    seconds: float,
+    *,
+    latency: int = TICK,
+    own_speed: float = SPEED,
+    degradation: DegradationSettings = DEGRADE,
+) -> Iterator[Look]:
+    """Look at a source at every control instant; of its messages those come that `comes` says."""
+    source, sent = Source("v1", 1.0 / GNSS_HZ, degradation), 0
+    source.usable = True
+    for tick in range(round(seconds * 50)):
+        now = START + tick * TICK
+        while (at := instant(START, sent, GNSS_HZ)) + latency <= now:
+            if comes(sent):
+                east = GAP + SPEED * (at - START) / SECOND
+                fix = Fix(sent, at, east, 0.0, 0.0, SPEED, 0.0)
+                place = (east, 0.0, 0.0)
+                message = to_message(fix, "v1", PLANE, seq=sent, sent_at=at, true_place=place)
+                source.hear(now, fix, message, BELIEVED)
+            sent += 1
+        source.locate(own_speed * tick / 50, 0.0)
+        source.look(now, 0.0, TICK / SECOND)
+        seen = source.freshness
+        yield Look(
+            tick / 50,
+            seen.status,
+            seen.silence,
+            seen.known,
+            source.weight,
+            source.probation.length,
+        )
+
+
+def statuses(looks: list[Look]) -> list[tuple[SourceStatus, float]]:
+    found: list[tuple[SourceStatus, float]] = []
+    for look in looks:
+        if not found or look.status != found[-1][0]:
+            found.append((look.status, look.seconds))
+    return found
+
+
+def test_a_silence_makes_it_late_then_lost_and_probation_trusted_again() -> None:
+    """Heard last at 4.0 s (sent at 3.95 s with 20 ms, at the next tick), again from 6.02 s on."""
+    looks = list(watched(lambda seq: not 80 <= seq < 120, 9.0))
+    assert statuses(looks) == [
+        ("unheard", 0.0),
+        ("fresh", 0.02),
+        ("late", pytest.approx(3.98 + 0.15, abs=0.021)),
+        ("lost", pytest.approx(3.98 + 0.5, abs=0.021)),
+        ("probation", 6.02),
+        ("fresh", pytest.approx(7.02, abs=0.021)),
+    ]
+
+
+def test_thresholds_are_kept_to_the_tick() -> None:
+    for look in watched(lambda seq: not 80 <= seq < 120, 6.0):
+        if look.status in ("fresh", "late", "lost") and look.seconds < 6.0:
+            late, lost = look.silence > 0.15 + 1e-9, look.silence > 0.5 + 1e-9
+            assert look.status == ("lost" if lost else "late" if late else "fresh"), look
+
+
+@pytest.mark.parametrize("latency_ms", [0, 100, 600, 3000])
+def test_a_latency_makes_nobody_lost(latency_ms: int) -> None:
+    looks = list(watched(lambda _: True, 9.0, latency=latency_ms * 1_000_000))
+    assert [status for status, _ in statuses(looks)][-1] == "fresh"
+    assert {look.status for look in looks} <= {"unheard", "fresh"}
+    assert {look.weight for look in looks} == {1.0}
+
+
+def test_relapses_double_the_probation_and_all_the_same_it_comes_back() -> None:
+    """Silent for 0.6 s every 3 s up to 30 s: 1, 2 s; then it never behaves for what is asked."""
+    looks = list(watched(lambda seq: seq >= 600 or seq % 60 < 48, 47.0))
+    lengths = sorted({look.probation for look in looks})
+    assert lengths == [1.0, 2.0, 4.0, 8.0, 16.0]
+    trusted = [at for status, at in statuses(looks) if status == "fresh"]
+    assert len(trusted) == 4  # at first, after the first two, and in the end
+    assert looks[-1].status == "fresh"
+
+
+def test_a_source_that_delivers_less_than_before_is_relied_on_in_the_end() -> None:
+    looks = list(watched(lambda seq: seq < 200 or (seq >= 240 and seq % 2 == 0), 60.0))
+    assert looks[-1].status == "fresh"
+
+
+patterns = st.lists(st.tuples(st.integers(1, 40), st.integers(1, 60)), min_size=1, max_size=12)
+
+
+@given(patterns, st.floats(0.0, 30.0))
+@settings(max_examples=30)
+def test_whatever_comes_it_does_not_flap_and_its_weight_has_no_steps(
+    pattern: list[tuple[int, int]], own_speed: float
+) -> None:
+    """Runs of messages that come and runs that do not, in turn."""
+    comes = [came for some, none in pattern for came in [True] * some + [False] * none]
+    seconds = len(comes) / GNSS_HZ
+    looks = list(watched(lambda seq: comes[seq % len(comes)], seconds, own_speed=own_speed))
+    given_up: list[float] = []
+    for before, look in pairwise(looks):
+        if look.status == "lost" != before.status:
+            assert before.status != "unheard"
+            given_up.append(look.seconds)
+        if before.status == "probation" and look.status in ("fresh", "late"):
+            assert look.seconds - given_up[-1] >= look.probation - 1e-9
+        assert look.status not in ("fresh", "late") or before.status != "lost"
+        assert 0.0 <= look.weight <= 1.0
+        assert look.weight <= before.weight + 0.02 + 1e-9
+        if look.known > 0.0 and before.known > 0.0:
+            # It fades by the share of the known path that was driven meanwhile, and no faster.
+            fades = before.weight * own_speed * 0.02 / before.known
+            assert look.weight >= before.weight - fades - 1e-9, look
+
+
+def test_who_does_not_degrade_keeps_all_weights() -> None:
+    looks = watched(
+        lambda seq: not 80 <= seq < 120,
+        9.0,
+        degradation=DegradationSettings(reaction="extrapolate"),
+    )
+    assert {look.weight for look in looks} == {1.0}

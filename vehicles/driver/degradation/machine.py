@@ -1,0 +1,136 @@
+"""Which of its sources a follower steers along, and when it slows down and stops: its mode."""
+
+from collections.abc import Iterable
+from math import isnan
+from typing import Protocol
+
+from vehicles.driver.degradation.pair import SourcePair
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.stopping import needed_deceleration
+from vehicles.messages import Mode
+
+SLOWING: tuple[Mode, ...] = ("coast", "stop")
+"""In these modes nobody is relied on, and a follower that degrades slows down."""
+NOTHING_HEARD = "nothing heard yet"
+
+
+class Modes(Protocol):
+    """Decides on the mode of a follower (beyond the paper)."""
+
+    def decide(
+        self,
+        pair: SourcePair,
+        situation: Situation,
+        speed: float,
+        *,
+        fitted: bool,
+        has_path: bool,
+    ) -> tuple[Mode, str]:
+        """Mode at a control instant at `speed` (m/s), and why.
+
+        `fitted` says whether the samples supported a trajectory when last fitted, `has_path`
+        whether they ever did. Beyond the paper.
+        """
+        ...
+
+
+class ModeMachine:
+    """Composite → lead or predecessor → coast → stop, and back (beyond the paper).
+
+    Steered along is who is relied on. Who hears nobody coasts as long as a stop within the known
+    path needs no more than comfortable braking, and stops otherwise, until somebody is relied on
+    again. A source is given up at once and relied on again only after its probation (`Source`), so
+    that no mode is entered twice within one.
+    """
+
+    def __init__(self, settings: DegradationSettings) -> None:
+        self._comfortable = settings.comfortable.deceleration
+        self._mode: Mode = "straight"
+        self._relied: list[Source] = []
+        self._trusted: set[str] = set()
+
+    def decide(
+        self,
+        pair: SourcePair,
+        situation: Situation,
+        speed: float,
+        *,
+        fitted: bool,  # noqa: ARG002 - what was fitted last is steered along
+        has_path: bool,
+    ) -> tuple[Mode, str]:
+        """Mode at a control instant at `speed` (m/s), and why: see `Modes` (beyond the paper).
+
+        Why is what is missing, and when the mode changes who is relied on anew.
+        """
+        relied = [one for one in pair.used.values() if one.relied_on]
+        mode = self._next(pair, situation, speed, has_path=has_path)
+        why = _missing(one for one in pair.used.values() if one not in relied)
+        if mode == "straight":
+            why = why if has_path else NOTHING_HEARD
+        elif mode in SLOWING:
+            why += _road_left(situation, speed)
+        if mode != self._mode:
+            back = [self._anew(one) for one in relied if one not in self._relied]
+            why = "; ".join(filter(None, [*back, why]))
+        self._trusted |= {one.name for one in relied}
+        self._mode, self._relied = mode, relied
+        return mode, why
+
+    def _next(
+        self, pair: SourcePair, situation: Situation, speed: float, *, has_path: bool
+    ) -> Mode:
+        relied = [mode for mode, one in pair.used.items() if one.relied_on]
+        if relied and has_path:
+            return "composite" if len(relied) > 1 else relied[0]
+        given_up = [one.status in ("lost", "distrusted", "probation") for one in pair.used.values()]
+        if relied or not any(given_up):  # nobody was heard, or nothing came of it yet
+            return "straight"
+        known = 0.0 if isnan(situation.known) else situation.known
+        if self._mode == "stop" or needed_deceleration(speed, known) > self._comfortable:
+            return "stop"
+        return "coast"
+
+    def _anew(self, source: Source) -> str:
+        seen = source.freshness
+        how = "heard"
+        if source.name in self._trusted:
+            how = f"relied on again after {source.probation.length:.1f} s of probation"
+        return f"{source.name} {how}, {seen.age:.2f} s old, {_end(seen.known)}"
+
+
+def _missing(sources: Iterable[Source]) -> str:
+    """What is the matter with those that are not relied on."""
+    return ", ".join(map(_matter, sources))
+
+
+def _matter(source: Source) -> str:
+    seen = source.freshness
+    if seen.status == "unheard":
+        return f"{source.name} never heard"
+    if seen.status == "distrusted":
+        return f"{source.name} not believed ({source.refusal}) for {seen.silence:.1f} s"
+    if seen.status == "probation":
+        return f"{source.name} heard again, on probation for {source.probation.length:.1f} s"
+    if seen.status == "lost":
+        age = f"unheard for {seen.silence:.1f} s, {seen.age:.1f} s old"
+        return f"{source.name} {age}, {_end(seen.known)}"
+    return f"{source.name} heard too little of"
+
+
+def _end(known: float) -> str:
+    place = f"{known:.1f} m ahead" if known >= 0.0 else f"{-known:.1f} m behind"
+    return f"its path ends {place}"
+
+
+def _road_left(situation: Situation, speed: float) -> str:
+    """How a stop fits into the known path, in words."""
+    if isnan(situation.known):
+        return "; no path known"
+    needed = needed_deceleration(speed, situation.known)
+    if situation.blind > 0.0:
+        return (
+            f"; {max(situation.known, 0.0):.1f} m known, {situation.blind:.1f} m too short to stop"
+        )
+    return f"; {situation.known:.1f} m known, a stop within takes {needed:.1f} m/s²"

@@ -1,0 +1,98 @@
+"""The sources of a follower: lead and predecessor, which are one for the first follower."""
+
+from collections.abc import Iterable
+from math import isnan, nan
+
+from vehicles.car.gnss import Fix
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.stopping import stopping_distance
+from vehicles.driver.degradation.trust.gate import Belief
+from vehicles.driver.ego.own_state import Pose
+from vehicles.messages import GpsPose, Mode
+from vehicles.preview.trace import Window
+from vehicles.preview.trajectory import FitSettings, Fusion
+from vehicles.schedule import SECOND
+
+
+class SourcePair:
+    """Lead and predecessor (Section III-A), and which of them make the trajectory.
+
+    `used` are those, by the mode of a follower that steers along one alone.
+    """
+
+    def __init__(
+        self, lead: Source, predecessor: Source, fusion: Fusion, settings: DegradationSettings
+    ) -> None:
+        """`lead` and `predecessor` are one object for the first follower, whatever the fusion."""
+        self.lead = lead
+        self.predecessor = predecessor
+        self.all = {one.name: one for one in (lead, predecessor)}
+        self.used: dict[Mode, Source] = {}
+        if fusion != "predecessor" or lead is predecessor:
+            self.used["lead"] = lead
+        if lead is not predecessor:
+            self.used["predecessor"] = predecessor
+        self._settings = settings
+        self._looked_at = 0
+
+    def hear(self, now: int, fix: Fix, message: GpsPose, belief: Belief) -> Source:
+        """Take a message heard at `now` (ns) to its source, which is returned (Section III-A)."""
+        source = self.all[message.vehicle]
+        source.hear(now, fix, message, belief)
+        return source
+
+    def windows(self, pose: Pose, settings: FitSettings, *, slowing: bool) -> dict[Mode, Window]:
+        """Samples around the ego of those that reach ahead of it (preview data, Section III-A).
+
+        While a car is `slowing` down towards the end of the known path, more of it behind makes up
+        for what is missing ahead, so that the curve is no less certain where it has to be held.
+        """
+        behind, ahead = settings.behind(pose.speed), settings.ahead(pose.speed)
+        found: dict[Mode, Window] = {}
+        for mode, source in self.used.items():
+            known = 0.0 if isnan(source.known) else source.known
+            more = min(max(ahead - known, 0.0), ahead) if slowing else 0.0
+            window = source.window(pose.east, pose.north, behind + more, ahead)
+            if window is not None:
+                found[mode] = window
+        return found
+
+    def alpha(self, alpha: float) -> float:
+        """Weight of the predecessor, α of eq. (5), by what is left of both sources' weights."""
+        lead, ahead = self.lead.weight, self.predecessor.weight
+        if lead == ahead or lead + ahead == 0.0:
+            return alpha
+        total = (1.0 - alpha) * lead + alpha * ahead
+        return alpha * ahead / total if total > 0.0 else alpha
+
+    def look(self, now: int, pose: Pose, acceleration: float, *, anew: bool) -> Situation:
+        """Judge all of it at a control instant `now` (ns), after `acceleration` (m/s²) was asked.
+
+        Beyond the paper. How far the path is known is measured `anew`, or worked out from the speed
+        meanwhile.
+        """
+        span = (now - self._looked_at) / SECOND if self._looked_at else 0.0
+        self._looked_at = now
+        for source in self.all.values():
+            if anew:
+                source.locate(pose.east, pose.north)
+            source.look(now, 0.0 if anew else pose.speed * span, span)
+        known = farthest(one for one in self.used.values() if one.status != "distrusted")
+        settings, speed = self._settings, pose.speed
+        hardest = stopping_distance(speed, acceleration, settings.hardest)
+        return Situation(
+            lead=self.lead.freshness,
+            predecessor=self.predecessor.freshness,
+            known=known,
+            comfortable_stop=stopping_distance(speed, acceleration, settings.comfortable),
+            firm_stop=stopping_distance(speed, acceleration, settings.firm),
+            blind=nan if isnan(known) else max(hardest - known, 0.0),
+        )
+
+
+def farthest(sources: Iterable[Source]) -> float:
+    """How far the path is known ahead of the car (m) by any of them (beyond the paper), or NaN."""
+    ends = [one.known for one in sources]
+    return max((end for end in ends if not isnan(end)), default=nan)

@@ -1,0 +1,122 @@
+"""What has come of a source of late: how often it sends, how much of it arrives, for how long not.
+
+SI units; instants in ns.
+"""
+
+from collections import deque
+from math import nan
+from typing import NamedTuple
+
+from vehicles.schedule import SECOND
+
+RECENT = SECOND
+"""What came within this time (ns) is counted, and tells the period."""
+USUAL_TIME = 10.0
+"""Time (s) over which the usual share is a mean, once so much has been seen."""
+
+
+class _Received(NamedTuple):
+    heard_at: int
+    measured_at: int
+    seq: int
+
+
+class Reception:
+    """The messages of one source as they came (beyond the paper, whose messages always come).
+
+    The period at which they are expected is what lies between two in the sender's own time, over
+    what lies between their numbers, so that what is lost on the way does not stretch it.
+    """
+
+    def __init__(self, period: float) -> None:
+        """`period` (s) is that between the messages that can come, as far as that is known."""
+        self._least_period = period
+        self.period = period
+        self.usual_share = nan
+        self._recent: deque[_Received] = deque()
+        self._first_at = 0
+        self._newest_at: int | None = None
+        self._counted_until = 0
+        self._counted = 0.0
+
+    def add(self, now: int, measured_at: int, seq: int) -> bool:
+        """Take in a message heard at `now`; returns whether it is the newest by its time stamp.
+
+        One that came before, by its number, does not count (beyond the paper).
+        """
+        if any(one.seq == seq for one in self._recent):
+            return False
+        newest = self._newest_at is None or measured_at > self._recent[-1].measured_at
+        arrival = _Received(now, measured_at, seq)
+        if not self._recent:
+            self._first_at = self._counted_until = now
+        if not newest:
+            self._recent.insert(max(len(self._recent) - 1, 0), arrival)
+            return False
+        self._newest_at = now
+        self._recent.append(arrival)
+        self._drop_old(now)
+        self._learn_period()
+        return True
+
+    def forget(self) -> None:
+        """Forget when messages came; a long silence is no period (beyond the paper)."""
+        while len(self._recent) > 1:
+            self._recent.popleft()
+
+    def silence(self, now: int) -> float:
+        """Time (s) since a newer message was heard, NaN before the first (beyond the paper).
+
+        Not since it was measured: a latency is no silence.
+        """
+        return nan if self._newest_at is None else (now - self._newest_at) / SECOND
+
+    def share(self, now: int) -> float:
+        """Share of the messages of the last second that came (beyond the paper), NaN before any.
+
+        Within a second of the first message, of those since then.
+        """
+        return nan if self._newest_at is None else min(self._came(now) / self._expected(now), 1.0)
+
+    def delivers(self, now: int, share: float) -> bool:
+        """Whether at least `share` of what usually comes did so in the last second.
+
+        But for one message, which may have come just before or just after (beyond the paper).
+        """
+        return self._came(now) + 1 >= share * self.usual_share * self._expected(now)
+
+    def count_share(self, now: int) -> None:
+        """Let the share of the last second count for the usual one (beyond the paper)."""
+        span = (now - self._counted_until) / SECOND
+        self._counted_until = now
+        if span <= 0.0:
+            return
+        self._counted = min(self._counted + span, USUAL_TIME)
+        before = 0.0 if self._counted == span else self.usual_share
+        self.usual_share = before + (self.share(now) - before) * span / self._counted
+
+    def pause_count(self, now: int) -> None:
+        """Let the time until `now` not count for the usual share (beyond the paper)."""
+        self._counted_until = now
+
+    def _came(self, now: int) -> int:
+        since = now - RECENT
+        return sum(one.heard_at > since for one in self._recent)
+
+    def _expected(self, now: int) -> float:
+        span = min(now - self._first_at, RECENT) / SECOND
+        return max(span / self.period, 1.0)
+
+    def _drop_old(self, now: int) -> None:
+        """Keep what came of late, at least two messages."""
+        while len(self._recent) > 2 and self._recent[0].heard_at <= now - RECENT:
+            self._recent.popleft()
+
+    def _learn_period(self) -> None:
+        first, last = self._recent[0], self._recent[-1]
+        numbers = last.seq - first.seq
+        if numbers > 0:
+            spacing = (last.measured_at - first.measured_at) / SECOND / numbers
+            self.period = max(spacing, self._least_period)
+        elif numbers < 0:  # the sender began anew
+            self.forget()

@@ -1,0 +1,172 @@
+"""One source of a follower: its trace, how fresh it is, and what is made of it."""
+
+from dataclasses import replace
+from math import isnan, nan
+
+from vehicles.car.gnss import Fix
+from vehicles.driver.degradation.probation import Probation
+from vehicles.driver.degradation.reception import RECENT, Reception
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.situation import SourceFreshness
+from vehicles.driver.degradation.trust.gate import Belief
+from vehicles.messages import GpsPose, SourceStatus
+from vehicles.preview.trace import Trace, Window
+from vehicles.schedule import SECOND
+
+RELIED_ON = ("fresh", "late")
+"""A source of such a status is steered along and counted on."""
+LEAST_SAMPLES = 3
+"""Fewer samples of a source than these determine no trajectory."""
+
+
+class Source:
+    """A vehicle that a follower hears: what it told, how long ago, and whether to rely on it.
+
+    Beyond the paper, whose sources always come through. Its status: unheard, fresh, late when some
+    messages are overdue, lost after a longer silence, distrusted while what it says is refused, on
+    probation once it is heard and believed again. Its `weight` in the trajectory is 1 as long as it
+    is fresh; from when it is late it fades with the path that is left of it, and comes back slowly,
+    so that no sample comes or goes at once.
+    """
+
+    def __init__(self, name: str, period: float, settings: DegradationSettings) -> None:
+        """`period` (s) is that between messages, as far as it is known beforehand."""
+        self.name = name
+        self.trace = Trace()
+        self.weight = 1.0
+        self.usable = False
+        self.reaches = False
+        self.refusal = ""
+        self.probation = Probation(settings)
+        self._settings = settings
+        self._reception = Reception(period)
+        self._degrades = settings.reaction == "degrade"
+        self._refused_at: int | None = None
+        self._now = SourceFreshness()
+        self._known = nan
+        self._known_of_all = 0.0
+
+    @property
+    def status(self) -> SourceStatus:
+        """What is made of it (beyond the paper)."""
+        return self._now.status
+
+    @property
+    def known(self) -> float:
+        """How far its path is known ahead of the car (m), when last looked at; NaN before."""
+        return self._now.known
+
+    @property
+    def relied_on(self) -> bool:
+        """Whether it is heard as it should be, and a trajectory was made of it before."""
+        return self.usable and self.status in RELIED_ON
+
+    @property
+    def freshness(self) -> SourceFreshness:
+        """How fresh it was when last looked at (beyond the paper)."""
+        return replace(self._now)
+
+    def hear(self, now: int, fix: Fix, message: GpsPose, belief: Belief) -> None:
+        """Take a message heard at `now` (ns) to its trace, if it is believed (Section III-A)."""
+        newest = self.trace.newest_at is None or fix.measured_at > self.trace.newest_at
+        if not belief.believed:
+            self._refused_at, self.refusal = now, belief.reason
+            return
+        # Baselines know no holes: what they hear after a silence is one more sample to them.
+        lost = self._degrades and self.status in ("lost", "distrusted")
+        place = fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed
+        self.trace.add(*place, after_hole=lost)
+        if newest and self.trace.newest_at != fix.measured_at:
+            self._refused_at, self.refusal = now, "a jump"
+        elif self._reception.add(now, fix.measured_at, message.seq):
+            self._heard_anew(now, message)
+
+    def _heard_anew(self, now: int, message: GpsPose) -> None:
+        seen = self._now
+        seen.mode, seen.hazard = message.mode, message.hazard
+        seen.acceleration = message.acceleration_mps2
+        if seen.status == "unheard":
+            seen.status = "fresh"
+        elif seen.status in ("lost", "distrusted"):
+            self._reception.forget()
+            self.probation.begin(now)
+            seen.status = "probation"
+
+    def window(self, east: float, north: float, behind: float, ahead: float) -> Window | None:
+        """Samples around the ego at (east, north), None if they do not reach ahead of it.
+
+        The preview data of Section III-A, from `behind` to `ahead` (m).
+        """
+        window = self.trace.window(east, north, behind, ahead)
+        enough = len(window.station) >= LEAST_SAMPLES and bool(window.station[-1] >= 0.0)
+        self.reaches = enough
+        self.usable |= enough
+        return window if enough else None
+
+    def locate(self, east: float, north: float) -> None:
+        """Measure how far its path is known ahead of the ego at (east, north), beyond the paper."""
+        self._known = self.trace.known(east, north)
+
+    def look(self, now: int, driven: float, span: float) -> None:
+        """Judge it at a control instant `now` (ns), `span` (s) and `driven` (m) after the last.
+
+        By silence, not by age, so that a latency alone makes nobody lost (beyond the paper).
+        """
+        seen, reception, at = self._now, self._reception, self.trace.newest_at
+        self._known -= driven
+        seen.known = self._known
+        if at is None:
+            return
+        seen.age = (now - at) / SECOND
+        seen.silence = reception.silence(now)
+        seen.period = reception.period
+        seen.share = reception.share(now)
+        self._judge(now)
+        if self._degrades:
+            self._weigh(span)
+
+    def _judge(self, now: int) -> None:
+        """Lost and distrusted at once, relied on again only after probation."""
+        seen, settings = self._now, self._settings
+        late = seen.silence > settings.late_periods * seen.period
+        after = max(settings.lost_periods * seen.period, settings.lost_after)
+        refused = self._refused_at is not None and (now - self._refused_at) / SECOND <= after
+        if (late and refused) or seen.silence > after:
+            if seen.status not in ("lost", "distrusted"):
+                self.probation.fail(now)
+            seen.status = "distrusted" if refused else "lost"
+            self._reception.pause_count(now)
+            return
+        if seen.status == "probation":
+            self._serve(now)
+        else:
+            self._reception.count_share(now)
+        if seen.status != "probation":
+            seen.status = "late" if late else "fresh"
+
+    def _serve(self, now: int) -> None:
+        """Let it come back; what it usually delivers may be less by now, so that it always can."""
+        served = self.probation.served(now)
+        if served * SECOND < RECENT:
+            self._reception.pause_count(now)
+        else:
+            self._reception.count_share(now)
+        share = self._settings.trusted_share
+        if served >= self.probation.length and self._reception.delivers(now, share):
+            self.probation.end(now)
+            self._now.status = "fresh"
+
+    def _weigh(self, span: float) -> None:
+        """Let the weight fade with the known path, and come back over the probation."""
+        seen = self._now
+        if seen.status in ("fresh", "probation"):
+            self._known_of_all = 0.0
+            self.weight = min(self.weight + span / self.probation.length, 1.0)
+            return
+        if isnan(seen.known) or seen.known <= 0.0:
+            self.weight = 0.0
+            return
+        if not self._known_of_all and self.weight > 0.0:
+            self._known_of_all = seen.known / self.weight
+        if self._known_of_all:
+            self.weight = min(self.weight, seen.known / self._known_of_all)
