@@ -1,5 +1,6 @@
 """What a follower does about messages that do not come, or that cannot be true.
 
 settings    thresholds, braking, and which reaction is asked for
+stopping    braking distances, and how hard to brake for a distance
 situation   how fresh what a follower knows is, in seconds and metres; what it tells those behind
 """

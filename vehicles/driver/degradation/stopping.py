@@ -1,0 +1,79 @@
+"""How far a car goes until it stands, and how hard it has to brake for a distance; SI units.
+
+Accelerations are signed, decelerations positive.
+"""
+
+import math
+
+from vehicles.car.tyres import GRAVITY
+from vehicles.driver.degradation.settings import Braking
+
+HARDEST = 100.0
+"""No deceleration (m/s²) beyond this is looked for; tyres end at a tenth of it."""
+
+HALVINGS = 40
+"""Halvings of that interval: 1e-10 m/s² is left of it."""
+
+
+def stopping_distance(speed: float, acceleration: float, braking: Braking) -> float:
+    """Distance (m) to a standstill from `speed` (m/s) and the present acceleration (m/s²).
+
+    The acceleration changes at the jerk of `braking` until its deceleration is reached, which is
+    then held: s = v t + a t²/2 ∓ j t³/6 on the way there, v²/(2 b) from there (kinematics,
+    elementary algebra; the stop profile of Autoware's planners; beyond the paper).
+    """
+    if speed <= 0.0:
+        return 0.0
+    short = -braking.deceleration - acceleration
+    jerk = math.copysign(braking.jerk, short)
+    span = _time_to_stand(speed, acceleration, jerk, abs(short) / braking.jerk)
+    left = speed + acceleration * span + 0.5 * jerk * span * span
+    driven = speed * span + 0.5 * acceleration * span**2 + jerk * span**3 / 6.0
+    return driven + max(left, 0.0) ** 2 / (2.0 * braking.deceleration)
+
+
+def _time_to_stand(speed: float, acceleration: float, jerk: float, until: float) -> float:
+    """Time (s) after which a car stands whose acceleration changes at `jerk`, at most `until`."""
+    square = acceleration * acceleration - 2.0 * jerk * speed
+    if jerk == 0.0 or square < 0.0:
+        return until
+    # The root of v + a t + j t²/2 that is reached first, without cancellation where a < 0.
+    slower = -acceleration + math.sqrt(square)
+    return min(2.0 * speed / slower, until) if slower > 0.0 else until
+
+
+def needed_deceleration(
+    speed: float, distance: float, acceleration: float = 0.0, jerk: float = math.inf
+) -> float:
+    """Mildest deceleration (m/s²) with which a car at `speed` (m/s) stands within `distance` (m).
+
+    Without a limit of the jerk (m/s³) it is v²/(2 s); with one, it is that which the present
+    acceleration (m/s²) is changed to at this jerk (see `stopping_distance`), by bisection. Infinite
+    if none suffices (elementary kinematics, beyond the paper).
+    """
+    if speed <= 0.0:
+        return 0.0
+    if distance <= 0.0:
+        return math.inf
+    if jerk == math.inf:
+        return speed * speed / (2.0 * distance)
+    if stopping_distance(speed, acceleration, Braking(HARDEST, jerk)) > distance:
+        return math.inf
+    mild, hard = 0.0, HARDEST
+    for _ in range(HALVINGS):
+        middle = 0.5 * (mild + hard)
+        if stopping_distance(speed, acceleration, Braking(middle, jerk)) > distance:
+            mild = middle
+        else:
+            hard = middle
+    return hard
+
+
+def friction_left(friction: float, lateral: float) -> float:
+    """Deceleration (m/s²) that `friction` leaves beside the lateral acceleration `lateral` (m/s²).
+
+    Friction circle of Pacejka's Tire and Vehicle Dynamics: a_x² + a_y² <= (μ g)². Beyond the paper,
+    whose tyres carry any force.
+    """
+    limit = friction * GRAVITY
+    return math.sqrt(max(limit * limit - lateral * lateral, 0.0))
