@@ -9,6 +9,8 @@ from vehicles.car.gnss import Fix, from_message
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
+from vehicles.driver.degradation.longitudinal import SpeedGuard
+from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
@@ -50,15 +52,18 @@ class Follower:
         settings: FitSettings,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
+        guard: SpeedGuard | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
-        `limit` is that of the steering command, `load` watches how heavily the car is laden, if
-        there are such.
+        `limit` is that of the steering command, `load` watches how heavily the car is laden, and
+        `guard` decides the speed, by the law or otherwise, if there are such.
         """
         self._own_state = own_state
         self._controller = controller
         self._speed_law = speed_law
+        self._guard = guard
+        self._told: dict[str, GpsPose] = {}
         self._control = control
         self._plane = plane
         self._lead = lead
@@ -102,6 +107,8 @@ class Follower:
         fix = from_message(message, self._plane)
         trace = self._traces[message.vehicle]
         trace.add(fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed)
+        if trace.newest_at == fix.measured_at:
+            self._told[message.vehicle] = message
         if not trace.joined:
             pose = self._own_state.at(now)
             trace.bridge(pose.east, pose.north)
@@ -117,7 +124,11 @@ class Follower:
         ahead = self._vehicles_ahead(now, pose)
         ahead.curvature_ahead = errors.curvature_ahead
         self._load.commanded(steering.steering)
-        speed = self._speed_law.command(now, pose, ahead)
+        situation = self._situation(now)
+        if self._guard is None:
+            speed = self._speed_law.command(now, pose, ahead)
+        else:
+            speed = self._guard.command(now, pose, ahead, situation, self._mode)
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
@@ -127,10 +138,7 @@ class Follower:
             fit=self._along[0][1] if refit and self._along and self._mode != "coast" else None,
             target_speed=speed.target_speed,
             gap=ahead.gap,
-            situation=Situation(
-                lead=SourceFreshness(age=self._age(now, self._lead)),
-                predecessor=SourceFreshness(age=self._age(now, self._predecessor)),
-            ),
+            situation=situation,
         )
 
     def _choose_trajectory(self, now: int, pose: Pose) -> tuple[Mode, str]:
@@ -213,6 +221,25 @@ class Follower:
             gap=self._gap + opened,
             predecessor_speed=predecessor.speed,
             lead_speed=nan if lead is None else lead.speed,
+        )
+
+    def _situation(self, now: int) -> Situation:
+        """What is known of both sources, and what they announced."""
+        return Situation(
+            lead=self._freshness(now, self._lead),
+            predecessor=self._freshness(now, self._predecessor),
+        )
+
+    def _freshness(self, now: int, name: str) -> SourceFreshness:
+        age, told = self._age(now, name), self._told.get(name)
+        if told is None:
+            return SourceFreshness(age=age)
+        return SourceFreshness(
+            status="lost" if age > DegradationSettings().lost_after else "fresh",
+            age=age,
+            mode=told.mode,
+            hazard=told.hazard,
+            acceleration=told.acceleration_mps2,
         )
 
     def _age(self, now: int, name: str) -> float:

@@ -12,7 +12,7 @@ from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.sending import even_rate_hz, highest_rate_hz
+from scenarios.definition.sending import even_rate_hz, highest_rate_hz, usual_rate_hz
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import Probe
@@ -29,13 +29,15 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
+from vehicles.driver.degradation.longitudinal import GuardedCar, SpeedGuard
+from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
 from vehicles.driver.ego.own_state import KnownState, OwnState
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.ego.slip_estimator import Assuming, LoadWatch, SlipEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
-from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
+from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import FitSettings
@@ -190,11 +192,12 @@ class VehicleBuilder:
                 limit=self._command_limit(),
                 load=load,
             )
-        steering = setup.steering
+        steering, law = setup.steering, self._speed_law(start_at)
         return Follower(
             own_state=own_state,
             controller=controller,
-            speed_law=self._speed_law(start_at),
+            speed_law=law,
+            guard=self._speed_guard(law, setup.predecessor),
             control=control,
             plane=self._plane,
             lead=setup.lead,
@@ -247,3 +250,23 @@ class VehicleBuilder:
         if self._scenario.tables.speed.followers == "same":
             return self._profile(start_at)
         return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
+
+    def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
+        """Make what decides instead of `law` while messages fail.
+
+        The car ahead is as long as this one: both bodies end half their length from their places.
+        """
+        scenario, setup = self._scenario, self._setup
+        ahead, speed = scenario.vehicle(predecessor), self._route.profile.at(0.0)[0]
+        rate_hz = usual_rate_hz(ahead.sending, ahead.gnss, speed) or 1.0
+        initial_gap = self._route.gaps[setup.place]
+        common = scenario.tables.speed.followers == "same"
+        car = GuardedCar(
+            length=0.5 * (setup.parameters.length + ahead.parameters.length),
+            friction=setup.parameters.friction,
+            policy=GapPolicy(initial_gap) if common else scenario.gap_policy,
+            limits=scenario.gap_limits,
+            initial_gap=initial_gap,
+            period=1.0 / rate_hz,
+        )
+        return SpeedGuard(law, DegradationSettings(), car)
