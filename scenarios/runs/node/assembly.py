@@ -31,6 +31,7 @@ from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
 from vehicles.driver.degradation.longitudinal import GuardedCar, SpeedGuard
 from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.waiting import ConvoyWatch, WaitingProfile
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
 from vehicles.driver.ego.own_state import KnownState, OwnState
 from vehicles.driver.ego.pose_estimator import PoseEstimator
@@ -182,10 +183,12 @@ class VehicleBuilder:
         controller = self._controller()
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
+            waiting = self._waiting(start_at) if setup.senders else None
             return Leader(
                 own_state=own_state,
                 controller=controller,
-                speed_law=self._profile(start_at),
+                speed_law=waiting[1] if waiting else self._profile(start_at),
+                waiting=waiting,
                 control=control,
                 path=self._route.path,
                 station=self._route.start_station(0),
@@ -257,8 +260,7 @@ class VehicleBuilder:
         The car ahead is as long as this one: both bodies end half their length from their places.
         """
         scenario, setup = self._scenario, self._setup
-        ahead, speed = scenario.vehicle(predecessor), self._route.profile.at(0.0)[0]
-        rate_hz = usual_rate_hz(ahead.sending, ahead.gnss, speed) or 1.0
+        ahead = scenario.vehicle(predecessor)
         initial_gap = self._route.gaps[setup.place]
         common = scenario.tables.speed.followers == "same"
         car = GuardedCar(
@@ -267,6 +269,20 @@ class VehicleBuilder:
             policy=GapPolicy(initial_gap) if common else scenario.gap_policy,
             limits=scenario.gap_limits,
             initial_gap=initial_gap,
-            period=1.0 / rate_hz,
+            period=self._period_of(predecessor),
         )
         return SpeedGuard(law, DegradationSettings(), car)
+
+    def _waiting(self, start_at: int) -> tuple[ConvoyWatch, WaitingProfile]:
+        """Make what watches over those who are heard, and the speed law that is told of it."""
+        settings = DegradationSettings()
+        periods = {name: self._period_of(name) for name in self._setup.senders}
+        profile, period = self._route.profile, 1.0 / self.control_rate_hz
+        law = WaitingProfile(profile, start_at, period, settings.comfortable)
+        return ConvoyWatch(settings, periods, start_at), law
+
+    def _period_of(self, sender: str) -> float:
+        """Time (s) between messages of `sender` to expect, by its sending and its link."""
+        setup, speed = self._scenario.vehicle(sender), self._route.profile.at(0.0)[0]
+        rate_hz = usual_rate_hz(setup.sending, setup.gnss, speed) or 1.0
+        return 1.0 / min(rate_hz, self._scenario.links[sender, self.name].rate_hz or rate_hz)

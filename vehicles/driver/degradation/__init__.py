@@ -5,4 +5,5 @@ longitudinal  the speed while messages fail: braking, wider gaps, safe distances
 settings      thresholds, braking, and which reaction is asked for
 stopping      braking distances, and how hard to brake for a distance
 situation     how fresh what a follower knows is, in seconds and metres; what it tells those behind
+waiting       a lead that waits for followers that are lost
 """
