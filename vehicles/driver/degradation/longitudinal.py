@@ -43,6 +43,9 @@ CAUGHT_UP = 0.5
 NARROWEST = 2.0
 """A gap that has become narrower by so much (m) than at the start is not opened to that again."""
 
+STOPS_BEFORE = 0.5
+"""A stop is aimed so far (m) before the end of the known road."""
+
 STANDING = 0.2
 """A car slower than this (m/s) is held by its brake."""
 
@@ -139,7 +142,8 @@ class SpeedGuard:
             self._last = asked.acceleration
             return asked
         self._promised = self._promised or reserve >= 0.0
-        free = wanted = self._kept_gap(tick, opening)
+        # Who hears nobody stops within the known road, however wide the gap should be.
+        free = wanted = self._kept_gap(tick, 0.0 if blind else opening)
         if warned and ahead.gap < self._car.policy.desired(pose.speed) + self._car.length:
             wanted = min(wanted, predecessor.acceleration)
         if awake:
@@ -205,9 +209,8 @@ class SpeedGuard:
             return -braking.deceleration
         if firmly:
             braking = hardest
-        needed = needed_deceleration(
-            tick.pose.speed, tick.situation.known, self._last, braking.jerk
-        )
+        known = tick.situation.known - STOPS_BEFORE
+        needed = needed_deceleration(tick.pose.speed, known, self._last, braking.jerk)
         most = min(needed, braking.deceleration, hardest.deceleration)
         return max(-most, self._last - braking.jerk * tick.span)
 
@@ -278,6 +281,8 @@ class SpeedGuard:
         held = wanted < free or free != asked.acceleration
         if (held or self._held) and wanted > upper:
             wanted, held = upper, True
+        # Friction goes before the jerk, but the law may brake as it would without loss.
+        wanted = max(wanted, min(-tick.hardest.deceleration, asked.acceleration))
         self._held, self._last = held, wanted
         if wanted == asked.acceleration:
             return asked
