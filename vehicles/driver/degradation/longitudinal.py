@@ -4,7 +4,7 @@ As long as it does, its speed law decides, and nothing here changes a bit of tha
 """
 
 from dataclasses import dataclass, replace
-from math import inf, isnan, nan
+from math import inf, isfinite, isnan, nan
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.lateness import AgeWatch
@@ -33,6 +33,13 @@ GUARD_MARGIN = 1.0
 
 GUARD_TIME = 0.3
 """The guard brakes when the last instant to do so is no further away than this (s)."""
+
+HEADWAY_RATE = 0.5
+"""Speed (m/s) at which a gap is opened to a stable headway, and closed again. All followers do so
+at once, and the last one of eight falls back at seven times that speed."""
+
+LEAD_FORGOTTEN = 1.0
+"""Time constant (s) with which the speed of a lead that is not heard becomes the predecessor's."""
 
 FALLEN_BEHIND = 1.0
 """A predecessor slower than the common speed by more than this (m/s) does not drive it."""
@@ -116,6 +123,8 @@ class SpeedGuard:
         self._reference = car.initial_gap
         self._settled_at = 0
         self._promised = False
+        self._headway = 0.0
+        self._lead_speed = nan
 
     def command(
         self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
@@ -137,7 +146,9 @@ class SpeedGuard:
         awake = blind or warned or self._ages.is_awake(now)
         self._follow_or_not(tick, awake=awake)
         reserve, opening = self._reserve(tick, seen), self._opening(tick)
-        if not (awake or self._following or self._held or opening):
+        alone = self._headway > 0.0 or _is_lost(situation.lead)
+        if not (awake or self._following or self._held or opening or alone):
+            self._lead_speed = ahead.lead_speed
             self._promised = reserve >= 0.0
             self._last = asked.acceleration
             return asked
@@ -217,8 +228,7 @@ class SpeedGuard:
     def _opening(self, tick: _Instant) -> float:
         """Metres by which the gap is wanted to be wider than usual.
 
-        Own speed times the growth of age; at least what RSS needs at that age; and the headway that
-        is stable without the lead (Swaroop and Hedrick, 1996) where the lead is not heard.
+        Own speed times the growth of age, and at least what RSS needs at that age.
         """
         speed, wanted = tick.pose.speed, 0.0
         policy, growth = self._car.policy, self._ages.growth(tick.now)
@@ -227,20 +237,39 @@ class SpeedGuard:
             own = stopping_distance(speed, 0.0, tick.hardest) - speed * speed / (2.0 * worst)
             needed = self._car.length + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
             wanted = max(speed * growth, needed - policy.desired(speed))
-        if _is_lost(tick.situation.lead) and (self._keeps_gap or self._following):
-            wanted = max(wanted, (STABLE_HEADWAY - policy.headway) * speed)
         return max(wanted, 0.0)
+
+    def _without_lead(self, tick: _Instant) -> VehiclesAhead:
+        """Let the lead's speed count less while it is not heard, and the headway grow instead.
+
+        Step by step to the headway that is stable without it (Swaroop and Hedrick, 1996).
+        """
+        ahead, speed = tick.ahead, tick.pose.speed
+        lost = _is_lost(tick.situation.lead) and (self._keeps_gap or self._following)
+        missing = max(STABLE_HEADWAY - self._car.policy.headway, 0.0) if lost else 0.0
+        step = HEADWAY_RATE / max(speed, 1.0) * tick.span
+        self._headway = min(max(missing, self._headway - step), self._headway + step)
+        if lost:
+            known = self._lead_speed if isfinite(self._lead_speed) else ahead.predecessor_speed
+            share = min(tick.span / LEAD_FORGOTTEN, 1.0)
+            self._lead_speed = known + share * (ahead.predecessor_speed - known)
+            ahead = replace(ahead, lead_speed=self._lead_speed)
+        else:
+            self._lead_speed = ahead.lead_speed
+        if not self._headway:
+            return ahead
+        left = 1.0 - self._headway / STABLE_HEADWAY
+        lead = ahead.predecessor_speed + left * (ahead.lead_speed - ahead.predecessor_speed)
+        return replace(ahead, gap=ahead.gap - self._headway * speed, lead_speed=lead)
 
     def _kept_gap(self, tick: _Instant, opening: float) -> float:
         """Acceleration (m/s²) that keeps the wanted gap; it is opened at comfortable braking.
 
         After Swaroop and Hedrick, 1996, as without loss.
         """
-        ahead = tick.ahead
+        ahead = self._without_lead(tick)
         if isnan(ahead.gap) or not (self._keeps_gap or self._following):
             return tick.asked.acceleration
-        if _is_lost(tick.situation.lead):
-            ahead = replace(ahead, lead_speed=nan)
         if self._following:
             ahead = replace(ahead, gap=ahead.gap + self._car.initial_gap - self._reference)
         usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
