@@ -93,13 +93,16 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
             yield f"link[{index}].{end}", f"given {given}, allowed {allowed}"
         if unknown:
             continue
-        if all(specificity(link, names, *pair) is None for pair in directed_links(names)):
+        if all(
+            specificity(link, names, *pair) is None
+            for pair in directed_links(names, lead_waits=tables.speed.lead_waits)
+        ):
             yield (
                 f"link[{index}]",
                 f"from {link.sender} to {link.receiver}: no vehicle listens there, followers hear "
                 f"{names[0]} and the vehicle ahead of them",
             )
-    for first, later, key in ties(tables.link, names):
+    for first, later, key in ties(tables.link, names, lead_waits=tables.speed.lead_waits):
         yield (
             f"link[{later}].{key}",
             f"given by link[{first}] too, which is as specific about a link of both: allowed "
@@ -110,7 +113,7 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
 
 def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
     """Give what does not fit within what is asked of a link, under the entry that asks for it."""
-    for pair in directed_links(names):
+    for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
         about = [entry for _, entry in entries_about(tables.link, names, *pair)]
         asked = requested_link(tables, names, *pair)
         for key, why in (*loss_problems(asked), *radio_problems(asked)):
@@ -148,7 +151,7 @@ def _senders(tables: ScenarioTables) -> Iterator[Problem]:
     yield from found
     if found:
         return
-    for sender, receiver in directed_links(names):
+    for sender, receiver in directed_links(names, lead_waits=tables.speed.lead_waits):
         setup = vehicle_setup(tables, sender)
         rate_hz = requested_link(tables, names, sender, receiver).rate_hz
         if rate_hz is None or even_rate_hz(setup.sending, setup.gnss) is not None:

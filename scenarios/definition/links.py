@@ -3,15 +3,23 @@
 from collections.abc import Sequence
 
 
-def senders_to(names: Sequence[str], receiver: str) -> tuple[str, ...]:
+def senders_to(names: Sequence[str], receiver: str, *, lead_waits: bool = False) -> tuple[str, ...]:
     """Vehicles whose poses `receiver` uses, of a convoy of `names`: the lead and its predecessor.
 
-    The lead has no senders, the first follower the lead alone.
+    The first follower has the lead alone, the lead nobody, or all others where it waits for them.
     """
     place = names.index(receiver)
-    return tuple(dict.fromkeys((names[0], names[place - 1]))) if place else ()
+    if place:
+        return tuple(dict.fromkeys((names[0], names[place - 1])))
+    return tuple(names[1:]) if lead_waits else ()
 
 
-def directed_links(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+def directed_links(
+    names: Sequence[str], *, lead_waits: bool = False
+) -> tuple[tuple[str, str], ...]:
     """Sender and receiver of every link, by receiver from the lead back."""
-    return tuple((sender, receiver) for receiver in names for sender in senders_to(names, receiver))
+    return tuple(
+        (sender, receiver)
+        for receiver in names
+        for sender in senders_to(names, receiver, lead_waits=lead_waits)
+    )

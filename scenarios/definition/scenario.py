@@ -220,7 +220,7 @@ class Scenario:
         """What is asked of each directed link, by sender and receiver, none of them replayed."""
         return {
             pair: requested_link(self.tables, self.vehicle_names, *pair)
-            for pair in directed_links(self.vehicle_names)
+            for pair in directed_links(self.vehicle_names, lead_waits=self.tables.speed.lead_waits)
             if pair[1] not in self.replays
         }
 

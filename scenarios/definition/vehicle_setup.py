@@ -29,9 +29,9 @@ class VehicleSetup:
 
     `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
     estimator, without the load unless the scenario says that they know it. `senders` are the
-    vehicles whose poses it uses: lead and predecessor, none for the lead itself. `controller` is
-    the dotted name of the class that steers. `imu_rate_hz` is the inertial sensor's own rate, or
-    else that of control.
+    vehicles whose poses it uses: lead and predecessor; for the lead none, or all where it waits.
+    `controller` is the dotted name of the class that steers. `imu_rate_hz` is the inertial sensor's
+    own rate, or else that of control.
     """
 
     name: str
@@ -126,7 +126,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         place=place,
         lead=names[0],
         predecessor=predecessor,
-        senders=senders_to(names, name),
+        senders=senders_to(names, name, lead_waits=tables.speed.lead_waits),
         lateral_offset_m=own.lateral_offset_m if own else 0.0,
         heading_offset_rad=math.radians(own.heading_offset_deg) if own else 0.0,
         parameters=full,

@@ -10,11 +10,11 @@ from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.baselines import ModesByReach, without_hearing
-from vehicles.driver.degradation.longitudinal import SpeedGuard
 from vehicles.driver.degradation.machine import SLOWING, ModeMachine, Modes
 from vehicles.driver.degradation.pair import SourcePair
 from vehicles.driver.degradation.rejoining import Rejoining
 from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
 from vehicles.driver.degradation.sources import Source
 from vehicles.driver.degradation.trust.beliefs import Beliefs
 from vehicles.driver.ego.own_state import OwnState, Pose

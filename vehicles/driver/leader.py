@@ -8,6 +8,7 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
+from vehicles.driver.degradation.slowing.waiting import ConvoyWatch, WaitingProfile
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.speed import SpeedLaw, VehiclesAhead
@@ -20,7 +21,10 @@ from vehicles.schedule import Cadence
 
 
 class Leader:
-    """Tracks a path from a given station (m) on (Section V-C, Fig. 8); receives nothing."""
+    """Tracks a path from a given station (m) on (Section V-C, Fig. 8).
+
+    It receives nothing, or what its followers say where it waits for them.
+    """
 
     def __init__(
         self,
@@ -33,10 +37,12 @@ class Leader:
         station: float,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
+        waiting: tuple[ConvoyWatch, WaitingProfile] | None = None,
     ) -> None:
         """`station` is the arc length at which the lead starts; `limit` that of its steering.
 
-        `load` watches how heavily it is laden, if anything does.
+        `load` watches how heavily it is laden, if anything does; `waiting` are who watches over
+        the followers, and the speed law that is told, where it waits for them.
         """
         self._own_state = own_state
         self._controller = controller
@@ -46,6 +52,8 @@ class Leader:
         self._near = station
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
+        self._waiting = waiting
+        self._reason = ""
         self._decision: Decision | None = None
 
     def step(
@@ -53,7 +61,7 @@ class Leader:
         now: int,
         fix: Fix | None,
         motion: Motion | Body | None,
-        received: Sequence[GpsPose],  # noqa: ARG002
+        received: Sequence[GpsPose],
     ) -> Decision:
         """Decide at `now` (ns); between control instants the last decision is held.
 
@@ -61,6 +69,10 @@ class Leader:
         """
         self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
+        if self._waiting is not None:
+            watch, law = self._waiting
+            self._reason = watch.observe(now, received)
+            law.waits = bool(self._reason)
         if self._decision is not None and not self._control.due(now):
             return replace(self._decision, fresh=False)
         pose = self._own_state.at(now)
@@ -73,6 +85,7 @@ class Leader:
             steering=steering,
             errors=errors,
             mode="path",
+            reason=self._reason,
             target_speed=speed.target_speed,
         )
         return self._decision

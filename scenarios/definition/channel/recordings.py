@@ -133,7 +133,7 @@ def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioT
     replayed = {name for name, own in tables.vehicle.items() if own.replay is not None}
     records: dict[tuple[str, str], LogLoss] = {}
     read = cache(_links_of)
-    for pair in directed_links(names):
+    for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
         loss = requested_link(tables, names, *pair).loss
         if isinstance(loss, LogLoss) and loss.file is not None and pair[1] not in replayed:
             key = _giver(tables, loss, pair)

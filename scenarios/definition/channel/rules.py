@@ -60,13 +60,15 @@ def entries_about(
     return sorted(about, key=lambda one: one[0])
 
 
-def ties(entries: Sequence[LinkEntry], names: Sequence[str]) -> Iterator[tuple[int, int, str]]:
+def ties(
+    entries: Sequence[LinkEntry], names: Sequence[str], *, lead_waits: bool = False
+) -> Iterator[tuple[int, int, str]]:
     """Give the numbers of two entries that are equally specific about one link, and a key of both.
 
     Each pair once, with the first key that both give.
     """
     seen: set[tuple[int, int]] = set()
-    for sender, receiver in directed_links(names):
+    for sender, receiver in directed_links(names, lead_waits=lead_waits):
         graded = [specificity(entry, names, sender, receiver) for entry in entries]
         for later, grade in enumerate(graded):
             for first in range(later):

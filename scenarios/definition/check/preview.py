@@ -117,8 +117,8 @@ def _sight(
 
 
 def gap_to(scenario: Scenario, place: int, source: str, speed: float) -> float:
-    """Distance (m) to a source ahead: that of the start, or the one that is kept."""
-    first = scenario.vehicle_names.index(source)
+    """Distance (m) to a source, ahead or behind: that of the start, or the one that is kept."""
+    first, place = sorted((scenario.vehicle_names.index(source), place))
     if scenario.tables.speed.followers == "gap":
         return (place - first) * scenario.gap_policy.desired(speed)
     return sum(scenario.route.gaps[first + 1 : place + 1])

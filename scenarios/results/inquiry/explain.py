@@ -135,7 +135,9 @@ class RecordedKnowledge:
         if vehicle not in names:
             raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
         found = cls(log, scenario, vehicle, reader.last_at)
-        _read(reader, found, senders_to(names, vehicle))
+        _read(
+            reader, found, senders_to(names, vehicle, lead_waits=scenario.tables.speed.lead_waits)
+        )
         return found
 
     def at(self, at_s: float) -> Explanation:

@@ -12,7 +12,12 @@ from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.sending import even_rate_hz, highest_rate_hz, link_rate_hz
+from scenarios.definition.sending import (
+    even_rate_hz,
+    highest_rate_hz,
+    link_rate_hz,
+    usual_rate_hz,
+)
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import Probe
@@ -29,7 +34,8 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
-from vehicles.driver.degradation.longitudinal import SpeedGuard
+from vehicles.driver.degradation.slowing.longitudinal import GuardedCar, SpeedGuard
+from vehicles.driver.degradation.slowing.waiting import ConvoyWatch, WaitingProfile
 from vehicles.driver.degradation.trust.beliefs import Beliefs
 from vehicles.driver.degradation.trust.gate import InnovationGate
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
@@ -38,7 +44,7 @@ from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.ego.slip_estimator import Assuming, LoadWatch, SlipEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
-from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
+from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import FitSettings
@@ -183,26 +189,28 @@ class VehicleBuilder:
         controller = self._controller()
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
+            waiting = self._waiting(start_at) if setup.senders else None
             return Leader(
                 own_state=own_state,
                 controller=controller,
-                speed_law=self._profile(start_at),
+                speed_law=waiting[1] if waiting else self._profile(start_at),
+                waiting=waiting,
                 control=control,
                 path=self._route.path,
                 station=self._route.start_station(0),
                 limit=self._command_limit(),
                 load=load,
             )
-        steering = setup.steering
+        steering, law = setup.steering, self._speed_law(start_at)
         return Follower(
             own_state=own_state,
             controller=controller,
-            speed_guard=self._speed_guard(start_at),
+            speed_guard=self._speed_guard(law, setup.predecessor),
             control=control,
             plane=self._plane,
             lead=setup.lead,
             predecessor=setup.predecessor,
-            periods={sender: self._period(sender) for sender in setup.senders},
+            periods={sender: self._least_period(sender) for sender in setup.senders},
             alpha=steering.alpha_ratio,
             fusion=steering.fusion,
             settings=self._fit_settings(),
@@ -266,24 +274,46 @@ class VehicleBuilder:
     def _profile(self, start_at: int) -> SpeedLaw:
         return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)
 
-    def _period(self, sender: str) -> float:
+    def _least_period(self, sender: str) -> float:
         """Shortest time (s) between two messages that can come from `sender`."""
         setup, link = self._scenario.vehicle(sender), self._scenario.links[sender, self.name]
         rate_hz = link_rate_hz(setup.sending, setup.gnss)
         return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
 
-    def _speed_guard(self, start_at: int) -> SpeedGuard:
-        setup = self._setup
-        return SpeedGuard(
-            self._speed_law(start_at),
-            setup.degradation,
-            limits=self._scenario.gap_limits,
-            length=setup.parameters.length,
-            initial_gap=self._route.gaps[setup.place],
-            friction=setup.parameters.friction,
-        )
-
     def _speed_law(self, start_at: int) -> SpeedLaw:
         if self._scenario.tables.speed.followers == "same":
             return self._profile(start_at)
         return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
+
+    def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
+        """Make what decides instead of `law` while messages fail.
+
+        The car ahead is as long as this one: both bodies end half their length from their places.
+        """
+        scenario, setup = self._scenario, self._setup
+        ahead = scenario.vehicle(predecessor)
+        initial_gap = self._route.gaps[setup.place]
+        common = scenario.tables.speed.followers == "same"
+        car = GuardedCar(
+            length=0.5 * (setup.parameters.length + ahead.parameters.length),
+            friction=setup.parameters.friction,
+            policy=GapPolicy(initial_gap) if common else scenario.gap_policy,
+            limits=scenario.gap_limits,
+            initial_gap=initial_gap,
+            period=self._usual_period(predecessor),
+        )
+        return SpeedGuard(law, setup.degradation, car)
+
+    def _waiting(self, start_at: int) -> tuple[ConvoyWatch, WaitingProfile]:
+        """Make what watches over those who are heard, and the speed law that is told of it."""
+        settings = self._setup.degradation
+        periods = {name: self._usual_period(name) for name in self._setup.senders}
+        profile, period = self._route.profile, 1.0 / self.control_rate_hz
+        law = WaitingProfile(profile, start_at, period, settings.comfortable)
+        return ConvoyWatch(settings, periods, start_at), law
+
+    def _usual_period(self, sender: str) -> float:
+        """Time (s) between messages of `sender` to expect, by its sending and its link."""
+        setup, speed = self._scenario.vehicle(sender), self._route.profile.at(0.0)[0]
+        rate_hz = usual_rate_hz(setup.sending, setup.gnss, speed) or 1.0
+        return 1.0 / min(rate_hz, self._scenario.links[sender, self.name].rate_hz or rate_hz)

@@ -8,11 +8,11 @@ from tests.made.vehicles.exact_drives import CONTROL_HZ, GNSS_HZ, PLANE, START, 
 from transport.codec import RefusedMessageError
 from transport.links.gate import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.degradation.longitudinal import SpeedGuard
 from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.slowing.longitudinal import GuardedCar, SpeedGuard
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.follower import Follower
-from vehicles.driver.speed import GapLimits, ProfileSpeed, SpeedLaw, SpeedProfile
+from vehicles.driver.speed import GapLimits, GapPolicy, ProfileSpeed, SpeedLaw, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.messages import GpsPose
@@ -46,10 +46,14 @@ def follower(
         speed_guard=SpeedGuard(
             law,
             degradation,
-            limits=GapLimits(),
-            length=CAR.length,
-            initial_gap=GAP,
-            friction=CAR.friction,
+            GuardedCar(
+                length=CAR.length,
+                friction=CAR.friction,
+                policy=GapPolicy(GAP),
+                limits=GapLimits(),
+                initial_gap=GAP,
+                period=1.0 / GNSS_HZ,
+            ),
         ),
         control=Cadence(START, CONTROL_HZ),
         plane=PLANE,

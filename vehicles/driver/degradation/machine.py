@@ -7,8 +7,8 @@ from typing import Protocol
 from vehicles.driver.degradation.pair import SourcePair
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.slowing.stopping import needed_deceleration
 from vehicles.driver.degradation.sources import Source
-from vehicles.driver.degradation.stopping import needed_deceleration
 from vehicles.messages import Mode
 
 SLOWING: tuple[Mode, ...] = ("coast", "stop")

@@ -6,8 +6,8 @@ from math import isnan, nan
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.slowing.stopping import stopping_distance
 from vehicles.driver.degradation.sources import Source
-from vehicles.driver.degradation.stopping import stopping_distance
 from vehicles.driver.degradation.trust.gate import Belief
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import GpsPose, Mode

@@ -1,15 +1,12 @@
 """What became of the messages of each directed link of a recorded run, as arrays."""
 
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.links import directed_links
-from scenarios.definition.scenario import Scenario
 from scenarios.results.log_summary import scenario_in
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict, RunStart, TruePose
@@ -72,13 +69,9 @@ def recorded_links(log: Path) -> tuple[RecordedLink, ...]:
                 places[source].append(message)
     return tuple(
         _link(pair, start_at, list(verdicts[pair].values()), senders[pair[0]], places[pair[1]])
-        for pair in _listening(scenario)
+        for pair in scenario.links
         if verdicts[pair]
     )
-
-
-def _listening(scenario: Scenario) -> Sequence[tuple[str, str]]:
-    return [pair for pair in directed_links(scenario.vehicle_names) if pair in scenario.links]
 
 
 def _link(

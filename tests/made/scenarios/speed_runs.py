@@ -1,0 +1,37 @@
+"""Convoys in virtual time without a log: what each car was told, and how it truly moved."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+from scenarios.definition.scenario import Scenario
+from scenarios.runs.node.sink import BusSink
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import VirtualConvoy
+from vehicles.messages import Command, GpsPose, Message, TruePose
+
+
+@dataclass
+class Driven:
+    """True poses and commands by vehicle."""
+
+    truth: defaultdict[str, list[TruePose]] = field(default_factory=lambda: defaultdict(list))
+    commands: defaultdict[str, list[Command]] = field(default_factory=lambda: defaultdict(list))
+
+
+def drive(scenario: Scenario) -> Driven:
+    """Drive `scenario` to its end; only poses are encoded, which the others hear."""
+    convoy, driven = VirtualConvoy(scenario), Driven()
+
+    class Kept(BusSink):
+        def send(self, message: Message) -> None:
+            match message:
+                case GpsPose():
+                    super().send(message)
+                case TruePose():
+                    driven.truth[message.vehicle].append(message)
+                case Command():
+                    driven.commands[message.vehicle].append(message)
+
+    convoy.build(lambda name: Kept(name, convoy.bus))
+    convoy.run(Stop())
+    return driven

@@ -1,0 +1,62 @@
+"""Convoys that keep their gaps, hear next to nothing, and whose lead brakes (beyond the paper)."""
+
+from itertools import pairwise
+
+import pytest
+
+from scenarios.definition.scenario import scenario_from_text
+from tests.made.scenarios.speed_runs import drive
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.slowing.stopping import stopping_distance
+
+FAST, SLOW, BRAKES_AT_S = 25.0, 5.0, 6.0
+LENGTH = 4.93
+CONVOY = """
+name = "braking_lead"
+duration_s = {duration_s}
+[convoy]
+vehicles = {vehicles}
+[path]
+kind = "segments"
+segments = [{{ length_m = 1000.0 }}]
+[speed]
+lead = "profile"
+followers = "gap"
+profile = [
+    {{ at_s = 0.0, speed_mps = 25.0 }}, {{ at_s = 6.0, speed_mps = 25.0 }},
+    {{ at_s = {slow_at_s}, speed_mps = 5.0 }},
+]
+[links]
+loss_ratio = {loss}
+"""
+
+
+def test_physics_allows_this_convoy_to_be_safe_whatever_is_lost() -> None:
+    # Without any message both brake as hard as they can, the lead at once, the next car when
+    # what it knew at the start no longer tells it that it need not: it has this long to notice.
+    hardest = DegradationSettings().hardest
+    gap = 8.0 + 0.5 * FAST - LENGTH
+    lead_stands_after = FAST**2 / (2.0 * hardest.deceleration)
+    left = gap + lead_stands_after - stopping_distance(FAST, 0.0, hardest)
+    assert 0.37 < left / FAST < 0.38
+
+
+@pytest.mark.campaign(1, 200)
+@pytest.mark.parametrize("vehicles", [4, 8])
+@pytest.mark.parametrize("braking", [2.5, 6.0])
+@pytest.mark.parametrize("loss", [0.8, 0.9, 0.97])
+def test_nobody_drives_into_anybody(loss: float, braking: float, vehicles: int, case: int) -> None:
+    slow_at_s = BRAKES_AT_S + (FAST - SLOW) / braking
+    text = CONVOY.format(
+        duration_s=slow_at_s + 4.0, vehicles=vehicles, slow_at_s=slow_at_s, loss=loss
+    )
+    driven = drive(scenario_from_text(text, seed=case + 1))
+    names = list(driven.truth)
+    assert len(names) == vehicles
+    for ahead, behind in pairwise(names):
+        both = zip(driven.truth[ahead], driven.truth[behind], strict=True)
+        least = min(one.east_m - other.east_m for one, other in both) - LENGTH
+        assert least > 0.5, f"{behind} within {least:.2f} m of {ahead}"
+    for name in names[1:]:
+        hardest = min(one.acceleration_mps2 for one in driven.commands[name])
+        assert hardest >= -6.0 - 1e-9

@@ -1,0 +1,94 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicles.car.tyres import GRAVITY
+from vehicles.driver.degradation.settings import Braking, DegradationSettings
+from vehicles.driver.degradation.slowing.stopping import (
+    friction_left,
+    needed_deceleration,
+    stopping_distance,
+)
+
+SPEEDS = st.floats(0.1, 40.0)
+ACCELERATIONS = st.floats(-7.0, 2.0)
+BRAKINGS = st.builds(Braking, st.floats(0.2, 8.0), st.floats(0.1, 20.0))
+STEP = 1e-3
+
+
+def driven(speed: float, acceleration: float, braking: Braking) -> float:
+    """Distance to a standstill, step by step; within a step the speed changes evenly."""
+    distance = 0.0
+    while speed > 0.0:
+        wanted = -braking.deceleration - acceleration
+        change = min(max(wanted, -braking.jerk * STEP), braking.jerk * STEP)
+        slower = speed + (acceleration + 0.5 * change) * STEP
+        distance += 0.5 * (speed + max(slower, 0.0)) * STEP
+        speed, acceleration = slower, acceleration + change
+    return distance
+
+
+@given(SPEEDS, ACCELERATIONS, BRAKINGS)
+def test_the_stopping_distance_is_what_is_driven(
+    speed: float, acceleration: float, braking: Braking
+) -> None:
+    found = stopping_distance(speed, acceleration, braking)
+    assert found == pytest.approx(driven(speed, acceleration, braking), rel=2e-3, abs=0.02)
+
+
+def test_stops_of_a_common_speed_are_those_worked_out_by_hand() -> None:
+    hardest = stopping_distance(15.0, 0.0, DegradationSettings().hardest)
+    ramp = 6.0 / 12.0
+    left = 15.0 - 0.5 * 12.0 * ramp**2
+    assert hardest == pytest.approx(15.0 * ramp - 12.0 * ramp**3 / 6.0 + left**2 / 12.0)
+    assert stopping_distance(15.0, -6.0, DegradationSettings().hardest) == 225.0 / 12.0
+    assert stopping_distance(0.0, 0.0, DegradationSettings().hardest) == 0.0
+
+
+@given(SPEEDS, st.floats(0.1, 10.0), ACCELERATIONS, BRAKINGS)
+def test_faster_cars_need_more_road_and_harder_braking_less(
+    speed: float, faster: float, acceleration: float, braking: Braking
+) -> None:
+    found = stopping_distance(speed, acceleration, braking)
+    assert 0.0 < found < stopping_distance(speed + faster, acceleration, braking)
+    harder = Braking(braking.deceleration + 0.1, braking.jerk)
+    assert stopping_distance(speed, acceleration, harder) <= found + 1e-9
+
+
+@given(SPEEDS, st.floats(0.01, 500.0))
+def test_without_jerk_the_car_stands_exactly_at_the_end(speed: float, distance: float) -> None:
+    needed = needed_deceleration(speed, distance)
+    assert needed == pytest.approx(speed * speed / (2.0 * distance))
+    stop = Braking(needed, 1.0)
+    assert stopping_distance(speed, -needed, stop) == pytest.approx(distance)
+
+
+@given(SPEEDS, st.floats(0.5, 500.0), ACCELERATIONS, st.floats(0.1, 20.0))
+def test_the_needed_deceleration_stops_within_the_distance_and_a_milder_one_does_not(
+    speed: float, distance: float, acceleration: float, jerk: float
+) -> None:
+    needed = needed_deceleration(speed, distance, acceleration, jerk)
+    if needed == math.inf:
+        assert stopping_distance(speed, acceleration, Braking(100.0, jerk)) > distance
+        return
+    assert stopping_distance(speed, acceleration, Braking(needed, jerk)) <= distance + 1e-6
+    if needed > 0.01:  # else the car stands before the end however gently it eases its brake
+        milder = Braking(0.99 * needed, jerk)
+        assert stopping_distance(speed, acceleration, milder) >= distance - 1e-6
+
+
+def test_no_road_needs_no_braking_of_a_car_that_stands_and_infinite_of_one_that_drives() -> None:
+    assert needed_deceleration(0.0, -1.0) == 0.0
+    assert needed_deceleration(0.1, 0.0) == needed_deceleration(9.0, -1.0) == math.inf
+
+
+@given(st.floats(0.1, 1.2), st.floats(-15.0, 15.0))
+def test_friction_left_and_lateral_acceleration_lie_in_the_circle(
+    friction: float, lateral: float
+) -> None:
+    left = friction_left(friction, lateral)
+    limit = friction * GRAVITY
+    assert left == 0.0 if abs(lateral) >= limit else math.hypot(left, lateral) <= limit + 1e-9
+    assert friction_left(friction, 0.0) == pytest.approx(limit)

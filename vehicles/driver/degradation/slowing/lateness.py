@@ -1,0 +1,67 @@
+"""How much later than usual a vehicle is heard; SI units."""
+
+from math import isnan
+
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.situation import SourceFreshness
+from vehicles.schedule import SECOND
+
+CLOSING_RATE = 0.1
+"""A gap that was opened closes again at this share of the own speed."""
+
+USUAL_SHARE = 0.05
+"""Weight of a new message in what age messages usually have when they are heard."""
+
+
+class AgeWatch:
+    """How much older than usual what is known of the predecessor is, and was lately.
+
+    Until the first message, the predecessor is where it was at the start. Beyond the paper.
+    """
+
+    def __init__(self, settings: DegradationSettings, period: float) -> None:
+        """`period` (s) is the time between messages until it is learned."""
+        self._settings = settings
+        self._period = period
+        self._usual = 0.0
+        self._measured_at: int | None = None
+        self._late_at: int | None = None
+        self._peak, self._peak_at = 0.0, 0
+
+    @property
+    def usual(self) -> float:
+        """Largest age (s) to be expected, beyond the paper: that when heard, and a period."""
+        return self._usual + self._period
+
+    def observe(self, now: int, age: float, source: SourceFreshness) -> None:
+        """Take the age (s) of the newest sample at `now` (ns); beyond the paper."""
+        settings = self._settings
+        if not isnan(source.period):
+            self._period = source.period
+        measured_at = now - round(age * SECOND)
+        if not isnan(source.age) and measured_at != self._measured_at:
+            first = self._measured_at is None
+            self._measured_at = measured_at
+            self._usual = age if first else self._usual + USUAL_SHARE * (age - self._usual)
+        refused = source.status in ("lost", "distrusted")
+        if refused or age > self._usual + settings.late_periods * self._period:
+            self._late_at = now
+            growth = max(age - self.usual, 0.0)
+            if growth >= self.growth(now):
+                self._peak, self._peak_at = growth, now
+
+    def is_awake(self, now: int) -> bool:
+        """Whether messages are late at `now` (ns), or were within the probation.
+
+        Beyond the paper.
+        """
+        probation = self._settings.probation * SECOND
+        return self._late_at is not None and now - self._late_at <= probation
+
+    def growth(self, now: int) -> float:
+        """Age beyond the usual (s): the largest lately, which is forgotten gradually.
+
+        Beyond the paper; a gap that followed the present age would pump.
+        """
+        since = (now - self._peak_at) / SECOND - self._settings.probation
+        return max(self._peak - CLOSING_RATE * max(since, 0.0), 0.0)

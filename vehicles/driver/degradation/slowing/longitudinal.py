@@ -1,0 +1,322 @@
+"""How fast a follower goes while it does not hear as usual; SI units.
+
+As long as it does, its speed law decides, and nothing here changes a bit of that.
+"""
+
+from dataclasses import dataclass, replace
+from math import inf, isfinite, isnan, nan
+
+from vehicles.car.tyres import GRAVITY
+from vehicles.driver.degradation.settings import Braking, DegradationSettings
+from vehicles.driver.degradation.situation import Situation, SourceFreshness
+from vehicles.driver.degradation.slowing.lateness import AgeWatch
+from vehicles.driver.degradation.slowing.stopping import (
+    friction_left,
+    needed_deceleration,
+    stopping_distance,
+)
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.speed import (
+    STABLE_HEADWAY,
+    GapKeeping,
+    GapLimits,
+    GapPolicy,
+    SpeedCommand,
+    SpeedLaw,
+    VehiclesAhead,
+)
+from vehicles.messages import Mode
+from vehicles.schedule import SECOND
+
+GUARD_MARGIN = 1.0
+"""Distance (m) between the bodies that the guard leaves: what errors of place and speed come to."""
+
+GUARD_TIME = 0.3
+"""The guard brakes when the last instant to do so is no further away than this (s)."""
+
+HEADWAY_RATE = 0.5
+"""Speed (m/s) at which a gap is opened to a stable headway, and closed again. All followers do so
+at once, and the last one of eight falls back at seven times that speed."""
+
+LEAD_FORGOTTEN = 1.0
+"""Time constant (s) with which the speed of a lead that is not heard becomes the predecessor's."""
+
+FALLEN_BEHIND = 1.0
+"""A predecessor slower than the common speed by more than this (m/s) does not drive it."""
+
+CAUGHT_UP = 0.5
+"""Errors of gap (m) and speed (m/s) below which the common speed is driven again."""
+
+NARROWEST = 2.0
+"""A gap that has become narrower by so much (m) than at the start is not opened to that again."""
+
+STOPS_BEFORE = 0.5
+"""A stop is aimed so far (m) before the end of the known road."""
+
+STANDING = 0.2
+"""A car slower than this (m/s) is held by its brake."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardedCar:
+    """What the guard knows of its car and its place in the convoy, beyond the paper.
+
+    `length` (m) of a car, `friction` of the road, `policy` and `limits` of gap keeping (where the
+    convoy drives a common speed: the gap at the start), `initial_gap` (m) to the predecessor at the
+    start, centre to centre, and `period` (s), the time between its messages, until it is learned.
+    """
+
+    length: float
+    friction: float
+    policy: GapPolicy
+    limits: GapLimits
+    initial_gap: float
+    period: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """Arc length from here (m), speed (m/s) and age (s) of the predecessor's newest sample."""
+
+    gap: float
+    speed: float
+    age: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Instant:
+    """A control instant (ns), the time since the last one (s), and what is known at it."""
+
+    now: int
+    span: float
+    pose: Pose
+    ahead: VehiclesAhead
+    situation: Situation
+    asked: SpeedCommand
+    hardest: Braking
+
+
+class SpeedGuard:
+    """Decides the speed of a follower that does not hear as usual; otherwise its speed law does.
+
+    Beyond the paper, whose followers drive the profile whatever they hear. It brakes within the
+    known road where nobody is heard; it opens the gap while the predecessor is heard late or the
+    lead not at all; it keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS);
+    and it catches up.
+    """
+
+    def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
+        """`law` decides as long as all is heard as usual."""
+        self._law = law
+        self._keeps_gap = isinstance(law, GapKeeping)
+        self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
+        self._settings = settings
+        self._car = car
+        self._ages = AgeWatch(settings, car.period)
+        self._first_at: int | None = None
+        self._driven = 0.0
+        self._first_speed = 0.0
+        self._at = 0
+        self._last = 0.0
+        self._held = False
+        self._following = False
+        self._reference = car.initial_gap
+        self._settled_at = 0
+        self._promised = False
+        self._headway = 0.0
+        self._lead_speed = nan
+
+    def command(
+        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
+    ) -> SpeedCommand:
+        """Command at `now` (ns) while the car steers along `mode`; beyond the paper, see the class.
+
+        To be called once at every control instant.
+        """
+        asked = self._law.command(now, pose, ahead)
+        span = self._advance(now, pose)
+        if self._settings.reaction != "degrade":
+            return asked
+        tick = _Instant(now, span, pose, ahead, situation, asked, self._hardest(pose))
+        predecessor = situation.predecessor
+        seen = self._predecessor(tick)
+        self._ages.observe(now, seen.age, predecessor)
+        warned = predecessor.hazard or predecessor.mode in ("coast", "stop")
+        blind = mode in ("coast", "stop") and not isnan(situation.known)
+        awake = blind or warned or self._ages.is_awake(now)
+        self._follow_or_not(tick, awake=awake)
+        reserve, opening = self._reserve(tick, seen), self._opening(tick)
+        alone = self._headway > 0.0 or _is_lost(situation.lead)
+        if not (awake or self._following or self._held or opening or alone):
+            self._lead_speed = ahead.lead_speed
+            self._promised = reserve >= 0.0
+            self._last = asked.acceleration
+            return asked
+        self._promised = self._promised or reserve >= 0.0
+        # Who hears nobody stops within the known road, however wide the gap should be.
+        free = wanted = self._kept_gap(tick, 0.0 if blind else opening)
+        if warned and ahead.gap < self._car.policy.desired(pose.speed) + self._car.length:
+            wanted = min(wanted, predecessor.acceleration)
+        if awake:
+            wanted = min(wanted, self._guarded(tick, reserve))
+        if blind:
+            wanted = min(wanted, self._stopping(tick, firmly=mode == "stop"))
+        return self._released(tick, wanted, free)
+
+    def _advance(self, now: int, pose: Pose) -> float:
+        """Time (s) since the last command, and the way since the first one."""
+        if self._first_at is None:
+            self._first_at, self._first_speed, self._at = now, pose.speed, now
+        span = (now - self._at) / SECOND
+        self._at = now
+        self._driven += pose.speed * span
+        return span
+
+    def _predecessor(self, tick: _Instant) -> _Sample:
+        """Where and how fast it was at its newest sample, as seen from here, and how old that is.
+
+        Before the first message it is where it was at the start, as fast as the car itself then.
+        """
+        ahead, age = tick.ahead, tick.situation.predecessor.age
+        if isnan(ahead.gap) or isnan(age):
+            age = (tick.now - (self._first_at or 0)) / SECOND
+            return _Sample(self._car.initial_gap - self._driven, self._first_speed, age)
+        gap = ahead.gap - ahead.predecessor_speed * age
+        return _Sample(gap, max(ahead.predecessor_speed, 0.0), age)
+
+    def _hardest(self, pose: Pose) -> Braking:
+        """Hardest braking (m/s², m/s³) beside the lateral acceleration, by the friction circle."""
+        hardest = self._settings.hardest
+        left = friction_left(self._car.friction, pose.speed * pose.yaw_rate)
+        return replace(hardest, deceleration=max(min(hardest.deceleration, left), 0.1))
+
+    def _reserve(self, tick: _Instant, seen: _Sample) -> float:
+        """Distance (m) left if both brake as hard as they can, it since its newest sample (RSS)."""
+        harder = max(self._settings.hardest.deceleration, -tick.situation.predecessor.acceleration)
+        harder = min(harder, self._car.friction * GRAVITY)
+        stands_at = seen.gap + seen.speed**2 / (2.0 * harder)
+        own = stopping_distance(tick.pose.speed, self._last, tick.hardest)
+        return stands_at - self._car.length - GUARD_MARGIN - own
+
+    def _guarded(self, tick: _Instant, reserve: float) -> float:
+        """Largest acceleration (m/s²) that keeps the safe distance of RSS.
+
+        It approaches the hardest braking while the reserve (m) is used up, so that the last instant
+        to brake is never passed. A convoy that was closer already, with all it heard, opens firmly.
+        """
+        time = reserve / max(tick.pose.speed, 0.1)
+        if time >= GUARD_TIME:
+            return inf
+        share = 1.0 - max(time, 0.0) / GUARD_TIME
+        most = tick.hardest.deceleration
+        if not self._promised:
+            most = min(most, self._settings.firm.deceleration)
+        return max(-share * most, self._last - tick.hardest.jerk * tick.span)
+
+    def _stopping(self, tick: _Instant, *, firmly: bool) -> float:
+        """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
+        braking, hardest = self._settings.comfortable, tick.hardest
+        if tick.pose.speed < STANDING:
+            return -braking.deceleration
+        if firmly:
+            braking = hardest
+        known = tick.situation.known - STOPS_BEFORE
+        needed = needed_deceleration(tick.pose.speed, known, self._last, braking.jerk)
+        most = min(needed, braking.deceleration, hardest.deceleration)
+        return max(-most, self._last - braking.jerk * tick.span)
+
+    def _opening(self, tick: _Instant) -> float:
+        """Metres by which the gap is wanted to be wider than usual.
+
+        Own speed times the growth of age, and at least what RSS needs at that age.
+        """
+        speed, wanted = tick.pose.speed, 0.0
+        policy, growth = self._car.policy, self._ages.growth(tick.now)
+        if growth > 0.0:
+            worst = self._settings.hardest.deceleration
+            own = stopping_distance(speed, 0.0, tick.hardest) - speed * speed / (2.0 * worst)
+            needed = self._car.length + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
+            wanted = max(speed * growth, needed - policy.desired(speed))
+        return max(wanted, 0.0)
+
+    def _without_lead(self, tick: _Instant) -> VehiclesAhead:
+        """Let the lead's speed count less while it is not heard, and the headway grow instead.
+
+        Step by step to the headway that is stable without it (Swaroop and Hedrick, 1996).
+        """
+        ahead, speed = tick.ahead, tick.pose.speed
+        lost = _is_lost(tick.situation.lead) and (self._keeps_gap or self._following)
+        missing = max(STABLE_HEADWAY - self._car.policy.headway, 0.0) if lost else 0.0
+        step = HEADWAY_RATE / max(speed, 1.0) * tick.span
+        self._headway = min(max(missing, self._headway - step), self._headway + step)
+        if lost:
+            known = self._lead_speed if isfinite(self._lead_speed) else ahead.predecessor_speed
+            share = min(tick.span / LEAD_FORGOTTEN, 1.0)
+            self._lead_speed = known + share * (ahead.predecessor_speed - known)
+            ahead = replace(ahead, lead_speed=self._lead_speed)
+        else:
+            self._lead_speed = ahead.lead_speed
+        if not self._headway:
+            return ahead
+        left = 1.0 - self._headway / STABLE_HEADWAY
+        lead = ahead.predecessor_speed + left * (ahead.lead_speed - ahead.predecessor_speed)
+        return replace(ahead, gap=ahead.gap - self._headway * speed, lead_speed=lead)
+
+    def _kept_gap(self, tick: _Instant, opening: float) -> float:
+        """Acceleration (m/s²) that keeps the wanted gap; it is opened at comfortable braking.
+
+        After Swaroop and Hedrick, 1996, as without loss.
+        """
+        ahead = self._without_lead(tick)
+        if isnan(ahead.gap) or not (self._keeps_gap or self._following):
+            return tick.asked.acceleration
+        if self._following:
+            ahead = replace(ahead, gap=ahead.gap + self._car.initial_gap - self._reference)
+        usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
+        if not opening:
+            return usual
+        wider = replace(ahead, gap=ahead.gap - opening)
+        opened = self._keeping.command(tick.now, tick.pose, wider).acceleration
+        comfortable = self._settings.comfortable
+        eased = min(self._last, 0.0) - comfortable.jerk * tick.span
+        return max(opened, min(usual, max(-comfortable.deceleration, eased)))
+
+    def _follow_or_not(self, tick: _Instant, *, awake: bool) -> None:
+        """Whether a car of a convoy with a common speed keeps its gap instead, until caught up."""
+        gap = tick.ahead.gap
+        if self._keeps_gap or isnan(gap):
+            return
+        common = tick.asked.target_speed
+        apart = tick.ahead.predecessor_speed < common - FALLEN_BEHIND
+        if not self._following and (awake or apart):
+            initial = self._car.initial_gap
+            self._following = True
+            self._reference = min(initial, max(gap, initial - NARROWEST))
+        settled = (
+            not (awake or apart or self._ages.growth(tick.now))
+            and abs(gap - self._reference) < CAUGHT_UP
+            and abs(tick.pose.speed - common) < CAUGHT_UP
+        )
+        if not settled:
+            self._settled_at = tick.now
+        elif tick.now - self._settled_at >= self._settings.probation * SECOND:
+            self._following = False
+
+    def _released(self, tick: _Instant, wanted: float, free: float) -> SpeedCommand:
+        """Let go of the brake, and return to the law, no faster than the jerk allows."""
+        settings, asked = self._settings, tick.asked
+        jerk = settings.hardest.jerk if self._last < 0.0 else settings.firm.jerk
+        upper = self._last + jerk * tick.span
+        held = wanted < free or free != asked.acceleration
+        if (held or self._held) and wanted > upper:
+            wanted, held = upper, True
+        # Friction goes before the jerk, but the law may brake as it would without loss.
+        wanted = max(wanted, min(-tick.hardest.deceleration, asked.acceleration))
+        self._held, self._last = held, wanted
+        if wanted == asked.acceleration:
+            return asked
+        return SpeedCommand(wanted, min(asked.target_speed, tick.pose.speed))
+
+
+def _is_lost(source: SourceFreshness) -> bool:
+    return source.status in ("lost", "distrusted")
