@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from math import inf, isnan
 
 import tomli_w
@@ -19,6 +19,8 @@ LATERAL_ACCELERATION = 1.8
 """Of the lane changes (m/s²): that of the paper's, 500 m at 30 m/s."""
 AFTERWARDS_S = 14.0
 """A run goes on for so long after the messages are back."""
+BACK_S = 3.0
+"""By then, before the end, it has to be back on the path."""
 STANDING = 0.05
 """A car that is slower than this (m/s) stands."""
 UNDER_WAY = 0.8
@@ -79,7 +81,8 @@ class CutFigures:
     """What a follower did in a cut (m, s).
 
     `error` is the largest true distance from the lead's driven path while the messages were away,
-    `error_inside` that within the path that it knew, until the end. `predicted_blind` is how far it
+    `error_inside` that until it first drove beyond the path that it knew, and `error_back` that of
+    the last seconds of the run. `predicted_blind` is how far it
     would drive beyond that path as it said when it gave up its last source, `blind` how far it did;
     both are 0 where it can stop within. `ticks_late` is how many control periods after the instant
     at which its last source became lost by the thresholds it said so. `friction` is the largest
@@ -91,6 +94,7 @@ class CutFigures:
     vehicle: str
     error: float
     error_inside: float
+    error_back: float
     predicted_blind: float
     blind: float
     stood: bool
@@ -122,6 +126,7 @@ class Witness:
         self._start = scenario.start_at_ns
         self._from = self._start + nanoseconds(cut.at_s)
         self._to = self._from + nanoseconds(cut.for_s)
+        self._back_from = self._to + nanoseconds(AFTERWARDS_S - BACK_S)
         table = scenario.tables.control.degradation
         period_s = 1.0 / scenario.tables.gnss.rate_hz
         self._lost_after = nanoseconds(max(table.lost_periods * period_s, table.lost_s))
@@ -159,8 +164,10 @@ class Witness:
             vehicle=name,
             error=_largest(of.errors.get(one.decided_at_ns, 0.0) for one in away),
             error_inside=_largest(
-                of.errors.get(one.decided_at_ns, 0.0) for one in after if one.known_m >= 0.0
+                of.errors.get(one.decided_at_ns, 0.0)
+                for one in takewhile(lambda one: not one.known_m < 0.0, after)
             ),
+            error_back=_largest(error for at, error in of.errors.items() if at >= self._back_from),
             predicted_blind=lost.blind_m if lost else 0.0,
             blind=max([0.0, *(-one.known_m for one in away if not isnan(one.known_m))]),
             stood=any(

@@ -29,6 +29,7 @@ def test_a_follower_stops_within_what_it_knows_or_drives_blind_as_far_as_it_said
     for one in carry_out(cut):
         what = f"{one.vehicle} in {cut}: {one.changes}"
         assert one.error_inside <= INSIDE_M, what
+        assert one.error_back <= INSIDE_M, what
         assert one.friction <= 1.0 + ROUNDING, what
         assert one.command_step <= STEERING_RATE * CONTROL_S + ROUNDING, what
         assert 0 <= one.ticks_late <= 1, what
