@@ -19,6 +19,9 @@ from scenarios.definition.schema.tables import ScenarioTables
 CLOCK_MS_MAX = 10_000.0
 """By more a vehicle's clock may not be off at any time: its stamps would be refused."""
 
+VEHICLE_CHANGES = frozenset({"gnss", "stall", "crash", "leave", "join"})
+"""Kinds of what is done to a vehicle itself."""
+
 Problem = tuple[str, str]
 
 
@@ -26,6 +29,11 @@ def joins_late(changes: Iterable[AnyChange], name: str) -> bool:
     """Whether the first thing done to a vehicle's part in the convoy is that it joins."""
     parts = [one for one in _of(changes, name) if isinstance(one, JoinTable | LeaveTable)]
     return bool(parts) and isinstance(min(parts, key=lambda one: one.at_s), JoinTable)
+
+
+def is_changed(changes: Iterable[AnyChange], name: str) -> bool:
+    """Whether anything is done to a vehicle itself, so that its poses come by no schedule."""
+    return bool(_of(changes, name))
 
 
 def change_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Problem]:

@@ -42,7 +42,8 @@ class Recorder:
     ) -> None:
         """`vehicles` are the names with their highest rates of sending (Hz).
 
-        Their own clocks are off by `clock_errors_ns` at most, where they are off at all; `plane` is the scenario's; `listeners` see each message after it has been written.
+        Their own clocks are off by `clock_errors_ns` at most, where they are off at all. `plane` is
+        the scenario's; `listeners` see each message after it has been written.
         """
         self._topics: dict[str, tuple[str, Topic]] = {
             key(vehicle, topic): (vehicle, topic)

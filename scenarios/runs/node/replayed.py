@@ -40,6 +40,9 @@ class ReplayedNode:
         fix = self.sender.send(tick.at, self.gnss.measure(body, tick.at))
         self.outbox.publish_replayed(tick.at, body, fix, fresh=self.control.due(tick.at))
 
+    def handover(self, now: int) -> None:
+        """Nothing: it has no software that could be lost."""
+
     def _body(self, now: int) -> Body:
         """The car at `now` (ns): along its path without slip, its wheels turned as that needs."""
         place, speed, way = self.drive.at((now - self.start_at) / SECOND)
