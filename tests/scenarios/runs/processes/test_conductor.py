@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenarios.definition.schema.changes import CrashTable
 from scenarios.runs.processes.conductor import (
     DEATH_AFTER_NS,
     FINAL_COUNTERS_NS,
@@ -17,6 +18,7 @@ from scenarios.runs.processes.conductor import (
 )
 from scenarios.runs.processes.router_watch import LAST_MOMENT_NS, ROUTER_LOST_AFTER_NS
 from tests.made.scenarios.messages import START, at, health, tracking
+from vehicles.messages import Change
 from vehicles.schedule import SECOND
 
 PERIOD_NS = SECOND // 20
@@ -419,3 +421,43 @@ def test_every_run_ends(history: list[Event], *, goes_on: bool) -> None:
         dead = {line.split()[0] for line in told.lines if " died " in line}
         assert finished | dead >= set(CONVOY)
         assert goes_on or not any(" left " in line for line in told.lines)
+
+
+# ---- A crash that was asked for
+
+
+def crash(vehicle: str, seconds: float, for_s: float | None, table: str = "") -> Change:
+    change = CrashTable(kind="crash", vehicle=vehicle, at_s=1.0, for_s=for_s)
+    return Change(
+        vehicle=vehicle,
+        seq=0,
+        effective_at_ns=at(seconds),
+        kind="crash",
+        by_hand=False,
+        table=table or change.model_dump_json(exclude_none=True),
+    )
+
+
+@pytest.mark.parametrize(
+    ("said", "back_s", "reason"),
+    [
+        (crash("v2", 6.0, 3.0), 9.5, ""),
+        (crash("v2", 6.0, 3.0), None, "v2 died"),
+        (crash("v2", 6.0, None), 9.5, "v2 died"),
+        (crash("v3", 6.0, 3.0), 9.5, "v2 died"),
+        (crash("v2", 6.0, 3.0, table="nonsense"), 9.5, "v2 died"),
+    ],
+    ids=["is back", "stays away", "for good", "another one", "nonsense"],
+)
+def test_one_that_starts_anew_as_asked_is_waited_for(
+    said: Change, back_s: float | None, reason: str
+) -> None:
+    conductor = play(*ALL_COME, until=6.0).conductor
+    conductor.listen(at(6.0), said)
+    conductor.presence("v2", alive=False, at=at(6.1))
+    for now in range(at(6.0), at(20.0), PERIOD_NS):
+        if back_s is not None and now == at(back_s):
+            conductor.presence("v2", alive=True, at=now)
+        conductor.advance(now, connected=True)
+    assert conductor.reason.startswith(reason)
+    assert (conductor.phase is Phase.OVER) == bool(reason)
