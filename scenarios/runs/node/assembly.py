@@ -18,7 +18,7 @@ from scenarios.runs.node.agenda import Agenda, scheduled
 from scenarios.runs.node.changes import Changes
 from scenarios.runs.node.node import Handover, Node
 from scenarios.runs.node.outbox import Outbox
-from scenarios.runs.node.phases import Aboard, ByHand, Car, Down, Driving, Phase, Software
+from scenarios.runs.node.phases import Aboard, ByHand, Car, Down, Driving, Software, VehiclePhase
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.signals import instants_besides, make_receiver, make_sender
@@ -135,7 +135,7 @@ class VehicleBuilder:
             return Node(aboard, Changes(agenda), Down(aboard, handover.until))
         return Node(aboard, Changes(Agenda(coming)), self._first_phase(aboard))
 
-    def _first_phase(self, aboard: Aboard) -> Phase:
+    def _first_phase(self, aboard: Aboard) -> VehiclePhase:
         """Driven by its software, or by a human until it joins."""
         if self._scenario.joins_late(self.name):
             return ByHand(aboard, aboard.start_at)

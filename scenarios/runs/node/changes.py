@@ -12,7 +12,7 @@ from scenarios.definition.schema.changes import (
 )
 from scenarios.runs.node.agenda import Agenda, Due
 from scenarios.runs.node.outbox import Outbox
-from scenarios.runs.node.phases import Phase
+from scenarios.runs.node.phases import VehiclePhase
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.positioning.fix_states import EVER
 from vehicles.schedule import SECOND, nanoseconds
@@ -38,7 +38,7 @@ class Changes:
     def __init__(self, agenda: Agenda) -> None:
         self.agenda = agenda
 
-    def by(self, now: int, phase: Phase) -> Phase:
+    def by(self, now: int, phase: VehiclePhase) -> VehiclePhase:
         """Carry out what is due at the tick at `now` (ns); returns the phase of this tick.
 
         Raises CrashedError for a vehicle that does not come back.
@@ -47,7 +47,7 @@ class Changes:
             phase = self._carried_out(due, now, phase)
         return phase.at(now)
 
-    def _carried_out(self, due: Due, now: int, phase: Phase) -> Phase:
+    def _carried_out(self, due: Due, now: int, phase: VehiclePhase) -> VehiclePhase:
         aboard = phase.aboard
         following = _phase_after(due, now, phase)
         if following is None:
@@ -65,7 +65,7 @@ class Changes:
         return following
 
 
-def _phase_after(due: Due, now: int, phase: Phase) -> Phase | None:
+def _phase_after(due: Due, now: int, phase: VehiclePhase) -> VehiclePhase | None:
     """Return the phase that a change leads to, None if it has no effect in this one."""
     match due.change:
         case StallTable(for_s=for_s):
