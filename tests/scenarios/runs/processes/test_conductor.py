@@ -461,3 +461,19 @@ def test_one_that_starts_anew_as_asked_is_waited_for(
         conductor.advance(now, connected=True)
     assert conductor.reason.startswith(reason)
     assert (conductor.phase is Phase.OVER) == bool(reason)
+
+
+def test_one_that_is_down_at_the_end_has_time_for_its_last_words() -> None:
+    conductor = play(*ALL_COME, until=ENDED - 0.2).conductor
+    conductor.listen(at(ENDED - 0.2), crash("v2", ENDED - 0.2, 60.0))
+    conductor.presence("v2", alive=False, at=at(ENDED - 0.1))
+    for name in ("v1", "v3"):
+        conductor.listen(at(ENDED), health(name, seconds=ENDED, final=True))
+    for now in range(at(ENDED), at(ENDED + 5.0), PERIOD_NS):
+        conductor.advance(now, connected=True)
+    assert conductor.phase is Phase.RUNNING
+    conductor.listen(at(ENDED + 5.0), health("v2", seconds=ENDED, final=True))
+    conductor.presence("v2", alive=True, at=at(ENDED + 5.0))
+    conductor.advance(at(ENDED + 5.0), connected=True)
+    assert conductor.phase is Phase.OVER
+    assert conductor.reason == ""
