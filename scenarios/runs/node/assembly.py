@@ -107,7 +107,7 @@ class VehicleBuilder:
             state=handover.outbox if handover else None,
         )
         control = Cadence(start_at, self.control_rate_hz)
-        coming = scheduled(self._scenario.tables.change, start_at, self._concerns)
+        coming = scheduled(self._scenario.tables.change, start_at, self.concerns)
         if drive is not None:
             return ReplayedNode(
                 drive=drive,
@@ -142,7 +142,7 @@ class VehicleBuilder:
         start_at = aboard.start_at
         return Driving(aboard, self._software(start_at, aboard, set_off=False))
 
-    def _concerns(self, change: AnyChange) -> bool:
+    def concerns(self, change: AnyChange) -> bool:
         """Whether this vehicle carries a change out."""
         match change:
             case SpeedChangeTable():
