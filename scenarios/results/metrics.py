@@ -6,6 +6,7 @@ from itertools import pairwise
 from math import inf, isfinite
 from typing import Any
 
+from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import sends_every_instant
@@ -23,6 +24,7 @@ from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range
 from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.messages import (
+    Change,
     GpsPose,
     Health,
     LinkVerdict,
@@ -67,7 +69,7 @@ class Metrics:
         """
         self._names = list(vehicles)
         self._requested = requested
-        self._rates_hz = rates_hz or {}
+        self._rates_hz: dict[str, float | None] = dict(rates_hz or {})
         self._control_rate_hz = control_rate_hz
         self._duration_ns = duration_ns
         self._start_at: int | None = None
@@ -90,6 +92,7 @@ class Metrics:
             GpsPose: self._add_pose,
             LinkVerdict: self._add_verdict,
             Health: self._add_health,
+            Change: self._add_change,
         }
 
     @classmethod
@@ -206,6 +209,11 @@ class Metrics:
         if health.seq and not health.final:  # those cover a second, first and last less
             figures.cpu_sum += health.cpu_ratio
             figures.cpu_count += 1
+
+    def _add_change(self, _: VehicleFigures, change: Change) -> None:
+        """From now on its poses come by no schedule, if the vehicle itself was changed."""
+        if change.kind in VEHICLE_CHANGES:
+            self._rates_hz[change.vehicle] = None
 
     def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict) -> None:
         if (verdict.sender, verdict.vehicle) not in self._requested:
@@ -332,4 +340,6 @@ class Metrics:
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:
     """Rate of the poses of a vehicle that sends at every instant of measuring, else None."""
     setup = scenario.vehicle(name)
+    if is_changed(scenario.tables.change, name):
+        return None
     return setup.gnss.rate_hz if sends_every_instant(setup.sending, setup.gnss) else None

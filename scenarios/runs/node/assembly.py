@@ -12,14 +12,18 @@ from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.changes import AnyChange, SpeedChangeTable, VehicleChangeTable
 from scenarios.definition.sending import (
     even_rate_hz,
     highest_rate_hz,
     link_rate_hz,
     usual_rate_hz,
 )
-from scenarios.runs.node.node import Node
+from scenarios.runs.node.agenda import Agenda, scheduled
+from scenarios.runs.node.changes import Changes
+from scenarios.runs.node.node import Handover, Node
 from scenarios.runs.node.outbox import Outbox
+from scenarios.runs.node.phases import Aboard, ByHand, Car, Down, Driving, Software, VehiclePhase
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.signals import instants_besides, make_receiver, make_sender
@@ -29,7 +33,7 @@ from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.radio.obstruction import VehiclesBetween
 from transport.links.link import Link
-from vehicles.car.dynamics import Body
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
@@ -46,12 +50,14 @@ from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
 from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
-from vehicles.geometry.geodesy import LocalPlane
+from vehicles.geometry.geodesy import LocalPlane, wrap_angle
 from vehicles.preview.trajectory import FitSettings
 from vehicles.schedule import MILLISECOND, SECOND, Cadence
 
 INERTIAL = 1
 """Tells the random stream of a vehicle's inertial sensor from that of its receiver."""
+SOUGHT = 100.0
+"""How far from where it is expected by the way driven a car is sought on the road (m)."""
 
 
 class VehicleBuilder:
@@ -83,12 +89,21 @@ class VehicleBuilder:
         besides = instants_besides(self._scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, besides=besides)
 
-    def node(self, start_at: int, sink: Sink, probe: Probe) -> Node | ReplayedNode:
-        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
+    def node(
+        self, start_at: int, sink: Sink, probe: Probe, handover: Handover | None = None
+    ) -> Node | ReplayedNode:
+        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`.
+
+        With a `handover` it is one whose process ended in a crash, and goes on from there.
+        """
         setup, drive = self._setup, self._scenario.replays.get(self.name)
-        senders = () if drive else setup.senders
-        links = [self._incoming(sender, start_at) for sender in senders]
-        inbox = Inbox(self.name, links, start_at=start_at)
+        clock = self._scenario.clock(self.name, start_at)
+        inbox = Inbox(
+            self.name,
+            self.links(start_at),
+            start_at=start_at,
+            before=handover.inbox if handover else None,
+        )
         outbox = Outbox(
             vehicle=self.name,
             sink=sink,
@@ -97,28 +112,109 @@ class VehicleBuilder:
             inbox=inbox,
             probe=probe,
             start_at=start_at,
+            clock=clock,
+            state=handover.outbox if handover else None,
         )
+        control = Cadence(start_at, self.control_rate_hz)
+        coming = scheduled(self._scenario.tables.change, start_at, self.concerns)
         if drive is not None:
             return ReplayedNode(
                 drive=drive,
                 start_at=start_at,
                 wheelbase=setup.parameters.wheelbase,
-                control=Cadence(start_at, self.control_rate_hz),
+                control=control,
                 gnss=make_receiver(self._scenario, setup, start_at),
                 sender=make_sender(self._scenario, setup, start_at),
                 inbox=inbox,
                 outbox=outbox,
+                agenda=Agenda(coming),
             )
-        return Node(
-            body=self._body(),
-            parameters=setup.parameters,
-            gnss=make_receiver(self._scenario, setup, start_at),
-            imu=self._imu(start_at),
-            driver=self._driver(start_at),
-            sender=make_sender(self._scenario, setup, start_at),
+        aboard = Aboard(
+            start_at=start_at,
+            car=handover.car if handover else self._car(start_at),
+            clock=clock,
+            control=control,
+            plan=handover.plan if handover else self._route.plan,
             inbox=inbox,
             outbox=outbox,
+            workshop=self,
         )
+        if handover is not None:
+            agenda = Agenda(handover.pending)
+            return Node(aboard, Changes(agenda), Down(aboard, handover.until))
+        return Node(aboard, Changes(Agenda(coming)), self._first_phase(aboard))
+
+    def _first_phase(self, aboard: Aboard) -> VehiclePhase:
+        """Driven by its software, or by a human until it joins."""
+        if self._scenario.joins_late(self.name):
+            return ByHand(aboard, aboard.start_at)
+        start_at = aboard.start_at
+        return Driving(aboard, self._software(start_at, aboard, set_off=False))
+
+    def concerns(self, change: AnyChange) -> bool:
+        """Whether this vehicle carries a change out."""
+        match change:
+            case SpeedChangeTable():
+                return self._setup.predecessor is None or self._drives_a_profile
+            case VehicleChangeTable():
+                return change.vehicle == self.name
+            case _:
+                return False
+
+    @property
+    def _drives_a_profile(self) -> bool:
+        return self._scenario.tables.speed.followers == "same"
+
+    def _car(self, start_at: int) -> Car:
+        return Car(
+            body=self._body(),
+            parameters=self._setup.parameters,
+            gnss=make_receiver(self._scenario, self._setup, start_at),
+            imu=self._imu(start_at),
+            command=Actuation(0.0, 0.0),
+        )
+
+    def station(self, body: Body) -> float:
+        """Station (m) on the road at which a car is that has driven from its start."""
+        expected = self._route.start_station(self._setup.place) + body.distance
+        return self._route.path.project(body.east, body.north, expected, SOUGHT).station
+
+    def links(self, start_at: int) -> list[IncomingLink]:
+        """Links from all that it listens to, in a run from `start_at` (ns)."""
+        senders = () if self.name in self._scenario.replays else self._setup.senders
+        return [self._incoming(sender, start_at) for sender in senders]
+
+    def software(self, now: int, aboard: Aboard) -> Software:
+        """Software that starts at `now` (ns) without memory, but for where the car is.
+
+        The receiver aboard knows its place all the time. A lead that stood is late: it drives its
+        speed by where it is, not by when.
+        """
+        return self._software(now, aboard, set_off=self._setup.predecessor is None)
+
+    def _software(self, now: int, aboard: Aboard, *, set_off: bool) -> Software:
+        own = self._setup.predecessor is None or self._drives_a_profile
+        law = self._own_profile(aboard.start_at) if own else None
+        return Software(
+            driver=self._driver(aboard, now, law or self._gap_keeping()),
+            sender=make_sender(self._scenario, self._setup, aboard.start_at),
+            law=law,
+            alone=set_off,
+        )
+
+    def human(self, aboard: Aboard) -> tuple[Driver, ProfileSpeed]:
+        """A human who drives the road like the lead, and knows where he is."""
+        law = self._profile(aboard.start_at)
+        body = aboard.car.body
+        return Leader(
+            own_state=KnownState(),
+            controller=self._controller(),
+            speed_law=law,
+            control=aboard.control,
+            path=self._route.path,
+            station=self.station(body),
+            limit=self._command_limit(aboard.car),
+        ), law
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         """The link from `sender`, and the gate that its poses pass."""
@@ -129,7 +225,13 @@ class VehicleBuilder:
         setting = scenario.link_setting(sender, self.name, start_at)
         effects = link_effects(asked, even_hz, setting, partial(self._between, sender))
         link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
-        gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane)
+        gate = PoseGate(
+            sender=sender,
+            start_at=start_at,
+            rate_hz=rate_hz,
+            plane=self._plane,
+            clock_error_ns=scenario.clock_error_ns(sender),
+        )
         return IncomingLink(link, gate, content_stage(asked.content, link, gate))
 
     def _between(self, sender: str) -> VehiclesBetween:
@@ -146,7 +248,7 @@ class VehicleBuilder:
             east=place.east - aside * sin(place.yaw),
             north=place.north + aside * cos(place.yaw),
             yaw=place.yaw + setup.heading_offset_rad,
-            speed=self._route.profile.at(0.0)[0],
+            speed=self._route.plan.profile.at(0.0)[0],
         )
 
     def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
@@ -157,55 +259,58 @@ class VehicleBuilder:
         random = np.random.Generator(np.random.PCG64(words))
         return InertialSensor(self._setup.imu_noise, self._setup.imu_rate_hz, start_at, random)
 
-    def _own_state(self, start_at: int) -> OwnState:
-        """What tells the car where it is; one whose first fix may come late knows where it starts.
+    def _own_state(self, now: int, aboard: Aboard) -> OwnState:
+        """What tells the car where it is, from `now` (ns) on.
 
-        Fixes count by the accuracy that they state where errors are more than white noise.
+        Software that starts later than the run, or whose first fix may come late, is told where it
+        starts; so is any other if it has to decide before its first fix.
         """
-        setup = self._setup
+        setup, body = self._setup, aboard.car.body
         if setup.knows_itself:
             return KnownState()
         gnss = setup.gnss
+        place = body.east, body.north, wrap_angle(body.yaw)
+        start = Fix(0, now, *place, body.speed, body.yaw_rate)
         estimator = PoseEstimator(
             setup.assumed_parameters,
             setup.gnss_noise,
             setup.imu_noise,
             setup.imu_rate_hz,
-            by_accuracy=not gnss.is_plain,
+            by_accuracy=True,
+            start=start,
         )
-        if gnss.is_punctual:
+        if gnss.is_punctual and now == aboard.start_at:
             return estimator
-        body = self._body()
-        place = body.east, body.north, body.yaw
-        estimator.correct(Fix(0, start_at, *place, body.speed, body.yaw_rate))
+        estimator.correct(start)
         if not gnss.latency_ms:
             return estimator
         return LatePoseEstimator(estimator, round(gnss.latency_ms * MILLISECOND))
 
-    def _driver(self, start_at: int) -> Driver:
-        setup = self._setup
-        control = Cadence(start_at, self.control_rate_hz)
-        own_state = self._own_state(start_at)
+    def _driver(self, aboard: Aboard, now: int, speed_law: SpeedLaw) -> Driver:
+        setup, control = self._setup, aboard.control
+        own_state = self._own_state(now, aboard)
         controller = self._controller()
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
-            waiting = self._waiting(start_at) if setup.senders else None
+            waiting = None
+            if isinstance(speed_law, WaitingProfile):
+                waiting = self._convoy_watch(now), speed_law
             return Leader(
                 own_state=own_state,
                 controller=controller,
-                speed_law=waiting[1] if waiting else self._profile(start_at),
+                speed_law=speed_law,
                 waiting=waiting,
                 control=control,
                 path=self._route.path,
-                station=self._route.start_station(0),
-                limit=self._command_limit(),
+                station=self.station(aboard.car.body),
+                limit=self._command_limit(aboard.car),
                 load=load,
             )
-        steering, law = setup.steering, self._speed_law(start_at)
+        steering = setup.steering
         return Follower(
             own_state=own_state,
             controller=controller,
-            speed_guard=self._speed_guard(law, setup.predecessor),
+            speed_guard=self._speed_guard(speed_law, setup.predecessor),
             control=control,
             plane=self._plane,
             lead=setup.lead,
@@ -215,7 +320,7 @@ class VehicleBuilder:
             fusion=steering.fusion,
             settings=self._fit_settings(),
             degradation=setup.degradation,
-            limit=self._command_limit(),
+            limit=self._command_limit(aboard.car),
             load=load,
             beliefs=self._beliefs(),
         )
@@ -246,9 +351,15 @@ class VehicleBuilder:
         estimator = SlipEstimator(setup.assumed_parameters, noise)
         return LoadWatch(estimator, [one for one in told if isinstance(one, Assuming)])
 
-    def _command_limit(self) -> CommandLimit:
-        car = self._setup.parameters
-        return CommandLimit(car.steering_rate_limit, 1.0 / self.control_rate_hz, car.steering_limit)
+    def _command_limit(self, car: Car) -> CommandLimit:
+        """Limit of a driver who takes over with the command that the car has."""
+        limits = self._setup.parameters
+        return CommandLimit(
+            limits.steering_rate_limit,
+            1.0 / self.control_rate_hz,
+            limits.steering_limit,
+            first=car.command.steering,
+        )
 
     def _fit_settings(self) -> FitSettings:
         """The fit assumes the largest error of the receivers received from, at least that of RTK.
@@ -271,8 +382,16 @@ class VehicleBuilder:
         setup = self._setup
         return load_controller(setup.controller, setup.assumed_parameters, setup.gains)
 
-    def _profile(self, start_at: int) -> SpeedLaw:
-        return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)
+    def _own_profile(self, start_at: int) -> ProfileSpeed:
+        """The planned speed, driven more slowly by a lead while it waits for a follower."""
+        setup = self._setup
+        if setup.predecessor is not None or not setup.senders:
+            return self._profile(start_at)
+        period, braking = 1.0 / self.control_rate_hz, setup.degradation.comfortable
+        return WaitingProfile(self._route.plan.profile, start_at, period, braking)
+
+    def _profile(self, start_at: int) -> ProfileSpeed:
+        return ProfileSpeed(self._route.plan.profile, start_at, 1.0 / self.control_rate_hz)
 
     def _least_period(self, sender: str) -> float:
         """Shortest time (s) between two messages that can come from `sender`."""
@@ -280,9 +399,7 @@ class VehicleBuilder:
         rate_hz = link_rate_hz(setup.sending, setup.gnss)
         return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
 
-    def _speed_law(self, start_at: int) -> SpeedLaw:
-        if self._scenario.tables.speed.followers == "same":
-            return self._profile(start_at)
+    def _gap_keeping(self) -> SpeedLaw:
         return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
 
     def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
@@ -304,13 +421,10 @@ class VehicleBuilder:
         )
         return SpeedGuard(law, setup.degradation, car)
 
-    def _waiting(self, start_at: int) -> tuple[ConvoyWatch, WaitingProfile]:
-        """Make what watches over those who are heard, and the speed law that is told of it."""
-        settings = self._setup.degradation
+    def _convoy_watch(self, now: int) -> ConvoyWatch:
+        """What watches over the followers, as far as they are listened to."""
         periods = {name: self._usual_period(name) for name in self._setup.senders}
-        profile, period = self._route.profile, 1.0 / self.control_rate_hz
-        law = WaitingProfile(profile, start_at, period, settings.comfortable)
-        return ConvoyWatch(settings, periods, start_at), law
+        return ConvoyWatch(self._setup.degradation, periods, now)
 
     def _usual_period(self, sender: str) -> float:
         """Time (s) between messages of `sender` to expect, by its sending and its link."""

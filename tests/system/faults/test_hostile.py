@@ -59,7 +59,7 @@ def now(message: Message) -> Message:
     """Return a message that is valid at this moment, and of a number that is still to come."""
     instants = dict.fromkeys([TOPIC_OF[type(message)].instant], time.time_ns())
     if isinstance(message, GpsPose):
-        instants["sent_at_ns"] = instants["measured_at_ns"]
+        instants["measured_at_ns"] = instants["sent_at_ns"]
     return replace(message, seq=message.seq + 100, **instants)  # type: ignore[arg-type]
 
 

@@ -5,7 +5,13 @@ from math import inf, sqrt
 
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
 from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.speed import PROFILE_CORRECTION, SpeedCommand, SpeedProfile, VehiclesAhead
+from vehicles.driver.speed import (
+    ProfileSpeed,
+    SpeedCommand,
+    SpeedProfile,
+    VehiclesAhead,
+    profile_correction,
+)
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
@@ -68,7 +74,7 @@ class ConvoyWatch:
         return f"{name}, in {self._announced[name]}" if self._announced[name] else ""
 
 
-class WaitingProfile:
+class WaitingProfile(ProfileSpeed):
     """Drives a speed profile, slower while there is somebody to wait for (beyond the paper).
 
     Its time then passes more slowly, so the lead is everywhere at most as fast as the profile is
@@ -79,9 +85,7 @@ class WaitingProfile:
         self, profile: SpeedProfile, start_at: int, period: float, braking: Braking
     ) -> None:
         """Hold each command for `period` (s); slow down and speed up as `braking` brakes."""
-        self._profile = profile
-        self._start_at = start_at
-        self._period = period
+        super().__init__(profile, start_at, period)
         self._braking = braking
         self._pace = 1.0
         self._change = 0.0
@@ -99,7 +103,7 @@ class WaitingProfile:
         self._change_pace(self._profile.at(seconds)[0])
         next_speed = self._pace * self._profile.at(after)[0]
         wanted = (next_speed - speed) / self._period
-        return SpeedCommand(wanted + PROFILE_CORRECTION * (speed - pose.speed), next_speed)
+        return SpeedCommand(wanted + profile_correction(speed, pose.speed), next_speed)
 
     def _change_pace(self, speed: float) -> None:
         """Move the pace on by a period: towards its aim at the deceleration and jerk asked for."""
