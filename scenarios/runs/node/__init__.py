@@ -4,6 +4,7 @@ node       the heart: what happens at one tick
 assembly   the parts of a vehicle put together from its scenario
 signals    its receiver and its sender
 replayed   a vehicle that moves as it was recorded
+agenda     what is done to it, and when
 outbox     the messages that it sends
 sink       where they go: to the bus, and to whoever records
 fault      a vehicle that cannot drive on

@@ -1,0 +1,58 @@
+"""What is done to one vehicle, and when: by its scenario, and by hand while it runs."""
+
+from bisect import insort
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from operator import attrgetter
+from threading import Lock
+
+from scenarios.definition.schema.changes import AnyChange
+from vehicles.schedule import nanoseconds
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """A change that takes effect at the instant `at` (ns), asked for by a scenario or by hand."""
+
+    at: int
+    change: AnyChange
+    by_hand: bool = False
+
+
+_at = attrgetter("at")
+
+
+class Agenda:
+    """The changes of one vehicle that are still to come, in order of time.
+
+    Of two at one instant the one comes first that was scheduled, or added, first. Any thread may
+    add; only that of the vehicle takes.
+    """
+
+    def __init__(self, scheduled: Iterable[Due] = ()) -> None:
+        """`scheduled` are those that the scenario asks for, in the order of its file."""
+        self._coming = sorted(scheduled, key=_at)
+        self._lock = Lock()
+
+    def add(self, due: Due) -> None:
+        """Put `due` among those to come; one whose instant has passed is taken next."""
+        with self._lock:
+            insort(self._coming, due, key=_at)
+
+    def take(self, now: int) -> list[Due]:
+        """Take those that are due by the tick at `now` (ns), which are hereby done with."""
+        if not self._coming or self._coming[0].at > now:  # the usual tick needs no lock
+            return []
+        with self._lock:
+            count = sum(due.at <= now for due in self._coming)
+            taken, self._coming = self._coming[:count], self._coming[count:]
+        return taken
+
+
+def scheduled(
+    changes: Iterable[AnyChange], start_at: int, concerns: Callable[[AnyChange], bool]
+) -> list[Due]:
+    """Return the changes of a scenario that concern a vehicle, for a run from `start_at` (ns)."""
+    return [
+        Due(start_at + nanoseconds(change.at_s), change) for change in changes if concerns(change)
+    ]
