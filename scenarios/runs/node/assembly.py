@@ -6,6 +6,8 @@ from math import cos, sin
 
 import numpy as np
 
+from scenarios.definition.changing.concerned import concerns
+from scenarios.definition.changing.links import EffectsOf
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.content import content_stage
 from scenarios.definition.channel.delay import link_stages
@@ -13,6 +15,8 @@ from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import even_rate_hz, highest_rate_hz
+from scenarios.runs.node.agenda import Agenda, Due, scheduled
+from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import Probe
@@ -74,12 +78,18 @@ class VehicleBuilder:
         besides = instants_besides(self._scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, besides=besides)
 
-    def node(self, start_at: int, sink: Sink, probe: Probe) -> Node | ReplayedNode:
-        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
+    def node(
+        self, start_at: int, sink: Sink, probe: Probe, agenda: Agenda | None = None
+    ) -> Node | ReplayedNode:
+        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`.
+
+        With an `agenda`, which holds what the scenario changes, it can be changed by hand, too.
+        """
         setup, drive = self._setup, self._scenario.replays.get(self.name)
         senders = () if drive else setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         inbox = Inbox(self.name, links, start_at=start_at)
+        changed = self._changed_links(inbox, start_at)
         outbox = Outbox(
             vehicle=self.name,
             sink=sink,
@@ -109,19 +119,54 @@ class VehicleBuilder:
             sender=make_sender(self._scenario, setup, start_at),
             inbox=inbox,
             outbox=outbox,
+            agenda=agenda or self.agenda(start_at),
+            links=changed,
         )
+
+    def agenda(self, start_at: int) -> Agenda:
+        """What the scenario does to this vehicle and its links in a run from `start_at` (ns)."""
+        return Agenda(self._scheduled(start_at))
+
+    def _scheduled(self, start_at: int) -> list[Due]:
+        names, links = self._scenario.vehicle_names, self._scenario.links
+        return scheduled(
+            self._scenario.tables.change,
+            start_at,
+            lambda change: concerns(change, self.name, names, links),
+        )
+
+    def _changed_links(self, inbox: Inbox, start_at: int) -> ChangedLinks:
+        """What can be changed of the incoming links, and is by the scenario."""
+        links = [
+            ChangingLink(
+                one.link,
+                self._scenario.links[sender, self.name],
+                self._effects_of(sender, start_at),
+            )
+            for sender, one in inbox.links.items()
+        ]
+        found = ChangedLinks(self._scenario.vehicle_names, links)
+        found.schedule(self._scheduled(start_at))
+        return found
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         """The link from `sender`, and the gate that its poses pass."""
         scenario = self._scenario
         asked, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
         rate_hz = highest_rate_hz(setup.sending, setup.gnss)
-        even_hz = even_rate_hz(setup.sending, setup.gnss) or rate_hz
-        setting = scenario.link_setting(sender, self.name, start_at)
-        effects = link_effects(asked, even_hz, setting, partial(self._between, sender))
+        effects = self._effects_of(sender, start_at)(asked, ())
         link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
         gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane)
         return IncomingLink(link, gate, content_stage(asked.content, link, gate))
+
+    def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
+        """What makes the effects of the link from `sender`, as it is or as it is changed."""
+        setup = self._scenario.vehicle(sender)
+        rate_hz = highest_rate_hz(setup.sending, setup.gnss)
+        even_hz = even_rate_hz(setup.sending, setup.gnss) or rate_hz
+        setting = self._scenario.link_setting(sender, self.name, start_at)
+        between = partial(self._between, sender)
+        return lambda asked, besides: link_effects(asked, even_hz, setting, between, besides)
 
     def _between(self, sender: str) -> VehiclesBetween:
         """Who drives between `sender` and this vehicle."""

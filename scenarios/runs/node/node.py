@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from scenarios.runs.node.agenda import Agenda
+from scenarios.runs.node.changed_links import ChangedLinks
 from scenarios.runs.node.outbox import Outbox
 from transport.clock import Tick
 from transport.links.inbox import Inbox
@@ -26,9 +28,13 @@ class Node:
     sender: Sender
     inbox: Inbox
     outbox: Outbox
+    agenda: Agenda
+    links: ChangedLinks
 
     def step(self, tick: Tick) -> None:
         """One tick of the schedule: receive, measure, decide, send, advance the car to the next."""
+        for due in self.agenda.take(tick.at):
+            self.outbox.tell_of_change(tick.at, due, self.links.carry_out(due))
         body = self.body
         here = Whereabouts(body.east, body.north, body.distance)
         received = self.inbox.take(tick.at, here)

@@ -1,7 +1,10 @@
 """The messages that a vehicle sends: its pose for the convoy, everything else for the log."""
 
 from collections import Counter
+from collections.abc import Sequence
 
+from scenarios.definition.changing.asked import entry_of
+from scenarios.runs.node.agenda import Due
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.sink import Sink
 from transport.links.inbox import Inbox
@@ -74,6 +77,24 @@ class Outbox:
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()
+
+    def tell_of_change(self, now: int, due: Due, lines: Sequence[str]) -> None:
+        """Send what is changed from instant `due.at` (ns) on, and say it in `lines`.
+
+        It goes with what is published next.
+        """
+        self._add(
+            messages.Change(
+                vehicle=self._vehicle,
+                seq=self._next[messages.Change],
+                effective_at_ns=due.at,
+                kind=due.change.kind,
+                by_hand=due.by_hand,
+                table=entry_of(due.change),
+            )
+        )
+        for line in lines:
+            self._add_text(now, f"{line}{', by hand' if due.by_hand else ''}", "warning")
 
     def publish_health(self, now: int, *, final: bool = False) -> None:
         """Send the counters; the last ones of a run are `final`."""

@@ -1,0 +1,73 @@
+"""A change that is asked for by hand, as JSON: read, or refused in a line."""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import ValidationError
+
+from scenarios.definition.changing.links import LINK_CHANGES, refused_link_change
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.refusal import refusals, shown
+from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.changes import AnyChange, Changes, SpeedChangeTable
+from scenarios.definition.schema.table import Table
+from scenarios.definition.schema.tables import ScenarioTables
+
+MOST_BYTES = 4096
+"""Of a question."""
+_HERE = "change[0]"
+
+
+class _Asked(Table):
+    """One change, in its place in a scenario, so that it is refused in the same words."""
+
+    change: Changes
+
+
+def entry_of(change: AnyChange) -> str:
+    """The change as an entry of `[[change]]`, in one line of JSON, without what it leaves out."""
+    return json.dumps(change.model_dump(exclude_unset=True, exclude_none=True))
+
+
+def question_of(entry: dict[str, Any]) -> bytes:
+    """What asks for a change: its entry without `at_s`."""
+    return json.dumps(entry).encode()
+
+
+def read_entry(question: bytes, at_s: float, tables: ScenarioTables) -> AnyChange:
+    """The change that is asked of a convoy of `tables`, to take effect `at_s` after the start.
+
+    Raises ScenarioError with a line for each thing that is wrong.
+    """
+    if len(question) > MOST_BYTES:
+        raise ScenarioError([f"given {len(question)} bytes, allowed {MOST_BYTES}"])
+    try:
+        entry = json.loads(question)
+    except ValueError as error:
+        raise ScenarioError([f"no JSON: {error}"]) from error
+    if not isinstance(entry, dict) or "at_s" in entry:
+        raise ScenarioError(["allowed one entry of [[change]] without at_s, as JSON"])
+    try:
+        change = _Asked.model_validate({"change": [{**entry, "at_s": at_s}]}).change[0]
+    except ValidationError as error:
+        raise ScenarioError(_line(key, why) for key, why in refusals(error)) from error
+    if problems := list(refused_change(tables, change)):
+        raise ScenarioError(_line(f"{_HERE}{key}", why) for key, why in problems)
+    return change
+
+
+def refused_change(tables: ScenarioTables, change: AnyChange) -> Iterator[tuple[str, str]]:
+    """Give what does not fit of one change, under its key with a dot before it."""
+    if isinstance(change, LINK_CHANGES):
+        yield from refused_link_change(tables, change)
+    elif not isinstance(change, SpeedChangeTable):
+        names = vehicle_names(tables)
+        if change.vehicle not in names:
+            yield ".vehicle", f"given {shown(change.vehicle)}, allowed {', '.join(names)}"
+
+
+def _line(key: str, why: str) -> str:
+    """A refusal as a line, by the key in the entry alone."""
+    own = key.removeprefix(_HERE).removeprefix(".")
+    return f"{own}: {why}" if own else why
