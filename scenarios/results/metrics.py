@@ -6,6 +6,9 @@ from itertools import pairwise
 from math import inf, isfinite
 from typing import Any
 
+from scenarios.definition.changing.asked import change_from
+from scenarios.definition.changing.links import LINK_CHANGES, links_of
+from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import sends_every_instant
@@ -23,6 +26,7 @@ from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range
 from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.messages import (
+    Change,
     GpsPose,
     Health,
     LinkVerdict,
@@ -90,6 +94,7 @@ class Metrics:
             GpsPose: self._add_pose,
             LinkVerdict: self._add_verdict,
             Health: self._add_health,
+            Change: self._add_change,
         }
 
     @classmethod
@@ -212,6 +217,16 @@ class Metrics:
             return
         self.links[verdict.sender, verdict.vehicle].add(verdict)
 
+    def _add_change(self, _receiver: VehicleFigures, change: Change) -> None:
+        """Note which links are no longer as they were asked for."""
+        try:
+            done = change_from(change.table)
+        except ScenarioError:  # of a later version
+            return
+        if isinstance(done, LINK_CHANGES):
+            for pair in links_of(done, self._names, self._requested):
+                self.links[pair].changed |= pair[1] == change.vehicle
+
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         """Figures per vehicle, the lead first, of a run of `ran_ns`."""
         return tuple(self._vehicle(name, ran_ns) for name in self._names)
@@ -327,6 +342,9 @@ class Metrics:
         """Say which links did something else than was asked of them, beyond sampling error."""
         for link in sorted(self._requested, key=self._order):
             yield from misses(link, self._requested[link], self.links[link])
+        if changed := [f"{a} → {b}" for (a, b), one in sorted(self.links.items()) if one.changed]:
+            these = ", ".join(changed)
+            yield f"changed during the run, so not held against what was asked: {these}"
 
 
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:

@@ -10,13 +10,20 @@ from scenarios.definition.changing.links import LINK_CHANGES, refused_link_chang
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.changes import AnyChange, Changes, SpeedChangeTable
+from scenarios.definition.schema.changes import (
+    AnyChange,
+    Changes,
+    HealTable,
+    LinkChangeTable,
+    SpeedChangeTable,
+)
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import ScenarioTables
 
 MOST_BYTES = 4096
 """Of a question."""
 _HERE = "change[0]"
+_NOT_TOLD = {"at_s", "kind", "sender", "receiver", "vehicle", "for_s"}
 
 
 class _Asked(Table):
@@ -30,9 +37,31 @@ def entry_of(change: AnyChange) -> str:
     return json.dumps(change.model_dump(exclude_unset=True, exclude_none=True))
 
 
+def in_words(change: AnyChange) -> str:
+    """Say what is done, without to whom."""
+    if isinstance(change, HealTable):
+        return "as the scenario has it again"
+    told = change.model_dump(exclude_none=True, exclude=_NOT_TOLD)
+    values = ", ".join(f"{key} {value}" for key, value in told.items())
+    for_s = getattr(change, "for_s", None)
+    how_long = f"for {for_s:g} s" if for_s is not None else ""
+    what = "" if isinstance(change, LinkChangeTable) else change.kind
+    return " ".join(filter(None, (what, values, how_long)))
+
+
 def question_of(entry: dict[str, Any]) -> bytes:
     """What asks for a change: its entry without `at_s`."""
     return json.dumps(entry).encode()
+
+
+def change_from(entry: str) -> AnyChange:
+    """The change that `entry_of` wrote; raises ScenarioError if it is none."""
+    try:
+        return _Asked.model_validate({"change": [json.loads(entry)]}).change[0]
+    except ValidationError as error:
+        raise ScenarioError(_line(key, why) for key, why in refusals(error)) from error
+    except (ValueError, RecursionError) as error:
+        raise ScenarioError([f"no JSON: {error}"]) from error
 
 
 def read_entry(question: bytes, at_s: float, tables: ScenarioTables) -> AnyChange:
@@ -44,7 +73,7 @@ def read_entry(question: bytes, at_s: float, tables: ScenarioTables) -> AnyChang
         raise ScenarioError([f"given {len(question)} bytes, allowed {MOST_BYTES}"])
     try:
         entry = json.loads(question)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ScenarioError([f"no JSON: {error}"]) from error
     if not isinstance(entry, dict) or "at_s" in entry:
         raise ScenarioError(["allowed one entry of [[change]] without at_s, as JSON"])

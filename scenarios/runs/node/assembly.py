@@ -55,7 +55,7 @@ class VehicleBuilder:
     def __init__(self, scenario: Scenario, name: str) -> None:
         """Raises ScenarioError if `scenario` has no vehicle called `name`."""
         self.name = name
-        self._scenario = scenario
+        self.scenario = scenario
         self._setup = scenario.vehicle(name)
         self._plane = LocalPlane(scenario.origin)
         self._route = scenario.route
@@ -69,13 +69,13 @@ class VehicleBuilder:
     @property
     def schedule(self) -> Hashable:
         """Vehicles for which this is equal have equal ticks."""
-        besides = instants_besides(self._scenario, self._setup, 0, 0)
+        besides = instants_besides(self.scenario, self._setup, 0, 0)
         return (self.rates_hz, self.name) if besides else self.rates_hz
 
     def ticks(self, start_at: int) -> Iterator[Tick]:
         """The vehicle's schedule from `start_at` (ns) to the end of the run."""
         end_at = start_at + self.duration_ns
-        besides = instants_besides(self._scenario, self._setup, start_at, end_at)
+        besides = instants_besides(self.scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, besides=besides)
 
     def node(
@@ -85,7 +85,7 @@ class VehicleBuilder:
 
         With an `agenda`, which holds what the scenario changes, it can be changed by hand, too.
         """
-        setup, drive = self._setup, self._scenario.replays.get(self.name)
+        setup, drive = self._setup, self.scenario.replays.get(self.name)
         senders = () if drive else setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         inbox = Inbox(self.name, links, start_at=start_at)
@@ -105,18 +105,18 @@ class VehicleBuilder:
                 start_at=start_at,
                 wheelbase=setup.parameters.wheelbase,
                 control=Cadence(start_at, self.control_rate_hz),
-                gnss=make_receiver(self._scenario, setup, start_at),
-                sender=make_sender(self._scenario, setup, start_at),
+                gnss=make_receiver(self.scenario, setup, start_at),
+                sender=make_sender(self.scenario, setup, start_at),
                 inbox=inbox,
                 outbox=outbox,
             )
         return Node(
             body=self._body(),
             parameters=setup.parameters,
-            gnss=make_receiver(self._scenario, setup, start_at),
+            gnss=make_receiver(self.scenario, setup, start_at),
             imu=self._imu(start_at),
             driver=self._driver(start_at),
-            sender=make_sender(self._scenario, setup, start_at),
+            sender=make_sender(self.scenario, setup, start_at),
             inbox=inbox,
             outbox=outbox,
             agenda=agenda or self.agenda(start_at),
@@ -128,9 +128,9 @@ class VehicleBuilder:
         return Agenda(self._scheduled(start_at))
 
     def _scheduled(self, start_at: int) -> list[Due]:
-        names, links = self._scenario.vehicle_names, self._scenario.links
+        names, links = self.scenario.vehicle_names, self.scenario.links
         return scheduled(
-            self._scenario.tables.change,
+            self.scenario.tables.change,
             start_at,
             lambda change: concerns(change, self.name, names, links),
         )
@@ -140,18 +140,18 @@ class VehicleBuilder:
         links = [
             ChangingLink(
                 one.link,
-                self._scenario.links[sender, self.name],
+                self.scenario.links[sender, self.name],
                 self._effects_of(sender, start_at),
             )
             for sender, one in inbox.links.items()
         ]
-        found = ChangedLinks(self._scenario.vehicle_names, links)
+        found = ChangedLinks(self.scenario.vehicle_names, links)
         found.schedule(self._scheduled(start_at))
         return found
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         """The link from `sender`, and the gate that its poses pass."""
-        scenario = self._scenario
+        scenario = self.scenario
         asked, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
         rate_hz = highest_rate_hz(setup.sending, setup.gnss)
         effects = self._effects_of(sender, start_at)(asked, ())
@@ -161,16 +161,16 @@ class VehicleBuilder:
 
     def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
         """What makes the effects of the link from `sender`, as it is or as it is changed."""
-        setup = self._scenario.vehicle(sender)
+        setup = self.scenario.vehicle(sender)
         rate_hz = highest_rate_hz(setup.sending, setup.gnss)
         even_hz = even_rate_hz(setup.sending, setup.gnss) or rate_hz
-        setting = self._scenario.link_setting(sender, self.name, start_at)
+        setting = self.scenario.link_setting(sender, self.name, start_at)
         between = partial(self._between, sender)
         return lambda asked, besides: link_effects(asked, even_hz, setting, between, besides)
 
     def _between(self, sender: str) -> VehiclesBetween:
         """Who drives between `sender` and this vehicle."""
-        ahead = self._scenario.vehicle(sender).place
+        ahead = self.scenario.vehicle(sender).place
         return vehicles_between(self._route, ahead, self._setup.place)
 
     def _body(self) -> Body:
@@ -189,7 +189,7 @@ class VehicleBuilder:
         if self._setup.knows_itself:
             return ExactSensor()
         # A stream apart from the receiver's, whose noise is the same with and without this sensor.
-        words = [self._scenario.seed, self._setup.place, INERTIAL]
+        words = [self.scenario.seed, self._setup.place, INERTIAL]
         random = np.random.Generator(np.random.PCG64(words))
         return InertialSensor(self._setup.imu_noise, self._setup.imu_rate_hz, start_at, random)
 
@@ -272,7 +272,7 @@ class VehicleBuilder:
         can be in, without what all have in common; the fit finds out itself where it is smaller.
         """
         steering = self._setup.steering
-        receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
+        receivers = (self.scenario.vehicle(name).gnss for name in self._setup.senders)
         noise = max(FitSettings().position_noise, *map(assumed_deviation, receivers))
         return FitSettings(
             preview_time=steering.preview_s,
@@ -289,6 +289,6 @@ class VehicleBuilder:
         return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)
 
     def _speed_law(self, start_at: int) -> SpeedLaw:
-        if self._scenario.tables.speed.followers == "same":
+        if self.scenario.tables.speed.followers == "same":
             return self._profile(start_at)
-        return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
+        return GapKeeping(self.scenario.gap_policy, self.scenario.gap_limits)

@@ -4,15 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
 
+from scenarios.definition.changing.asked import in_words
 from scenarios.definition.changing.links import (
     LINK_CHANGES,
-    QUALITIES,
     EffectsOf,
     LinkChange,
     course,
     links_of,
 )
-from scenarios.definition.schema.changes import CutTable, HealTable
 from scenarios.definition.schema.links import LinkTable
 from scenarios.runs.node.agenda import Due
 from transport.links.link import Link
@@ -62,14 +61,3 @@ class ChangedLinks:
         if isinstance(due.change, LINK_CHANGES):
             for pair in links_of(due.change, self._names, self._links):
                 self._links[pair].change(due.at, due.change)
-
-
-def in_words(change: LinkChange) -> str:
-    """Say what becomes of a link."""
-    if isinstance(change, HealTable):
-        return "as the scenario has it again"
-    for_s = "" if change.for_s is None else f" for {change.for_s:g} s"
-    if isinstance(change, CutTable):
-        return f"cut{for_s}"
-    given = [(key, getattr(change, key)) for key in QUALITIES]
-    return ", ".join(f"{key} {value:g}" for key, value in given if value is not None) + for_s

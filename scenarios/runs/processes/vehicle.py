@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from scenarios.definition.scenario import Scenario
+from scenarios.runs.control.answering import LiveControl
 from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
@@ -125,6 +126,8 @@ class VehicleProcess:
         self._last_words: tuple[str, bytes] | None = None
         self.exit_code = 0
         answer_for_clock(bus, builder.name, self._clock.now)
+        self._control = LiveControl(builder.scenario, builder.name, self._clock.now)
+        self._control.listen(bus)
         membership.join()
 
     @property
@@ -182,11 +185,12 @@ class VehicleProcess:
         start_at = self._announced.start.start_at_ns
         end_at = start_at + self._builder.duration_ns
         probe = ProcessProbe(late_after(self._builder.control_rate_hz))
-        node = self._builder.node(
-            start_at, BusSink(self._builder.name, self._bus, self._keep_last_words), probe
-        )
+        agenda = self._builder.agenda(start_at)
+        sink = BusSink(self._builder.name, self._bus, self._keep_last_words)
+        node = self._builder.node(start_at, sink, probe, agenda)
         for sender_key in node.inbox.keys:
             self._bus.subscribe(sender_key, node.inbox.on_bytes)
+        self._control.begin(start_at, agenda)
         say(f"{self._builder.name}: {self._run} starts")
         self._drive(node, start_at, probe)
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
