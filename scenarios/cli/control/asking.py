@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from scenarios.cli.options import zenoh_from
-from scenarios.definition.changing.asked import question_of
+from scenarios.definition.changing.asked import Question
 from scenarios.runs.control.answering import Confirmation
 from scenarios.runs.control.open_runs import OpenRun, open_runs
 from scenarios.runs.control.status import RunStatus
@@ -75,14 +75,17 @@ def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Answered]:
         known = ", ".join(map(shown, present))
         raise BusError(f"run {run}: no vehicle {printable(str(wanted))}, there are {known}")
     asked = present if wanted is None else [wanted]
-    question = question_of(dict(entry))
-    with ThreadPoolExecutor(min(len(asked), MOST_AT_ONCE)) as pool:
-        return list(pool.map(lambda name: _ask_one(bus, name, question), asked))
-
-
-def _ask_one(bus: Bus, vehicle: str, question: bytes) -> Answered:
     begun = time.monotonic()
-    answer = bus.ask(control_key(vehicle), ANSWER_S, question)
+    # All at one instant: that which the first of them can do it at.
+    first = _ask_one(bus, asked[0], Question(), begun).said if len(asked) > 1 else None
+    at_s = first.from_s if first and not first.refused else None
+    question = Question(dict(entry), at_s)
+    with ThreadPoolExecutor(min(len(asked), MOST_AT_ONCE)) as pool:
+        return list(pool.map(lambda name: _ask_one(bus, name, question, begun), asked))
+
+
+def _ask_one(bus: Bus, vehicle: str, question: Question, begun: float) -> Answered:
+    answer = bus.ask(control_key(vehicle), ANSWER_S, question.text)
     took_ms = 1000.0 * (time.monotonic() - begun)
     try:
         said = None if answer is None else Confirmation.of(answer)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import ValidationError
@@ -11,6 +12,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.changes import (
+    LATEST_S,
     AnyChange,
     Changes,
     HealTable,
@@ -49,41 +51,63 @@ def in_words(change: AnyChange) -> str:
     return " ".join(filter(None, (what, values, how_long)))
 
 
-def question_of(entry: dict[str, Any]) -> bytes:
-    """What asks for a change: its entry without `at_s`."""
-    return json.dumps(entry).encode()
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is asked of a vehicle: a change as an entry without `at_s`, or nothing but when.
+
+    `at_s` is when it is wanted, so that several vehicles do it at one instant; each is free to do
+    it later, and says so.
+    """
+
+    entry: dict[str, Any] = field(default_factory=dict)
+    at_s: float | None = None
+
+    @property
+    def text(self) -> bytes:
+        """The question as JSON."""
+        wanted = {} if self.at_s is None else {"at_s": self.at_s}
+        return json.dumps({**self.entry, **wanted}).encode()
+
+    @classmethod
+    def of(cls, text: bytes) -> "Question":
+        """Read it again; raises ScenarioError if it is none."""
+        if len(text) > MOST_BYTES:
+            raise ScenarioError([f"given {len(text)} bytes, allowed {MOST_BYTES}"])
+        try:
+            entry = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise ScenarioError([f"no JSON: {error}"]) from error
+        if not isinstance(entry, dict):
+            raise ScenarioError(["allowed one entry of [[change]], as JSON"])
+        at_s = entry.pop("at_s", None)
+        wanted = isinstance(at_s, int | float) and 0.0 <= at_s <= LATEST_S
+        return cls(entry, float(at_s) if wanted else None)
+
+
+def read_change(entry: dict[str, Any], at_s: float, tables: ScenarioTables) -> AnyChange:
+    """The change that is asked of a convoy of `tables`, to take effect `at_s` after the start.
+
+    Raises ScenarioError with a line for each thing that is wrong.
+    """
+    change = _validated({**entry, "at_s": at_s})
+    if problems := list(refused_change(tables, change)):
+        raise ScenarioError(_line(f"{_HERE}{key}", why) for key, why in problems)
+    return change
 
 
 def change_from(entry: str) -> AnyChange:
     """The change that `entry_of` wrote; raises ScenarioError if it is none."""
     try:
-        return _Asked.model_validate({"change": [json.loads(entry)]}).change[0]
-    except ValidationError as error:
-        raise ScenarioError(_line(key, why) for key, why in refusals(error)) from error
+        return _validated(json.loads(entry))
     except (ValueError, RecursionError) as error:
         raise ScenarioError([f"no JSON: {error}"]) from error
 
 
-def read_entry(question: bytes, at_s: float, tables: ScenarioTables) -> AnyChange:
-    """The change that is asked of a convoy of `tables`, to take effect `at_s` after the start.
-
-    Raises ScenarioError with a line for each thing that is wrong.
-    """
-    if len(question) > MOST_BYTES:
-        raise ScenarioError([f"given {len(question)} bytes, allowed {MOST_BYTES}"])
+def _validated(entry: object) -> AnyChange:
     try:
-        entry = json.loads(question)
-    except (ValueError, RecursionError) as error:
-        raise ScenarioError([f"no JSON: {error}"]) from error
-    if not isinstance(entry, dict) or "at_s" in entry:
-        raise ScenarioError(["allowed one entry of [[change]] without at_s, as JSON"])
-    try:
-        change = _Asked.model_validate({"change": [{**entry, "at_s": at_s}]}).change[0]
+        return _Asked.model_validate({"change": [entry]}).change[0]
     except ValidationError as error:
         raise ScenarioError(_line(key, why) for key, why in refusals(error)) from error
-    if problems := list(refused_change(tables, change)):
-        raise ScenarioError(_line(f"{_HERE}{key}", why) for key, why in problems)
-    return change
 
 
 def refused_change(tables: ScenarioTables, change: AnyChange) -> Iterator[tuple[str, str]]:

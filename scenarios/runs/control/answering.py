@@ -5,18 +5,20 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from math import ceil
 
-from scenarios.definition.changing.asked import in_words, read_entry
+from scenarios.definition.changing.asked import Question, in_words, read_change
 from scenarios.definition.changing.concerned import concerns
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.agenda import Agenda, Due
 from transport.bus.bus import Bus
 from transport.topics import control_key
-from vehicles.schedule import SECOND, instant, nanoseconds
+from vehicles.schedule import SECOND, Cadence, instant, nanoseconds
 
 PERIODS_AHEAD = 2
 """A change takes effect at the first instant of control that lies so many periods ahead: all that
 was sent before is judged as before, and the vehicle has not begun that tick."""
+FARTHEST_NS = SECOND
+"""An instant that is wanted lies at most so far ahead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,29 +71,41 @@ class LiveControl:
         """Let changes be made in the run that starts at `start_at` (ns)."""
         self._under_way = start_at, agenda
 
-    def answer(self, question: bytes) -> Confirmation:
-        """Take one change, or say why not."""
-        if self._under_way is None:
-            return self._refused("the run has not started yet")
-        start_at, agenda = self._under_way
-        effective_at = first_instant(self._now(), start_at, self._scenario.control_rate_hz)
-        after = effective_at - start_at
-        if after >= nanoseconds(self._scenario.duration_s):
-            return self._refused("the run is over")
+    def answer(self, text: bytes) -> Confirmation:
+        """Take one change, or say why not; of a question without one, say when it could be."""
         try:
-            change = read_entry(question, after / SECOND, self._scenario.tables)
+            return self._taken(Question.of(text))
         except ScenarioError as error:
-            return self._refused(*str(error).splitlines())
-        names, links = self._scenario.vehicle_names, self._scenario.links
-        if not concerns(change, self._vehicle, names, links):
-            return Confirmation(self._vehicle)
-        if self._vehicle in self._scenario.replays:
-            return self._refused(f"{self._vehicle} moves as it was recorded, whatever is asked")
-        agenda.add(Due(effective_at, change, by_hand=True))
-        return Confirmation(self._vehicle, change.at_s, in_words(change))
+            return Confirmation(self._vehicle, refused=tuple(str(error).splitlines()))
 
-    def _refused(self, *lines: str) -> Confirmation:
-        return Confirmation(self._vehicle, refused=lines)
+    def _taken(self, question: Question) -> Confirmation:
+        """Take one change; raises ScenarioError that says why not."""
+        if self._under_way is None:
+            raise ScenarioError(["the run has not started yet"])
+        (start_at, agenda), scenario = self._under_way, self._scenario
+        at = self._effective_at(start_at, question.at_s)
+        if at - start_at >= nanoseconds(scenario.duration_s):
+            raise ScenarioError(["the run is over"])
+        from_s = (at - start_at) / SECOND
+        if not question.entry:
+            return Confirmation(self._vehicle, from_s)
+        change = read_change(question.entry, from_s, scenario.tables)
+        if not concerns(change, self._vehicle, scenario.tables, scenario.links):
+            return Confirmation(self._vehicle)
+        if self._vehicle in scenario.replays:
+            raise ScenarioError([f"{self._vehicle} moves as it was recorded, whatever is asked"])
+        agenda.add(Due(at, change, by_hand=True))
+        return Confirmation(self._vehicle, from_s, in_words(change))
+
+    def _effective_at(self, start_at: int, wanted_s: float | None) -> int:
+        """The instant (ns) that is wanted if it can still be had, else the first that is sure."""
+        now, rate_hz = self._now(), self._scenario.control_rate_hz
+        if wanted_s is not None:
+            wanted, soonest = start_at + nanoseconds(wanted_s), now + round(SECOND / rate_hz)
+            in_reach = soonest <= wanted <= soonest + FARTHEST_NS
+            if in_reach and Cadence(start_at, rate_hz).due(wanted):
+                return wanted
+        return first_instant(now, start_at, rate_hz)
 
 
 def first_instant(now: int, start_at: int, rate_hz: float) -> int:

@@ -14,8 +14,9 @@ from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.changes import AnyChange
 from scenarios.definition.sending import even_rate_hz, highest_rate_hz
-from scenarios.runs.node.agenda import Agenda, Due, scheduled
+from scenarios.runs.node.agenda import Agenda, scheduled
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import Outbox
@@ -78,18 +79,15 @@ class VehicleBuilder:
         besides = instants_besides(self.scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, besides=besides)
 
-    def node(
-        self, start_at: int, sink: Sink, probe: Probe, agenda: Agenda | None = None
-    ) -> Node | ReplayedNode:
-        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`.
-
-        With an `agenda`, which holds what the scenario changes, it can be changed by hand, too.
-        """
+    def node(self, start_at: int, sink: Sink, probe: Probe) -> Node | ReplayedNode:
+        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
         setup, drive = self._setup, self.scenario.replays.get(self.name)
         senders = () if drive else setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         inbox = Inbox(self.name, links, start_at=start_at)
-        changed = self._changed_links(inbox, start_at)
+        coming = scheduled(self.scenario.tables.change, start_at, self._concerns)
+        changed = ChangedLinks(self.scenario.vehicle_names, coming)
+        changed.adopt(self._changing_links(inbox, start_at))
         outbox = Outbox(
             vehicle=self.name,
             sink=sink,
@@ -109,6 +107,7 @@ class VehicleBuilder:
                 sender=make_sender(self.scenario, setup, start_at),
                 inbox=inbox,
                 outbox=outbox,
+                agenda=Agenda(coming),
             )
         return Node(
             body=self._body(),
@@ -119,25 +118,17 @@ class VehicleBuilder:
             sender=make_sender(self.scenario, setup, start_at),
             inbox=inbox,
             outbox=outbox,
-            agenda=agenda or self.agenda(start_at),
+            agenda=Agenda(coming),
             links=changed,
         )
 
-    def agenda(self, start_at: int) -> Agenda:
-        """What the scenario does to this vehicle and its links in a run from `start_at` (ns)."""
-        return Agenda(self._scheduled(start_at))
+    def _concerns(self, change: AnyChange) -> bool:
+        """Whether this vehicle carries a change out."""
+        return concerns(change, self.name, self.scenario.tables, self.scenario.links)
 
-    def _scheduled(self, start_at: int) -> list[Due]:
-        names, links = self.scenario.vehicle_names, self.scenario.links
-        return scheduled(
-            self.scenario.tables.change,
-            start_at,
-            lambda change: concerns(change, self.name, names, links),
-        )
-
-    def _changed_links(self, inbox: Inbox, start_at: int) -> ChangedLinks:
-        """What can be changed of the incoming links, and is by the scenario."""
-        links = [
+    def _changing_links(self, inbox: Inbox, start_at: int) -> list[ChangingLink]:
+        """The incoming links, which can be changed."""
+        return [
             ChangingLink(
                 one.link,
                 self.scenario.links[sender, self.name],
@@ -145,9 +136,6 @@ class VehicleBuilder:
             )
             for sender, one in inbox.links.items()
         ]
-        found = ChangedLinks(self.scenario.vehicle_names, links)
-        found.schedule(self._scheduled(start_at))
-        return found
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         """The link from `sender`, and the gate that its poses pass."""

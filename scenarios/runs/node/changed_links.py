@@ -1,8 +1,7 @@
 """The incoming links of one vehicle, and what is changed of them while it drives."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from operator import itemgetter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from scenarios.definition.changing.asked import in_words
 from scenarios.definition.changing.links import (
@@ -17,47 +16,54 @@ from scenarios.runs.node.agenda import Due
 from transport.links.link import Link
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class ChangingLink:
-    """One link, what is asked of it, and the changes about it with their instants (ns)."""
+    """One link, what is asked of it, and what makes its effects when it is another one."""
 
     link: Link
     asked: LinkTable
     effects_of: EffectsOf
-    changes: list[tuple[int, LinkChange]] = field(default_factory=list)
-
-    def change(self, at: int, change: LinkChange) -> None:
-        """Let the link be changed from instant `at` (ns) on."""
-        self.changes.append((at, change))
-        self.changes.sort(key=itemgetter(0))
-        self.link.course = course(self.changes, self.asked, self.effects_of)
 
 
 class ChangedLinks:
-    """All links to one vehicle of a convoy of `names`."""
+    """What is changed of the links to one vehicle of a convoy of `names`.
 
-    def __init__(self, names: Sequence[str], links: Sequence[ChangingLink]) -> None:
+    What the `scheduled` changes do a link knows beforehand; by hand is added when it is due. All of
+    it belongs to the channel: it outlives the vehicle's software, whose links are made anew.
+    """
+
+    def __init__(self, names: Sequence[str], scheduled: Iterable[Due]) -> None:
         self._names = names
+        self._links: dict[tuple[str, str], ChangingLink] = {}
+        self._changes = [
+            (due.at, due.change) for due in scheduled if isinstance(due.change, LINK_CHANGES)
+        ]
+
+    def adopt(self, links: Iterable[ChangingLink]) -> None:
+        """Change these links, in the place of those before."""
         self._links = {(one.link.sender, one.link.receiver): one for one in links}
+        if self._changes:
+            self._set_courses(self._links)
 
-    def schedule(self, changes: Sequence[Due]) -> None:
-        """Take what the scenario changes: links know it beforehand, for messages that come early.
-
-        Nothing is said of it before it is due.
-        """
-        for due in changes:
-            self._change(due)
-
-    def carry_out(self, due: Due) -> list[str]:
-        """Carry out what is due; returns what there is to say of it, a line for each link."""
+    def carry_out(self, due: Due) -> str:
+        """Carry out what is due, if it is about links; returns what there is to say of it."""
         if not isinstance(due.change, LINK_CHANGES):
-            return []
-        if due.by_hand:
-            self._change(due)
+            return ""
         about = links_of(due.change, self._names, self._links)
-        return [f"link {sender} → {to}: {in_words(due.change)}" for sender, to in about]
+        if due.by_hand:
+            self._changes.append((due.at, due.change))
+            self._set_courses(about)
+        links = ", ".join(f"{sender} → {receiver}" for sender, receiver in about)
+        return f"{links}: {in_words(due.change)}{', by hand' if due.by_hand else ''}"
 
-    def _change(self, due: Due) -> None:
-        if isinstance(due.change, LINK_CHANGES):
-            for pair in links_of(due.change, self._names, self._links):
-                self._links[pair].change(due.at, due.change)
+    def _set_courses(self, about: Iterable[tuple[str, str]]) -> None:
+        """Work out anew what becomes of some links."""
+        self._changes.sort(key=_at)
+        for pair in about:
+            one = self._links[pair]
+            mine = [two for two in self._changes if links_of(two[1], self._names, [pair])]
+            one.link.course = course(mine, one.asked, one.effects_of)
+
+
+def _at(one: tuple[int, LinkChange]) -> int:
+    return one[0]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from scenarios.definition.changing.asked import in_words
 from scenarios.runs.node.agenda import Agenda
 from scenarios.runs.node.changed_links import ChangedLinks
 from scenarios.runs.node.outbox import Outbox
@@ -34,7 +35,8 @@ class Node:
     def step(self, tick: Tick) -> None:
         """One tick of the schedule: receive, measure, decide, send, advance the car to the next."""
         for due in self.agenda.take(tick.at):
-            self.outbox.tell_of_change(tick.at, due, self.links.carry_out(due))
+            text = self.links.carry_out(due) or in_words(due.change)
+            self.outbox.publish_change(tick.at, due, text)
         body = self.body
         here = Whereabouts(body.east, body.north, body.distance)
         received = self.inbox.take(tick.at, here)

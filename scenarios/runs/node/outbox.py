@@ -1,7 +1,6 @@
 """The messages that a vehicle sends: its pose for the convoy, everything else for the log."""
 
 from collections import Counter
-from collections.abc import Sequence
 
 from scenarios.definition.changing.asked import entry_of
 from scenarios.runs.node.agenda import Due
@@ -78,11 +77,8 @@ class Outbox:
             self._add_health(now, final=False)
         self._sink.flush()
 
-    def tell_of_change(self, now: int, due: Due, lines: Sequence[str]) -> None:
-        """Send what is changed from instant `due.at` (ns) on, and say it in `lines`.
-
-        It goes with what is published next.
-        """
+    def publish_change(self, now: int, due: Due, text: str) -> None:
+        """Say what was done at the tick at `now` (ns); sent with what that sends."""
         self._add(
             messages.Change(
                 vehicle=self._vehicle,
@@ -93,8 +89,7 @@ class Outbox:
                 table=entry_of(due.change),
             )
         )
-        for line in lines:
-            self._add_text(now, f"{line}{', by hand' if due.by_hand else ''}", "warning")
+        self._add_text(now, text)
 
     def publish_health(self, now: int, *, final: bool = False) -> None:
         """Send the counters; the last ones of a run are `final`."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from math import atan
 
 from scenarios.definition.road.replayed import ReplayedDrive
+from scenarios.runs.node.agenda import Agenda
 from scenarios.runs.node.outbox import Outbox
 from transport.clock import Tick
 from transport.links.inbox import Inbox
@@ -28,6 +29,7 @@ class ReplayedNode:
     sender: Sender
     inbox: Inbox
     outbox: Outbox
+    agenda: Agenda
 
     def step(self, tick: Tick) -> None:
         """One tick of the schedule: be where the record says, measure, send."""

@@ -185,12 +185,12 @@ class VehicleProcess:
         start_at = self._announced.start.start_at_ns
         end_at = start_at + self._builder.duration_ns
         probe = ProcessProbe(late_after(self._builder.control_rate_hz))
-        agenda = self._builder.agenda(start_at)
-        sink = BusSink(self._builder.name, self._bus, self._keep_last_words)
-        node = self._builder.node(start_at, sink, probe, agenda)
+        node = self._builder.node(
+            start_at, BusSink(self._builder.name, self._bus, self._keep_last_words), probe
+        )
         for sender_key in node.inbox.keys:
             self._bus.subscribe(sender_key, node.inbox.on_bytes)
-        self._control.begin(start_at, agenda)
+        self._control.begin(start_at, node.agenda)
         say(f"{self._builder.name}: {self._run} starts")
         self._drive(node, start_at, probe)
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
