@@ -6,9 +6,7 @@ from itertools import pairwise
 from math import inf, isfinite
 from typing import Any
 
-from scenarios.definition.changing.asked import change_from
-from scenarios.definition.changing.links import LINK_CHANGES, links_of
-from scenarios.definition.errors import ScenarioError
+from scenarios.definition.changing.asked import changed_links
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import sends_every_instant
@@ -219,13 +217,8 @@ class Metrics:
 
     def _add_change(self, _receiver: VehicleFigures, change: Change) -> None:
         """Note which links are no longer as they were asked for."""
-        try:
-            done = change_from(change.table)
-        except ScenarioError:  # of a later version
-            return
-        if isinstance(done, LINK_CHANGES):
-            for pair in links_of(done, self._names, self._requested):
-                self.links[pair].changed |= pair[1] == change.vehicle
+        for pair in changed_links(change.table, self._names, self._requested):
+            self.links[pair].changed |= pair[1] == change.vehicle
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         """Figures per vehicle, the lead first, of a run of `ran_ns`."""

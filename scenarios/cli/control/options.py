@@ -13,7 +13,7 @@ _UNITS_S = {"": 1.0, "s": 1.0, "ms": 0.001, "min": 60.0}
 _SPAN = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+) ?(s|ms|min|)")
 
 
-class Span(click.ParamType[float]):
+class TimeSpan(click.ParamType[float]):
     """A span of time in s, such as 5s, 500ms or 2min."""
 
     name = "span"
@@ -44,5 +44,5 @@ def run_options(command: Command) -> Command:
 def span_option(*, required: bool = False, help_text: str) -> Callable[[Command], Command]:
     """`--for`."""
     return click.option(
-        "--for", "for_s", type=Span(), required=required, metavar="TIME", help=help_text
+        "--for", "for_s", type=TimeSpan(), required=required, metavar="TIME", help=help_text
     )

@@ -14,6 +14,11 @@ from transport.clock import poll
 from transport.texts import printable
 
 POLL_S = 0.05
+NUMBERS = (
+    "speed\nm/s", "error\ncm", "gap\nm", "knows\nm", "lead\nage s", "rec.\n%", "ahead\nage s",
+    "rec.\n%",
+)  # fmt: skip
+"""Headings of the figures: true error and gap, known path, age and received share of a source."""
 
 
 def show(
@@ -64,18 +69,13 @@ def tables(status: RunStatus | None) -> Group:
     """The vehicles and the links of a run."""
     if status is None:
         return Group("has not started yet")
-    title = (
-        f"{printable(status.run)}: {status.at_s:.1f} of {status.duration_s:.1f} s"
-        f"{'' if not any(one.hazard for one in status.vehicles) else ', hazard'}"
-    )
+    title = f"{printable(status.run)}: {status.at_s:.1f} of {status.duration_s:.1f} s"
     vehicles = Table(title=title, box=None, padding=(0, 1, 0, 0))
-    for heading in ("vehicle", "steers\nalong", "hazard"):
+    for heading in ("vehicle", "steers\nalong"):
         vehicles.add_column(heading, no_wrap=True)
-    for heading in (
-        "speed\nm/s", "true\nerror cm", "true\ngap m", "known\nm", "lead: age s\nreceived %",
-        "ahead: age s\nreceived %",
-    ):  # fmt: skip
+    for heading in NUMBERS:
         vehicles.add_column(heading, justify="right", no_wrap=True)
+    vehicles.add_column("sources")
     for one in status.vehicles:
         vehicles.add_row(*_row(one))
     links = Table(box=None, padding=(0, 1, 0, 0))
@@ -91,26 +91,31 @@ def tables(status: RunStatus | None) -> Group:
 
 def _row(one: VehicleFiguresNow) -> tuple[str, ...]:
     error = None if one.true_error_m is None else 100 * one.true_error_m
+    sources = {"lead": one.lead, "ahead": one.predecessor}
+    unusual = [
+        f"{name} {printable(source.status)}"
+        for name, source in sources.items()
+        if source and source.status != "fresh"
+    ]
     return (
         printable(one.name),
         printable(one.mode),
-        "hazard" if one.hazard else "",
         f"{one.speed_mps:.1f}",
         _number(error),
         _number(one.true_gap_m),
         _number(one.known_m),
-        _source(one.lead),
-        _source(one.predecessor),
+        *_source(one.lead),
+        *_source(one.predecessor),
+        ", ".join((*(["HAZARD"] if one.hazard else []), *unusual)),
     )
 
 
-def _source(one: SourceFigures | None) -> str:
-    """Age and share received; what is made of the source, where that is not the usual."""
+def _source(one: SourceFigures | None) -> tuple[str, str]:
+    """Age of a source and share received of it."""
     if one is None:
-        return "-"
-    share = "-" if one.received_ratio is None else f"{100 * one.received_ratio:.0f}"
-    status = "" if one.status == "fresh" else f"{one.status} "
-    return f"{printable(status)}{_number(one.age_s, 2)} {share}"
+        return "-", "-"
+    share = None if one.received_ratio is None else 100 * one.received_ratio
+    return _number(one.age_s, 2), _number(share, 0)
 
 
 def _number(value: float | None, digits: int = 1) -> str:

@@ -1,13 +1,13 @@
 """A change that is asked for by hand, as JSON: read, or refused in a line."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import ValidationError
 
-from scenarios.definition.changing.links import LINK_CHANGES, refused_link_change
+from scenarios.definition.changing.links import LINK_CHANGES, links_of, refused_link_change
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.route import vehicle_names
@@ -101,6 +101,17 @@ def change_from(entry: str) -> AnyChange:
         return _validated(json.loads(entry))
     except (ValueError, RecursionError) as error:
         raise ScenarioError([f"no JSON: {error}"]) from error
+
+
+def changed_links(
+    entry: str, names: Sequence[str], links: Iterable[tuple[str, str]]
+) -> list[tuple[str, str]]:
+    """Those of the `links` of a convoy of `names` that an entry is about; of other kinds none."""
+    try:
+        change = change_from(entry)
+    except ScenarioError:  # of a later version
+        return []
+    return links_of(change, names, links) if isinstance(change, LINK_CHANGES) else []
 
 
 def _validated(entry: object) -> AnyChange:

@@ -126,6 +126,17 @@ def test_an_answer_is_to_what_was_asked(join: Join) -> None:
         assert other.ask("convoy/@control/v1", 2.0, question) == question[::-1]
 
 
+def test_a_question_that_cannot_be_answered_is_not_the_last_one() -> None:
+    with ExitStack() as stack:
+        router = stack.enter_context(open_router(("tcp/127.0.0.1:0",)))
+        options = ZenohOptions(connect=router.endpoints)
+        one, other = (stack.enter_context(open_bus(options)) for _ in range(2))
+        one.answer("convoy/@control/v1", lambda question: str(1 // len(question)).encode())
+        assert until(lambda: other.ask("convoy/@control/v1", 0.5, b"?") == b"1")
+        assert other.ask("convoy/@control/v1", 0.5) is None
+        assert other.ask("convoy/@control/v1", 0.5, b"?") == b"1"
+
+
 def test_liveliness_is_not_a_message(join: Join) -> None:
     vehicle, watcher, heard = join(), join(), Heard()
     watcher.subscribe("convoy/**", heard)
