@@ -7,7 +7,7 @@ import pytest
 
 from scenarios.cli.control.asking import ask, joined
 from scenarios.runs.control.open_runs import open_runs
-from tests.system.logs import Run
+from tests.system.logs import Run, assert_equal_while_nothing_was_late
 from tests.system.processes import Process, run_to_the_end, start
 from transport.bus.bus import BusError
 from vehicles.messages import Change, LinkVerdict
@@ -85,6 +85,51 @@ def test_a_session_is_confirmed_at_once_logged_and_repeated(tmp_path: Path) -> N
     last_at = (DURATION_S - 0.5) * SECOND
     odd = {**{k: here[k] for k in here.keys() - both}, **{k: there[k] for k in there.keys() - both}}
     assert all(visible_at >= last_at for _, _, visible_at in odd.values())
+
+
+SCHEDULED = """
+extends = "lane_change"
+name = "scheduled"
+duration_s = 5.0
+[[change]]
+kind = "cut"
+at_s = 1.0
+for_s = 0.4
+[[change]]
+kind = "link"
+at_s = 2.0
+sender = "lead"
+receiver = "follower"
+loss_ratio = 0.4
+latency_ms = 60.0
+for_s = 1.5
+[[change]]
+kind = "cut"
+at_s = 3.0
+sender = "predecessor"
+[[change]]
+kind = "heal"
+at_s = 4.0
+"""
+
+
+def test_what_is_scheduled_is_done_on_the_wall_clock_as_in_virtual_time(tmp_path: Path) -> None:
+    (tmp_path / "scheduled.toml").write_text(SCHEDULED)
+    for clock in ("wall", "virtual"):
+        done = run_to_the_end(
+            "run", "scheduled.toml", f"--clock={clock}", f"--out={clock}", folder=tmp_path
+        )
+        assert done.exit_code == 0, done.err
+    wall, virtual = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
+    here, there = verdicts(wall), verdicts(virtual)
+    both = here.keys() & there.keys()
+    assert len(both) >= 0.99 * len(there)
+    assert {key: here[key] for key in both} == {key: there[key] for key in both}
+    assert_equal_while_nothing_was_late(wall, virtual, within_m=0.05)
+    for run in (wall, virtual):
+        assert sum(isinstance(m, Change) for m in run.messages) == 3 * 4
+        (said,) = [line for line in run.summary["warnings"] if "changed during the run" in line]
+        assert said.count("→") == 5
 
 
 def test_who_types_a_command_here_need_not_know_where_the_run_is(
