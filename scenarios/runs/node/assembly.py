@@ -56,7 +56,7 @@ class VehicleBuilder:
     def __init__(self, scenario: Scenario, name: str) -> None:
         """Raises ScenarioError if `scenario` has no vehicle called `name`."""
         self.name = name
-        self.scenario = scenario
+        self._scenario = scenario
         self._setup = scenario.vehicle(name)
         self._plane = LocalPlane(scenario.origin)
         self._route = scenario.route
@@ -68,25 +68,30 @@ class VehicleBuilder:
         self.rates_hz = tuple(dict.fromkeys(rates_hz))
 
     @property
+    def scenario(self) -> Scenario:
+        """The scenario of which the vehicle is one."""
+        return self._scenario
+
+    @property
     def schedule(self) -> Hashable:
         """Vehicles for which this is equal have equal ticks."""
-        besides = instants_besides(self.scenario, self._setup, 0, 0)
+        besides = instants_besides(self._scenario, self._setup, 0, 0)
         return (self.rates_hz, self.name) if besides else self.rates_hz
 
     def ticks(self, start_at: int) -> Iterator[Tick]:
         """The vehicle's schedule from `start_at` (ns) to the end of the run."""
         end_at = start_at + self.duration_ns
-        besides = instants_besides(self.scenario, self._setup, start_at, end_at)
+        besides = instants_besides(self._scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, besides=besides)
 
     def node(self, start_at: int, sink: Sink, probe: Probe) -> Node | ReplayedNode:
         """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
-        setup, drive = self._setup, self.scenario.replays.get(self.name)
+        setup, drive = self._setup, self._scenario.replays.get(self.name)
         senders = () if drive else setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         inbox = Inbox(self.name, links, start_at=start_at)
-        coming = scheduled(self.scenario.tables.change, start_at, self._concerns)
-        changed = ChangedLinks(self.scenario.vehicle_names, coming)
+        coming = scheduled(self._scenario.tables.change, start_at, self._concerns)
+        changed = ChangedLinks(self._scenario.vehicle_names, coming)
         changed.adopt(self._changing_links(inbox, start_at))
         outbox = Outbox(
             vehicle=self.name,
@@ -103,8 +108,8 @@ class VehicleBuilder:
                 start_at=start_at,
                 wheelbase=setup.parameters.wheelbase,
                 control=Cadence(start_at, self.control_rate_hz),
-                gnss=make_receiver(self.scenario, setup, start_at),
-                sender=make_sender(self.scenario, setup, start_at),
+                gnss=make_receiver(self._scenario, setup, start_at),
+                sender=make_sender(self._scenario, setup, start_at),
                 inbox=inbox,
                 outbox=outbox,
                 agenda=Agenda(coming),
@@ -112,10 +117,10 @@ class VehicleBuilder:
         return Node(
             body=self._body(),
             parameters=setup.parameters,
-            gnss=make_receiver(self.scenario, setup, start_at),
+            gnss=make_receiver(self._scenario, setup, start_at),
             imu=self._imu(start_at),
             driver=self._driver(start_at),
-            sender=make_sender(self.scenario, setup, start_at),
+            sender=make_sender(self._scenario, setup, start_at),
             inbox=inbox,
             outbox=outbox,
             agenda=Agenda(coming),
@@ -124,14 +129,14 @@ class VehicleBuilder:
 
     def _concerns(self, change: AnyChange) -> bool:
         """Whether this vehicle carries a change out."""
-        return concerns(change, self.name, self.scenario.tables, self.scenario.links)
+        return concerns(change, self.name, self._scenario.tables, self._scenario.links)
 
     def _changing_links(self, inbox: Inbox, start_at: int) -> list[ChangingLink]:
         """The incoming links, which can be changed."""
         return [
             ChangingLink(
                 one.link,
-                self.scenario.links[sender, self.name],
+                self._scenario.links[sender, self.name],
                 self._effects_of(sender, start_at),
             )
             for sender, one in inbox.links.items()
@@ -139,7 +144,7 @@ class VehicleBuilder:
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         """The link from `sender`, and the gate that its poses pass."""
-        scenario = self.scenario
+        scenario = self._scenario
         asked, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
         rate_hz = highest_rate_hz(setup.sending, setup.gnss)
         effects = self._effects_of(sender, start_at)(asked, ())
@@ -149,16 +154,16 @@ class VehicleBuilder:
 
     def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
         """What makes the effects of the link from `sender`, as it is or as it is changed."""
-        setup = self.scenario.vehicle(sender)
+        setup = self._scenario.vehicle(sender)
         rate_hz = highest_rate_hz(setup.sending, setup.gnss)
         even_hz = even_rate_hz(setup.sending, setup.gnss) or rate_hz
-        setting = self.scenario.link_setting(sender, self.name, start_at)
+        setting = self._scenario.link_setting(sender, self.name, start_at)
         between = partial(self._between, sender)
         return lambda asked, besides: link_effects(asked, even_hz, setting, between, besides)
 
     def _between(self, sender: str) -> VehiclesBetween:
         """Who drives between `sender` and this vehicle."""
-        ahead = self.scenario.vehicle(sender).place
+        ahead = self._scenario.vehicle(sender).place
         return vehicles_between(self._route, ahead, self._setup.place)
 
     def _body(self) -> Body:
@@ -177,7 +182,7 @@ class VehicleBuilder:
         if self._setup.knows_itself:
             return ExactSensor()
         # A stream apart from the receiver's, whose noise is the same with and without this sensor.
-        words = [self.scenario.seed, self._setup.place, INERTIAL]
+        words = [self._scenario.seed, self._setup.place, INERTIAL]
         random = np.random.Generator(np.random.PCG64(words))
         return InertialSensor(self._setup.imu_noise, self._setup.imu_rate_hz, start_at, random)
 
@@ -260,7 +265,7 @@ class VehicleBuilder:
         can be in, without what all have in common; the fit finds out itself where it is smaller.
         """
         steering = self._setup.steering
-        receivers = (self.scenario.vehicle(name).gnss for name in self._setup.senders)
+        receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
         noise = max(FitSettings().position_noise, *map(assumed_deviation, receivers))
         return FitSettings(
             preview_time=steering.preview_s,
@@ -277,6 +282,6 @@ class VehicleBuilder:
         return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)
 
     def _speed_law(self, start_at: int) -> SpeedLaw:
-        if self.scenario.tables.speed.followers == "same":
+        if self._scenario.tables.speed.followers == "same":
             return self._profile(start_at)
-        return GapKeeping(self.scenario.gap_policy, self.scenario.gap_limits)
+        return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)

@@ -35,9 +35,15 @@ class ChangedLinks:
     def __init__(self, names: Sequence[str], scheduled: Iterable[Due]) -> None:
         self._names = names
         self._links: dict[tuple[str, str], ChangingLink] = {}
+        self._by_hand: list[Due] = []
         self._changes = [
             (due.at, due.change) for due in scheduled if isinstance(due.change, LINK_CHANGES)
         ]
+
+    @property
+    def by_hand(self) -> tuple[Due, ...]:
+        """What was done by hand so far, in the order in which it was carried out."""
+        return tuple(self._by_hand)
 
     def adopt(self, links: Iterable[ChangingLink]) -> None:
         """Change these links, in the place of those before."""
@@ -51,6 +57,7 @@ class ChangedLinks:
             return ""
         about = links_of(due.change, self._names, self._links)
         if due.by_hand:
+            self._by_hand.append(due)
             self._changes.append((due.at, due.change))
             self._set_courses(about)
         links = ", ".join(f"{sender} → {receiver}" for sender, receiver in about)
