@@ -47,13 +47,17 @@ class WallClock:
     Setting the system's clock while a run is on moves nothing.
     """
 
-    def __init__(self, stop: Event | None = None) -> None:
+    def __init__(self, stop: Event | None = None, offset: int | None = None) -> None:
+        """`offset` (ns) from the monotonic clock to Unix time is that of now, unless it is given.
+
+        A process that goes on in place of another one keeps to its clock.
+        """
         self._stop = stop or Event()
-        self._offset = time.time_ns() - time.monotonic_ns()
+        self.offset = time.time_ns() - time.monotonic_ns() if offset is None else offset
 
     def now(self) -> int:
         """Return the present instant in ns."""
-        return time.monotonic_ns() + self._offset
+        return time.monotonic_ns() + self.offset
 
     def wait_until(self, at: int) -> int:
         """Sleep until `at`; return the lateness in ns, negative when stopped before."""

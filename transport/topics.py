@@ -38,7 +38,7 @@ class Topic:
 # fmt: off
 _ROWS = (
     #     name          message              instant           logged urgent meaning
-    Topic("gps",        GpsPose,             "measured_at_ns", True,  True,  "what the receiver measured, as broadcast"),
+    Topic("gps",        GpsPose,             "sent_at_ns",     True,  True,  "what the receiver measured, as broadcast"),
     Topic("truth",      TruePose,            "true_at_ns",     True,  False, "where the car really is"),
     Topic("trajectory", CompositeTrajectory, "decided_at_ns",  True,  False, "arc spline and the samples it was fitted to"),
     Topic("tracking",   Tracking,            "decided_at_ns",  True,  False, "errors as the vehicle sees them"),

@@ -42,14 +42,12 @@ WITH_A_FIX: tuple[FixState, ...] = get_args(FixState)
 
 def receiver_errors(
     table: GnssTable, start_at: int, behind: float, own: Streams, shared: Streams
-) -> ReceiverErrors | None:
-    """Errors of a receiver that starts at `start_at` (ns), None if it has white noise alone.
+) -> ReceiverErrors:
+    """Errors of a receiver that starts at `start_at` (ns), beside plain white noise.
 
     `behind` (m) is how far behind the lead the vehicle starts. `own` are the streams of random
     numbers of this receiver, `shared` those of all, by purpose.
     """
-    if table.is_plain:
-        return None
     return ReceiverErrors(
         model=error_model(table),
         states=_states(table, start_at, own),

@@ -12,6 +12,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
+from scenarios.definition.changes import change_problems, joins_late
 from scenarios.definition.channel.delay import with_recorded_delays
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.channel.outages import LinkSetting
@@ -32,12 +33,13 @@ from scenarios.definition.road.route import (
     vehicle_names,
 )
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.tables import OriginTable, ScenarioTables
+from scenarios.definition.schema.tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.traces.placed import with_points, with_replays
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
+from vehicles.car.clock_error import VehicleClock
 from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.schedule import SECOND
+from vehicles.schedule import MILLISECOND, SECOND
 
 __all__ = ["Scenario", "library", "load_scenario", "scenario_from_text", "template"]
 
@@ -224,6 +226,21 @@ class Scenario:
             if pair[1] not in self.replays
         }
 
+    def clock(self, name: str, start_at: int) -> VehicleClock:
+        """The clock of a vehicle in a run that starts at `start_at` (ns)."""
+        own = self.tables.vehicle.get(name)
+        table = own.clock if own else ClockTable()
+        return VehicleClock(start_at, round(table.offset_ms * MILLISECOND), table.drift_ppm)
+
+    def clock_error_ns(self, name: str) -> int:
+        """By how much (ns) a vehicle's clock is off at most while the run lasts."""
+        clock, end = self.clock(name, 0), round(self.duration_s * SECOND)
+        return max(abs(clock.error(0)), abs(clock.error(end)))
+
+    def joins_late(self, name: str) -> bool:
+        """Whether a human drives a vehicle when the run starts, until it joins."""
+        return joins_late(self.tables.change, name)
+
     def link_setting(self, sender: str, receiver: str, start_at: int) -> LinkSetting:
         """What the effects of a link need to know of a run that starts at `start_at` (ns)."""
         source, sink = (self.tables.vehicle.get(name) for name in (sender, receiver))
@@ -313,6 +330,7 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
         problems = list(contradictions.on_the_road(scenario.tables, scenario.route))
         for name, drive in () if problems else scenario.replays.items():
             problems += replay_problems(scenario.tables, name, drive, scenario.duration_s)
+        problems = problems or list(change_problems(scenario.tables, scenario.duration_s))
     except Refused as error:
         raise refuse([(error.key, error.why)]) from error
     if problems:

@@ -6,6 +6,7 @@ from itertools import pairwise
 from math import inf, isfinite
 from typing import Any
 
+from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.changing.asked import changed_links
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
@@ -69,7 +70,7 @@ class Metrics:
         """
         self._names = list(vehicles)
         self._requested = requested
-        self._rates_hz = rates_hz or {}
+        self._rates_hz: dict[str, float | None] = dict(rates_hz or {})
         self._control_rate_hz = control_rate_hz
         self._duration_ns = duration_ns
         self._start_at: int | None = None
@@ -210,15 +211,17 @@ class Metrics:
             figures.cpu_sum += health.cpu_ratio
             figures.cpu_count += 1
 
+    def _add_change(self, _: VehicleFigures, change: Change) -> None:
+        """From now on its poses come by no schedule, or links are not as they were asked for."""
+        if change.kind in VEHICLE_CHANGES:
+            self._rates_hz[change.vehicle] = None
+        for pair in changed_links(change.table, self._names, self._requested):
+            self.links[pair].changed |= pair[1] == change.vehicle
+
     def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict) -> None:
         if (verdict.sender, verdict.vehicle) not in self._requested:
             return
         self.links[verdict.sender, verdict.vehicle].add(verdict)
-
-    def _add_change(self, _receiver: VehicleFigures, change: Change) -> None:
-        """Note which links are no longer as they were asked for."""
-        for pair in changed_links(change.table, self._names, self._requested):
-            self.links[pair].changed |= pair[1] == change.vehicle
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         """Figures per vehicle, the lead first, of a run of `ran_ns`."""
@@ -343,4 +346,6 @@ class Metrics:
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:
     """Rate of the poses of a vehicle that sends at every instant of measuring, else None."""
     setup = scenario.vehicle(name)
+    if is_changed(scenario.tables.change, name):
+        return None
     return setup.gnss.rate_hz if sends_every_instant(setup.sending, setup.gnss) else None

@@ -38,10 +38,12 @@ class Recorder:
         writer: LogWriter,
         metrics: Metrics,
         listeners: Sequence[Listener] = (),
+        clock_errors_ns: Mapping[str, int] | None = None,
     ) -> None:
         """`vehicles` are the names with their highest rates of sending (Hz).
 
-        `plane` is the scenario's; `listeners` see each message after it has been written.
+        Their own clocks are off by `clock_errors_ns` at most, where they are off at all. `plane` is
+        the scenario's; `listeners` see each message after it has been written.
         """
         self._topics: dict[str, tuple[str, Topic]] = {
             key(vehicle, topic): (vehicle, topic)
@@ -49,6 +51,7 @@ class Recorder:
             for topic in TOPICS.values()
         }
         self._rates_hz = vehicles
+        self._clock_errors_ns = clock_errors_ns or {}
         self._plane = plane
         self._writer = writer
         self._metrics = metrics
@@ -81,6 +84,7 @@ class Recorder:
                 rate_hz=rate_hz,
                 plane=self._plane,
                 oldest_ns=ANY_AGE_NS,
+                clock_error_ns=self._clock_errors_ns.get(name, 0),
             )
             for name, rate_hz in self._rates_hz.items()
         }

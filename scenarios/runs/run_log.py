@@ -75,6 +75,9 @@ class RunLog:
             writer=self._writer,
             metrics=self.metrics,
             listeners=listeners,
+            clock_errors_ns={
+                name: scenario.clock_error_ns(name) for name in scenario.vehicle_names
+            },
         )
         self._start_at: int | None = None
         self._end_at = 0

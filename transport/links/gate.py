@@ -51,6 +51,7 @@ class PoseGate:
     `start_at` (ns) is the run's first instant, `rate_hz` the rate at which the sender sends at
     most, `plane` the scenario's, within reach of which the convoy drives. `oldest_ns` is how long
     ago a pose may have been measured: a vehicle cannot use what is a minute old, a recorder can.
+    By `clock_error_ns` the sender's own clock may be off, by which it says when it measured.
     """
 
     sender: str
@@ -58,6 +59,7 @@ class PoseGate:
     rate_hz: float
     plane: LocalPlane
     oldest_ns: int = HORIZON_NS
+    clock_error_ns: int = 0
 
     def admit(self, data: bytes, now: int) -> GpsPose:
         """Read a pose that came under the sender's key, at a tick of instant `now` (ns).
@@ -82,15 +84,15 @@ class PoseGate:
             raise RefusedMessageError("far", f"{pose.latitude_deg}, {pose.longitude_deg} deg")
 
     def _check_schedule(self, pose: GpsPose, now: int) -> None:
-        elapsed = pose.measured_at_ns - self.start_at
-        if elapsed < 0:
-            raise RefusedMessageError("early", f"measured at {pose.measured_at_ns}")
-        if pose.measured_at_ns < now - self.oldest_ns:
-            raise RefusedMessageError("past", f"measured at {pose.measured_at_ns}")
-        if pose.measured_at_ns > now + HORIZON_NS:
-            raise RefusedMessageError("future", f"measured at {pose.measured_at_ns}")
-        if not pose.measured_at_ns <= pose.sent_at_ns <= now + HORIZON_NS:
-            raise RefusedMessageError("future", f"sent at {pose.sent_at_ns}")
+        off, measured, sent = self.clock_error_ns, pose.measured_at_ns, pose.sent_at_ns
+        if measured < self.start_at - off:
+            raise RefusedMessageError("early", f"measured at {measured}")
+        if measured < now - self.oldest_ns - off:
+            raise RefusedMessageError("past", f"measured at {measured}")
+        if measured > now + HORIZON_NS + off:
+            raise RefusedMessageError("future", f"measured at {measured}")
+        if not max(measured - off, self.start_at) <= sent <= now + HORIZON_NS:
+            raise RefusedMessageError("future", f"sent at {sent}")
         if pose.seq > (pose.sent_at_ns - self.start_at) * self.rate_hz / SECOND + _ROUNDING:
             raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")
 

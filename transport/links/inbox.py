@@ -1,12 +1,12 @@
 """What one vehicle receives: bytes in, poses out when their links let them through."""
 
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from threading import Lock
 
-from transport.codec import RefusedMessageError
+from transport.codec import RefusedMessageError, decode
 from transport.links.arrival import COPY, ContentStage
 from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
 from transport.links.laws.effect import NOWHERE, Passage, Whereabouts
@@ -62,6 +62,20 @@ class IncomingLink:
             self._seen = {one for one in self._seen if one > self._newest - WINDOW}
 
 
+@dataclass(frozen=True, slots=True)
+class InboxCounts:
+    """What an inbox has counted: verdicts put out, and what Health tells of.
+
+    `late` are those that a link had to judge.
+    """
+
+    verdicts: int = 0
+    heard: int = 0
+    dropped: int = 0
+    late: int = 0
+    rejected: Mapping[str, int] = field(default_factory=dict)
+
+
 class Inbox:
     """What one vehicle receives, over a link from each sender that it listens to.
 
@@ -74,24 +88,65 @@ class Inbox:
     that no link had to judge, and copies that a link made of what was heard.
     """
 
-    def __init__(self, receiver: str, links: Iterable[IncomingLink], *, start_at: int) -> None:
-        """`start_at` (ns) is the first instant of the run."""
+    def __init__(
+        self,
+        receiver: str,
+        links: Iterable[IncomingLink],
+        *,
+        start_at: int,
+        before: InboxCounts | None = None,
+    ) -> None:
+        """`start_at` (ns) is the first instant of the run; what was counted `before` goes on."""
         self.receiver = receiver
-        self.links = {one.link.sender: one for one in links}
-        self._lined = [(name, one) for name, one in self.links.items() if one.line is not None]
-        self._refused: Counter[str] = Counter()
+        self._before = before or InboxCounts()
+        self._refused: Counter[str] = Counter(self._before.rejected)
         self._overflow = 0
-        self._taken_until = start_at - 1
         self._places: deque[tuple[int, Whereabouts]] = deque(maxlen=PLACES)
         self._arrived: deque[tuple[str, bytes]] = deque(maxlen=QUEUE)
         self._lock = Lock()
-        self._senders = {key(sender, GPS): sender for sender in self.links}
-        self._waiting: list[tuple[int, str, int, int, Verdict, GpsPose, Passage, bool]] = []
         self._verdicts: list[LinkVerdict] = []
-        self._verdict_seq = 0
-        self._reported: Counter[str] = Counter()
+        self._verdict_seq = self._before.verdicts
+        self._reported: Counter[str] = Counter(self._before.rejected)
         self._misdated = MisdatedCount()
         self._complaints: list[str] = []
+        self._listen(links, start_at)
+        self._senders = {key(sender, GPS): sender for sender in self.links}
+
+    def _listen(self, links: Iterable[IncomingLink], now: int) -> None:
+        """Begin at `now` (ns), with nothing heard over `links` so far."""
+        self.links = {one.link.sender: one for one in links}
+        self._lined = [(name, one) for name, one in self.links.items() if one.line is not None]
+        self._waiting: list[tuple[int, str, int, int, Verdict, GpsPose, Passage, bool]] = []
+        self._heard_from = now
+        self._taken_until = now - 1
+
+    def listen_anew(self, links: Iterable[IncomingLink], now: int) -> None:
+        """Forget all but the counts: over new `links`, hear what is sent from `now` (ns) on."""
+        self._before = self.counts
+        self._listen(links, now)
+
+    def pass_by(self, now: int, here: Whereabouts) -> None:
+        """Be `here` at the tick at `now` (ns) without hearing anything; what came waits."""
+        self._places.append((now, here))
+
+    def let_go(self, now: int, here: Whereabouts) -> None:
+        """Be `here` at the tick at `now` (ns), where nobody listens: what was sent by now is gone.
+
+        What came of later is kept: this tick may be late.
+        """
+        self.pass_by(now, here)
+        if not self._arrived:
+            return
+        with self._lock:
+            arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
+            kept = (one for one in arrived if _sent_after(one[1], now))
+            self._arrived.extend(kept)
+
+    @property
+    def counts(self) -> InboxCounts:
+        """What was counted so far."""
+        late = self._late_on_links
+        return InboxCounts(self._verdict_seq, self.heard, self.dropped, late, dict(self.rejected))
 
     @property
     def keys(self) -> list[str]:
@@ -101,20 +156,25 @@ class Inbox:
     @property
     def heard(self) -> int:
         """Poses handed over so far."""
-        return sum(link.delivered for link in self.links.values())
+        return self._before.heard + sum(link.delivered for link in self.links.values())
 
     @property
     def dropped(self) -> int:
         """Poses that a link dropped so far."""
-        return sum(link.dropped.total() for link in self.links.values())
+        return self._before.dropped + sum(link.dropped.total() for link in self.links.values())
 
     @property
     def late(self) -> int:
         """Poses so far that came after the tick that should have judged them, or far later."""
         too_late = sum(count for word, count in self._refused.items() if counts_as_late(word))
+        return too_late + self._late_on_links
+
+    @property
+    def _late_on_links(self) -> int:
         held = (late for link in self.links.values() for _, late in link.held.values())
         waiting = (late for *_, late in self._waiting)
-        return too_late + sum(link.late for link in self.links.values()) + sum(held) + sum(waiting)
+        links = sum(link.late for link in self.links.values())
+        return self._before.late + links + sum(held) + sum(waiting)
 
     @property
     def rejected(self) -> Counter[str]:
@@ -135,7 +195,7 @@ class Inbox:
         put out, by `verdicts`, at the tick that hands a pose over, or would have handed it over.
         `here` is where the receiver truly is, for links that depend on it.
         """
-        self._places.append((now, here))
+        self.pass_by(now, here)
         if self._arrived:
             with self._lock:
                 arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
@@ -178,6 +238,8 @@ class Inbox:
             raise RefusedMessageError("unknown", f"{self.receiver} does not listen to {sender_key}")
         link = self.links[sender]
         pose = link.gate.admit(data, now)
+        if pose.sent_at_ns < self._heard_from:  # while nobody listened
+            return
         link.check_new(pose.seq)
         passage = self._passage(pose, len(data))
         judged = link.link.judge(passage)
@@ -269,3 +331,12 @@ class Inbox:
             copies=copies,
             content=content,
         )
+
+
+def _sent_after(data: bytes, now: int) -> bool:
+    """Whether these are the bytes of a pose that was sent after `now` (ns)."""
+    try:
+        pose = decode(GPS, data, exact=True)
+    except RefusedMessageError:
+        return False
+    return isinstance(pose, GpsPose) and pose.sent_at_ns > now

@@ -10,5 +10,6 @@ gnss             the GNSS receiver, and its fixes as messages and back
 positioning/     what is wrong with its positions beside white noise
 sending          when a vehicle sends which of its fixes
 imu              gyroscope and wheel speed, or exact knowledge of the car
+clock_error      by how much its clock is off
 dead_reckoning   how the car moves on by what these say, and how wrong that becomes
 """

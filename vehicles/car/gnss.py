@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
+from vehicles.car.positioning.fix_states import EVER, ForcedStates, ReceiverState
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, yaw_from_heading
 from vehicles.messages import NOTHING_TOLD, Announcement, FixState, GpsPose
@@ -66,7 +67,8 @@ class GnssReceiver:
 
     `random` belongs to this receiver alone: five normal numbers are drawn per measurement, in
     the order of measurements, whether it gives a fix or not. `errors` are those beside the white
-    `noise`, of which that of the position is then theirs.
+    `noise`, of which that of the position is then theirs; those of a `plain` receiver count only
+    while a fix state is forced upon it, by `force`.
     """
 
     def __init__(
@@ -76,13 +78,18 @@ class GnssReceiver:
         start_at: int,
         random: Generator,
         errors: ReceiverErrors | None = None,
+        *,
+        plain: bool = False,
     ) -> None:
         if not (math.isfinite(rate_hz) and rate_hz > 0.0):
             raise ValueError(f"the measuring rate must be positive, not {rate_hz} Hz")
         self._noise = noise
         self._cadence = Cadence(start_at, rate_hz)
         self._random = random
-        self._errors = errors
+        self._forced: ForcedStates | None = None
+        if errors is not None:
+            self._forced = errors.states = ForcedStates(errors.states)
+        self._errors, self._plain = errors, plain
         self._latency = errors.model.latency if errors else 0
         self._coming: deque[Fix] = deque()
 
@@ -102,6 +109,16 @@ class GnssReceiver:
             return self._coming.popleft()
         return None
 
+    def force(self, state: ReceiverState | None, since: int, until: int = EVER) -> None:
+        """Let it have this fix from `since` until before `until` (ns); None ends it.
+
+        What Section III-A takes as given. Where it is blind it has none all the same. ValueError
+        for a receiver that knows no fix states.
+        """
+        if self._forced is None:
+            raise ValueError("this receiver has white noise alone")
+        self._forced.force(state, since, until)
+
     def _measured(self, body: Body, now: int) -> Fix | None:
         seq = self._cadence.index(now)
         if seq is None:
@@ -118,7 +135,7 @@ class GnssReceiver:
             yaw_rate=body.yaw_rate + noise.yaw_rate * yaw_rate,
             accuracy=noise.position,
         )
-        if self._errors is None:
+        if self._errors is None or (self._plain and not self._is_forced(now)):
             return fix
         error = self._errors.at(body, now)
         if error is None:
@@ -128,6 +145,9 @@ class GnssReceiver:
         fix.north = rounded(body.north + error.white * north + error.north)
         fix.state, fix.accuracy = error.state, error.accuracy
         return fix
+
+    def _is_forced(self, now: int) -> bool:
+        return self._forced is not None and self._forced.is_forced(now)
 
 
 def to_message(

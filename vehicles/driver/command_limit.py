@@ -14,15 +14,20 @@ class CommandLimit:
     """
 
     def __init__(
-        self, rate: float = math.inf, period: float = 0.0, steering_limit: float = math.inf
+        self,
+        rate: float = math.inf,
+        period: float = 0.0,
+        steering_limit: float = math.inf,
+        *,
+        first: float = 0.0,
     ) -> None:
-        """Limit to `rate` (rad/s) over a control period (s), from straight ahead on.
+        """Limit to `rate` (rad/s) over a control period (s), from the command `first` (rad) on.
 
         `steering_limit` is the largest angle (rad), beyond which no command is taken for one.
         """
         self._step = rate * period if math.isfinite(rate) else math.inf
         self._limit = steering_limit
-        self._last = 0.0
+        self._last = first
 
     def held_back(self, command: SteeringCommand) -> SteeringCommand:
         """Command of this control instant, at most a step from the last one's; not in the paper.

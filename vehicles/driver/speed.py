@@ -16,6 +16,10 @@ from vehicles.schedule import SECOND
 PROFILE_CORRECTION = 0.5
 """Share of the speed error taken back each second when a profile is followed (1/s)."""
 
+CORRECTION_MAX = 2.0
+"""Most that is asked for that (m/s²): a car that stood, while the others drove on, sets off like
+one."""
+
 GAP_STIFFNESS = 3.0
 """k_p, acceleration asked per metre of gap error (1/s²)."""
 
@@ -236,6 +240,10 @@ class ProfileSpeed:
         self._start_at = start_at
         self._period = period
 
+    def follow(self, profile: SpeedProfile) -> None:
+        """Follow another profile (Section V-C.3) from now on, by the same clock."""
+        self._profile = profile
+
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
         """Mean acceleration of the profile over the coming period, plus a mild correction.
 
@@ -245,7 +253,9 @@ class ProfileSpeed:
         speed, _ = self._profile.at(seconds)
         next_speed, _ = self._profile.at(seconds + self._period)
         wanted = (next_speed - speed) / self._period
-        return SpeedCommand(wanted + PROFILE_CORRECTION * (speed - pose.speed), next_speed)
+        correction = PROFILE_CORRECTION * (speed - pose.speed)
+        correction = min(max(correction, -CORRECTION_MAX), CORRECTION_MAX)
+        return SpeedCommand(wanted + correction, next_speed)
 
 
 class GapKeeping:

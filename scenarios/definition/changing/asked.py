@@ -7,17 +7,16 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from scenarios.definition.changes import change_problems
 from scenarios.definition.changing.links import LINK_CHANGES, links_of, refused_link_change
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.refusal import refusals, shown
-from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.refusal import refusals
 from scenarios.definition.schema.changes import (
     LATEST_S,
     AnyChange,
     Changes,
     HealTable,
     LinkChangeTable,
-    SpeedChangeTable,
 )
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import ScenarioTables
@@ -84,14 +83,17 @@ class Question:
         return cls(entry, float(at_s) if wanted else None)
 
 
-def read_change(entry: dict[str, Any], at_s: float, tables: ScenarioTables) -> AnyChange:
+def read_change(
+    entry: dict[str, Any], at_s: float, tables: ScenarioTables, duration_s: float
+) -> AnyChange:
     """The change that is asked of a convoy of `tables`, to take effect `at_s` after the start.
 
-    Raises ScenarioError with a line for each thing that is wrong.
+    The tables have all that is done to it besides. Raises ScenarioError with a line for each thing
+    that is wrong.
     """
     change = _validated({**entry, "at_s": at_s})
-    if problems := list(refused_change(tables, change)):
-        raise ScenarioError(_line(f"{_HERE}{key}", why) for key, why in problems)
+    if problems := list(refused_change(tables, change, duration_s)):
+        raise ScenarioError(_line(key, why) for key, why in problems)
     return change
 
 
@@ -121,14 +123,16 @@ def _validated(entry: object) -> AnyChange:
         raise ScenarioError(_line(key, why) for key, why in refusals(error)) from error
 
 
-def refused_change(tables: ScenarioTables, change: AnyChange) -> Iterator[tuple[str, str]]:
-    """Give what does not fit of one change, under its key with a dot before it."""
+def refused_change(
+    tables: ScenarioTables, change: AnyChange, duration_s: float
+) -> Iterator[tuple[str, str]]:
+    """Give what does not fit of one more change, under its key in a list of its own."""
     if isinstance(change, LINK_CHANGES):
-        yield from refused_link_change(tables, change)
-    elif not isinstance(change, SpeedChangeTable):
-        names = vehicle_names(tables)
-        if change.vehicle not in names:
-            yield ".vehicle", f"given {shown(change.vehicle)}, allowed {', '.join(names)}"
+        for key, why in refused_link_change(tables, change):
+            yield f"{_HERE}{key}", why
+        return
+    changed = tables.model_copy(update={"change": (change, *tables.change)})
+    yield from change_problems(changed, duration_s)
 
 
 def _line(key: str, why: str) -> str:

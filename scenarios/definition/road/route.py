@@ -7,6 +7,7 @@ import numpy as np
 
 from scenarios.definition.errors import Refused
 from scenarios.definition.road.lead_speed import Limits, recorded, slowed
+from scenarios.definition.road.set_speed import SpeedPlan, with_changes
 from scenarios.definition.schema.path import PointsPath, SegmentsPath, SegmentTable
 from scenarios.definition.schema.tables import ScenarioTables, SpeedTable
 from vehicles.driver.speed import GapPolicy, SpeedProfile
@@ -50,6 +51,7 @@ class Route:
     the start on. `smoothed` holds how far the path lies from recorded points, None where it is
     made of segments. `speed_ratio` is the factor by which recorded speeds were multiplied to cover
     the path. The lead reaches the first point of a recorded drive `run_in` s after the start.
+    `plan` is its speed before any change that is done to the running convoy, which `profile` has.
     """
 
     path: Path
@@ -58,6 +60,7 @@ class Route:
     profile: SpeedProfile
     smoothed: SmoothedPath | None
     speed_ratio: float
+    plan: SpeedPlan
     run_in: float = 0.0
 
     def start_station(self, place: int) -> float:
@@ -106,18 +109,30 @@ def plan_route(tables: ScenarioTables) -> Route:
     lead_in = sum(gaps_at(tables, fastest)) + RUN_UP
     path, start, smoothed = _path(tables, lead_in)
     if tables.speed.lead == "recorded":
-        profile, start, ratio = _recorded(tables, start, smoothed)
+        wanted, start, ratio = _recorded(tables, start, smoothed)
+        profile = wanted
         if smoothed is not None and start == smoothed.start:
             path = _straight_before(path, start)
     else:
-        profile, ratio = _planned(tables, path, start), 1.0
+        wanted, ratio = _wanted(tables.speed), 1.0
+        until = tables.duration_s or LONGEST
+        profile = slowed(wanted, path, start, _limits(tables.speed), until)
+    plan = SpeedPlan(
+        path=path,
+        start=start,
+        limits=_limits(tables.speed),
+        until=tables.duration_s or LONGEST,
+        wanted=wanted,
+        profile=profile,
+    )
     return Route(
         path=path,
         start=start,
         gaps=gaps_at(tables, profile.at(0.0)[0]),
-        profile=profile,
+        profile=with_changes(plan, tables.change).profile,
         smoothed=smoothed,
         speed_ratio=ratio,
+        plan=plan,
         run_in=profile.time_to(smoothed.start - start) if smoothed else 0.0,
     )
 
@@ -212,13 +227,12 @@ def curvature(segment: SegmentTable) -> float:
     return segment.curvature_per_m or 0.0
 
 
-def _planned(tables: ScenarioTables, path: Path, start: float) -> SpeedProfile:
-    table = tables.speed
-    wanted = SpeedProfile((0.0,), (table.set_mps,))
-    if table.lead == "profile":
-        times = tuple(point.at_s for point in table.profile)
-        wanted = SpeedProfile(times, tuple(point.speed_mps for point in table.profile))
-    return slowed(wanted, path, start, _limits(table), tables.duration_s or LONGEST)
+def _wanted(table: SpeedTable) -> SpeedProfile:
+    """Speed over time that is asked for, before it is lowered for bends."""
+    if table.lead != "profile":
+        return SpeedProfile((0.0,), (table.set_mps,))
+    times = tuple(point.at_s for point in table.profile)
+    return SpeedProfile(times, tuple(point.speed_mps for point in table.profile))
 
 
 def _limits(table: SpeedTable) -> Limits:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
+from scenarios.definition.schema.table import Name, Ratio, Speed, Table
 
 LATEST_S = 86_400
 
@@ -98,11 +98,15 @@ class JoinTable(VehicleChangeTable):
 
 
 class SpeedChangeTable(ChangeTable):
-    """The lead drives at another set speed from `at_s` on."""
+    """The lead drives at another set speed from `at_s` on, which it comes to at this acceleration.
+
+    So do followers that drive the same speed at the same time: of this they are told. Followers
+    that keep a gap find out by themselves.
+    """
 
     kind: Literal["speed"]
     speed_mps: Speed
-    acceleration_mps2: NotNegative = 1.5
+    acceleration_mps2: float = Field(default=1.5, ge=0.1, le=12)
 
 
 AnyChange = Annotated[

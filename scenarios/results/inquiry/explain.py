@@ -203,7 +203,7 @@ def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownS
         number=newest.pose_seq if newest else None,
         measured_at_s=_seconds(record, newest.measured_at_ns) if newest else None,
         heard_at_s=_seconds(record, newest.heard_at_ns) if newest else None,
-        age_s=(now - newest.measured_at_ns) / SECOND if newest else None,
+        age_s=_age(record, link[1], newest, now) if newest else None,
         path_left_m=_path_left(record, link[0], heard, now),
         received_ratio=_received(verdicts.values(), now),
         missing=tuple(missing),
@@ -212,6 +212,12 @@ def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownS
 
 def _seconds(record: RecordedKnowledge, at: int) -> float:
     return (at - record.start_at) / SECOND
+
+
+def _age(record: RecordedKnowledge, vehicle: str, heard: LinkVerdict, now: int) -> float:
+    """Age (s) of a message by the clock of the vehicle that heard it, as it judges by it."""
+    clock = record.scenario.clock(vehicle, record.start_at)
+    return (clock.stamped(now) - heard.measured_at_ns) / SECOND
 
 
 def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> MissingMessage:

@@ -9,6 +9,7 @@ from scenarios.definition.changing.asked import Question, in_words, read_change
 from scenarios.definition.changing.concerned import concerns
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.changes import AnyChange
 from scenarios.runs.node.agenda import Agenda, Due
 from transport.bus.bus import Bus
 from transport.topics import control_key
@@ -62,6 +63,7 @@ class LiveControl:
         self._vehicle = vehicle
         self._now = now
         self._under_way: tuple[int, Agenda] | None = None
+        self._made: list[AnyChange] = []
 
     def listen(self, bus: Bus) -> None:
         """Answer from now on."""
@@ -89,11 +91,13 @@ class LiveControl:
         from_s = (at - start_at) / SECOND
         if not question.entry:
             return Confirmation(self._vehicle, from_s)
-        change = read_change(question.entry, from_s, scenario.tables)
+        so_far = scenario.tables.model_copy(
+            update={"change": (*scenario.tables.change, *self._made)}
+        )
+        change = read_change(question.entry, from_s, so_far, scenario.duration_s)
         if not concerns(change, self._vehicle, scenario.tables, scenario.links):
             return Confirmation(self._vehicle)
-        if self._vehicle in scenario.replays:
-            raise ScenarioError([f"{self._vehicle} moves as it was recorded, whatever is asked"])
+        self._made.append(change)
         agenda.add(Due(at, change, by_hand=True))
         return Confirmation(self._vehicle, from_s, in_words(change))
 

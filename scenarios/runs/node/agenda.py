@@ -39,6 +39,12 @@ class Agenda:
         with self._lock:
             insort(self._coming, due, key=_at)
 
+    @property
+    def pending(self) -> tuple[Due, ...]:
+        """Those that are still to come, in order."""
+        with self._lock:
+            return tuple(self._coming)
+
     def take(self, now: int) -> list[Due]:
         """Take those that are due by the tick at `now` (ns), which are hereby done with."""
         if not self._coming or self._coming[0].at > now:  # the usual tick needs no lock

@@ -18,8 +18,10 @@ from scenarios.definition.schema.changes import AnyChange
 from scenarios.definition.sending import even_rate_hz, highest_rate_hz
 from scenarios.runs.node.agenda import Agenda, scheduled
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
-from scenarios.runs.node.node import Node
+from scenarios.runs.node.changes import Changes
+from scenarios.runs.node.node import Handover, Node
 from scenarios.runs.node.outbox import Outbox
+from scenarios.runs.node.phases import Aboard, ByHand, Car, Down, Driving, Phase, Software
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.signals import instants_besides, make_receiver, make_sender
@@ -29,7 +31,7 @@ from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.radio.obstruction import VehiclesBetween
 from transport.links.link import Link
-from vehicles.car.dynamics import Body
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.command_limit import CommandLimit
@@ -42,12 +44,14 @@ from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
-from vehicles.geometry.geodesy import LocalPlane
+from vehicles.geometry.geodesy import LocalPlane, wrap_angle
 from vehicles.preview.trajectory import FitSettings
 from vehicles.schedule import MILLISECOND, SECOND, Cadence
 
 INERTIAL = 1
 """Tells the random stream of a vehicle's inertial sensor from that of its receiver."""
+SOUGHT = 100.0
+"""How far from where it is expected by the way driven a car is sought on the road (m)."""
 
 
 class VehicleBuilder:
@@ -60,6 +64,7 @@ class VehicleBuilder:
         self._setup = scenario.vehicle(name)
         self._plane = LocalPlane(scenario.origin)
         self._route = scenario.route
+        self._changed = ChangedLinks(scenario.vehicle_names, ())
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
         rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate_hz]
@@ -84,15 +89,24 @@ class VehicleBuilder:
         besides = instants_besides(self._scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, besides=besides)
 
-    def node(self, start_at: int, sink: Sink, probe: Probe) -> Node | ReplayedNode:
-        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`."""
+    def node(
+        self, start_at: int, sink: Sink, probe: Probe, handover: Handover | None = None
+    ) -> Node | ReplayedNode:
+        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`.
+
+        With a `handover` it is one whose process ended in a crash, and goes on from there.
+        """
         setup, drive = self._setup, self._scenario.replays.get(self.name)
-        senders = () if drive else setup.senders
-        links = [self._incoming(sender, start_at) for sender in senders]
-        inbox = Inbox(self.name, links, start_at=start_at)
         coming = scheduled(self._scenario.tables.change, start_at, self._concerns)
-        changed = ChangedLinks(self._scenario.vehicle_names, coming)
-        changed.adopt(self._changing_links(inbox, start_at))
+        by_hand = handover.changed_links if handover else ()
+        self._changed = ChangedLinks(self._scenario.vehicle_names, coming, by_hand)
+        clock = self._scenario.clock(self.name, start_at)
+        inbox = Inbox(
+            self.name,
+            self.links(start_at),
+            start_at=start_at,
+            before=handover.inbox if handover else None,
+        )
         outbox = Outbox(
             vehicle=self.name,
             sink=sink,
@@ -101,46 +115,111 @@ class VehicleBuilder:
             inbox=inbox,
             probe=probe,
             start_at=start_at,
+            clock=clock,
+            state=handover.outbox if handover else None,
         )
+        control = Cadence(start_at, self.control_rate_hz)
         if drive is not None:
             return ReplayedNode(
                 drive=drive,
                 start_at=start_at,
                 wheelbase=setup.parameters.wheelbase,
-                control=Cadence(start_at, self.control_rate_hz),
+                control=control,
                 gnss=make_receiver(self._scenario, setup, start_at),
                 sender=make_sender(self._scenario, setup, start_at),
                 inbox=inbox,
                 outbox=outbox,
                 agenda=Agenda(coming),
             )
-        return Node(
-            body=self._body(),
-            parameters=setup.parameters,
-            gnss=make_receiver(self._scenario, setup, start_at),
-            imu=self._imu(start_at),
-            driver=self._driver(start_at),
-            sender=make_sender(self._scenario, setup, start_at),
+        aboard = Aboard(
+            start_at=start_at,
+            car=handover.car if handover else self._car(start_at),
+            clock=clock,
+            control=control,
+            plan=handover.plan if handover else self._route.plan,
             inbox=inbox,
             outbox=outbox,
-            agenda=Agenda(coming),
-            links=changed,
+            workshop=self,
         )
+        if handover is not None:
+            changes = Changes(Agenda(handover.pending), self._changed)
+            return Node(aboard, changes, Down(aboard, handover.until))
+        changes = Changes(Agenda(coming), self._changed)
+        return Node(aboard, changes, self._first_phase(aboard))
+
+    def _first_phase(self, aboard: Aboard) -> Phase:
+        """Driven by its software, or by a human until it joins."""
+        if self._scenario.joins_late(self.name):
+            return ByHand(aboard, aboard.start_at)
+        start_at = aboard.start_at
+        return Driving(aboard, self._software(start_at, aboard, set_off=False))
 
     def _concerns(self, change: AnyChange) -> bool:
         """Whether this vehicle carries a change out."""
         return concerns(change, self.name, self._scenario.tables, self._scenario.links)
 
-    def _changing_links(self, inbox: Inbox, start_at: int) -> list[ChangingLink]:
-        """The incoming links, which can be changed."""
-        return [
-            ChangingLink(
-                one.link,
-                self._scenario.links[sender, self.name],
-                self._effects_of(sender, start_at),
-            )
-            for sender, one in inbox.links.items()
-        ]
+    @property
+    def _drives_a_profile(self) -> bool:
+        return self._scenario.tables.speed.followers == "same"
+
+    def _car(self, start_at: int) -> Car:
+        return Car(
+            body=self._body(),
+            parameters=self._setup.parameters,
+            gnss=make_receiver(self._scenario, self._setup, start_at),
+            imu=self._imu(start_at),
+            command=Actuation(0.0, 0.0),
+        )
+
+    def station(self, body: Body) -> float:
+        """Station (m) on the road at which a car is that has driven from its start."""
+        expected = self._route.start_station(self._setup.place) + body.distance
+        return self._route.path.project(body.east, body.north, expected, SOUGHT).station
+
+    def links(self, start_at: int) -> list[IncomingLink]:
+        """Links from all that it listens to, in a run from `start_at` (ns)."""
+        senders = () if self.name in self._scenario.replays else self._setup.senders
+        links = [self._incoming(sender, start_at) for sender in senders]
+        self._changed.adopt(self._changing(one, start_at) for one in links)
+        return links
+
+    def software(self, now: int, aboard: Aboard) -> Software:
+        """Software that starts at `now` (ns) without memory, but for where the car is.
+
+        The receiver aboard knows its place all the time. A lead that stood is late: it drives its
+        speed by where it is, not by when.
+        """
+        return self._software(now, aboard, set_off=self._setup.predecessor is None)
+
+    def _software(self, now: int, aboard: Aboard, *, set_off: bool) -> Software:
+        own = self._setup.predecessor is None or self._drives_a_profile
+        law = self._profile(aboard.start_at) if own else None
+        return Software(
+            driver=self._driver(aboard, now, law or self._gap_keeping()),
+            sender=make_sender(self._scenario, self._setup, aboard.start_at),
+            law=law,
+            alone=set_off,
+        )
+
+    def human(self, aboard: Aboard) -> tuple[Driver, ProfileSpeed]:
+        """A human who drives the road like the lead, and knows where he is."""
+        law = self._profile(aboard.start_at)
+        body = aboard.car.body
+        return Leader(
+            own_state=KnownState(),
+            controller=self._controller(),
+            speed_law=law,
+            control=aboard.control,
+            path=self._route.path,
+            station=self.station(body),
+            limit=self._command_limit(aboard.car),
+        ), law
+
+    def _changing(self, one: IncomingLink, start_at: int) -> ChangingLink:
+        """A link that can be changed."""
+        sender = one.link.sender
+        asked = self._scenario.links[sender, self.name]
+        return ChangingLink(one.link, asked, self._effects_of(sender, start_at))
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         """The link from `sender`, and the gate that its poses pass."""
@@ -149,7 +228,13 @@ class VehicleBuilder:
         rate_hz = highest_rate_hz(setup.sending, setup.gnss)
         effects = self._effects_of(sender, start_at)(asked, ())
         link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
-        gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rate_hz, plane=self._plane)
+        gate = PoseGate(
+            sender=sender,
+            start_at=start_at,
+            rate_hz=rate_hz,
+            plane=self._plane,
+            clock_error_ns=scenario.clock_error_ns(sender),
+        )
         return IncomingLink(link, gate, content_stage(asked.content, link, gate))
 
     def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
@@ -175,7 +260,7 @@ class VehicleBuilder:
             east=place.east - aside * sin(place.yaw),
             north=place.north + aside * cos(place.yaw),
             yaw=place.yaw + setup.heading_offset_rad,
-            speed=self._route.profile.at(0.0)[0],
+            speed=self._route.plan.profile.at(0.0)[0],
         )
 
     def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
@@ -186,53 +271,54 @@ class VehicleBuilder:
         random = np.random.Generator(np.random.PCG64(words))
         return InertialSensor(self._setup.imu_noise, self._setup.imu_rate_hz, start_at, random)
 
-    def _own_state(self, start_at: int) -> OwnState:
-        """What tells the car where it is; one whose first fix may come late knows where it starts.
+    def _own_state(self, now: int, aboard: Aboard) -> OwnState:
+        """What tells the car where it is, from `now` (ns) on.
 
-        Fixes count by the accuracy that they state where errors are more than white noise.
+        Software that starts later than the run, or whose first fix may come late, is told where it
+        starts; so is any other if it has to decide before its first fix.
         """
-        setup = self._setup
+        setup, body = self._setup, aboard.car.body
         if setup.knows_itself:
             return KnownState()
         gnss = setup.gnss
+        place = body.east, body.north, wrap_angle(body.yaw)
+        start = Fix(0, now, *place, body.speed, body.yaw_rate)
         estimator = PoseEstimator(
             setup.assumed_parameters,
             setup.gnss_noise,
             setup.imu_noise,
             setup.imu_rate_hz,
-            by_accuracy=not gnss.is_plain,
+            by_accuracy=True,
+            start=start,
         )
-        if gnss.is_punctual:
+        if gnss.is_punctual and now == aboard.start_at:
             return estimator
-        body = self._body()
-        place = body.east, body.north, body.yaw
-        estimator.correct(Fix(0, start_at, *place, body.speed, body.yaw_rate))
+        estimator.correct(start)
         if not gnss.latency_ms:
             return estimator
         return LatePoseEstimator(estimator, round(gnss.latency_ms * MILLISECOND))
 
-    def _driver(self, start_at: int) -> Driver:
-        setup = self._setup
-        control = Cadence(start_at, self.control_rate_hz)
-        own_state = self._own_state(start_at)
+    def _driver(self, aboard: Aboard, now: int, speed_law: SpeedLaw) -> Driver:
+        setup, control = self._setup, aboard.control
+        own_state = self._own_state(now, aboard)
         controller = self._controller()
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
             return Leader(
                 own_state=own_state,
                 controller=controller,
-                speed_law=self._profile(start_at),
+                speed_law=speed_law,
                 control=control,
                 path=self._route.path,
-                station=self._route.start_station(0),
-                limit=self._command_limit(),
+                station=self.station(aboard.car.body),
+                limit=self._command_limit(aboard.car),
                 load=load,
             )
         steering = setup.steering
         return Follower(
             own_state=own_state,
             controller=controller,
-            speed_law=self._speed_law(start_at),
+            speed_law=speed_law,
             control=control,
             plane=self._plane,
             lead=setup.lead,
@@ -240,7 +326,7 @@ class VehicleBuilder:
             alpha=steering.alpha_ratio,
             fusion=steering.fusion,
             settings=self._fit_settings(),
-            limit=self._command_limit(),
+            limit=self._command_limit(aboard.car),
             load=load,
         )
 
@@ -253,9 +339,15 @@ class VehicleBuilder:
         estimator = SlipEstimator(setup.assumed_parameters, noise)
         return LoadWatch(estimator, [one for one in told if isinstance(one, Assuming)])
 
-    def _command_limit(self) -> CommandLimit:
-        car = self._setup.parameters
-        return CommandLimit(car.steering_rate_limit, 1.0 / self.control_rate_hz, car.steering_limit)
+    def _command_limit(self, car: Car) -> CommandLimit:
+        """Limit of a driver who takes over with the command that the car has."""
+        limits = self._setup.parameters
+        return CommandLimit(
+            limits.steering_rate_limit,
+            1.0 / self.control_rate_hz,
+            limits.steering_limit,
+            first=car.command.steering,
+        )
 
     def _fit_settings(self) -> FitSettings:
         """The fit assumes the largest error of the receivers received from, at least that of RTK.
@@ -278,10 +370,8 @@ class VehicleBuilder:
         setup = self._setup
         return load_controller(setup.controller, setup.assumed_parameters, setup.gains)
 
-    def _profile(self, start_at: int) -> SpeedLaw:
-        return ProfileSpeed(self._route.profile, start_at, 1.0 / self.control_rate_hz)
+    def _profile(self, start_at: int) -> ProfileSpeed:
+        return ProfileSpeed(self._route.plan.profile, start_at, 1.0 / self.control_rate_hz)
 
-    def _speed_law(self, start_at: int) -> SpeedLaw:
-        if self._scenario.tables.speed.followers == "same":
-            return self._profile(start_at)
+    def _gap_keeping(self) -> SpeedLaw:
         return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)

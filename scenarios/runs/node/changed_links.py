@@ -32,12 +32,17 @@ class ChangedLinks:
     it belongs to the channel: it outlives the vehicle's software, whose links are made anew.
     """
 
-    def __init__(self, names: Sequence[str], scheduled: Iterable[Due]) -> None:
+    def __init__(
+        self, names: Sequence[str], scheduled: Iterable[Due], by_hand: Iterable[Due] = ()
+    ) -> None:
+        """`scheduled` are the changes of the scenario, `by_hand` those carried out before."""
         self._names = names
         self._links: dict[tuple[str, str], ChangingLink] = {}
-        self._by_hand: list[Due] = []
+        self._by_hand = list(by_hand)
         self._changes = [
-            (due.at, due.change) for due in scheduled if isinstance(due.change, LINK_CHANGES)
+            (due.at, due.change)
+            for due in (*scheduled, *self._by_hand)
+            if isinstance(due.change, LINK_CHANGES)
         ]
 
     @property

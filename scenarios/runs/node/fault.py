@@ -1,7 +1,8 @@
-"""A vehicle that cannot drive on, by its controller or as a car: who, when and why."""
+"""A vehicle that cannot drive on, by its controller, as a car, or as asked: who, when and why."""
 
 from collections.abc import Callable
 
+from scenarios.runs.node.changes import CrashedError
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.replayed import ReplayedNode
 from transport.clock import Tick
@@ -24,7 +25,7 @@ def stepping(node: Node | ReplayedNode, vehicle: str, start_at: int) -> Callable
     def step(tick: Tick) -> None:
         try:
             node.step(tick)
-        except (ControllerError, OutOfModelError) as error:
+        except (ControllerError, OutOfModelError, CrashedError) as error:
             after_s = (tick.at - start_at) / SECOND
             raise VehicleFaultError(vehicle, f"{error}, {after_s:.2f} s after the start") from error
 

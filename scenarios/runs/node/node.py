@@ -2,46 +2,80 @@
 
 from dataclasses import dataclass
 
-from scenarios.definition.changing.asked import in_words
-from scenarios.runs.node.agenda import Agenda
-from scenarios.runs.node.changed_links import ChangedLinks
-from scenarios.runs.node.outbox import Outbox
+from scenarios.definition.road.set_speed import SpeedPlan
+from scenarios.runs.node.agenda import Agenda, Due
+from scenarios.runs.node.changes import Changes
+from scenarios.runs.node.outbox import Outbox, OutboxState
+from scenarios.runs.node.phases import Aboard, Car, Down, Phase
 from transport.clock import Tick
-from transport.links.inbox import Inbox
-from transport.links.laws.effect import Whereabouts
-from vehicles.car.dynamics import Body, advance
-from vehicles.car.gnss import GnssReceiver
-from vehicles.car.imu import ExactSensor, InertialSensor
-from vehicles.car.parameters import VehicleParameters
-from vehicles.car.sending import Sender
-from vehicles.driver.decision import Driver
+from transport.links.inbox import Inbox, InboxCounts
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handover:
+    """All that outlives a crash of a vehicle's software, after the tick at `at` (ns).
+
+    The car with its sensors, the plan of the convoy's speed, what is still to be done to the
+    vehicle, what was done to its links by hand, and the numbers of its messages; the software
+    starts anew at `until` (ns).
+    """
+
+    at: int
+    until: int
+    car: Car
+    plan: SpeedPlan
+    pending: tuple[Due, ...]
+    changed_links: tuple[Due, ...]
+    outbox: OutboxState
+    inbox: InboxCounts
+
+
 class Node:
     """A car, its sensors and its driver, with its incoming and its outgoing messages."""
 
-    body: Body
-    parameters: VehicleParameters
-    gnss: GnssReceiver
-    imu: InertialSensor | ExactSensor
-    driver: Driver
-    sender: Sender
-    inbox: Inbox
-    outbox: Outbox
-    agenda: Agenda
-    links: ChangedLinks
+    def __init__(self, aboard: Aboard, changes: Changes, phase: Phase) -> None:
+        """`phase` is what it does at first, `changes` what is done to it."""
+        self._aboard = aboard
+        self._changes = changes
+        self.phase = phase
 
     def step(self, tick: Tick) -> None:
-        """One tick of the schedule: receive, measure, decide, send, advance the car to the next."""
-        for due in self.agenda.take(tick.at):
-            text = self.links.carry_out(due) or in_words(due.change)
-            self.outbox.publish_change(tick.at, due, text)
-        body = self.body
-        here = Whereabouts(body.east, body.north, body.distance)
-        received = self.inbox.take(tick.at, here)
-        fix = self.gnss.measure(self.body, tick.at)
-        motion = self.imu.measure(self.body, tick.at)
-        decision = self.driver.step(tick.at, fix, motion, received)
-        self.outbox.publish(tick.at, self.body, self.sender.send(tick.at, fix), decision)
-        self.body = advance(self.body, decision.actuation, tick.span_s, self.parameters)
+        """One tick of the schedule: do what the phase asks for, advance the car to the next."""
+        self.phase = self._changes.by(tick.at, self.phase)
+        command = self.phase.step(tick.at)
+        self._aboard.car.advance(command, tick.span_s)
+
+    @property
+    def inbox(self) -> Inbox:
+        """What it receives."""
+        return self._aboard.inbox
+
+    @property
+    def outbox(self) -> Outbox:
+        """What it sends."""
+        return self._aboard.outbox
+
+    @property
+    def agenda(self) -> Agenda:
+        """What is still to be done to it."""
+        return self._changes.agenda
+
+    @property
+    def car(self) -> Car:
+        """The car."""
+        return self._aboard.car
+
+    def handover(self, now: int) -> Handover | None:
+        """All that outlives a crash, if its software is down after the tick at `now` (ns)."""
+        if not isinstance(self.phase, Down):
+            return None
+        return Handover(
+            at=now,
+            until=self.phase.until,
+            car=self._aboard.car,
+            plan=self._aboard.plan,
+            pending=self.agenda.pending,
+            changed_links=self._changes.links.by_hand,
+            outbox=self.outbox.state,
+            inbox=self.inbox.counts,
+        )

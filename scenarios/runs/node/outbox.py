@@ -1,6 +1,8 @@
 """The messages that a vehicle sends: its pose for the convoy, everything else for the log."""
 
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from scenarios.definition.changing.asked import entry_of
 from scenarios.runs.node.agenda import Due
@@ -8,7 +10,8 @@ from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.sink import Sink
 from transport.links.inbox import Inbox
 from vehicles import messages
-from vehicles.car.dynamics import Body
+from vehicles.car.clock_error import VehicleClock
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import TyreUse, rolling_use, tyre_use
@@ -16,6 +19,16 @@ from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import NOTHING_TOLD, Announcement, Message
 from vehicles.schedule import SECOND, Timer
+
+
+@dataclass(frozen=True, slots=True)
+class OutboxState:
+    """How far an outbox has come: its next numbers, its ticks, and when health is due (ns)."""
+
+    next_numbers: Mapping[type[Message], int] = field(default_factory=dict)
+    ticks: int = 0
+    late_ticks: int = 0
+    health_at: int | None = None
 
 
 class Outbox:
@@ -31,23 +44,35 @@ class Outbox:
         inbox: Inbox,
         probe: Probe,
         start_at: int,
+        clock: VehicleClock | None = None,
+        state: OutboxState | None = None,
     ) -> None:
         """`parameters` are those of the car, whose tyres are told about.
 
-        `probe` measures the process; health is sent once a second from `start_at` (ns) on.
+        `probe` measures the process; health is sent once a second from `start_at` (ns) on. What the
+        vehicle measured is stamped by its own `clock`; what is for the log has the true time. One
+        that continues another one has that one's `state`.
         """
+        state = state or OutboxState()
         self._vehicle = vehicle
         self._sink = sink
         self._plane = plane
         self._parameters = parameters
         self._inbox = inbox
         self._probe = probe
+        self._clock = clock or VehicleClock(start_at)
         # Steady, because not every schedule has a tick at each whole second.
-        self._health = Timer(SECOND, due_at=start_at, steady=True)
-        self._next: Counter[type[Message]] = Counter()
-        self._ticks = 0
-        self._late_ticks = 0
+        due_at = start_at if state.health_at is None else state.health_at
+        self._health = Timer(SECOND, due_at=due_at, steady=True)
+        self._next: Counter[type[Message]] = Counter(state.next_numbers)
+        self._ticks = state.ticks
+        self._late_ticks = state.late_ticks
         self._mode = ""
+
+    @property
+    def state(self) -> OutboxState:
+        """How far it has come."""
+        return OutboxState(dict(self._next), self._ticks, self._late_ticks, self._health.due_at)
 
     def publish(self, now: int, body: Body, fix: Fix | None, decision: Decision) -> None:
         """Send `fix`, if there is one, and what was received and decided at tick `now` (ns)."""
@@ -66,19 +91,18 @@ class Outbox:
             self._add_health(now, final=False)
         self._sink.flush()
 
-    def publish_replayed(self, now: int, body: Body, fix: Fix | None, *, fresh: bool) -> None:
-        """Send what a vehicle that decides nothing measured; `fresh` at instants of control."""
+    def publish_idle(self, now: int, body: Body, command: Actuation, *, fresh: bool) -> None:
+        """Tell the log of a car that goes on with `command`; `fresh` at instants of control."""
         self._ticks += 1
-        if fix is not None:
-            self._add_pose(now, body, fix, NOTHING_TOLD)
+        self._mode = ""
         if fresh:
-            self._add_truth(now, body, rolling_use(body, self._parameters))
+            self._add_truth(now, body, tyre_use(body, command.acceleration, self._parameters))
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()
 
     def publish_change(self, now: int, due: Due, text: str) -> None:
-        """Say what was done at the tick at `now` (ns); sent with what that sends."""
+        """Say what was done to the vehicle at the tick at `now` (ns); sent with what that sends."""
         self._add(
             messages.Change(
                 vehicle=self._vehicle,
@@ -90,6 +114,21 @@ class Outbox:
             )
         )
         self._add_text(now, text)
+
+    def say(self, now: int, text: str, level: messages.Level = "info") -> None:
+        """Write a line into the log, with what is sent at the tick at `now` (ns)."""
+        self._add_text(now, text, level)
+
+    def publish_replayed(self, now: int, body: Body, fix: Fix | None, *, fresh: bool) -> None:
+        """Send what a vehicle that decides nothing measured; `fresh` at instants of control."""
+        self._ticks += 1
+        if fix is not None:
+            self._add_pose(now, body, fix, NOTHING_TOLD)
+        if fresh:
+            self._add_truth(now, body, rolling_use(body, self._parameters))
+        if self._health.is_due(now):
+            self._add_health(now, final=False)
+        self._sink.flush()
 
     def publish_health(self, now: int, *, final: bool = False) -> None:
         """Send the counters; the last ones of a run are `final`."""
@@ -143,9 +182,10 @@ class Outbox:
         )
 
     def _add_pose(self, now: int, body: Body, fix: Fix, told: Announcement) -> None:
+        stamped = replace(fix, measured_at=self._clock.stamped(fix.measured_at))
         self._add(
             to_message(
-                fix,
+                stamped,
                 self._vehicle,
                 self._plane,
                 seq=self._next[messages.GpsPose],

@@ -18,6 +18,14 @@ class Usage:
     lateness_ms_max: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Lateness:
+    """Ticks that came late so far, and the latest of all (ns)."""
+
+    ticks: int = 0
+    worst_ns: int = 0
+
+
 class Probe(Protocol):
     """A source of readings."""
 
@@ -37,13 +45,22 @@ class NoProbe:
 class ProcessProbe:
     """Reads this process, and counts the ticks of its loop that came late."""
 
-    def __init__(self, late_after_ns: int) -> None:
-        """A tick that begins more than `late_after_ns` after its instant is late."""
+    def __init__(self, late_after_ns: int, before: Lateness | None = None) -> None:
+        """A tick that begins more than `late_after_ns` after its instant is late.
+
+        Those `before` are counted.
+        """
+        before = before or Lateness()
         self._late_after_ns = late_after_ns
         self._process = psutil.Process()
         self._process.cpu_percent()
-        self._late_ticks = 0
-        self._lateness_ns_max = 0
+        self._late_ticks = before.ticks
+        self._lateness_ns_max = before.worst_ns
+
+    @property
+    def lateness(self) -> Lateness:
+        """Lateness so far."""
+        return Lateness(self._late_ticks, self._lateness_ns_max)
 
     def tick_began(self, lateness_ns: int) -> None:
         """Count one tick."""

@@ -5,6 +5,7 @@ from math import atan
 
 from scenarios.definition.road.replayed import ReplayedDrive
 from scenarios.runs.node.agenda import Agenda
+from scenarios.runs.node.changes import change_receiver
 from scenarios.runs.node.outbox import Outbox
 from transport.clock import Tick
 from transport.links.inbox import Inbox
@@ -18,7 +19,8 @@ from vehicles.schedule import SECOND, Cadence
 class ReplayedNode:
     """A recorded drive in the place of car and driver, with the receiver of any vehicle.
 
-    Its inbox is empty: it listens to nobody.
+    Its inbox is empty: it listens to nobody. Of what is done to it, only what is done to its
+    receiver has an effect.
     """
 
     drive: ReplayedDrive
@@ -33,9 +35,13 @@ class ReplayedNode:
 
     def step(self, tick: Tick) -> None:
         """One tick of the schedule: be where the record says, measure, send."""
+        change_receiver(self.agenda, self.gnss, self.outbox, tick.at)
         body = self._body(tick.at)
         fix = self.sender.send(tick.at, self.gnss.measure(body, tick.at))
         self.outbox.publish_replayed(tick.at, body, fix, fresh=self.control.due(tick.at))
+
+    def handover(self, now: int) -> None:
+        """Nothing: it has no software that could be lost."""
 
     def _body(self, now: int) -> Body:
         """The car at `now` (ns): along its path without slip, its wheels turned as that needs."""

@@ -1,6 +1,7 @@
 """What a vehicle measures of its place, and when it sends it: receiver and sender of a node."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from hashlib import blake2b
 from itertools import takewhile
 
@@ -47,7 +48,10 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
         own=_streams(scenario.seed, setup.place),
         shared=_streams(scenario.seed, EVERYBODY),
     )
-    return GnssReceiver(setup.gnss_noise, setup.gnss.rate_hz, start_at, random, errors)
+    gnss = setup.gnss
+    return GnssReceiver(
+        setup.gnss_noise, gnss.rate_hz, start_at, random, errors, plain=gnss.is_plain
+    )
 
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
@@ -80,11 +84,12 @@ def instants_besides(
 
 
 def _streams(seed: int, place: int) -> Streams:
-    def stream(purpose: str) -> Generator:
-        word = int.from_bytes(blake2b(purpose.encode(), digest_size=4).digest(), "little")
-        return np.random.Generator(np.random.PCG64([seed, place, SIGNALS, word]))
+    return partial(_stream, seed, place)  # no closure: a receiver can be pickled
 
-    return stream
+
+def _stream(seed: int, place: int, purpose: str) -> Generator:
+    word = int.from_bytes(blake2b(purpose.encode(), digest_size=4).digest(), "little")
+    return np.random.Generator(np.random.PCG64([seed, place, SIGNALS, word]))
 
 
 def _rule(scenario: Scenario, setup: VehicleSetup, start_at: int) -> SendingRule:

@@ -10,4 +10,5 @@ router_watch  how long the router has been out of reach
 membership    who takes part in a run: once each, and with the same scenario, seed and version
 clock_offset  how far the vehicles' clocks are from the recorder's
 vehicle       one vehicle
+restart       a vehicle that crashes as asked, and starts anew in the same place
 """

@@ -1,11 +1,15 @@
 """Decides when a run starts and when it is over, from the vehicles present and their messages."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from enum import Enum, auto
 
+from pydantic import ValidationError
+
+from scenarios.definition.schema.changes import CrashTable
 from scenarios.runs.processes.router_watch import RouterWatch
-from vehicles.messages import Health, LogText, Message
-from vehicles.schedule import SECOND
+from vehicles.messages import Change, Health, LogText, Message
+from vehicles.schedule import SECOND, nanoseconds
 
 DEATH_AFTER_NS = SECOND // 2
 """A vehicle is dead when its token has been gone for this long with the router in reach."""
@@ -24,6 +28,8 @@ of the router, or the end of a time in which the recorder itself was held up."""
 HELD_UP_NS = SECOND
 """A recorder that has not looked for this long was held up; what came meanwhile is still to read.
 """
+RESTART_NS = 5 * SECOND
+"""How much later than asked a process that crashes and starts anew may be back."""
 WAITING_SAID_AFTER_NS = 3 * SECOND
 """Who is missing is said after this time, and from then on whenever it changes."""
 LEAD_TIME_NS = SECOND // 2
@@ -64,6 +70,7 @@ class Conductor:
         self._early: dict[str, int] = {}
         self._left: set[str] = set()
         self._faults: dict[str, str] = {}
+        self._excused: dict[str, int] = {}
         self._router = RouterWatch()
         self._patient_from = 0
         self._advanced_at: int | None = None
@@ -99,6 +106,17 @@ class Conductor:
             self._finished.add(message.vehicle)
             if message.reported_at_ns < self.end_at:
                 self._early.setdefault(message.vehicle, at)
+
+        if isinstance(message, Change):
+            self._excuse(message)
+
+    def _excuse(self, change: Change) -> None:
+        """Expect a vehicle to be away for a time, if that was asked for."""
+        with suppress(ValidationError):  # as it comes from the bus
+            crash = CrashTable.model_validate_json(change.table)
+            if crash.for_s is not None:
+                back_at = change.effective_at_ns + nanoseconds(crash.for_s)
+                self._excused[change.vehicle] = back_at + RESTART_NS
 
     def missing(self) -> list[str]:
         """Vehicles that are not present."""
@@ -198,6 +216,8 @@ class Conductor:
         lines: list[str] = []
         for name, since in self._gone_since.items():
             if name in self._finished | self._dead or now - since < DEATH_AFTER_NS:
+                continue
+            if now < self._excused.get(name, now):
                 continue
             self._dead.add(name)
             line = f"{name} died {self._when(since)}"

@@ -1,6 +1,7 @@
 """`convoy vehicle`: one vehicle as a process of its own, over Zenoh, on the wall clock."""
 
 from collections.abc import Callable, Iterable, Iterator
+from itertools import dropwhile
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.control.answering import LiveControl
@@ -12,6 +13,12 @@ from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
+from scenarios.runs.processes.restart import (
+    ProcessHandover,
+    SoftwareLostError,
+    start_anew,
+    taken_over,
+)
 from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus
@@ -23,6 +30,8 @@ from vehicles.messages import Health, Message, RunEnd, RunStart
 from vehicles.schedule import SECOND, Timer
 
 POLL_S = 0.01
+LEFT_S = 3.0
+"""How long a process that starts anew waits at most until the old one is seen no more."""
 WATCH_NS = SECOND // 4
 """Between two looks whether router and recorder are still there, and after the end between two
 repetitions of the final counters, until the end of the run is heard."""
@@ -47,14 +56,19 @@ def run_vehicle(
     `say` gets the news and `complain` what went wrong, a line each. What the recorder announced
     is not for a `launched` vehicle to repeat: the recorder tells the launcher itself.
     """
+    before = taken_over()
     builder = VehicleBuilder(scenario, name)
     try:
         with open_bus(options) as bus:
             stop.begun = True
+            if before is not None:
+                await_own_leaving(bus, name)
             member = Membership(bus, options.run, VEHICLE, name, Fingerprint.of(scenario))
-            vehicle = VehicleProcess(builder, bus, member, stop)
+            vehicle = VehicleProcess(builder, bus, member, stop, before)
             vehicle.await_start(say, wait_s)
             vehicle.drive(say)
+    except SoftwareLostError as lost:
+        start_anew(lost.handover)
     except VehicleFaultError as fault:
         if launched:  # the recorder says it, if it lives
             return 0 if vehicle.is_called_off else EXIT_FAILED
@@ -66,6 +80,15 @@ def run_vehicle(
         complain(f"{name}: {error}")
         return EXIT_FAILED
     return vehicle.exit_code
+
+
+def await_own_leaving(bus: Bus, name: str) -> None:
+    """Wait until nobody sees the process any more that this one has been."""
+
+    def has_left() -> bool:
+        return all((one.role, one.name) != (VEHICLE, name) for one in bus.members())
+
+    poll(has_left, every_s=POLL_S, at_most_s=LEFT_S)
 
 
 class RunOffError(Exception):
@@ -110,14 +133,23 @@ class VehicleProcess:
     """A vehicle from its joining to the end of the run."""
 
     def __init__(
-        self, builder: VehicleBuilder, bus: Bus, membership: Membership, stop: Stop
+        self,
+        builder: VehicleBuilder,
+        bus: Bus,
+        membership: Membership,
+        stop: Stop,
+        before: ProcessHandover | None = None,
     ) -> None:
-        """Join the run; raises BusError when it has no place for this vehicle."""
+        """Join the run; raises BusError when it has no place for this vehicle.
+
+        `before` is what the process has handed over that this one goes on from.
+        """
         self._builder = builder
         self._bus = bus
         self._membership = membership
         self._stop = stop
-        self._clock = WallClock(stop.event)
+        self._before = before
+        self._clock = WallClock(stop.event, before.clock_offset if before else None)
         self._joined_at = self._clock.now()
         self._announced = RunAnnouncements(bus)
         self._recorder = RecorderWatch(membership, bus)
@@ -140,7 +172,12 @@ class VehicleProcess:
         return self._stop.asked or self._announced.end is not None
 
     def await_start(self, say: Say, wait_s: float) -> None:
-        """Wait for the start; raises RunOffError if there will be none for this vehicle."""
+        """Wait for the start; raises RunOffError if there will be none for this vehicle.
+
+        For one that goes on it has been.
+        """
+        if self._before is not None:
+            return
         waits = "the start" if self._membership.recorder_is_present else "the recorder"
         say(f"{self._builder.name}: joined, waiting for {waits} of {self._run}")
         came = poll(
@@ -176,22 +213,28 @@ class VehicleProcess:
     def drive(self, say: Say) -> None:
         """Drive from the start to the end of the run, send the final counters, wait for its end.
 
-        Raises RunOffError when the run cannot go on, and VehicleFaultError when the vehicle's
-        controller fails; by then everybody knows.
+        Raises RunOffError when the run cannot go on, VehicleFaultError when the vehicle's
+        controller fails; by then everybody knows; and SoftwareLostError when its process has to
+        start anew.
         """
-        if self._announced.start is None:  # asked to stop before
+        start_at = self._start_at
+        if start_at is None:  # asked to stop before
             self.exit_code = self._stop.exit_code
             return
-        start_at = self._announced.start.start_at_ns
+        before = self._before
         end_at = start_at + self._builder.duration_ns
-        probe = ProcessProbe(late_after(self._builder.control_rate_hz))
+        late_after_ns = late_after(self._builder.control_rate_hz)
+        probe = ProcessProbe(late_after_ns, before.lateness if before else None)
         node = self._builder.node(
-            start_at, BusSink(self._builder.name, self._bus, self._keep_last_words), probe
+            start_at,
+            BusSink(self._builder.name, self._bus, self._keep_last_words),
+            probe,
+            before.node if before else None,
         )
         for sender_key in node.inbox.keys:
             self._bus.subscribe(sender_key, node.inbox.on_bytes)
         self._control.begin(start_at, node.agenda)
-        say(f"{self._builder.name}: {self._run} starts")
+        say(f"{self._builder.name}: {self._run} {'goes on' if before else 'starts'}")
         self._drive(node, start_at, probe)
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
         finished = not self._stop.asked
@@ -205,19 +248,48 @@ class VehicleProcess:
             raise RunOffError(f"{self._run} failed: {reason}", announced=True)
         say(f"{self._builder.name}: {self._run} is over")
 
+    @property
+    def _start_at(self) -> int | None:
+        """Start of the run (ns), None while it is not known."""
+        if self._before is not None:
+            return self._before.start_at
+        start = self._announced.start
+        return None if start is None else start.start_at_ns
+
     def _drive(self, node: Node | ReplayedNode, start_at: int, probe: ProcessProbe) -> None:
         step = stepping(node, self._builder.name, start_at)
+        before = self._before.node if self._before else None
+        ticks = self._builder.ticks(start_at)
+        back_at = start_at
+        if before is not None:
+            ticks = dropwhile(lambda tick: tick.at <= before.at, ticks)
+            back_at = before.until
         try:
-            for tick in punctual(self._builder.ticks(start_at), self._clock, probe):
+            for tick in punctual(ticks, self._clock, probe, back_at):
                 if self.is_called_off:
                     break
                 step(tick)
+                if tick.at >= back_at:
+                    self._start_anew_if_down(node, tick.at, probe)
                 if self._watching.is_due(now := self._clock.now()):
                     self._check_company(now)
         except VehicleFaultError as fault:
             node.outbox.publish_fault(self._clock.now(), fault.text)
             poll(lambda: self.is_called_off, every_s=POLL_S, at_most_s=END_NS / SECOND)
             raise
+
+    def _start_anew_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
+        """Raise SoftwareLostError if the software of the vehicle has crashed by `now` (ns)."""
+        handover = node.handover(now)
+        if handover is not None:
+            raise SoftwareLostError(
+                ProcessHandover(
+                    start_at=self._start_at or 0,
+                    clock_offset=self._clock.offset,
+                    lateness=probe.lateness,
+                    node=handover,
+                )
+            )
 
     def _check_company(self, now: int) -> None:
         """Raise RunOffError when the run cannot go on."""
@@ -250,8 +322,15 @@ class VehicleProcess:
             self._last_words = key(message.vehicle, topic), data
 
 
-def punctual(ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe) -> Iterator[Tick]:
-    """Yield each tick at its instant; after a delay the missed ones follow one by one, at once."""
+def punctual(
+    ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe, back_at: int = 0
+) -> Iterator[Tick]:
+    """Yield each tick at its instant; after a delay the missed ones follow one by one, at once.
+
+    None is late before `back_at` (ns): until then the process was away, as asked.
+    """
     for tick in ticks:
-        probe.tick_began(clock.wait_until(tick.at))
+        lateness = clock.wait_until(tick.at)
+        if tick.at >= back_at:
+            probe.tick_began(lateness)
         yield tick

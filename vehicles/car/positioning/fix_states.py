@@ -97,6 +97,34 @@ class StateChain:
         return Sojourn(state, at, at + max(wait, 1)), following
 
 
+class ForcedStates:
+    """States of NMEA 0183 by a law of their own, but while one is forced upon the receiver.
+
+    The law goes on meanwhile, unseen.
+    """
+
+    def __init__(self, law: FixStates) -> None:
+        """Without force `law` decides."""
+        self._law = law
+        self._forced: Sojourn | None = None
+
+    def force(self, state: ReceiverState | None, since: int, until: int = EVER) -> None:
+        """Let the state be this one from `since` until before `until` (ns); None ends it.
+
+        Of NMEA 0183.
+        """
+        self._forced = None if state is None else Sojourn(state, since, until)
+
+    def is_forced(self, now: int) -> bool:
+        """Whether the state at `now` (ns) is not that of the law (NMEA 0183)."""
+        return self._forced is not None and self._forced.since <= now < self._forced.until
+
+    def at(self, now: int) -> Sojourn:
+        """Stay at `now` (ns), forced or by the law (NMEA 0183)."""
+        own = self._law.at(now)
+        return self._forced if self._forced is not None and self.is_forced(now) else own
+
+
 class Outage(Protocol):
     """Where or when nothing is received, as in a tunnel: state 0 of NMEA 0183."""
 

@@ -48,7 +48,8 @@ class PoseEstimator:
 
     A Kalman filter, in place of the integrated GPS and IMU of Section V-D. `imu_rate_hz` is the
     rate of the readings. Until there is one, speed and yaw rate are those of the first fix. With
-    `by_accuracy` each fix counts by the accuracy that its receiver states, in place of `gnss`.
+    `by_accuracy` each fix counts by the accuracy that its receiver states, in place of `gnss`. At
+    `start` the car is if its pose is asked for before the first fix.
     """
 
     def __init__(
@@ -59,11 +60,13 @@ class PoseEstimator:
         imu_rate_hz: float = 50.0,
         *,
         by_accuracy: bool = False,
+        start: Fix | None = None,
     ) -> None:
         slip, noise = SlipModel(parameters), imu or InertialNoise()
         drift = DriftModel(slip, noise, imu_rate_hz)
         self._model = _Model(slip, drift, gnss or GnssNoise(), noise, by_accuracy)
         self._imu_rate_hz = imu_rate_hz
+        self._start = start
         self._motion: Motion | None = None
         self._track: _Track | None = None
         self._rival: _Track | None = None
@@ -138,6 +141,8 @@ class PoseEstimator:
 
         The slip is that of the last readings by eqs. (1), (2).
         """
+        if self._track is None and self._start is not None:
+            self.correct(self._start)
         if self._track is None:
             raise ValueError("no pose before the first fix")
         return self._track.pose(now)

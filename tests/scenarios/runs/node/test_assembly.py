@@ -8,12 +8,14 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.node import Node
+from scenarios.runs.node.phases import Driving
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
 from transport.bus.memory_bus import MemoryBus
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, loaded
+from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
 from vehicles.schedule import SECOND
@@ -31,16 +33,21 @@ def node(made: Scenario, name: str) -> Node:
     return one
 
 
+def driver(one: Node) -> Driver:
+    assert isinstance(one.phase, Driving)
+    return one.phase.software.driver
+
+
 def fixes(made: Scenario, name: str, count: int = 20) -> list[Fix]:
     """First measurements of a vehicle that stays where it starts."""
     one = node(made, name)
-    measured = [one.gnss.measure(one.body, START + k * SECOND // 20) for k in range(count)]
+    measured = [one.car.gnss.measure(one.car.body, START + k * SECOND // 20) for k in range(count)]
     return [fix for fix in measured if fix is not None]
 
 
 def test_vehicles_start_behind_each_other_at_the_lead_s_speed() -> None:
     made = scenario("convoy.gap_m=12")
-    bodies = [node(made, name).body for name in made.vehicle_names]
+    bodies = [node(made, name).car.body for name in made.vehicle_names]
     assert len(bodies) == 4
     for before, body in pairwise(bodies):
         assert math.hypot(before.east - body.east, before.north - body.north) == pytest.approx(12)
@@ -57,7 +64,7 @@ def test_an_offset_to_the_left_is_to_the_left_in_every_heading(heading_deg: int)
         "vehicle.v2.lateral_offset_m=0.5",
         "vehicle.v2.heading_offset_deg=3",
     )
-    on_path, body = node(plain, "v2").body, node(beside, "v2").body
+    on_path, body = node(plain, "v2").car.body, node(beside, "v2").car.body
     left = (-math.sin(on_path.yaw), math.cos(on_path.yaw))
     assert body.east - on_path.east == pytest.approx(0.5 * left[0])
     assert body.north - on_path.north == pytest.approx(0.5 * left[1])
@@ -68,13 +75,13 @@ def test_an_offset_to_the_left_is_to_the_left_in_every_heading(heading_deg: int)
 
 def test_the_lead_follows_its_path_and_the_others_whom_they_hear() -> None:
     made = scenario()
-    assert isinstance(node(made, "v1").driver, Leader)
+    assert isinstance(driver(node(made, "v1")), Leader)
     heard = {name: node(made, name).inbox.keys for name in made.vehicle_names}
     assert heard["v1"] == []
     assert heard["v2"] == ["convoy/v1/gps"]
     assert heard["v4"] == ["convoy/v1/gps", "convoy/v3/gps"]
     for name in ("v2", "v3", "v4"):
-        assert isinstance(node(made, name).driver, Follower)
+        assert isinstance(driver(node(made, name)), Follower)
 
 
 def test_a_vehicle_that_is_not_in_the_scenario_is_refused() -> None:
@@ -104,7 +111,9 @@ def test_the_inertial_sensor_measures_with_control_unless_it_has_a_rate() -> Non
     for name, rate_hz in (("v1", 50), ("v2", 100), ("v3", 4)):
         one = node(made, name)
         ticks = VehicleBuilder(made, name).ticks(START)
-        assert sum(one.imu.measure(one.body, tick.at) is not None for tick in ticks) == rate_hz
+        assert (
+            sum(one.car.imu.measure(one.car.body, tick.at) is not None for tick in ticks) == rate_hz
+        )
 
 
 def test_noise_depends_on_seed_and_place_alone() -> None:
@@ -113,8 +122,8 @@ def test_noise_depends_on_seed_and_place_alone() -> None:
     assert fixes(scenario("vehicle.v1.gnss.position_noise_m=0.5"), "v2") == alone
     assert fixes(scenario(seed=2), "v2") != alone
     lead = fixes(scenario(), "v1")
-    here = node(scenario(), "v1").body
-    there = node(scenario(), "v2").body
+    here = node(scenario(), "v1").car.body
+    there = node(scenario(), "v2").car.body
     for own, other in zip(lead, alone, strict=True):
         assert abs((own.east - here.east) - (other.east - there.east)) > 1e-6
 
@@ -126,7 +135,7 @@ def test_each_receiver_has_the_noise_that_it_should() -> None:
         "vehicle.v4.gnss.heading_noise_deg=2",
     )  # fmt: skip
     for name in made.vehicle_names:
-        body = node(made, name).body
+        body = node(made, name).car.body
         measured = fixes(made, name, 400)
         aside = [math.hypot(fix.east - body.east, fix.north - body.north) for fix in measured]
         rms = math.sqrt(sum(value * value for value in aside) / len(aside) / 2)
@@ -140,9 +149,9 @@ def test_each_receiver_has_the_noise_that_it_should() -> None:
 def first_steering(made: Scenario, name: str = "v1") -> float:
     """What a lead beside its path decides first."""
     one = node(made, name)
-    fix = one.gnss.measure(one.body, START)
-    motion = one.imu.measure(one.body, START)
-    return one.driver.step(START, fix, motion, []).actuation.steering
+    fix = one.car.gnss.measure(one.car.body, START)
+    motion = one.car.imu.measure(one.car.body, START)
+    return driver(one).step(START, fix, motion, []).actuation.steering
 
 
 def test_with_exact_own_state_the_car_knows_where_it_is_and_broadcasts_what_is_measured() -> None:
@@ -150,16 +159,16 @@ def test_with_exact_own_state_the_car_knows_where_it_is_and_broadcasts_what_is_m
     beside = "vehicle.v1.lateral_offset_m=0.5"
     exact = scenario(*settings, beside, "control.own_state=exact")
     one = node(exact, "v1")
-    motion = one.imu.measure(one.body, START)
-    decision = one.driver.step(START, one.gnss.measure(one.body, START), motion, [])
+    motion = one.car.imu.measure(one.car.body, START)
+    decision = driver(one).step(START, one.car.gnss.measure(one.car.body, START), motion, [])
     assert decision.errors.lateral == pytest.approx(0.5, abs=1e-12)
     assert decision.errors.heading == pytest.approx(0.0, abs=1e-12)
     assert fixes(exact, "v1") == fixes(scenario(*settings, beside), "v1")
     noisy = scenario("imu.speed_bias_mps=1")
     assert fixes(noisy, "v1") == fixes(scenario(), "v1")
     some = scenario(*settings, "vehicle.v2.control.own_state=exact")
-    assert isinstance(node(some, "v2").imu, ExactSensor)
-    assert isinstance(node(some, "v3").imu, InertialSensor)
+    assert isinstance(node(some, "v2").car.imu, ExactSensor)
+    assert isinstance(node(some, "v3").car.imu, InertialSensor)
 
 
 def test_controller_and_gains_are_those_of_the_scenario() -> None:
@@ -193,7 +202,7 @@ def test_the_car_is_the_loaded_one_whatever_its_controller_knows() -> None:
     full = loaded(empty, Loading(front_passengers=1, rear_passengers=3))
     for knows in ("true", "false"):
         made = scenario(f"control.knows_loading={knows}")  # lane_change is driven with passengers
-        assert astuple(node(made, "v2").parameters) == astuple(full)
+        assert astuple(node(made, "v2").car.parameters) == astuple(full)
     assert made.vehicle("v2").assumed_parameters == empty
 
 
@@ -213,6 +222,6 @@ def test_followers_keep_the_profile_or_a_gap() -> None:
                 break
             lead.step(tick)
             second.step(tick)
-        asked[made.tables.speed.followers] = second.body.speed
+        asked[made.tables.speed.followers] = second.car.body.speed
     assert asked["same"] == pytest.approx(30.0, abs=0.05)
     assert asked["gap"] > 30.3  # 30 m are more than 8 + 0.5 * 30

@@ -1,0 +1,120 @@
+"""Changes to a running convoy that do not fit its vehicles, its length, or one another."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from math import inf
+
+from scenarios.definition.refusal import shown
+from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.changes import (
+    AnyChange,
+    CrashTable,
+    FixChangeTable,
+    JoinTable,
+    LeaveTable,
+    StallTable,
+    VehicleChangeTable,
+)
+from scenarios.definition.schema.tables import ScenarioTables
+
+CLOCK_MS_MAX = 10_000.0
+"""By more a vehicle's clock may not be off at any time: its stamps would be refused."""
+
+VEHICLE_CHANGES = frozenset({"gnss", "stall", "crash", "leave", "join"})
+"""Kinds of what is done to a vehicle itself."""
+
+Problem = tuple[str, str]
+
+
+def joins_late(changes: Iterable[AnyChange], name: str) -> bool:
+    """Whether the first thing done to a vehicle's part in the convoy is that it joins."""
+    parts = [one for one in _of(changes, name) if isinstance(one, JoinTable | LeaveTable)]
+    return bool(parts) and isinstance(min(parts, key=lambda one: one.at_s), JoinTable)
+
+
+def is_changed(changes: Iterable[AnyChange], name: str) -> bool:
+    """Whether anything is done to a vehicle itself, so that its poses come by no schedule."""
+    return bool(_of(changes, name))
+
+
+def change_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Problem]:
+    """Give every change that cannot be carried out, and clocks that are off too far."""
+    names = vehicle_names(tables)
+    for index, change in enumerate(tables.change):
+        key = f"change[{index}]"
+        if change.at_s >= duration_s:
+            yield (
+                f"{key}.at_s",
+                f"given {change.at_s:g}, allowed less than the run's {duration_s:g}",
+            )
+        if isinstance(change, VehicleChangeTable):
+            yield from _about_one(tables, names, key, change)
+    for name in names:
+        yield from _in_order(tables.change, name)
+        yield from _clock(tables, name, duration_s)
+
+
+def _of(changes: Iterable[AnyChange], name: str) -> list[VehicleChangeTable]:
+    """All that is done to one vehicle."""
+    return [one for one in changes if isinstance(one, VehicleChangeTable) and one.vehicle == name]
+
+
+def _about_one(
+    tables: ScenarioTables, names: Sequence[str], key: str, change: VehicleChangeTable
+) -> Iterator[Problem]:
+    name = change.vehicle
+    if name not in names:
+        yield f"{key}.vehicle", f"given {shown(name)}, allowed {', '.join(names)}"
+        return
+    own = tables.vehicle.get(name)
+    if name == names[0] and isinstance(change, JoinTable | LeaveTable):
+        yield (
+            f"{key}.vehicle",
+            f"given the lead, which cannot {change.kind}: the convoy is where it is",
+        )
+    elif own and own.replay is not None and not isinstance(change, FixChangeTable):
+        yield (
+            f"{key}.vehicle",
+            f'given {shown(name)}, which moves as it was recorded: allowed only kind = "gnss"',
+        )
+
+
+def _in_order(changes: Sequence[AnyChange], name: str) -> Iterator[Problem]:
+    """Give what is done to a vehicle that is not there for it, in order of time."""
+    order = sorted(
+        (one.at_s, index, one)
+        for index, one in enumerate(changes)
+        if isinstance(one, VehicleChangeTable) and one.vehicle == name
+    )
+    away = "it has not joined yet" if joins_late(changes, name) else ""
+    busy_until, busy = -inf, ""
+    for at_s, index, change in order:
+        key = f"change[{index}]"
+        if isinstance(change, FixChangeTable):
+            continue
+        if isinstance(change, JoinTable):
+            if not away:
+                yield key, f"{name} joins at {at_s:g} s, but is in the convoy by then"
+            away = ""
+            continue
+        if away:
+            yield key, f"{name}: {change.kind} at {at_s:g} s, but {away}"
+        elif at_s < busy_until:
+            yield key, f"{name}: {change.kind} at {at_s:g} s, but {busy} until {busy_until:g} s"
+        if isinstance(change, LeaveTable):
+            away = f"it has left at {at_s:g} s"
+        elif isinstance(change, StallTable | CrashTable):
+            busy_until = at_s + (inf if change.for_s is None else change.for_s)
+            busy = "it stalls" if isinstance(change, StallTable) else "it is down"
+
+
+def _clock(tables: ScenarioTables, name: str, duration_s: float) -> Iterator[Problem]:
+    own = tables.vehicle.get(name)
+    if own is None:
+        return
+    end_ms = own.clock.offset_ms + own.clock.drift_ppm * duration_s / 1000.0
+    if abs(end_ms) > CLOCK_MS_MAX:
+        yield (
+            f"vehicle.{name}.clock.drift_ppm",
+            f"given {own.clock.drift_ppm:g}, by which the clock is {end_ms:.0f} ms off at the end: "
+            f"allowed at most {CLOCK_MS_MAX:g}",
+        )

@@ -1,0 +1,120 @@
+"""The lead's speed when its set speed is changed, or when a car sets off from where it stands."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from scenarios.definition.road.lead_speed import Limits, slowed
+from scenarios.definition.schema.changes import AnyChange, SpeedChangeTable
+from vehicles.driver.speed import SpeedProfile
+from vehicles.geometry.path import Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedPlan:
+    """What a convoy's speed is over the time (s) of a run, and what it was meant to be.
+
+    `wanted` is the speed before it is lowered for bends, `profile` that of the lead, which starts
+    at station `start` (m) of the `path`. After `until` (s) nothing need be known.
+    """
+
+    path: Path
+    start: float
+    limits: Limits
+    until: float
+    wanted: SpeedProfile
+    profile: SpeedProfile
+
+    def changed(self, at: float, change: SpeedChangeTable) -> "SpeedPlan":
+        """Plan another set speed from `at` (s) on, which the lead comes to as the change asks."""
+        wanted = _from(SpeedProfile((0.0,), (change.speed_mps,)), at)
+        station, (speed, _) = self.start + self.profile.distance(at), self.profile.at(at)
+        onward = self._onward(wanted, at, (station, speed), change.acceleration_mps2)
+        return SpeedPlan(
+            path=self.path,
+            start=self.start,
+            limits=self.limits,
+            until=self.until,
+            wanted=_joined(self.wanted, wanted, at),
+            profile=_joined(self.profile, onward, at),
+        )
+
+    def setting_off(self, at: float, station: float, speed: float) -> SpeedProfile:
+        """Speed of a car that is at `station` (m) with `speed` (m/s) at `at` (s), by itself.
+
+        It comes to what is wanted as the lead may accelerate, and slows down before bends.
+        """
+        wanted = _from(self.wanted, at)
+        onward = self._onward(wanted, at, (station, speed), self.limits.acceleration)
+        return _from(onward, at)
+
+    def _onward(
+        self, wanted: SpeedProfile, at: float, here: tuple[float, float], acceleration: float
+    ) -> SpeedProfile:
+        """Speed over time from `at` on of a car that is `here` (station and speed)."""
+        station, speed = here
+        reached = approached(_shifted(wanted, -at), speed, acceleration)
+        if station >= float(self.path.station[-1]):
+            return _shifted(reached, at)
+        span = max(self.until - at, 0.0)
+        return _shifted(slowed(reached, self.path, station, self.limits, span), at)
+
+
+def approached(wanted: SpeedProfile, speed: float, acceleration: float) -> SpeedProfile:
+    """Speed from time 0 on of a car that comes from `speed` to `wanted` with that acceleration.
+
+    It changes evenly until it meets what is wanted, and is that from then on.
+    """
+    first = wanted.at(0.0)[0]
+    slope = math.copysign(acceleration, first - speed)
+    corners = [0.0, *(time for time in wanted.times if time > 0.0)]
+    for begin, end in pairwise((*corners, math.inf)):
+        aim, change = wanted.at(begin)
+        apart = aim - (speed + slope * begin)
+        closing = slope - change
+        if apart == 0.0:
+            met = begin
+        elif apart * closing <= 0.0:
+            continue
+        else:
+            met = begin + apart / closing
+        if met <= end:
+            after = [time for time in corners if time > met]
+            begins = [(0.0, speed)] if met > 0.0 else []
+            knots = [*begins, *((time, wanted.at(time)[0]) for time in (met, *after))]
+            return SpeedProfile(*map(tuple, zip(*knots, strict=True)))
+    return wanted
+
+
+def with_changes(plan: SpeedPlan, changes: Iterable[AnyChange]) -> SpeedPlan:
+    """Plan all changes of the set speed among `changes`, each at its time."""
+    speeds = [change for change in changes if isinstance(change, SpeedChangeTable)]
+    for change in sorted(speeds, key=lambda one: one.at_s):
+        plan = plan.changed(change.at_s, change)
+    return plan
+
+
+def _shifted(profile: SpeedProfile, by: float) -> SpeedProfile:
+    return SpeedProfile(tuple(time + by for time in profile.times), profile.speeds)
+
+
+def _from(profile: SpeedProfile, at: float) -> SpeedProfile:
+    """What a profile says from `at` (s) on."""
+    later = [(t, v) for t, v in zip(profile.times, profile.speeds, strict=True) if t > at]
+    knots = [(at, profile.at(at)[0]), *later]
+    return SpeedProfile(*map(tuple, zip(*knots, strict=True)))
+
+
+def _joined(before: SpeedProfile, after: SpeedProfile, at: float) -> SpeedProfile:
+    """Join one profile before `at` (s) to another one from then on."""
+    knots = [(t, v) for t, v in zip(before.times, before.speeds, strict=True) if t < at]
+    if not knots or after.at(at)[0] != before.at(at)[0]:
+        # What was wanted may jump: a profile has no jumps, but corners a nanosecond apart.
+        last = at - 1e-9
+        knots = [one for one in knots if one[0] < last] + (
+            [(last, before.at(last)[0])] if last > 0.0 else []
+        )
+    later = [(t, v) for t, v in zip(after.times, after.speeds, strict=True) if t > at]
+    knots += [(at, after.at(at)[0]), *later]
+    return SpeedProfile(*map(tuple, zip(*knots, strict=True)))

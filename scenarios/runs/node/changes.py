@@ -1,0 +1,119 @@
+"""Carries out what is done to one vehicle while it runs, and says so."""
+
+from scenarios.definition.changing.links import LINK_CHANGES
+from scenarios.definition.road.set_speed import SpeedPlan
+from scenarios.definition.schema.changes import (
+    AnyChange,
+    CrashTable,
+    FixChangeTable,
+    JoinTable,
+    LeaveTable,
+    SpeedChangeTable,
+    StallTable,
+)
+from scenarios.runs.node.agenda import Agenda, Due
+from scenarios.runs.node.changed_links import ChangedLinks
+from scenarios.runs.node.outbox import Outbox
+from scenarios.runs.node.phases import Phase
+from vehicles.car.gnss import GnssReceiver
+from vehicles.car.positioning.fix_states import EVER
+from vehicles.schedule import SECOND, nanoseconds
+
+WORDS = {
+    "stall": "its control stalls",
+    "crash": "its process crashes",
+    "leave": "it leaves the convoy, its human takes over",
+    "join": "it joins the convoy",
+    "gnss": "its receiver has another fix",
+    "speed": "the set speed changes",
+}
+"""What is done to a vehicle, by the kind of change."""
+
+
+class CrashedError(Exception):
+    """The process of a vehicle has ended for good, as was asked."""
+
+
+class Changes:
+    """What is done to a vehicle whose software drives and whose car moves by its commands."""
+
+    def __init__(self, agenda: Agenda, links: ChangedLinks) -> None:
+        self.agenda = agenda
+        self.links = links
+
+    def by(self, now: int, phase: Phase) -> Phase:
+        """Carry out what is due at the tick at `now` (ns); returns the phase of this tick.
+
+        Raises CrashedError for a vehicle that does not come back.
+        """
+        for due in self.agenda.take(now):
+            phase = self._carried_out(due, now, phase)
+        return phase.at(now)
+
+    def _carried_out(self, due: Due, now: int, phase: Phase) -> Phase:
+        aboard = phase.aboard
+        if isinstance(due.change, LINK_CHANGES):
+            aboard.outbox.publish_change(now, due, self.links.carry_out(due))
+            return phase
+        following = _phase_after(due, now, phase)
+        if following is None:
+            aboard.outbox.say(now, f"{in_words(due.change)}: has no effect now", "warning")
+            return phase
+        aboard.outbox.publish_change(now, due, in_words(due.change))
+        match due.change:
+            case CrashTable(for_s=None):
+                raise CrashedError("its process has crashed, as asked")
+            case FixChangeTable():
+                change_fix(aboard.car.gnss, due.at, due.change)
+            case SpeedChangeTable():
+                aboard.plan = changed_plan(aboard.plan, aboard.start_at, due.at, due.change)
+                following.replan(now)
+        return following
+
+
+def _phase_after(due: Due, now: int, phase: Phase) -> Phase | None:
+    """Return the phase that a change leads to, None if it has no effect in this one."""
+    match due.change:
+        case StallTable(for_s=for_s):
+            return phase.stalled(due.at + nanoseconds(for_s))
+        case CrashTable(for_s=float(for_s)):
+            return phase.crashed(due.at + nanoseconds(for_s))
+        case LeaveTable():
+            return phase.left(now)
+        case JoinTable():
+            return phase.joined(now)
+        case _:
+            return phase
+
+
+def changed_plan(plan: SpeedPlan, start_at: int, at: int, change: SpeedChangeTable) -> SpeedPlan:
+    """Plan another set speed from the instant `at` (ns) on, of a run from `start_at` (ns)."""
+    return plan.changed((at - start_at) / SECOND, change)
+
+
+def change_fix(gnss: GnssReceiver, at: int, change: FixChangeTable) -> None:
+    """Give a receiver another fix from the instant `at` (ns) on, or its own law again."""
+    state = None if change.fix == "auto" else change.fix
+    until = EVER if change.for_s is None else at + nanoseconds(change.for_s)
+    gnss.force(state, at, until)
+
+
+def change_receiver(agenda: Agenda, gnss: GnssReceiver, outbox: Outbox, now: int) -> None:
+    """Carry out what is due at `now` (ns) of a vehicle of which only the receiver can change."""
+    for due in agenda.take(now):
+        match due.change:
+            case FixChangeTable():
+                outbox.publish_change(now, due, in_words(due.change))
+                change_fix(gnss, due.at, due.change)
+            case _:
+                text = f"{in_words(due.change)}: has no effect, it moves as it was recorded"
+                outbox.say(now, text, "warning")
+
+
+def in_words(change: AnyChange) -> str:
+    """Say in a few words what is done."""
+    said = {"kind", "at_s", "vehicle"}
+    figures = change.model_dump(exclude=said, exclude_none=True)
+    rest = ", ".join(f"{key} = {value}" for key, value in figures.items())
+    words = WORDS.get(change.kind, change.kind)
+    return f"{words} ({rest})" if rest else words

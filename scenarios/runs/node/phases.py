@@ -1,0 +1,271 @@
+"""What a vehicle does at a tick: its software drives, or stalls, or is down, or a human drives.
+
+In every phase the car goes on, its sensors measure (so that their noise does not depend on what
+happened to the software), and the log has its true poses; poses are sent while its software drives.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from scenarios.definition.road.set_speed import SpeedPlan
+from scenarios.runs.node.outbox import Outbox
+from transport.links.inbox import Inbox, IncomingLink
+from transport.links.laws.effect import Whereabouts
+from vehicles.car.clock_error import VehicleClock
+from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.gnss import Fix, GnssReceiver
+from vehicles.car.imu import ExactSensor, InertialSensor, Motion
+from vehicles.car.parameters import VehicleParameters
+from vehicles.car.sending import Sender
+from vehicles.driver.decision import Driver
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.speed import ProfileSpeed
+from vehicles.schedule import SECOND, Cadence
+
+BRAKING = DegradationSettings().firm.deceleration
+"""Deceleration (m/s²) of a car whose software is down: Autoware's emergency stop, without jerk."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Car:
+    """What no fault of the software takes away: the car, its sensors, its last command."""
+
+    body: Body
+    parameters: VehicleParameters
+    gnss: GnssReceiver
+    imu: InertialSensor | ExactSensor
+    command: Actuation
+
+    def measure(self, now: int) -> tuple[Fix | None, Motion | Body | None]:
+        """Fix and motion as the sensors give them at `now` (ns), to be called at every tick."""
+        return self.gnss.measure(self.body, now), self.imu.measure(self.body, now)
+
+    def advance(self, command: Actuation, span: float) -> None:
+        """Move on by `span` (s) with `command`."""
+        self.command = command
+        self.body = advance(self.body, command, span, self.parameters)
+
+    @property
+    def whereabouts(self) -> Whereabouts:
+        """Where it truly is."""
+        return Whereabouts(self.body.east, self.body.north, self.body.distance)
+
+
+@dataclass(slots=True, kw_only=True)
+class Software:
+    """What drives, and what sends its poses; `law` is there if it drives a speed over time.
+
+    `alone` says that this speed is its own, planned from where it set off.
+    """
+
+    driver: Driver
+    sender: Sender
+    law: ProfileSpeed | None
+    alone: bool
+
+
+class Workshop(Protocol):
+    """Makes anew what a fault of the software takes away."""
+
+    def station(self, body: Body) -> float:
+        """Station (m) on the road at which the car is."""
+        ...
+
+    def links(self, start_at: int) -> Iterable[IncomingLink]:
+        """Links with nothing heard over them, of a run from `start_at` (ns)."""
+        ...
+
+    def software(self, now: int, aboard: "Aboard") -> Software:
+        """Software that starts at `now` (ns) without memory, but for where the car is."""
+        ...
+
+    def human(self, aboard: "Aboard") -> tuple[Driver, ProfileSpeed]:
+        """A human who drives the road, and the speed over time that he drives."""
+        ...
+
+
+@dataclass(slots=True, kw_only=True)
+class Aboard:
+    """What all phases of a vehicle share; its instants (ns) count from `start_at`."""
+
+    start_at: int
+    car: Car
+    clock: VehicleClock
+    control: Cadence
+    plan: SpeedPlan
+    inbox: Inbox
+    outbox: Outbox
+    workshop: Workshop
+
+    def follow_the_plan(self, now: int, law: ProfileSpeed | None, *, alone: bool) -> None:
+        """Let `law` drive the speed that is planned by now; `alone`, from where the car is."""
+        if law is None:
+            return
+        if not alone:
+            law.follow(self.plan.profile)
+            return
+        seconds, body = (now - self.start_at) / SECOND, self.car.body
+        law.follow(self.plan.setting_off(seconds, self.workshop.station(body), body.speed))
+
+    def idle(self, now: int, command: Actuation) -> Actuation:
+        """Let the car go on with `command` while its software does nothing at `now` (ns)."""
+        self.car.measure(now)
+        self.outbox.publish_idle(now, self.car.body, command, fresh=self.control.due(now))
+        return command
+
+
+class Phase:
+    """One of them; what is done to a vehicle leads to another one, or has no effect (None)."""
+
+    def __init__(self, aboard: Aboard) -> None:
+        self.aboard = aboard
+
+    def step(self, now: int) -> Actuation:
+        """Do what there is to do at the tick at `now` (ns); returns the command until the next."""
+        raise NotImplementedError
+
+    def at(self, now: int) -> "Phase":  # noqa: ARG002
+        """Return the phase at `now` (ns): this one, unless it is over."""
+        return self
+
+    def replan(self, now: int) -> None:
+        """Take note of another plan of the convoy's speed."""
+
+    def stalled(self, until: int) -> "Phase | None":  # noqa: ARG002
+        """Return the phase of a vehicle whose control does not run before `until` (ns)."""
+        return None
+
+    def crashed(self, until: int) -> "Phase | None":
+        """Return the phase of one whose software starts anew at `until` (ns)."""
+        return Down(self.aboard, until)
+
+    def left(self, now: int) -> "Phase | None":
+        """Return the phase of one whose human takes over."""
+        return ByHand(self.aboard, now)
+
+    def joined(self, now: int) -> "Phase | None":  # noqa: ARG002
+        """Return the phase of one whose software takes over."""
+        return None
+
+
+class Driving(Phase):
+    """Its software drives: the heart of a vehicle."""
+
+    def __init__(self, aboard: Aboard, software: Software) -> None:
+        super().__init__(aboard)
+        self.software = software
+        self.has_begun = False
+
+    @classmethod
+    def anew(cls, aboard: Aboard, now: int) -> "Driving":
+        """Begin at `now` (ns) without memory."""
+        aboard.inbox.listen_anew(aboard.workshop.links(aboard.start_at), now)
+        driving = cls(aboard, aboard.workshop.software(now, aboard))
+        driving.replan(now)
+        return driving
+
+    def step(self, now: int) -> Actuation:
+        """Receive, measure, decide, send."""
+        self.has_begun = True
+        aboard, car = self.aboard, self.aboard.car
+        received = aboard.clock.judged(now, aboard.inbox.take(now, car.whereabouts))
+        fix, motion = car.measure(now)
+        decision = self.software.driver.step(now, fix, motion, received)
+        aboard.outbox.publish(now, car.body, self.software.sender.send(now, fix), decision)
+        return decision.actuation
+
+    def replan(self, now: int) -> None:
+        """Drive the speed that is planned now."""
+        self.aboard.follow_the_plan(now, self.software.law, alone=self.software.alone)
+
+    def stalled(self, until: int) -> Phase:
+        """Return the phase of one whose control does not run before `until` (ns)."""
+        return Stalled(self, until)
+
+
+class Stalled(Phase):
+    """Its control does not run: the car keeps its command, and messages wait."""
+
+    def __init__(self, driving: Driving, until: int) -> None:
+        super().__init__(driving.aboard)
+        self._driving = driving
+        self._until = until
+
+    def step(self, now: int) -> Actuation:
+        """Nothing but what the car does by itself."""
+        self.aboard.inbox.pass_by(now, self.aboard.car.whereabouts)
+        return self.aboard.idle(now, self.aboard.car.command)
+
+    def at(self, now: int) -> Phase:
+        """Return the phase at `now` (ns): the software goes on where it was, or begins."""
+        if now < self._until:
+            return self
+        driving = self._driving
+        return driving if driving.has_begun else Driving.anew(self.aboard, now)
+
+    def replan(self, now: int) -> None:
+        """Drive the speed that is planned now, afterwards."""
+        self._driving.replan(now)
+
+    def stalled(self, until: int) -> Phase:
+        """Return the phase of one that stalls until `until` (ns) as well."""
+        return Stalled(self._driving, max(until, self._until))
+
+
+class Down(Phase):
+    """Its software is lost: the car brakes to a standstill with its wheels as they were."""
+
+    def __init__(self, aboard: Aboard, until: int) -> None:
+        super().__init__(aboard)
+        self.until = until
+
+    def step(self, now: int) -> Actuation:
+        """Nothing but what the car does by itself; what was sent by now is not heard any more."""
+        car = self.aboard.car
+        self.aboard.inbox.let_go(now, car.whereabouts)
+        return self.aboard.idle(now, Actuation(car.command.steering, -BRAKING))
+
+    def at(self, now: int) -> Phase:
+        """Return the phase at `now` (ns): new software once the time is over."""
+        if now < self.until:
+            return self
+        self.aboard.outbox.say(now, "its software has started anew")
+        return Driving.anew(self.aboard, now)
+
+    def crashed(self, until: int) -> None:
+        """Nothing is left that could crash."""
+
+
+class ByHand(Phase):
+    """A human drives by what he sees, not by what is received, and nothing is sent.
+
+    He keeps to the road as the lead does, by the same steering law, and knows where he is. His
+    speed is the one planned for the convoy, lowered before the bends that he comes to; of the
+    vehicles around him he knows nothing.
+    """
+
+    def __init__(self, aboard: Aboard, now: int) -> None:
+        super().__init__(aboard)
+        self._human, self._law = aboard.workshop.human(aboard)
+        self.replan(now)
+
+    def step(self, now: int) -> Actuation:
+        """Drive by the true state of the car."""
+        aboard, car = self.aboard, self.aboard.car
+        aboard.inbox.let_go(now, car.whereabouts)
+        return aboard.idle(now, self._human.step(now, None, car.body, ()).actuation)
+
+    def replan(self, now: int) -> None:
+        """Drive the speed that is planned now."""
+        self.aboard.follow_the_plan(now, self._law, alone=True)
+
+    def crashed(self, until: int) -> None:
+        """Its software does not run."""
+
+    def left(self, now: int) -> None:
+        """It has left already."""
+
+    def joined(self, now: int) -> Phase:
+        """Return the phase of one whose software takes over."""
+        return Driving.anew(self.aboard, now)

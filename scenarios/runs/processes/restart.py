@@ -1,0 +1,61 @@
+"""A vehicle's process that crashes, as asked: it ends, and starts anew under its own number.
+
+The new one is the same program with the same arguments, in place of the old one, so whoever
+supervises it loses nothing of it. Its software builds everything from the scenario; what is handed
+over is the car, which no crash of software stops, and the clock.
+"""
+
+import os
+import pickle
+import sys
+from dataclasses import dataclass
+from tempfile import TemporaryFile
+from typing import NoReturn, cast
+
+from scenarios.runs.node.node import Handover
+from scenarios.runs.node.probe import Lateness
+
+VARIABLE = "CONVOY_HANDOVER"
+"""Environment variable with the number of the open file in which the handover waits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessHandover:
+    """What the process of a vehicle hands over to the one that it becomes.
+
+    `start_at` (ns) is that of the run, `clock_offset` (ns) that of Unix time against the machine's
+    monotonic clock, `lateness` that of its ticks so far.
+    """
+
+    start_at: int
+    clock_offset: int
+    lateness: Lateness
+    node: Handover
+
+
+class SoftwareLostError(Exception):
+    """The process has to end, and to start anew with `handover`."""
+
+    def __init__(self, handover: ProcessHandover) -> None:
+        self.handover = handover
+        super().__init__("the process starts anew")
+
+
+def start_anew(handover: ProcessHandover) -> NoReturn:
+    """End this process, and be the same program anew; nothing but `handover` is left of it."""
+    with TemporaryFile(buffering=0) as file:  # without a name, so it is gone with its last reader
+        pickle.dump(handover, file)
+        file.seek(0)
+        os.set_inheritable(file.fileno(), True)
+        os.environ[VARIABLE] = str(file.fileno())
+        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # noqa: S606 - no shell
+
+
+def taken_over() -> ProcessHandover | None:
+    """Return what the process that this one has been has handed over, if there was one."""
+    number = os.environ.pop(VARIABLE, None)
+    if number is None:
+        return None
+    with os.fdopen(int(number), "rb") as file:
+        found = pickle.load(file)  # noqa: S301 - written by this very process, for itself
+    return cast("ProcessHandover", found)
