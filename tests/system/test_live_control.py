@@ -19,14 +19,14 @@ DURATION_S = 16.0
 SESSION = (
     {"kind": "link", "sender": "v1", "receiver": "v3", "loss_ratio": 0.3, "latency_ms": 200.0},
     {"kind": "cut", "for_s": 0.5},
-    {"kind": "cut", "sender": "lead", "receiver": "v4"},
+    {"kind": "gnss", "vehicle": "v2", "fix": "float", "for_s": 1.0},
     {"kind": "link", "sender": "predecessor", "receiver": "*", "loss_ratio": 0.5, "for_s": 2.0},
+    {"kind": "stall", "vehicle": "v3", "for_s": 0.4},
     {"kind": "link", "sender": "*", "receiver": "follower", "jitter_ms": 60.0},
-    {"kind": "heal", "sender": "lead", "receiver": "v4"},
-    {"kind": "link", "sender": "v1", "receiver": "v3", "latency_ms": 5.0},
-    {"kind": "cut", "sender": "v3", "receiver": "v4", "for_s": 1.0},
+    {"kind": "cut", "sender": "lead", "receiver": "v4"},
+    {"kind": "speed", "speed_mps": 25.0},
     {"kind": "heal"},
-    {"kind": "link", "sender": "v2", "receiver": "v3", "loss_ratio": 1.0, "for_s": 0.3},
+    {"kind": "crash", "vehicle": "v4", "for_s": 2.0},
 )
 """Ten changes, one after the other."""
 Verdicts = dict[tuple[str, str, int], tuple[str, str, int]]

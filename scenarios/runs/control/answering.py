@@ -83,7 +83,7 @@ class LiveControl:
     def _taken(self, question: Question) -> Confirmation:
         """Take one change; raises ScenarioError that says why not."""
         if self._under_way is None:
-            raise ScenarioError(["the run has not started yet"])
+            raise ScenarioError([f"{self._vehicle} has not started yet"])
         (start_at, agenda), scenario = self._under_way, self._scenario
         at = self._effective_at(start_at, question.at_s)
         if at - start_at >= nanoseconds(scenario.duration_s):

@@ -139,7 +139,7 @@ def test_what_is_wrong_is_refused_in_a_line_and_nothing_is_done(
 )
 def test_before_and_after_the_run_nothing_is_changed(after_s: float, line: str) -> None:
     vehicle = Vehicle("v3", START + nanoseconds(after_s))
-    assert vehicle.ask(kind="cut").refused == ("the run has not started yet",)
+    assert vehicle.ask(kind="cut").refused == ("v3 has not started yet",)
     assert vehicle.begun().ask(kind="cut").refused == (line,)
     assert vehicle.agenda.take(START + 100 * SECOND) == []
 
