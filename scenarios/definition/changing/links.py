@@ -49,18 +49,27 @@ class _Spell:
         return isinstance(self.change, CutTable)
 
 
+Made = dict[tuple[float, float, float, bool], tuple[Effect, ...]]
+"""The effects of one link by what can be changed of it: loss, latency, jitter, and whether cut."""
+
+
 def course(
-    changes: Sequence[tuple[int, LinkChange]], table: LinkTable, effects_of: EffectsOf
+    changes: Sequence[tuple[int, LinkChange]],
+    table: LinkTable,
+    effects_of: EffectsOf,
+    *,
+    since: int = 0,
+    made: Made | None = None,
 ) -> tuple[ChangedEffects, ...]:
-    """Work out what a link that is asked for as `table` does from the first change on.
+    """Work out what a link that is asked for as `table` does from the instant `since` (ns) on.
 
     `changes` are those about it with their instants (ns), in order of time. A later one lies over
     an earlier one, key by key, and when it ends the earlier one holds again. A cut holds until it
-    ends or is healed, whatever else is changed.
+    ends or is healed, whatever else is changed. Effects are taken from `made`, or put there.
     """
+    made = {} if made is None else made
     spells = [_Spell.of(at, change) for at, change in changes]
     ends = {int(one.to_at) for one in spells if one.to_at < inf}
-    made: dict[tuple[float, float, float, bool], tuple[Effect, ...]] = {}
     found: list[ChangedEffects] = []
     active: list[_Spell] = []
     coming = iter([*spells, None])
@@ -70,6 +79,8 @@ def course(
             active = [] if isinstance(following.change, HealTable) else [*active, following]
             following = next(coming)
         active = [one for one in active if at < one.to_at]
+        if at < since:
+            continue
         asked, is_cut = _changed(table, active), any(one.is_cut for one in active)
         key = asked.loss_ratio, asked.latency_ms, asked.jitter_ms, is_cut
         if key not in made:

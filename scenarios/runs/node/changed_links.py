@@ -1,13 +1,16 @@
 """The incoming links of one vehicle, and what is changed of them while it drives."""
 
+from bisect import insort
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from operator import itemgetter
 
 from scenarios.definition.changing.asked import in_words
 from scenarios.definition.changing.links import (
     LINK_CHANGES,
     EffectsOf,
     LinkChange,
+    Made,
     course,
     links_of,
 )
@@ -16,13 +19,25 @@ from scenarios.runs.node.agenda import Due
 from transport.links.link import Link
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ChangingLink:
-    """One link, what is asked of it, and what makes its effects when it is another one."""
+    """One link, what is asked of it, and what makes its effects when it is another one.
+
+    `changes` are those about it with their instants (ns), in order of time.
+    """
 
     link: Link
     asked: LinkTable
     effects_of: EffectsOf
+    changes: list[tuple[int, LinkChange]] = field(default_factory=list)
+    made: Made = field(default_factory=dict)
+
+    def change(self, at: int, change: LinkChange) -> None:
+        """Change it from the instant `at` (ns) on; what it did before stays."""
+        insort(self.changes, (at, change), key=itemgetter(0))
+        before = [one for one in self.link.course if one.from_at < at]
+        after = course(self.changes, self.asked, self.effects_of, since=at, made=self.made)
+        self.link.course = (*before, *after)
 
 
 class ChangedLinks:
@@ -32,18 +47,11 @@ class ChangedLinks:
     it belongs to the channel: it outlives the vehicle's software, whose links are made anew.
     """
 
-    def __init__(
-        self, names: Sequence[str], scheduled: Iterable[Due], by_hand: Iterable[Due] = ()
-    ) -> None:
-        """`scheduled` are the changes of the scenario, `by_hand` those carried out before."""
+    def __init__(self, names: Sequence[str], scheduled: Iterable[Due]) -> None:
         self._names = names
         self._links: dict[tuple[str, str], ChangingLink] = {}
-        self._by_hand = list(by_hand)
-        self._changes = [
-            (due.at, due.change)
-            for due in (*scheduled, *self._by_hand)
-            if isinstance(due.change, LINK_CHANGES)
-        ]
+        self._scheduled = list(scheduled)
+        self._by_hand: list[Due] = []
 
     @property
     def by_hand(self) -> tuple[Due, ...]:
@@ -53,29 +61,21 @@ class ChangedLinks:
     def adopt(self, links: Iterable[ChangingLink]) -> None:
         """Change these links, in the place of those before."""
         self._links = {(one.link.sender, one.link.receiver): one for one in links}
-        if self._changes:
-            self._set_courses(self._links)
+        for due in (*self._scheduled, *self._by_hand):
+            self._change(due)
 
     def carry_out(self, due: Due) -> str:
         """Carry out what is due, if it is about links; returns what there is to say of it."""
         if not isinstance(due.change, LINK_CHANGES):
             return ""
-        about = links_of(due.change, self._names, self._links)
         if due.by_hand:
             self._by_hand.append(due)
-            self._changes.append((due.at, due.change))
-            self._set_courses(about)
+            self._change(due)
+        about = links_of(due.change, self._names, self._links)
         links = ", ".join(f"{sender} → {receiver}" for sender, receiver in about)
         return f"{links}: {in_words(due.change)}{', by hand' if due.by_hand else ''}"
 
-    def _set_courses(self, about: Iterable[tuple[str, str]]) -> None:
-        """Work out anew what becomes of some links."""
-        self._changes.sort(key=_at)
-        for pair in about:
-            one = self._links[pair]
-            mine = [two for two in self._changes if links_of(two[1], self._names, [pair])]
-            one.link.course = course(mine, one.asked, one.effects_of)
-
-
-def _at(one: tuple[int, LinkChange]) -> int:
-    return one[0]
+    def _change(self, due: Due) -> None:
+        if isinstance(due.change, LINK_CHANGES):
+            for pair in links_of(due.change, self._names, self._links):
+                self._links[pair].change(due.at, due.change)
