@@ -47,11 +47,14 @@ class ChangedLinks:
     it belongs to the channel: it outlives the vehicle's software, whose links are made anew.
     """
 
-    def __init__(self, names: Sequence[str], scheduled: Iterable[Due]) -> None:
+    def __init__(
+        self, names: Sequence[str], scheduled: Iterable[Due], by_hand: Iterable[Due] = ()
+    ) -> None:
+        """`scheduled` are the changes of the scenario, `by_hand` those carried out before."""
         self._names = names
         self._links: dict[tuple[str, str], ChangingLink] = {}
         self._scheduled = list(scheduled)
-        self._by_hand: list[Due] = []
+        self._by_hand = list(by_hand)
 
     @property
     def by_hand(self) -> tuple[Due, ...]:

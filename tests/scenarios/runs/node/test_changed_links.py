@@ -71,6 +71,9 @@ def test_one_by_one_is_all_at_once(
     changed.adopt(anew)
     assert said(anew) == said(links)
     assert list(changed.by_hand) == by_hand
+    in_another_process = [made(sender) for sender, _ in PAIRS]
+    ChangedLinks(NAMES, scheduled, changed.by_hand).adopt(in_another_process)
+    assert said(in_another_process) == said(links)
     for one in at_once:
         whole = course(one.changes, one.asked, one.effects_of)
         assert [two.from_at for two in whole] == [two.from_at for two in one.link.course]
