@@ -61,7 +61,10 @@ class RecordedVehicle:
         """
         name = vehicle or self.poses[0].vehicle
         shift = start_at - self.started_at - nanoseconds(ahead)
-        poses = [p for p in self.poses if p.measured_at_ns + shift >= start_at]
+        # A clock that was behind told of instants before the run's own start.
+        behind = max(0, self.started_at - min(p.measured_at_ns for p in self.poses))
+        poses = [p for p in self.poses if p.measured_at_ns + shift >= start_at - behind]
+        poses = [p for p in poses if p.sent_at_ns + shift >= start_at]
         truth = [t for t in self.truth if t.true_at_ns + shift >= start_at]
         messages: list[GpsPose | TruePose] = [
             replace(

@@ -84,6 +84,13 @@ def test_wall_clock_is_unix_time() -> None:
     assert abs(WallClock().now() - time.time_ns()) < 50 * MS
 
 
+def test_a_clock_goes_on_from_another_one_s_offset() -> None:
+    """Though the system's clock may have been set in between."""
+    clock = WallClock()
+    off = WallClock(offset=clock.offset + 5 * SECOND)
+    assert abs(off.now() - clock.now() - 5 * SECOND) < 50 * MS
+
+
 def test_a_step_of_the_system_clock_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = WallClock()
     before = clock.now()

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 from scenarios.definition.road.lead_speed import Limits, slowed
@@ -11,7 +12,7 @@ from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.path import Path
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SpeedPlan:
     """What a convoy's speed is over the time (s) of a run, and what it was meant to be.
 
@@ -28,17 +29,7 @@ class SpeedPlan:
 
     def changed(self, at: float, change: SpeedChangeTable) -> "SpeedPlan":
         """Plan another set speed from `at` (s) on, which the lead comes to as the change asks."""
-        wanted = _from(SpeedProfile((0.0,), (change.speed_mps,)), at)
-        station, (speed, _) = self.start + self.profile.distance(at), self.profile.at(at)
-        onward = self._onward(wanted, at, (station, speed), change.acceleration_mps2)
-        return SpeedPlan(
-            path=self.path,
-            start=self.start,
-            limits=self.limits,
-            until=self.until,
-            wanted=_joined(self.wanted, wanted, at),
-            profile=_joined(self.profile, onward, at),
-        )
+        return _changed(self, at, change)
 
     def setting_off(self, at: float, station: float, speed: float) -> SpeedProfile:
         """Speed of a car that is at `station` (m) with `speed` (m/s) at `at` (s), by itself.
@@ -46,19 +37,35 @@ class SpeedPlan:
         It comes to what is wanted as the lead may accelerate, and slows down before bends.
         """
         wanted = _from(self.wanted, at)
-        onward = self._onward(wanted, at, (station, speed), self.limits.acceleration)
+        onward = self.onward(wanted, at, (station, speed), self.limits.acceleration)
         return _from(onward, at)
 
-    def _onward(
+    def onward(
         self, wanted: SpeedProfile, at: float, here: tuple[float, float], acceleration: float
     ) -> SpeedProfile:
-        """Speed over time from `at` on of a car that is `here` (station and speed)."""
+        """Speed over time from `at` (s) on of a car that is `here` (station m, speed m/s)."""
         station, speed = here
         reached = approached(_shifted(wanted, -at), speed, acceleration)
         if station >= float(self.path.station[-1]):
             return _shifted(reached, at)
         span = max(self.until - at, 0.0)
         return _shifted(slowed(reached, self.path, station, self.limits, span), at)
+
+
+@lru_cache(maxsize=16)
+def _changed(plan: SpeedPlan, at: float, change: SpeedChangeTable) -> SpeedPlan:
+    """Work the plan out; of a scheduled change that is done when its scenario is read.
+
+    On a road with bends it takes tens of milliseconds, for which no vehicle has the time.
+    """
+    wanted = _from(SpeedProfile((0.0,), (change.speed_mps,)), at)
+    here = plan.start + plan.profile.distance(at), plan.profile.at(at)[0]
+    onward = plan.onward(wanted, at, here, change.acceleration_mps2)
+    return replace(
+        plan,
+        wanted=_joined(plan.wanted, wanted, at),
+        profile=_joined(plan.profile, onward, at),
+    )
 
 
 def approached(wanted: SpeedProfile, speed: float, acceleration: float) -> SpeedProfile:

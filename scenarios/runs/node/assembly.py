@@ -21,7 +21,7 @@ from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
 from scenarios.runs.node.changes import Changes
 from scenarios.runs.node.node import Handover, Node
 from scenarios.runs.node.outbox import Outbox
-from scenarios.runs.node.phases import Aboard, ByHand, Car, Down, Driving, Phase, Software
+from scenarios.runs.node.phases import Aboard, ByHand, Car, Down, Driving, Software, VehiclePhase
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.signals import instants_besides, make_receiver, make_sender
@@ -97,7 +97,7 @@ class VehicleBuilder:
         With a `handover` it is one whose process ended in a crash, and goes on from there.
         """
         setup, drive = self._setup, self._scenario.replays.get(self.name)
-        coming = scheduled(self._scenario.tables.change, start_at, self._concerns)
+        coming = scheduled(self._scenario.tables.change, start_at, self.concerns)
         by_hand = handover.changed_links if handover else ()
         self._changed = ChangedLinks(self._scenario.vehicle_names, coming, by_hand)
         clock = self._scenario.clock(self.name, start_at)
@@ -147,14 +147,14 @@ class VehicleBuilder:
         changes = Changes(Agenda(coming), self._changed)
         return Node(aboard, changes, self._first_phase(aboard))
 
-    def _first_phase(self, aboard: Aboard) -> Phase:
+    def _first_phase(self, aboard: Aboard) -> VehiclePhase:
         """Driven by its software, or by a human until it joins."""
         if self._scenario.joins_late(self.name):
             return ByHand(aboard, aboard.start_at)
         start_at = aboard.start_at
         return Driving(aboard, self._software(start_at, aboard, set_off=False))
 
-    def _concerns(self, change: AnyChange) -> bool:
+    def concerns(self, change: AnyChange) -> bool:
         """Whether this vehicle carries a change out."""
         return concerns(change, self.name, self._scenario.tables, self._scenario.links)
 

@@ -14,7 +14,7 @@ from scenarios.definition.schema.changes import (
 from scenarios.runs.node.agenda import Agenda, Due
 from scenarios.runs.node.changed_links import ChangedLinks
 from scenarios.runs.node.outbox import Outbox
-from scenarios.runs.node.phases import Phase
+from scenarios.runs.node.phases import VehiclePhase
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.positioning.fix_states import EVER
 from vehicles.schedule import SECOND, nanoseconds
@@ -41,7 +41,7 @@ class Changes:
         self.agenda = agenda
         self.links = links
 
-    def by(self, now: int, phase: Phase) -> Phase:
+    def by(self, now: int, phase: VehiclePhase) -> VehiclePhase:
         """Carry out what is due at the tick at `now` (ns); returns the phase of this tick.
 
         Raises CrashedError for a vehicle that does not come back.
@@ -50,7 +50,7 @@ class Changes:
             phase = self._carried_out(due, now, phase)
         return phase.at(now)
 
-    def _carried_out(self, due: Due, now: int, phase: Phase) -> Phase:
+    def _carried_out(self, due: Due, now: int, phase: VehiclePhase) -> VehiclePhase:
         aboard = phase.aboard
         if isinstance(due.change, LINK_CHANGES):
             aboard.outbox.publish_change(now, due, self.links.carry_out(due))
@@ -71,7 +71,7 @@ class Changes:
         return following
 
 
-def _phase_after(due: Due, now: int, phase: Phase) -> Phase | None:
+def _phase_after(due: Due, now: int, phase: VehiclePhase) -> VehiclePhase | None:
     """Return the phase that a change leads to, None if it has no effect in this one."""
     match due.change:
         case StallTable(for_s=for_s):

@@ -6,7 +6,7 @@ from scenarios.definition.road.set_speed import SpeedPlan
 from scenarios.runs.node.agenda import Agenda, Due
 from scenarios.runs.node.changes import Changes
 from scenarios.runs.node.outbox import Outbox, OutboxState
-from scenarios.runs.node.phases import Aboard, Car, Down, Phase
+from scenarios.runs.node.phases import Aboard, Car, Down, VehiclePhase
 from transport.clock import Tick
 from transport.links.inbox import Inbox, InboxCounts
 
@@ -33,7 +33,7 @@ class Handover:
 class Node:
     """A car, its sensors and its driver, with its incoming and its outgoing messages."""
 
-    def __init__(self, aboard: Aboard, changes: Changes, phase: Phase) -> None:
+    def __init__(self, aboard: Aboard, changes: Changes, phase: VehiclePhase) -> None:
         """`phase` is what it does at first, `changes` what is done to it."""
         self._aboard = aboard
         self._changes = changes

@@ -115,7 +115,7 @@ class Aboard:
         return command
 
 
-class Phase:
+class VehiclePhase:
     """One of them; what is done to a vehicle leads to another one, or has no effect (None)."""
 
     def __init__(self, aboard: Aboard) -> None:
@@ -125,31 +125,31 @@ class Phase:
         """Do what there is to do at the tick at `now` (ns); returns the command until the next."""
         raise NotImplementedError
 
-    def at(self, now: int) -> "Phase":  # noqa: ARG002
+    def at(self, now: int) -> "VehiclePhase":  # noqa: ARG002
         """Return the phase at `now` (ns): this one, unless it is over."""
         return self
 
     def replan(self, now: int) -> None:
         """Take note of another plan of the convoy's speed."""
 
-    def stalled(self, until: int) -> "Phase | None":  # noqa: ARG002
+    def stalled(self, until: int) -> "VehiclePhase | None":  # noqa: ARG002
         """Return the phase of a vehicle whose control does not run before `until` (ns)."""
         return None
 
-    def crashed(self, until: int) -> "Phase | None":
+    def crashed(self, until: int) -> "VehiclePhase | None":
         """Return the phase of one whose software starts anew at `until` (ns)."""
         return Down(self.aboard, until)
 
-    def left(self, now: int) -> "Phase | None":
+    def left(self, now: int) -> "VehiclePhase | None":
         """Return the phase of one whose human takes over."""
         return ByHand(self.aboard, now)
 
-    def joined(self, now: int) -> "Phase | None":  # noqa: ARG002
+    def joined(self, now: int) -> "VehiclePhase | None":  # noqa: ARG002
         """Return the phase of one whose software takes over."""
         return None
 
 
-class Driving(Phase):
+class Driving(VehiclePhase):
     """Its software drives: the heart of a vehicle."""
 
     def __init__(self, aboard: Aboard, software: Software) -> None:
@@ -179,12 +179,12 @@ class Driving(Phase):
         """Drive the speed that is planned now."""
         self.aboard.follow_the_plan(now, self.software.law, alone=self.software.alone)
 
-    def stalled(self, until: int) -> Phase:
+    def stalled(self, until: int) -> VehiclePhase:
         """Return the phase of one whose control does not run before `until` (ns)."""
         return Stalled(self, until)
 
 
-class Stalled(Phase):
+class Stalled(VehiclePhase):
     """Its control does not run: the car keeps its command, and messages wait."""
 
     def __init__(self, driving: Driving, until: int) -> None:
@@ -197,7 +197,7 @@ class Stalled(Phase):
         self.aboard.inbox.pass_by(now, self.aboard.car.whereabouts)
         return self.aboard.idle(now, self.aboard.car.command)
 
-    def at(self, now: int) -> Phase:
+    def at(self, now: int) -> VehiclePhase:
         """Return the phase at `now` (ns): the software goes on where it was, or begins."""
         if now < self._until:
             return self
@@ -208,12 +208,12 @@ class Stalled(Phase):
         """Drive the speed that is planned now, afterwards."""
         self._driving.replan(now)
 
-    def stalled(self, until: int) -> Phase:
+    def stalled(self, until: int) -> VehiclePhase:
         """Return the phase of one that stalls until `until` (ns) as well."""
         return Stalled(self._driving, max(until, self._until))
 
 
-class Down(Phase):
+class Down(VehiclePhase):
     """Its software is lost: the car brakes to a standstill with its wheels as they were."""
 
     def __init__(self, aboard: Aboard, until: int) -> None:
@@ -226,7 +226,7 @@ class Down(Phase):
         self.aboard.inbox.let_go(now, car.whereabouts)
         return self.aboard.idle(now, Actuation(car.command.steering, -BRAKING))
 
-    def at(self, now: int) -> Phase:
+    def at(self, now: int) -> VehiclePhase:
         """Return the phase at `now` (ns): new software once the time is over."""
         if now < self.until:
             return self
@@ -237,7 +237,7 @@ class Down(Phase):
         """Nothing is left that could crash."""
 
 
-class ByHand(Phase):
+class ByHand(VehiclePhase):
     """A human drives by what he sees, not by what is received, and nothing is sent.
 
     He keeps to the road as the lead does, by the same steering law, and knows where he is. His
@@ -266,6 +266,6 @@ class ByHand(Phase):
     def left(self, now: int) -> None:
         """It has left already."""
 
-    def joined(self, now: int) -> Phase:
+    def joined(self, now: int) -> VehiclePhase:
         """Return the phase of one whose software takes over."""
         return Driving.anew(self.aboard, now)

@@ -117,6 +117,9 @@ class Conductor:
             if crash.for_s is not None:
                 back_at = change.effective_at_ns + nanoseconds(crash.for_s)
                 self._excused[change.vehicle] = back_at + RESTART_NS
+                # If the run ends meanwhile, its new process has to come up for its last words.
+                again_at = change.effective_at_ns + RESTART_NS
+                self._patient_from = max(self._patient_from, again_at)
 
     def missing(self) -> list[str]:
         """Vehicles that are not present."""

@@ -118,6 +118,8 @@ def test_processes_and_virtual_time_agree_until_something_came_late(
     assert sorted(kinds) == ["crash", "gnss", "join", "leave", *["speed"] * 5, "stall"]
     for name in wall.truths:
         assert sent(wall, name) == sent(virtual, name), name
+    assert wall.summary["recorder_rejected_messages"] == {}
+    assert not any(row["missing_poses"] for row in wall.summary["vehicles"])
     assert_sound(wall.log)
 
 

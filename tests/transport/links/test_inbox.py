@@ -16,7 +16,7 @@ from transport.clock import ticks
 from transport.codec import encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
 from transport.links.inbox import QUEUE, WINDOW, Inbox
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import NOWHERE, Passage
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 from vehicles.schedule import SECOND, instant
@@ -371,3 +371,54 @@ def test_no_rounding_puts_a_number_ahead_of_its_schedule(rate_hz: float, k: int)
 
 def test_the_keys_to_listen_to() -> None:
     assert ear(RULES).keys == ["convoy/lead/gps", "convoy/follower_1/gps"]
+
+
+# ---- Nobody listens for a time
+
+
+def feed(box: Inbox, *poses: GpsPose) -> None:
+    for one in poses:
+        box.on_bytes(key(one.vehicle, GPS), encode(one))
+
+
+def test_what_was_sent_while_nobody_listened_is_not_heard() -> None:
+    box = ear()
+    feed(box, pose(0), pose(1))
+    assert [one.seq for one in box.take(START + 100 * MS)] == [0, 1]
+    feed(box, pose(2), pose(3))
+    box.let_go(START + 150 * MS, NOWHERE)  # of which the fourth was sent right then
+    feed(box, pose(4), pose(6))  # and this tick is late: one was sent after it
+    box.let_go(START + 200 * MS, NOWHERE)
+    links = inbox_of("follower_2", {"lead": LinkTable(latency_ms=20.0)}, start_at=START).links
+    box.listen_anew(links.values(), START + 260 * MS)
+    feed(box, pose(5), pose(7))  # of which the first was sent before
+    assert [one.seq for one in box.take(START + 400 * MS)] == [6, 7]
+    assert box.heard == 4
+    assert [one.seq for one in box.verdicts()] == [0, 1, 2, 3]
+    assert not box.rejected
+    assert box.late == 0
+
+
+def test_what_comes_while_control_stalls_is_heard_afterwards_and_not_late() -> None:
+    box = ear()
+    box.take(START)
+    for seq in range(5):
+        feed(box, pose(seq))
+        box.pass_by(START + seq * 50 * MS, NOWHERE)
+    assert [one.seq for one in box.take(START + 300 * MS)] == [0, 1, 2, 3, 4]
+    assert box.late == 0
+
+
+def test_an_inbox_goes_on_from_the_counts_of_another() -> None:
+    box = ear({"lead": LinkTable(latency_ms=20.0, loss_ratio=1.0)})
+    feed(box, pose(0), pose(1), pose(1))
+    box.take(START + 100 * MS)
+    other = inbox_of("follower_2", {"lead": LinkTable()}, start_at=START)
+    other = Inbox("follower_2", other.links.values(), start_at=START, before=box.counts)
+    assert (other.dropped, other.heard, other.late) == (2, 0, 0)
+    assert other.rejected == box.rejected == {"duplicate": 1}
+    assert other.rejections() == []
+    feed(other, pose(2))
+    other.take(START + 200 * MS)
+    assert [one.seq for one in other.verdicts()] == [2]
+    assert other.heard == 1

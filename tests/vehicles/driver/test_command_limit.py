@@ -47,3 +47,8 @@ def test_the_controller_s_parts_are_kept() -> None:
     command = CommandLimit(RATE, PERIOD, LARGEST).held_back(SteeringCommand(0.3, 0.2, 0.1))
     assert (command.feedforward, command.feedback) == (0.2, 0.1)
     assert command.steering == pytest.approx(RATE * PERIOD)
+
+
+def test_whoever_takes_over_goes_on_from_the_command_that_the_car_has() -> None:
+    limit = CommandLimit(1.0, 0.02, 0.5, first=0.3)
+    assert limit.held_back(SteeringCommand(0.0, 0.0, 0.0)).steering == pytest.approx(0.28)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     BEND_RATE,
+    CORRECTION_MAX,
     DAMPING,
     GAP_STIFFNESS,
     LEAD_SHARE,
@@ -292,6 +293,14 @@ def test_a_speed_error_decays_at_the_stated_rate() -> None:
         speed += PERIOD * law.command(tick(k), at_speed(speed), VehiclesAhead()).acceleration
     assert 20.0 - speed == pytest.approx(2.0 * (1.0 - PROFILE_CORRECTION * PERIOD) ** 50)
     assert 20.0 - speed == pytest.approx(2.0 * math.exp(-PROFILE_CORRECTION), rel=0.01)
+
+
+def test_a_car_that_stood_while_the_others_drove_sets_off_like_a_car() -> None:
+    law = ProfileSpeed(SpeedProfile((0.0,), (20.0,)), START, PERIOD)
+    assert law.command(tick(5), at_speed(0.0), VehiclesAhead()).acceleration == CORRECTION_MAX
+    law.follow(SpeedProfile((0.0,), (1.0,)))
+    assert law.command(tick(6), at_speed(0.0), VehiclesAhead()).acceleration == pytest.approx(0.5)
+    assert law.command(tick(7), at_speed(9.0), VehiclesAhead()).acceleration == -CORRECTION_MAX
 
 
 @given(

@@ -27,6 +27,7 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from transport import convoy_pb2
 from vehicles.geometry.geodesy import LocalPlane
+from vehicles.schedule import SECOND
 
 INSTANTS = 100
 OVERRIDES = [
@@ -207,3 +208,15 @@ def test_the_way_left_is_that_of_the_last_lap() -> None:
 
 def test_no_places_and_one_place_leave_no_way() -> None:
     assert way_left([], (0.0, 0.0)) == way_left([(3.0, 4.0)], (0.0, 0.0)) == 0.0
+
+
+def test_the_age_of_what_was_heard_is_that_by_the_vehicle_s_own_clock(tmp_path: Path) -> None:
+    clocks = ["vehicle.v2.clock={offset_ms=150.0}", "vehicle.v3.clock={offset_ms=-400.0}"]
+    run_virtual(load_scenario("lane_change", ["duration_s=3.0", *clocks]), tmp_path, Stop())
+    record = RecordedKnowledge.of(tmp_path / "run.mcap", "v3")
+    decision = record.decisions[100]
+    told = record.at((decision.decided_at_ns - record.start_at) / SECOND)
+    ages = {source.sender: source.age_s for source in told.sources}
+    assert ages["v1"] == pytest.approx(decision.lead_age_s)
+    assert ages["v2"] == pytest.approx(decision.predecessor_age_s)
+    assert decision.predecessor_age_s < -0.4

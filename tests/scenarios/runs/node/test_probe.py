@@ -2,7 +2,7 @@ import time
 
 import pytest
 
-from scenarios.runs.node.probe import NoProbe, ProcessProbe, Usage
+from scenarios.runs.node.probe import Lateness, NoProbe, ProcessProbe, Usage
 
 MS = 1_000_000
 
@@ -15,6 +15,13 @@ def test_a_tick_is_late_from_more_than_the_allowance_on() -> None:
     assert usage.late_ticks == 2
     assert usage.lateness_ms_max == pytest.approx(25.0)
     assert probe.read().late_ticks == 2
+
+
+def test_a_process_that_starts_anew_goes_on_counting() -> None:
+    probe = ProcessProbe(10 * MS, Lateness(3, 40 * MS))
+    probe.tick_began(25 * MS)
+    assert probe.lateness == Lateness(4, 40 * MS)
+    assert probe.read().late_ticks == 4
 
 
 def test_the_memory_is_that_of_this_process() -> None:

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenarios.definition.schema.changes import CrashTable
 from scenarios.runs.processes.conductor import (
     DEATH_AFTER_NS,
     FINAL_COUNTERS_NS,
@@ -17,6 +18,7 @@ from scenarios.runs.processes.conductor import (
 )
 from scenarios.runs.processes.router_watch import LAST_MOMENT_NS, ROUTER_LOST_AFTER_NS
 from tests.made.scenarios.messages import START, at, health, tracking
+from vehicles.messages import Change
 from vehicles.schedule import SECOND
 
 PERIOD_NS = SECOND // 20
@@ -419,3 +421,59 @@ def test_every_run_ends(history: list[Event], *, goes_on: bool) -> None:
         dead = {line.split()[0] for line in told.lines if " died " in line}
         assert finished | dead >= set(CONVOY)
         assert goes_on or not any(" left " in line for line in told.lines)
+
+
+# ---- A crash that was asked for
+
+
+def crash(vehicle: str, seconds: float, for_s: float | None, table: str = "") -> Change:
+    change = CrashTable(kind="crash", vehicle=vehicle, at_s=1.0, for_s=for_s)
+    return Change(
+        vehicle=vehicle,
+        seq=0,
+        effective_at_ns=at(seconds),
+        kind="crash",
+        by_hand=False,
+        table=table or change.model_dump_json(exclude_none=True),
+    )
+
+
+@pytest.mark.parametrize(
+    ("said", "back_s", "reason"),
+    [
+        (crash("v2", 6.0, 3.0), 9.5, ""),
+        (crash("v2", 6.0, 3.0), None, "v2 died"),
+        (crash("v2", 6.0, None), 9.5, "v2 died"),
+        (crash("v3", 6.0, 3.0), 9.5, "v2 died"),
+        (crash("v2", 6.0, 3.0, table="nonsense"), 9.5, "v2 died"),
+    ],
+    ids=["is back", "stays away", "for good", "another one", "nonsense"],
+)
+def test_one_that_starts_anew_as_asked_is_waited_for(
+    said: Change, back_s: float | None, reason: str
+) -> None:
+    conductor = play(*ALL_COME, until=6.0).conductor
+    conductor.listen(at(6.0), said)
+    conductor.presence("v2", alive=False, at=at(6.1))
+    for now in range(at(6.0), at(20.0), PERIOD_NS):
+        if back_s is not None and now == at(back_s):
+            conductor.presence("v2", alive=True, at=now)
+        conductor.advance(now, connected=True)
+    assert conductor.reason.startswith(reason)
+    assert (conductor.phase is Phase.OVER) == bool(reason)
+
+
+def test_one_that_is_down_at_the_end_has_time_for_its_last_words() -> None:
+    conductor = play(*ALL_COME, until=ENDED - 0.2).conductor
+    conductor.listen(at(ENDED - 0.2), crash("v2", ENDED - 0.2, 60.0))
+    conductor.presence("v2", alive=False, at=at(ENDED - 0.1))
+    for name in ("v1", "v3"):
+        conductor.listen(at(ENDED), health(name, seconds=ENDED, final=True))
+    for now in range(at(ENDED), at(ENDED + 5.0), PERIOD_NS):
+        conductor.advance(now, connected=True)
+    assert conductor.phase.name == "RUNNING"
+    conductor.listen(at(ENDED + 5.0), health("v2", seconds=ENDED, final=True))
+    conductor.presence("v2", alive=True, at=at(ENDED + 5.0))
+    conductor.advance(at(ENDED + 5.0), connected=True)
+    assert conductor.phase is Phase.OVER
+    assert conductor.reason == ""

@@ -204,3 +204,48 @@ def test_the_stated_deviation_is_what_errors_scatter_by(campaign: int) -> None:
     each = [off(fixes(errors(made, place), 0.04, seed=place)[0]) for place in range(campaign)]
     size = 2 * campaign
     assert np.std(each) == pytest.approx(made.deviation("fixed"), rel=5.0 / math.sqrt(2.0 * size))
+
+
+def forced_between(found: ReceiverErrors, state: ReceiverState, *, plain: bool) -> list[Fix | None]:
+    """Three seconds of a receiver upon which a state is forced for the second one."""
+    gnss = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1), found, plain=plain)
+    gnss.force(state, START + SECOND, START + 2 * SECOND)
+    return [gnss.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
+
+
+@pytest.mark.parametrize("state", ["float", "none"])
+def test_a_plain_receiver_is_itself_again_after_a_forced_state(state: ReceiverState) -> None:
+    plain = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1))
+    usual = [plain.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
+    poor = model(StateErrors(0.02), StateErrors(0.4))
+    found = forced_between(errors(poor), state, plain=True)
+    assert found[:20] == usual[:20]
+    assert found[40:] == usual[40:]
+    for fix, before in zip(found[20:40], usual[20:40], strict=True):
+        assert before is not None
+        if state == "none":
+            assert fix is None
+            continue
+        assert fix is not None  # the same draws, twenty times as large
+        assert fix.state == "float"
+        assert off(fix) == pytest.approx(tuple(20.0 * one for one in off(before)))
+
+
+def test_a_law_of_states_goes_on_unseen_while_another_one_is_forced() -> None:
+    law = StateSchedule("fixed", [(0.5, "float"), (1.5, "single"), (2.5, "fixed")], START)
+    found = forced_between(errors(model(), states=law), "fixed", plain=False)
+    states = [fix.state for fix in found if fix is not None]
+    assert (
+        states
+        == ["fixed"] * 10 + ["float"] * 10 + ["fixed"] * 20 + ["single"] * 10 + ["fixed"] * 10
+    )
+
+
+def test_force_ends_when_it_is_said_so() -> None:
+    gnss = GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1), errors(model()))
+    gnss.force("none", START)
+    assert gnss.measure(BODY, START) is None
+    gnss.force(None, START)
+    assert gnss.measure(BODY, START + 50 * MILLISECOND) is not None
+    with pytest.raises(ValueError, match="white noise alone"):
+        GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1)).force("float", START)

@@ -1,0 +1,39 @@
+"""A clock that is off: what it reads, and how old it makes what is received."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.made.scenarios.messages import gps
+from vehicles.car.clock_error import VehicleClock
+
+START = 1_700_000_000_000_000_000
+errors = st.integers(-10_000_000_000, 10_000_000_000)
+drifts = st.sampled_from([-1000.0, -20.0, 0.0, 3.5, 1000.0])
+
+
+@given(errors, drifts, st.integers(0, 10**13))
+def test_it_is_off_by_its_offset_and_what_has_drifted_since(
+    offset: int, drift: float, since: int
+) -> None:
+    clock = VehicleClock(START, offset, drift)
+    assert clock.error(START) == offset
+    assert abs(clock.error(START + since) - offset - drift * since / 1e6) <= 1
+    assert clock.stamped(START + since) == START + since + clock.error(START + since)
+
+
+@given(errors, errors, drifts, st.integers(0, 10**12))
+def test_an_age_is_the_difference_of_two_clocks(
+    mine: int, theirs: int, drift: float, since: int
+) -> None:
+    sender, receiver = VehicleClock(START, theirs), VehicleClock(START, mine, drift)
+    measured_at, now = START + since, START + since + 70_000_000
+    pose = gps("v1", 0)
+    pose.measured_at_ns = sender.stamped(measured_at)
+    (judged,) = receiver.judged(now, [pose])
+    assert now - judged.measured_at_ns == receiver.stamped(now) - sender.stamped(measured_at)
+    assert judged.sent_at_ns == pose.sent_at_ns
+
+
+def test_a_true_clock_leaves_all_as_it_is() -> None:
+    poses = [gps("v1", 0)]
+    assert VehicleClock(START).judged(START, poses) is poses
