@@ -67,6 +67,11 @@ def clock_key(vehicle: str) -> str:
     return f"convoy/@clock/{vehicle}"
 
 
+def control_key(vehicle: str) -> str:
+    """Where a vehicle can be asked to change something while it drives, or the run how it goes."""
+    return f"convoy/@control/{vehicle}"
+
+
 def alive_key(role: str, name: str, fingerprint: str, session: str) -> str:
     """Liveliness token of a member of the run; no subscription to messages matches it."""
     return f"convoy/@alive/{role}/{name}/{fingerprint}/{session}"

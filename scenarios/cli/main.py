@@ -16,6 +16,7 @@ import click
 
 from scenarios.cli import logs, run, scenario, study
 from scenarios.cli.channel.commands import channel
+from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
 
@@ -55,6 +56,15 @@ for command in (
     logs.report,
     logs.explain,
     channel,
+    control.link,
+    control.cut,
+    control.heal,
+    control.gnss,
+    control.stall,
+    control.kill,
+    control.speed,
+    control.status,
+    control.scenario_from,
     study.reproduce,
     reference,
 ):

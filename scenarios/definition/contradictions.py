@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from scenarios.definition.changing.links import link_change_problems
 from scenarios.definition.channel.content import content_problems
 from scenarios.definition.channel.delay import delay_problems
 from scenarios.definition.channel.loss import loss_problems
@@ -48,6 +49,7 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     yield from _names(tables)
     yield from _links(tables)
     yield from content_problems(tables)
+    yield from link_change_problems(tables)
     yield from _channels(tables)
     yield from _senders(tables)
     yield from _speed(tables)

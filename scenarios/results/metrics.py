@@ -7,6 +7,7 @@ from math import inf, isfinite
 from typing import Any
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
+from scenarios.definition.changing.asked import changed_links
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import sends_every_instant
@@ -211,9 +212,11 @@ class Metrics:
             figures.cpu_count += 1
 
     def _add_change(self, _: VehicleFigures, change: Change) -> None:
-        """From now on its poses come by no schedule, if the vehicle itself was changed."""
+        """From now on its poses come by no schedule, or links are not as they were asked for."""
         if change.kind in VEHICLE_CHANGES:
             self._rates_hz[change.vehicle] = None
+        for pair in changed_links(change.table, self._names, self._requested):
+            self.links[pair].changed |= pair[1] == change.vehicle
 
     def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict) -> None:
         if (verdict.sender, verdict.vehicle) not in self._requested:
@@ -335,6 +338,9 @@ class Metrics:
         """Say which links did something else than was asked of them, beyond sampling error."""
         for link in sorted(self._requested, key=self._order):
             yield from misses(link, self._requested[link], self.links[link])
+        if changed := [f"{a} → {b}" for (a, b), one in sorted(self.links.items()) if one.changed]:
+            these = ", ".join(changed)
+            yield f"changed during the run, so not held against what was asked: {these}"
 
 
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:

@@ -2,6 +2,7 @@
 
 node/        one vehicle, the same on the wall clock and in virtual time
 processes/   a process per vehicle, router, recorder, and what keeps them together
+control/     a convoy that drives, found, looked at and changed by hand
 virtual      all vehicles in one process, as fast as it goes
 step_order   whose turn it is in virtual time
 rehearsal    a virtual run whose drives stay in memory

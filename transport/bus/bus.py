@@ -25,8 +25,8 @@ class Member:
     session: str
 
 
-Answer = Callable[[], bytes]
-"""Gives the answer to a question, on a thread of the bus; must be quick and never raise."""
+Answer = Callable[[bytes], bytes]
+"""Answers what is asked, on a thread of the bus; must be quick and never raise."""
 AliveHandler = Callable[[Member, bool], None]
 """Is given a member and whether it is alive; may be called twice with the same."""
 
@@ -54,8 +54,8 @@ class Bus(Protocol):
     def answer(self, key: str, answer: Answer) -> None:
         """Answer each question for `key`, until this bus closes."""
 
-    def ask(self, key: str, timeout_s: float) -> bytes | None:
-        """Return the answer to the question for `key`; None if nobody gives one in time."""
+    def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:
+        """Return the answer to a question for `key`; None if nobody gives one in time."""
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         """Announce a member as alive, until this bus closes or its process ends."""

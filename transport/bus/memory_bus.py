@@ -62,9 +62,9 @@ class MemoryNetwork:
         """Answer questions for `key` until `bus` leaves."""
         self._answers[key] = bus, answer
 
-    def ask(self, key: str) -> bytes | None:
-        """Return the answer to the question for `key`, if anyone gives one."""
-        return self._answers[key][1]() if key in self._answers else None
+    def ask(self, key: str, question: bytes) -> bytes | None:
+        """Return the answer to a question for `key`, if anyone gives one."""
+        return self._answers[key][1](question) if key in self._answers else None
 
     def announce(self, bus: object, member: Member) -> None:
         """Note that `member` is alive until `bus` leaves."""
@@ -116,9 +116,9 @@ class MemoryBus(Closing):
         """Answer each question for `key`, until this bus closes."""
         self._network.answer(self, key, answer)
 
-    def ask(self, key: str, timeout_s: float) -> bytes | None:  # noqa: ARG002
-        """Return the answer to the question for `key`; None if nobody gives one."""
-        return self._network.ask(key)
+    def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:  # noqa: ARG002
+        """Return the answer to a question for `key`; None if nobody gives one."""
+        return self._network.ask(key, question)
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         """Announce a member as alive, until this bus closes."""

@@ -90,15 +90,22 @@ class ZenohBus(Closing):
         """Answer each question for `key`, on a thread of its own, until this bus closes."""
 
         def reply(query: zenoh.Query) -> None:
-            query.reply(key, answer())
+            question = b"" if query.payload is None else query.payload.to_bytes()
+            try:
+                query.reply(key, answer(question))
+            except Exception:  # one bad question must not be the last one
+                logger.exception("answer for %s failed", key)
 
         with _as_bus_error(f"cannot answer for {key}"):
             self._declared.append(self._session.declare_queryable(key, reply))
 
-    def ask(self, key: str, timeout_s: float) -> bytes | None:
-        """Return the answer to the question for `key`; None if nobody gives one in time."""
+    def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:
+        """Return the answer to a question for `key`; None if nobody gives one in time."""
         with _as_bus_error(f"cannot ask for {key}"):
-            for reply in self._session.get(key, timeout=timeout_s, priority=_URGENT):
+            replies = self._session.get(
+                key, timeout=timeout_s, priority=_URGENT, payload=question or None
+            )
+            for reply in replies:
                 if reply.ok is not None:
                     return reply.ok.payload.to_bytes()
         return None

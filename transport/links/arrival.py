@@ -164,7 +164,8 @@ class ContentStage:
             return []
         if law.delay is not None:
             return [Further(judged.visible_at + law.delay, COPY, pose)]
-        own = combine(self.link.chain, draw_of_copy(draw), passage)
+        effects = self.link.effects_at(passage.sent_at)
+        own = combine(effects, draw_of_copy(draw), passage)
         return [Further(max(judged.visible_at, own.visible_at), COPY, pose)]
 
     def _ghosts(self, judged: Verdict, sent: GpsPose) -> list[Further]:

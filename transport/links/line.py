@@ -14,13 +14,13 @@ class Line:
     def __init__(self, link: Link) -> None:
         """Begin with the stages of `link` empty."""
         self._stages = [law.stage() for law in link.stages]
-        self._floor = link.floor
+        self._link = link
         self._coming: list[tuple[int, int, Carried]] = []
         self._newest = -1
 
     def is_missed(self, passage: Passage, tick: int) -> bool:
         """Whether what was sent with this message was let through by the tick at `tick` (ns)."""
-        return passage.sent_at + self._floor <= tick
+        return passage.sent_at <= self._link.visible_until(tick)
 
     def has_passed(self, passage: Passage) -> bool:
         """Whether a later message than this one was let through: it can no longer come in line."""
@@ -33,7 +33,7 @@ class Line:
 
     def settle(self, now: int) -> list[tuple[Passage, Verdict]]:
         """Give the messages whose fate is known by the tick at `now` (ns)."""
-        until = now - self._floor
+        until = self._link.visible_until(now)
         moved = []
         while self._coming and self._coming[0][0] <= until:
             _, self._newest, one = heappop(self._coming)

@@ -1,13 +1,16 @@
 """What a directed radio link does to a message: a pure verdict, deliver at an instant or drop.
 
-The verdict on message `seq` depends on the seed, the link and `seq` alone, never on the order in
-which messages came, on other links or on whether `seq - 1` arrived. So a run on the wall clock and
-a run in virtual time judge alike.
+The verdict on message `seq` depends on the seed, the link and `seq` alone, and where the link is
+changed during the run on when the message was sent; never on the order in which messages came, on
+other links or on whether `seq - 1` arrived. So a run on the wall clock and a run in virtual time
+judge alike.
 """
 
-from collections.abc import Iterable
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from hashlib import blake2b
+from operator import attrgetter
 from typing import Literal
 
 from transport.links.laws.effect import Draw, Effect, Passage
@@ -16,6 +19,8 @@ from transport.links.laws.queue import StageLaw
 from transport.reasons import DropReason
 from vehicles.messages import Outcome
 
+_EVER_SINCE, _FOR_EVER = -(2**63), 2**63 - 1
+"""Before and after any instant (ns) of a run."""
 _STEPS = 2**52  # so that (k + 1/2) / _STEPS is exact in a double and lies strictly inside (0, 1)
 
 
@@ -57,10 +62,31 @@ def combine(chain: Iterable[Effect], draw: Draw, passage: Passage) -> Verdict:
 
 
 @dataclass(frozen=True, slots=True)
+class ChangedEffects:
+    """What a link does to what is sent from the instant `from_at` (ns) on, until the next change.
+
+    `floor` is the least delay in ns, which the wire has to beat.
+    """
+
+    from_at: int
+    effects: tuple[Effect, ...]
+    floor: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Add up the least delay."""
+        floors = (one.floor for one in self.effects if isinstance(one, Latency))
+        object.__setattr__(self, "floor", sum(floors))
+
+
+_from_at = attrgetter("from_at")
+
+
+@dataclass(slots=True)
 class Link:
     """A directed link of a run: judges the messages of one sender on their way to one receiver.
 
     Its effects judge each message by itself; what `stages` add depends on the others, see Line.
+    `course` says what it does from when on, in order of time, where it was changed.
     """
 
     chain: tuple[Effect, ...]
@@ -68,17 +94,37 @@ class Link:
     sender: str
     receiver: str
     stages: tuple[StageLaw, ...] = ()
+    course: Sequence[ChangedEffects] = ()
     draw: Draw = field(init=False, repr=False, compare=False)
+    _unchanged: ChangedEffects = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Key the draws."""
-        object.__setattr__(self, "draw", keyed_draw(self.seed, self.sender, self.receiver))
+        self.draw = keyed_draw(self.seed, self.sender, self.receiver)
+        self._unchanged = ChangedEffects(_EVER_SINCE, self.chain)
 
-    @property
-    def floor(self) -> int:
-        """The least delay in ns, which the wire has to beat."""
-        return sum(effect.floor for effect in self.chain if isinstance(effect, Latency))
+    def effects_at(self, sent_at: int) -> tuple[Effect, ...]:
+        """The effects on what is sent at an instant (ns)."""
+        place = bisect_right(self.course, sent_at, key=_from_at)
+        return self.course[place - 1].effects if place else self.chain
 
     def judge(self, passage: Passage) -> Verdict:
         """Judge one message by the effects."""
-        return combine(self.chain, self.draw, passage)
+        return combine(self.effects_at(passage.sent_at), self.draw, passage)
+
+    def visible_until(self, now: int) -> int:
+        """The last instant (ns) at which something can have been sent that is visible by `now`.
+
+        Where the least delay changes that may leave out what was sent shortly before: with a link
+        that has become faster it can be overtaken.
+        """
+        if not self.course:
+            return now - self._unchanged.floor
+        spells = [self._unchanged, *self.course]
+        ends = [*(one.from_at for one in self.course), _FOR_EVER]
+        found = (
+            min(end - 1, now - spell.floor)
+            for spell, end in zip(spells, ends, strict=True)
+            if spell.from_at < end and spell.from_at + spell.floor <= now
+        )
+        return max(found)

@@ -1,5 +1,6 @@
 """The effects of a directed link, from what its table asks for."""
 
+from collections.abc import Sequence
 from fractions import Fraction
 
 from scenarios.definition.channel.content import content_effects
@@ -21,18 +22,21 @@ def link_effects(
     source_rate_hz: float,
     setting: LinkSetting = UNSET,
     between: Between = nobody,
+    besides: Sequence[Effect] = (),
 ) -> tuple[Effect, ...]:
     """Impairments that `table` asks of a link whose sender sends at `source_rate_hz`.
 
     The first that drops a message names the reason. `setting` is what some need of the run,
-    `between` says which vehicles drive between sender and receiver.
+    `between` says which vehicles drive between sender and receiver, `besides` is what else the link
+    does to messages that it carries by its rate.
     """
     if again := earlier_run(table):
-        return again
+        return (*again, *besides)
     found: list[Effect] = []
     if table.rate_hz is not None and table.rate_hz < source_rate_hz:
         found.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
     found += vehicles_off(setting)
+    found += besides
     found += outages(table.outages or (), setting)
     if table.loss_ratio > 0.0:
         found.append(Loss(table.loss_ratio))

@@ -1,6 +1,7 @@
 """Which entries of a scenario are about a directed link, and what is asked of it in the end."""
 
 from collections.abc import Iterator, Sequence
+from typing import Protocol
 
 from scenarios.definition.links import directed_links
 from scenarios.definition.schema.links import LinkEntry, LinkTable
@@ -17,7 +18,19 @@ A vehicle that has such a name is meant by it before the role is.
 _BY_NAME, _BY_ROLE, _BY_ANY = 2, 1, 0
 
 
-def specificity(entry: LinkEntry, names: Sequence[str], sender: str, receiver: str) -> int | None:
+class Ends(Protocol):
+    """Says about which links something is."""
+
+    @property
+    def sender(self) -> str:
+        """A vehicle's name, a role, or "*"."""
+
+    @property
+    def receiver(self) -> str:
+        """Likewise."""
+
+
+def specificity(entry: Ends, names: Sequence[str], sender: str, receiver: str) -> int | None:
     """How specific an entry is about a link of a convoy of `names`, None if it is about others.
 
     Each end counts 2 by name, 1 by role and 0 for "*".

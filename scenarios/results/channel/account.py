@@ -128,8 +128,21 @@ def link_summary(
 
 
 def _expected(requested: LinkTable, tally: LinkTally) -> ExpectedChannel:
-    """What the link should do; no loss is expected where a vehicle's own radio was off."""
+    """What the link should do; no loss is expected where a vehicle's own radio was off.
+
+    Nothing is expected of a link that was changed during the run.
+    """
     expected = expected_channel(requested)
+    if tally.changed:
+        return ExpectedChannel(
+            loss_ratio=None,
+            burst_messages=None,
+            latency_ms_mean=None,
+            latency_ms_deviation=None,
+            loss_inflation=expected.loss_inflation,
+            latency_inflation=expected.latency_inflation,
+            settles=False,
+        )
     if OF_VEHICLES & tally.dropped.keys():
         return replace(expected, loss_ratio=None, burst_messages=None)
     return expected

@@ -23,7 +23,10 @@ _LOST, _DELIVERED, _NOT_CARRIED = 1, 2, 3
 
 @dataclass(slots=True)
 class LinkTally:
-    """What became of the messages of a link, and how old its source was when it was used."""
+    """What became of the messages of a link, and how old its source was when it was used.
+
+    `changed` says that the link was another one than was asked for, for some of the run.
+    """
 
     heard: int = 0
     late: int = 0
@@ -37,6 +40,7 @@ class LinkTally:
     arrival_gaps: Counter[int] = field(default_factory=Counter)
     ages: Counter[int] = field(default_factory=Counter)
     commands: int = 0
+    changed: bool = False
     _fates: bytearray = field(default_factory=bytearray)
     _newest: int = -1
     _heard_at: int | None = None

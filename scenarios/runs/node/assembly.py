@@ -6,13 +6,15 @@ from math import cos, sin
 
 import numpy as np
 
+from scenarios.definition.changing.concerned import concerns
+from scenarios.definition.changing.links import EffectsOf
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.content import content_stage
 from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.changes import AnyChange, SpeedChangeTable, VehicleChangeTable
+from scenarios.definition.schema.changes import AnyChange
 from scenarios.definition.sending import (
     even_rate_hz,
     highest_rate_hz,
@@ -20,6 +22,7 @@ from scenarios.definition.sending import (
     usual_rate_hz,
 )
 from scenarios.runs.node.agenda import Agenda, scheduled
+from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
 from scenarios.runs.node.changes import Changes
 from scenarios.runs.node.node import Handover, Node
 from scenarios.runs.node.outbox import Outbox
@@ -70,12 +73,18 @@ class VehicleBuilder:
         self._setup = scenario.vehicle(name)
         self._plane = LocalPlane(scenario.origin)
         self._route = scenario.route
+        self._changed = ChangedLinks(scenario.vehicle_names, ())
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
         rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate_hz]
         if not self._setup.knows_itself:
             rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
         self.rates_hz = tuple(dict.fromkeys(rates_hz))
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of which the vehicle is one."""
+        return self._scenario
 
     @property
     def schedule(self) -> Hashable:
@@ -97,6 +106,9 @@ class VehicleBuilder:
         With a `handover` it is one whose process ended in a crash, and goes on from there.
         """
         setup, drive = self._setup, self._scenario.replays.get(self.name)
+        coming = scheduled(self._scenario.tables.change, start_at, self.concerns)
+        by_hand = handover.changed_links if handover else ()
+        self._changed = ChangedLinks(self._scenario.vehicle_names, coming, by_hand)
         clock = self._scenario.clock(self.name, start_at)
         inbox = Inbox(
             self.name,
@@ -116,7 +128,6 @@ class VehicleBuilder:
             state=handover.outbox if handover else None,
         )
         control = Cadence(start_at, self.control_rate_hz)
-        coming = scheduled(self._scenario.tables.change, start_at, self.concerns)
         if drive is not None:
             return ReplayedNode(
                 drive=drive,
@@ -140,9 +151,10 @@ class VehicleBuilder:
             workshop=self,
         )
         if handover is not None:
-            agenda = Agenda(handover.pending)
-            return Node(aboard, Changes(agenda), Down(aboard, handover.until))
-        return Node(aboard, Changes(Agenda(coming)), self._first_phase(aboard))
+            changes = Changes(Agenda(handover.pending), self._changed)
+            return Node(aboard, changes, Down(aboard, handover.until))
+        changes = Changes(Agenda(coming), self._changed)
+        return Node(aboard, changes, self._first_phase(aboard))
 
     def _first_phase(self, aboard: Aboard) -> VehiclePhase:
         """Driven by its software, or by a human until it joins."""
@@ -153,13 +165,7 @@ class VehicleBuilder:
 
     def concerns(self, change: AnyChange) -> bool:
         """Whether this vehicle carries a change out."""
-        match change:
-            case SpeedChangeTable():
-                return self._setup.predecessor is None or self._drives_a_profile
-            case VehicleChangeTable():
-                return change.vehicle == self.name
-            case _:
-                return False
+        return concerns(change, self.name, self._scenario.tables, self._scenario.links)
 
     @property
     def _drives_a_profile(self) -> bool:
@@ -182,7 +188,9 @@ class VehicleBuilder:
     def links(self, start_at: int) -> list[IncomingLink]:
         """Links from all that it listens to, in a run from `start_at` (ns)."""
         senders = () if self.name in self._scenario.replays else self._setup.senders
-        return [self._incoming(sender, start_at) for sender in senders]
+        links = [self._incoming(sender, start_at) for sender in senders]
+        self._changed.adopt(self._changing(one, start_at) for one in links)
+        return links
 
     def software(self, now: int, aboard: Aboard) -> Software:
         """Software that starts at `now` (ns) without memory, but for where the car is.
@@ -216,14 +224,18 @@ class VehicleBuilder:
             limit=self._command_limit(aboard.car),
         ), law
 
+    def _changing(self, one: IncomingLink, start_at: int) -> ChangingLink:
+        """A link that can be changed."""
+        sender = one.link.sender
+        asked = self._scenario.links[sender, self.name]
+        return ChangingLink(one.link, asked, self._effects_of(sender, start_at))
+
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         """The link from `sender`, and the gate that its poses pass."""
         scenario = self._scenario
         asked, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
         rate_hz = highest_rate_hz(setup.sending, setup.gnss)
-        even_hz = even_rate_hz(setup.sending, setup.gnss) or rate_hz
-        setting = scenario.link_setting(sender, self.name, start_at)
-        effects = link_effects(asked, even_hz, setting, partial(self._between, sender))
+        effects = self._effects_of(sender, start_at)(asked, ())
         link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
         gate = PoseGate(
             sender=sender,
@@ -233,6 +245,15 @@ class VehicleBuilder:
             clock_error_ns=scenario.clock_error_ns(sender),
         )
         return IncomingLink(link, gate, content_stage(asked.content, link, gate))
+
+    def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
+        """What makes the effects of the link from `sender`, as it is or as it is changed."""
+        setup = self._scenario.vehicle(sender)
+        rate_hz = highest_rate_hz(setup.sending, setup.gnss)
+        even_hz = even_rate_hz(setup.sending, setup.gnss) or rate_hz
+        setting = self._scenario.link_setting(sender, self.name, start_at)
+        between = partial(self._between, sender)
+        return lambda asked, besides: link_effects(asked, even_hz, setting, between, besides)
 
     def _between(self, sender: str) -> VehiclesBetween:
         """Who drives between `sender` and this vehicle."""

@@ -1,5 +1,6 @@
 """Carries out what is done to one vehicle while it runs, and says so."""
 
+from scenarios.definition.changing.links import LINK_CHANGES
 from scenarios.definition.road.set_speed import SpeedPlan
 from scenarios.definition.schema.changes import (
     AnyChange,
@@ -11,6 +12,7 @@ from scenarios.definition.schema.changes import (
     StallTable,
 )
 from scenarios.runs.node.agenda import Agenda, Due
+from scenarios.runs.node.changed_links import ChangedLinks
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.phases import VehiclePhase
 from vehicles.car.gnss import GnssReceiver
@@ -35,8 +37,9 @@ class CrashedError(Exception):
 class Changes:
     """What is done to a vehicle whose software drives and whose car moves by its commands."""
 
-    def __init__(self, agenda: Agenda) -> None:
+    def __init__(self, agenda: Agenda, links: ChangedLinks) -> None:
         self.agenda = agenda
+        self.links = links
 
     def by(self, now: int, phase: VehiclePhase) -> VehiclePhase:
         """Carry out what is due at the tick at `now` (ns); returns the phase of this tick.
@@ -49,6 +52,9 @@ class Changes:
 
     def _carried_out(self, due: Due, now: int, phase: VehiclePhase) -> VehiclePhase:
         aboard = phase.aboard
+        if isinstance(due.change, LINK_CHANGES):
+            aboard.outbox.publish_change(now, due, self.links.carry_out(due))
+            return phase
         following = _phase_after(due, now, phase)
         if following is None:
             aboard.outbox.say(now, f"{in_words(due.change)}: has no effect now", "warning")

@@ -16,7 +16,8 @@ class Handover:
     """All that outlives a crash of a vehicle's software, after the tick at `at` (ns).
 
     The car with its sensors, the plan of the convoy's speed, what is still to be done to the
-    vehicle, and the numbers of its messages; the software starts anew at `until` (ns).
+    vehicle, what was done to its links by hand, and the numbers of its messages; the software
+    starts anew at `until` (ns).
     """
 
     at: int
@@ -24,6 +25,7 @@ class Handover:
     car: Car
     plan: SpeedPlan
     pending: tuple[Due, ...]
+    changed_links: tuple[Due, ...]
     outbox: OutboxState
     inbox: InboxCounts
 
@@ -73,6 +75,7 @@ class Node:
             car=self._aboard.car,
             plan=self._aboard.plan,
             pending=self.agenda.pending,
+            changed_links=self._changes.links.by_hand,
             outbox=self.outbox.state,
             inbox=self.inbox.counts,
         )

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from scenarios.definition.changing.asked import entry_of
 from scenarios.runs.node.agenda import Due
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.sink import Sink
@@ -109,7 +110,7 @@ class Outbox:
                 effective_at_ns=due.at,
                 kind=due.change.kind,
                 by_hand=due.by_hand,
-                table=due.change.model_dump_json(exclude_none=True),
+                table=entry_of(due.change),
             )
         )
         self._add_text(now, text)

@@ -40,7 +40,7 @@ class ClockOffset:
 
 def answer_for_clock(bus: Bus, vehicle: str, now: Now) -> None:
     """Let others read the clock of `vehicle`."""
-    bus.answer(clock_key(vehicle), lambda: str(now()).encode())
+    bus.answer(clock_key(vehicle), lambda _: str(now()).encode())
 
 
 def measure(bus: Bus, vehicle: str, now: Now) -> ClockOffset | None:

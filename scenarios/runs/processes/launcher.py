@@ -9,6 +9,7 @@ from typing import Protocol
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.log_summary import LOG_NAME
+from scenarios.runs.control.open_runs import OpenRun, announced
 from scenarios.runs.processes.supervisor import ChildProcess, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import BusError
@@ -103,11 +104,12 @@ def launch(
         for name in plan.scenario.vehicle_names:
             supervisor.start(name, ["vehicle", *common, "--name", name])
         stop.begun = True
-        poll(
-            lambda: _is_over(plan, supervisor, recorder, stop, outcome),
-            every_s=WATCH_PERIOD_S,
-            sleep=sleep,
-        )
+        with announced(OpenRun(plan.run, endpoint, str(plan.folder.resolve()))):
+            poll(
+                lambda: _is_over(plan, supervisor, recorder, stop, outcome),
+                every_s=WATCH_PERIOD_S,
+                sleep=sleep,
+            )
     except BusError as error:  # our own router, on a port of its own choice: no fault of the input
         outcome.fail(f"{error}; the run ends")
     finally:

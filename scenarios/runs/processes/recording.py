@@ -7,6 +7,7 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
+from scenarios.runs.control.status import StatusBoard
 from scenarios.runs.processes.arrivals import Arrivals
 from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
@@ -24,6 +25,8 @@ from vehicles.schedule import SECOND, Timer
 POLL_S = 0.02
 FLUSH_NS = SECOND * 2 // 5
 """Between two flushes of the log; a kill loses at most half a second."""
+SHOW_NS = SECOND // 5
+"""Between two pictures of how the run goes, for those who ask."""
 ANNOUNCE_NS = SECOND // 4
 """Between two announcements of the start, for vehicles whose subscription came late."""
 EVERYTHING = "convoy/**"
@@ -66,20 +69,23 @@ class RecorderProcess:
             goes_on_without_the_dead=scenario.goes_on_without_the_dead,
             gather_until=self._clock.now() + round(gather_s * SECOND),
         )
+        metrics = metrics or Metrics.of(scenario)
+        self._board = StatusBoard(scenario, membership.run, metrics)
         self._run = RunLog(
             scenario,
             folder,
             clock="wall",
             run_id=folder.name,
             metrics=metrics,
-            listeners=(self._conductor.listen, *listeners),
+            listeners=(self._conductor.listen, self._board.listen, *listeners),
         )
         self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
-        self._flushing = Timer(FLUSH_NS)
+        self._flushing, self._showing = Timer(FLUSH_NS), Timer(SHOW_NS)
         self._own: list[tuple[str, bytes]] = []
         self._arrivals = Arrivals(self._run.recorder.keys)
         self._last_health: dict[str, bytes] = {}
         answer_for_clock(bus, CONDUCTOR, self._clock.now)
+        self._board.listen_on(bus)
         bus.subscribe(EVERYTHING, self._arrive)
 
     def record_until_over(self) -> RunSummary:
@@ -210,6 +216,8 @@ class RecorderProcess:
                 self._bus.publish(*self._own[0], urgent=True)
             if self._reporting.is_due(now):
                 self._run.recorder.report_health(now)
+        if self._showing.is_due(now):
+            self._board.draw()
         if self._flushing.is_due(now):
             self._run.flush()
 

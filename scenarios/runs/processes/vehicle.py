@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import dropwhile
 
 from scenarios.definition.scenario import Scenario
+from scenarios.runs.control.answering import LiveControl
 from scenarios.runs.node.assembly import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
@@ -157,6 +158,8 @@ class VehicleProcess:
         self._last_words: tuple[str, bytes] | None = None
         self.exit_code = 0
         answer_for_clock(bus, builder.name, self._clock.now)
+        self._control = LiveControl(builder.scenario, builder.name, self._clock.now)
+        self._control.listen(bus)
         membership.join()
 
     @property
@@ -230,6 +233,7 @@ class VehicleProcess:
         )
         for sender_key in node.inbox.keys:
             self._bus.subscribe(sender_key, node.inbox.on_bytes)
+        self._control.begin(start_at, node.agenda)
         say(f"{self._builder.name}: {self._run} {'goes on' if before else 'starts'}")
         self._drive(node, start_at, probe)
         self._clock.wait_until(0 if self._announced.end is not None else end_at)

@@ -1,3 +1,4 @@
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +15,7 @@ from scenarios.results.figures import Extremes
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary
 from tests.made.scenarios.messages import gps, health, start, text, tracking, truth, verdict
-from vehicles.messages import Message, TruePose
+from vehicles.messages import Change, Message, TruePose
 
 CONVOY = ("v1", "v2", "v3")
 ASKED = {
@@ -314,3 +315,30 @@ def test_only_the_order_within_a_kind_matters(random: Any) -> None:
     while any(kinds):
         mixed.append(random.choice([kind for kind in kinds if kind]).pop(0))
     assert figures_of(*mixed) == expected
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "entry", "changed"),
+    [
+        ("v3", {"kind": "cut"}, {("v1", "v3"), ("v2", "v3")}),
+        ("v3", {"kind": "link", "sender": "predecessor", "loss_ratio": 0.1}, {("v2", "v3")}),
+        ("v2", {"kind": "heal"}, {("v1", "v2")}),
+        ("v3", {"kind": "cut", "receiver": "v2"}, set()),
+        ("v3", {"kind": "stall", "vehicle": "v3", "for_s": 1.0}, set()),
+        ("v3", {"kind": "of a later version"}, set()),
+        ("v9", {"kind": "cut"}, set()),
+    ],
+)
+def test_links_that_were_changed_are_named_and_not_judged(
+    vehicle: str, entry: dict[str, object], changed: set[tuple[str, str]]
+) -> None:
+    metrics = Metrics(CONVOY, ASKED)
+    table = json.dumps({"at_s": 1.0, **entry})
+    change = Change(
+        vehicle=vehicle, seq=0, effective_at_ns=0, kind="cut", by_hand=True, table=table
+    )
+    metrics.add(change)
+    assert {pair for pair, one in metrics.links.items() if one.changed} == changed
+    said = " ".join(metrics.link_misses())
+    assert all(f"{sender} → {receiver}" in said for sender, receiver in changed)
+    assert bool(said) == bool(changed)

@@ -238,7 +238,7 @@ ODD_ANSWERS = (
 @pytest.mark.parametrize("answer", ODD_ANSWERS, ids=range(len(ODD_ANSWERS)))
 def test_a_clock_that_answers_nonsense_is_none(answer: bytes) -> None:
     bus = MemoryBus()
-    bus.answer(clock_key("v1"), lambda: answer)
+    bus.answer(clock_key("v1"), lambda _: answer)
     assert measure(bus, "v1", lambda: 5) is None
 
 

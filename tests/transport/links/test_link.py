@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import link
 from transport.links.laws.effect import Draw, Effect, Passage
-from transport.links.laws.plain import Decimation
-from transport.links.link import Verdict, combine, keyed_draw
+from transport.links.laws.plain import Decimation, Latency
+from transport.links.link import ChangedEffects, Link, Verdict, combine, keyed_draw
 from transport.reasons import DropReason
 
 MS = 1_000_000
@@ -239,3 +239,25 @@ def test_delays_add_up_and_any_drop_wins(
 ) -> None:
     chain: list[Effect] = [Fixed(answer) for answer in answers]
     assert combine(chain, no_chance, Passage(0, 100)) == expected
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 40), st.integers(0, 15)), max_size=4),
+    st.integers(0, 15),
+    st.integers(0, 80),
+)
+def test_what_may_be_visible_is_known_though_the_least_delay_changes(
+    later: list[tuple[int, int]], floor: int, now: int
+) -> None:
+    starts = sorted({at for at, _ in later})
+    course = [ChangedEffects(at, (Latency(dict(later)[at]),)) for at in starts]
+    one = Link((Latency(floor),), 1, "lead", "follower_1", course=course)
+
+    def least(sent_at: int) -> int:
+        floors = [change.floor for change in course if change.from_at <= sent_at]
+        return floors[-1] if floors else floor
+
+    visible = [at for at in range(-100, 100) if at + least(at) <= now]
+    assert one.visible_until(now) == max(visible)
+    for sent_at in range(-5, 60):
+        assert one.judge(Passage(0, sent_at)).visible_at == sent_at + least(sent_at)

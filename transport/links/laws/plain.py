@@ -1,4 +1,4 @@
-"""The plain laws of a link: rate, independent loss, constant latency, uniform jitter."""
+"""The plain laws of a link: rate, a cut, independent loss, constant latency, uniform jitter."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -27,6 +27,29 @@ class Decimation(LosesNothing):
     def in_words(self) -> str:
         """Say how many of the messages are carried."""
         return f"rate: {self.kept.numerator} of {self.kept.denominator} messages carried"
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Carries nothing, as long as the link is cut."""
+
+    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+        """Drop the message."""
+        return "cut"
+
+    @property
+    def mean_loss_ratio(self) -> float:
+        """All are lost."""
+        return 1.0
+
+    @property
+    def mean_burst_messages(self) -> float:
+        """It never stops by itself."""
+        return inf
+
+    def in_words(self) -> str:
+        """Name it."""
+        return "cut"
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,3 +120,14 @@ def test_a_line_says_what_was_asked_and_done() -> None:
     assert line.startswith("v1 → v2: lost 20.0 % (")
     assert ") of what it carried, asked 25 %; 2.00 in a row, 2 at most; delayed 20.0 ms" in line
     assert line.endswith("asked 20; 120 ms old at commands, 120 at most")
+
+
+def test_a_link_that_was_changed_is_held_against_nothing_that_was_asked() -> None:
+    tally = tallied(*fates("x" * 300 + "." * 300, latency_ms=90.0))
+    assert len(list(misses(LINK, LinkTable(), tally))) == 2
+    tally.changed = True
+    assert list(misses(LINK, LinkTable(), tally)) == []
+    found = account(LinkTable(), tally, 600)
+    assert found.requested_loss_ratio is found.requested_latency_ms_mean is None
+    assert found.loss_ratio == 0.5
+    assert "asked -" in in_words(found)

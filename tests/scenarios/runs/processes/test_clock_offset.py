@@ -58,5 +58,5 @@ def test_only_what_is_certain_counts_against_a_clock(
 def test_a_vehicle_that_does_not_answer_or_not_with_a_time_has_no_offset() -> None:
     bus = MemoryBus()
     assert measure(bus, "v1", lambda: 0) is None
-    bus.answer(clock_key("v1"), lambda: b"noon")
+    bus.answer(clock_key("v1"), lambda _: b"noon")
     assert measure(bus, "v1", lambda: 0) is None

@@ -1,0 +1,105 @@
+"""Which run is meant, and what its vehicles say to a change."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+from scenarios.cli.options import zenoh_from
+from scenarios.definition.changing.asked import Question
+from scenarios.runs.control.answering import Confirmation
+from scenarios.runs.control.open_runs import OpenRun, open_runs
+from scenarios.runs.control.status import RunStatus
+from scenarios.runs.processes.membership import VEHICLE, checked_run_name, shown
+from transport.bus.bus import Bus, BusError
+from transport.bus.zenoh_bus import ZenohOptions, open_bus
+from transport.texts import printable
+from transport.topics import CONDUCTOR, control_key
+
+ANSWER_S = 1.0
+"""How long an answer is waited for; usual are some milliseconds."""
+MOST_AT_ONCE = 32
+"""Vehicles that are asked at the same time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """What one vehicle said, and how long that took; None if it said nothing in time."""
+
+    vehicle: str
+    said: Confirmation | None
+    took_ms: float
+
+
+def which_run(run_name: str | None, flags: dict[str, Any], runs: Sequence[OpenRun]) -> ZenohOptions:
+    """How to join the run that is meant, of those that are open here; raises BusError.
+
+    Flags of Zenoh's say where the router is; otherwise the run that is found does.
+    """
+    if run_name is not None:
+        checked_run_name(run_name)
+    elsewhere = any(flags[key] for key in ("connect", "listen", "config", "cfg", "mode"))
+    found = [one for one in runs if run_name in {None, one.run}]
+    if run_name is not None and (elsewhere or not found):
+        return zenoh_from(flags, run_name)
+    if elsewhere:
+        raise BusError("--run: missing, needed where the flags say how to join")
+    if not found:
+        raise BusError("no run here that `convoy run` drives; give --run, and -e for its router")
+    if len(found) > 1:
+        names = ", ".join(one.run for one in found)
+        raise BusError(f"{len(found)} runs here, give one of them by --run: {names}")
+    return replace(zenoh_from(flags, found[0].run), connect=(found[0].endpoint,))
+
+
+@contextmanager
+def joined(run_name: str | None, flags: dict[str, Any]) -> Iterator[tuple[Bus, str]]:
+    """Join the run that is meant, to ask; gives the bus and the name of the run."""
+    options = replace(which_run(run_name, flags, open_runs()), connect_timeout_s=2.0)
+    with open_bus(options) as bus:
+        yield bus, options.run
+
+
+def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Answered]:
+    """Ask for a change, given as an entry of `[[change]]` without `at_s`; raises BusError.
+
+    The vehicle that it names is asked, or all of them.
+    """
+    present = sorted({one.name for one in bus.members() if one.role == VEHICLE})
+    if not present:
+        raise BusError(f"run {run}: no vehicle is there")
+    wanted = entry.get("vehicle")
+    if wanted is not None and wanted not in present:
+        known = ", ".join(map(shown, present))
+        raise BusError(f"run {run}: no vehicle {printable(str(wanted))}, there are {known}")
+    asked = present if wanted is None else [wanted]
+    begun = time.monotonic()
+    # All at one instant: that which the first of them can do it at.
+    first = _ask_one(bus, asked[0], Question(), begun).said if len(asked) > 1 else None
+    at_s = first.from_s if first and not first.refused else None
+    question = Question(dict(entry), at_s)
+    with ThreadPoolExecutor(min(len(asked), MOST_AT_ONCE)) as pool:
+        return list(pool.map(lambda name: _ask_one(bus, name, question, begun), asked))
+
+
+def _ask_one(bus: Bus, vehicle: str, question: Question, begun: float) -> Answered:
+    answer = bus.ask(control_key(vehicle), ANSWER_S, question.text)
+    took_ms = 1000.0 * (time.monotonic() - begun)
+    try:
+        said = None if answer is None else Confirmation.of(answer)
+    except ValueError:
+        said = None
+    return Answered(vehicle, said, took_ms)
+
+
+def status(bus: Bus, run: str) -> RunStatus | None:
+    """How the run goes, None before its start; raises BusError if nobody answers."""
+    answer = bus.ask(control_key(CONDUCTOR), ANSWER_S)
+    if answer is None:
+        raise BusError(f"run {run}: no recorder is there")
+    try:
+        return RunStatus.of(answer) if answer else None
+    except ValueError as error:
+        raise BusError(f"run {run}: {error}, from its recorder") from error

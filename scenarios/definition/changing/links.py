@@ -1,0 +1,136 @@
+"""What a changed link does from when on: the course of its effects, from the changes about it."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import inf
+
+from scenarios.definition.channel.rules import ANY, ROLES, requested_link, specificity
+from scenarios.definition.links import directed_links
+from scenarios.definition.refusal import shown
+from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable
+from scenarios.definition.schema.channel.loss import LogLoss
+from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.tables import ScenarioTables
+from transport.links.laws.effect import Effect
+from transport.links.laws.plain import Cut
+from transport.links.link import ChangedEffects
+from vehicles.schedule import nanoseconds
+
+LinkChange = LinkChangeTable | CutTable | HealTable
+LINK_CHANGES = LinkChangeTable, CutTable, HealTable
+QUALITIES = ("loss_ratio", "latency_ms", "jitter_ms")
+"""Keys of a link that a change may give another value."""
+
+EffectsOf = Callable[[LinkTable, Sequence[Effect]], tuple[Effect, ...]]
+"""Gives the effects of a link as asked for, with others besides."""
+
+
+def links_of(
+    change: LinkChange, names: Sequence[str], links: Iterable[tuple[str, str]]
+) -> list[tuple[str, str]]:
+    """Those of the `links` of a convoy of `names` that a change is about."""
+    return [pair for pair in links if specificity(change, names, *pair) is not None]
+
+
+@dataclass(frozen=True, slots=True)
+class _Spell:
+    change: LinkChange
+    from_at: int
+    to_at: float
+
+    @classmethod
+    def of(cls, at: int, change: LinkChange) -> "_Spell":
+        for_s = None if isinstance(change, HealTable) else change.for_s
+        return cls(change, at, inf if for_s is None else at + nanoseconds(for_s))
+
+    @property
+    def is_cut(self) -> bool:
+        return isinstance(self.change, CutTable)
+
+
+Made = dict[tuple[float, float, float, bool], tuple[Effect, ...]]
+"""The effects of one link by what can be changed of it: loss, latency, jitter, and whether cut."""
+
+
+def course(
+    changes: Sequence[tuple[int, LinkChange]],
+    table: LinkTable,
+    effects_of: EffectsOf,
+    *,
+    since: int = 0,
+    made: Made | None = None,
+) -> tuple[ChangedEffects, ...]:
+    """Work out what a link that is asked for as `table` does from the instant `since` (ns) on.
+
+    `changes` are those about it with their instants (ns), in order of time. A later one lies over
+    an earlier one, key by key, and when it ends the earlier one holds again. A cut holds until it
+    ends or is healed, whatever else is changed. Effects are taken from `made`, or put there.
+    """
+    made = {} if made is None else made
+    spells = [_Spell.of(at, change) for at, change in changes]
+    ends = {int(one.to_at) for one in spells if one.to_at < inf}
+    found: list[ChangedEffects] = []
+    active: list[_Spell] = []
+    coming = iter([*spells, None])
+    following = next(coming)
+    for at in sorted({one.from_at for one in spells} | ends):
+        while following is not None and following.from_at <= at:
+            active = [] if isinstance(following.change, HealTable) else [*active, following]
+            following = next(coming)
+        active = [one for one in active if at < one.to_at]
+        if at < since:
+            continue
+        asked, is_cut = _changed(table, active), any(one.is_cut for one in active)
+        key = asked.loss_ratio, asked.latency_ms, asked.jitter_ms, is_cut
+        if key not in made:
+            made[key] = effects_of(asked, (Cut(),) if is_cut else ())
+        found.append(ChangedEffects(at, made[key]))
+    return tuple(found)
+
+
+def _changed(table: LinkTable, active: Sequence[_Spell]) -> LinkTable:
+    """The table with what is changed of it now."""
+    given = {
+        key: value
+        for one in active
+        for key in QUALITIES
+        if (value := getattr(one.change, key, None)) is not None
+    }
+    return table.model_copy(update=given)
+
+
+def link_change_problems(tables: ScenarioTables) -> Iterator[tuple[str, str]]:
+    """Give every key of a change of links that does not fit, and what is wrong with it."""
+    for index, change in enumerate(tables.change):
+        if isinstance(change, LINK_CHANGES):
+            for key, why in refused_link_change(tables, change):
+                yield f"change[{index}]{key}", why
+
+
+def refused_link_change(tables: ScenarioTables, change: LinkChange) -> Iterator[tuple[str, str]]:
+    """Give what does not fit of one change of links, under its key with a dot before it."""
+    names = vehicle_names(tables)
+    known = list(dict.fromkeys((*names, *ROLES, ANY)))
+    unknown = [end for end in ("sender", "receiver") if getattr(change, end) not in known]
+    for end in unknown:
+        given, allowed = shown(getattr(change, end)), ", ".join(map(shown, known))
+        yield f".{end}", f"given {given}, allowed {allowed}"
+    if unknown:
+        return
+    about = links_of(change, names, directed_links(names))
+    if not about:
+        yield (
+            "",
+            f"from {change.sender} to {change.receiver}: no vehicle listens there, followers hear "
+            f"{names[0]} and the vehicle ahead of them",
+        )
+    if not isinstance(change, LinkChangeTable):
+        return
+    if all(getattr(change, key) is None for key in QUALITIES):
+        yield "", f"changes nothing, allowed at least one of {', '.join(QUALITIES)}"
+    for sender, receiver in about:
+        if isinstance(requested_link(tables, names, sender, receiver).loss, LogLoss):
+            again = f"the link from {sender} to {receiver} repeats an earlier run"
+            yield "", f'{again}, allowed kind = "cut" or "heal"'
+            return

@@ -1,0 +1,61 @@
+"""The scenario that repeats a recorded run, with all that was changed by hand while it drove."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scenarios.definition.changing.asked import change_from
+from scenarios.definition.changing.links import LINK_CHANGES, links_of
+from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.definition.schema.changes import AnyChange
+from scenarios.results.log_summary import scenario_in
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from vehicles.messages import Change, RunStart
+from vehicles.schedule import SECOND
+
+
+@dataclass(slots=True)
+class _Done:
+    """A change that was made by hand, and the vehicles that carried it out."""
+
+    change: AnyChange
+    by: list[str] = field(default_factory=list)
+
+
+def session_of(log: Path) -> Scenario:
+    """The scenario in `log`, with the changes that were made by hand; raises LogError.
+
+    Of a link each receiver carries a change out by itself. Where all that it is about did so at the
+    same instant it is one change again.
+    """
+    reader = LogReader(log)
+    scenario = scenario_in(log, reader.attachments())
+    start_at: int | None = None
+    done: dict[tuple[int, str], _Done] = {}
+    for _, _, message in reader.messages(("start", "change")):
+        if isinstance(message, RunStart):
+            start_at = message.start_at_ns
+        elif isinstance(message, Change) and message.by_hand:
+            if start_at is None:
+                raise LogError(f"{log}: a change before the start of the run")
+            at = message.effective_at_ns, message.table
+            change = change_from(message.table)
+            exact = change.model_copy(update={"at_s": (at[0] - start_at) / SECOND})
+            done.setdefault(at, _Done(exact)).by.append(message.vehicle)
+    made = sorted(done.items(), key=lambda one: one[0][0])
+    added = [change for _, one in made for change in _as_carried_out(one, scenario)]
+    changed = scenario.tables.model_copy(update={"change": (*scenario.tables.change, *added)})
+    # Read again: so it is checked, and says what was not there before.
+    return scenario_from_text(Scenario(changed).text, label=f"{log} (with its changes)")
+
+
+def _as_carried_out(done: _Done, scenario: Scenario) -> Sequence[AnyChange]:
+    """One change, or one for each receiver, if others that it is about did not carry it out."""
+    change = done.change
+    if not isinstance(change, LINK_CHANGES):
+        return [change]
+    about = {to for _, to in links_of(change, scenario.vehicle_names, scenario.links)}
+    if about == set(done.by):
+        return [change]
+    return [change.model_copy(update={"receiver": receiver}) for receiver in done.by]

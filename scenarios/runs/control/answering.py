@@ -1,0 +1,121 @@
+"""A vehicle that answers what it is asked to change while it drives."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from math import ceil
+
+from scenarios.definition.changing.asked import Question, in_words, read_change
+from scenarios.definition.changing.concerned import concerns
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.changes import AnyChange
+from scenarios.runs.node.agenda import Agenda, Due
+from transport.bus.bus import Bus
+from transport.topics import control_key
+from vehicles.schedule import SECOND, Cadence, instant, nanoseconds
+
+PERIODS_AHEAD = 2
+"""A change takes effect at the first instant of control that lies so many periods ahead: all that
+was sent before is judged as before, and the vehicle has not begun that tick."""
+FARTHEST_NS = SECOND
+"""An instant that is wanted lies at most so far ahead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """What a vehicle says to a change: from when on (s after the start) it does what.
+
+    `does` is empty if the change is not about it, `refused` says in lines why nothing is done.
+    """
+
+    vehicle: str
+    from_s: float = 0.0
+    does: str = ""
+    refused: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> bytes:
+        """The answer."""
+        return json.dumps(asdict(self)).encode()
+
+    @classmethod
+    def of(cls, answer: bytes) -> "Confirmation":
+        """Read an answer; raises ValueError if it is none."""
+        try:
+            fields = json.loads(answer)
+            return cls(
+                str(fields["vehicle"]),
+                float(fields["from_s"]),
+                str(fields["does"]),
+                tuple(map(str, fields["refused"])),
+            )
+        except (KeyError, TypeError, RecursionError) as error:
+            raise ValueError("no answer of a vehicle") from error
+
+
+class LiveControl:
+    """Takes changes for one vehicle, on a thread of the bus, and puts them on its agenda."""
+
+    def __init__(self, scenario: Scenario, vehicle: str, now: Callable[[], int]) -> None:
+        """`now` reads the vehicle's clock (ns)."""
+        self._scenario = scenario
+        self._vehicle = vehicle
+        self._now = now
+        self._under_way: tuple[int, Agenda] | None = None
+        self._made: list[AnyChange] = []
+
+    def listen(self, bus: Bus) -> None:
+        """Answer from now on."""
+        bus.answer(control_key(self._vehicle), lambda question: self.answer(question).text)
+
+    def begin(self, start_at: int, agenda: Agenda) -> None:
+        """Let changes be made in the run that starts at `start_at` (ns)."""
+        self._under_way = start_at, agenda
+
+    def answer(self, text: bytes) -> Confirmation:
+        """Take one change, or say why not; of a question without one, say when it could be."""
+        try:
+            return self._taken(Question.of(text))
+        except ScenarioError as error:
+            return Confirmation(self._vehicle, refused=tuple(str(error).splitlines()))
+
+    def _taken(self, question: Question) -> Confirmation:
+        """Take one change; raises ScenarioError that says why not."""
+        if self._under_way is None:
+            raise ScenarioError([f"{self._vehicle} has not started yet"])
+        (start_at, agenda), scenario = self._under_way, self._scenario
+        at = self._effective_at(start_at, question.at_s)
+        if at - start_at >= nanoseconds(scenario.duration_s):
+            raise ScenarioError(["the run is over"])
+        from_s = (at - start_at) / SECOND
+        if not question.entry:
+            return Confirmation(self._vehicle, from_s)
+        so_far = scenario.tables.model_copy(
+            update={"change": (*scenario.tables.change, *self._made)}
+        )
+        change = read_change(question.entry, from_s, so_far, scenario.duration_s)
+        if not concerns(change, self._vehicle, scenario.tables, scenario.links):
+            return Confirmation(self._vehicle)
+        self._made.append(change)
+        agenda.add(Due(at, change, by_hand=True))
+        return Confirmation(self._vehicle, from_s, in_words(change))
+
+    def _effective_at(self, start_at: int, wanted_s: float | None) -> int:
+        """The instant (ns) that is wanted if it can still be had, else the first that is sure."""
+        now, rate_hz = self._now(), self._scenario.control_rate_hz
+        if wanted_s is not None:
+            wanted, soonest = start_at + nanoseconds(wanted_s), now + round(SECOND / rate_hz)
+            in_reach = soonest <= wanted <= soonest + FARTHEST_NS
+            if in_reach and Cadence(start_at, rate_hz).due(wanted):
+                return wanted
+        return first_instant(now, start_at, rate_hz)
+
+
+def first_instant(now: int, start_at: int, rate_hz: float) -> int:
+    """First instant (ns) of control, of a run from `start_at`, enough periods ahead of `now`."""
+    earliest = now + round(PERIODS_AHEAD * SECOND / rate_hz)
+    k = max(ceil((earliest - start_at) * rate_hz / SECOND) - 1, 0)
+    while (at := instant(start_at, k, rate_hz)) < earliest:
+        k += 1
+    return at

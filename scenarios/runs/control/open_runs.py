@@ -1,0 +1,85 @@
+"""The runs of this user on this machine that are going on, and where to join them.
+
+Each has a small file in a folder of the user's own. `convoy run` holds an advisory lock on it,
+which ends with the process in whatever way that ends, so a file that is left behind is known as
+such.
+"""
+
+import fcntl
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+SUFFIX = ".json"
+
+
+@dataclass(frozen=True, slots=True)
+class OpenRun:
+    """A run that goes on: its name, its router's endpoint, and the folder that it writes into."""
+
+    run: str
+    endpoint: str
+    folder: str
+
+
+def runtime_folder() -> Path:
+    """Folder of the files: the user's own, gone with the next start of the machine."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime) / "convoy"
+    return Path(tempfile.gettempdir()) / f"convoy-{os.getuid()}"
+
+
+@contextmanager
+def announced(run: OpenRun, where: Path | None = None) -> Iterator[None]:
+    """Let others on this machine find a run; where that cannot be, it goes on without."""
+    folder = where or runtime_folder()
+    path = folder / f"{run.run}-{os.getpid()}{SUFFIX}"
+    descriptor = None
+    with suppress(OSError):
+        descriptor = _write(path, run)
+    try:
+        yield
+    finally:
+        if descriptor is not None:
+            path.unlink(missing_ok=True)
+            os.close(descriptor)
+
+
+def _write(path: Path, run: OpenRun) -> int:
+    """Write the file under its lock, then give it its name; returns the descriptor that locks."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    beside = path.with_suffix(".part")
+    descriptor = os.open(beside, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.write(descriptor, json.dumps(asdict(run)).encode())
+        beside.replace(path)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def open_runs(where: Path | None = None) -> list[OpenRun]:
+    """The runs that go on now, by name; what others have left behind is removed."""
+    folder = where or runtime_folder()
+    if not folder.is_dir() or folder.stat().st_uid != os.getuid():  # nobody else's word counts
+        return []
+    found = [run for path in sorted(folder.glob(f"*{SUFFIX}")) if (run := _read(path))]
+    return sorted(found, key=lambda one: one.run)
+
+
+def _read(path: Path) -> OpenRun | None:
+    """Read what a file says, None if its run has ended."""
+    with suppress(OSError, ValueError, TypeError), path.open(encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return OpenRun(**json.load(file))
+        path.unlink(missing_ok=True)
+    return None

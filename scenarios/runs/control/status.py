@@ -1,0 +1,192 @@
+"""How a run goes, as its recorder answers while it goes on."""
+
+import json
+from collections import defaultdict, deque
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import Any
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.metrics import Metrics
+from transport.bus.bus import Bus
+from transport.reasons import counts_as_loss
+from transport.topics import CONDUCTOR, control_key
+from vehicles.messages import LinkVerdict, Message, RunStart, SourceStatus, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+RECENT_NS = 3 * SECOND
+"""The loss of a link is that of the last so many seconds: long enough for some tens of messages."""
+MOST_VERDICTS = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceFigures:
+    """What a vehicle makes of a source; None where there is nothing to measure."""
+
+    status: SourceStatus
+    age_s: float | None
+    received_ratio: float | None
+    known_m: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleFiguresNow:
+    """One vehicle now; None where there is nothing to measure, as of what the lead hears."""
+
+    name: str
+    mode: str
+    hazard: bool
+    reason: str
+    speed_mps: float
+    true_error_m: float | None
+    true_gap_m: float | None
+    known_m: float | None
+    lead: SourceFigures | None
+    predecessor: SourceFigures | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkFiguresNow:
+    """One link now: what it lost of the messages judged in the last RECENT_NS, and whether changed.
+
+    `changed` says that it has been another one than was asked for at some time.
+    """
+
+    sender: str
+    receiver: str
+    judged: int
+    loss_ratio: float | None
+    changed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunStatus:
+    """A run now, `at_s` after its start."""
+
+    run: str
+    scenario: str
+    at_s: float
+    duration_s: float
+    vehicles: tuple[VehicleFiguresNow, ...] = ()
+    links: tuple[LinkFiguresNow, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The status as JSON."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def of(cls, text: bytes) -> "RunStatus":
+        """Read it again; raises ValueError if it is none."""
+        try:
+            fields: dict[str, Any] = json.loads(text)
+            vehicles = [
+                VehicleFiguresNow(
+                    **{key: row[key] for key in row.keys() - {"lead", "predecessor"}},
+                    lead=SourceFigures(**row["lead"]) if row["lead"] else None,
+                    predecessor=SourceFigures(**row["predecessor"]) if row["predecessor"] else None,
+                )
+                for row in fields.pop("vehicles")
+            ]
+            links = tuple(LinkFiguresNow(**row) for row in fields.pop("links"))
+            return cls(**fields, vehicles=tuple(vehicles), links=links)
+        except (KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise ValueError("no status of a run") from error
+
+
+class StatusBoard:
+    """Keeps what the recorder last heard, beside the figures of the run, and answers with it.
+
+    Everything but the answer is of the recorder's own thread.
+    """
+
+    def __init__(self, scenario: Scenario, run: str, metrics: Metrics) -> None:
+        self._scenario = scenario
+        self._run = run
+        self._metrics = metrics
+        self._start_at: int | None = None
+        self._now = 0
+        self._tracking: dict[str, Tracking] = {}
+        self._verdicts: defaultdict[tuple[str, str], deque[tuple[int, bool]]] = defaultdict(
+            lambda: deque(maxlen=MOST_VERDICTS)
+        )
+        self._drawn = b""
+
+    def listen_on(self, bus: Bus) -> None:
+        """Answer from now on, with nothing before the start."""
+        bus.answer(control_key(CONDUCTOR), lambda _: self._drawn)
+
+    def listen(self, _at: int, message: Message) -> None:
+        """Take one recorded message."""
+        match message:
+            case TruePose():
+                self._now = max(self._now, message.true_at_ns)
+            case Tracking():
+                self._tracking[message.vehicle] = message
+            case LinkVerdict():
+                lost = message.outcome == "dropped" and counts_as_loss(message.reason)
+                row = self._verdicts[message.sender, message.vehicle]
+                row.append((message.heard_at_ns, lost))
+            case RunStart():
+                self._start_at = message.start_at_ns
+
+    def draw(self) -> None:
+        """Bring the answer up to date."""
+        if self._start_at is not None:
+            self._drawn = self.status(self._start_at).text.encode()
+
+    def status(self, start_at: int) -> RunStatus:
+        """The run now."""
+        return RunStatus(
+            run=self._run,
+            scenario=self._scenario.name,
+            at_s=max(self._now - start_at, 0) / SECOND,
+            duration_s=self._scenario.duration_s,
+            vehicles=tuple(map(self._vehicle, self._scenario.vehicle_names)),
+            links=tuple(self._link(*pair) for pair in self._scenario.links),
+        )
+
+    def _vehicle(self, name: str) -> VehicleFiguresNow:
+        figures, told = self._metrics.vehicles[name], self._tracking.get(name)
+        gap = self._metrics.events.encounters.gaps.get(name)
+        true = figures.cross_track_error
+        follows = told is not None and name != self._scenario.lead
+        return VehicleFiguresNow(
+            name=name,
+            mode=figures.mode,
+            hazard=told.hazard if told else False,
+            reason=told.reason if told else "",
+            speed_mps=figures.speed,
+            true_error_m=true.latest if true.count else None,
+            true_gap_m=_number(gap.now_m) if gap else None,
+            known_m=_number(told.known_m) if told else None,
+            lead=_source(told, "lead") if told and follows else None,
+            predecessor=_source(told, "predecessor") if told and follows else None,
+        )
+
+    def _link(self, sender: str, receiver: str) -> LinkFiguresNow:
+        row = self._verdicts[sender, receiver]
+        while row and row[0][0] < self._now - RECENT_NS:
+            row.popleft()
+        lost = sum(lost for _, lost in row)
+        return LinkFiguresNow(
+            sender=sender,
+            receiver=receiver,
+            judged=len(row),
+            loss_ratio=lost / len(row) if row else None,
+            changed=self._metrics.links[sender, receiver].changed,
+        )
+
+
+def _source(told: Tracking, source: str) -> SourceFigures:
+    return SourceFigures(
+        status=getattr(told, f"{source}_status"),
+        age_s=_number(getattr(told, f"{source}_age_s")),
+        received_ratio=_number(getattr(told, f"{source}_received_ratio")),
+        known_m=_number(getattr(told, f"{source}_known_m")),
+    )
+
+
+def _number(value: float) -> float | None:
+    """A number, None for NaN and what is infinite, which JSON does not know."""
+    return value if isfinite(value) else None

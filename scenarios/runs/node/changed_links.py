@@ -1,0 +1,84 @@
+"""The incoming links of one vehicle, and what is changed of them while it drives."""
+
+from bisect import insort
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from operator import itemgetter
+
+from scenarios.definition.changing.asked import in_words
+from scenarios.definition.changing.links import (
+    LINK_CHANGES,
+    EffectsOf,
+    LinkChange,
+    Made,
+    course,
+    links_of,
+)
+from scenarios.definition.schema.links import LinkTable
+from scenarios.runs.node.agenda import Due
+from transport.links.link import Link
+
+
+@dataclass(slots=True)
+class ChangingLink:
+    """One link, what is asked of it, and what makes its effects when it is another one.
+
+    `changes` are those about it with their instants (ns), in order of time.
+    """
+
+    link: Link
+    asked: LinkTable
+    effects_of: EffectsOf
+    changes: list[tuple[int, LinkChange]] = field(default_factory=list)
+    made: Made = field(default_factory=dict)
+
+    def change(self, at: int, change: LinkChange) -> None:
+        """Change it from the instant `at` (ns) on; what it did before stays."""
+        insort(self.changes, (at, change), key=itemgetter(0))
+        before = [one for one in self.link.course if one.from_at < at]
+        after = course(self.changes, self.asked, self.effects_of, since=at, made=self.made)
+        self.link.course = (*before, *after)
+
+
+class ChangedLinks:
+    """What is changed of the links to one vehicle of a convoy of `names`.
+
+    What the `scheduled` changes do a link knows beforehand; by hand is added when it is due. All of
+    it belongs to the channel: it outlives the vehicle's software, whose links are made anew.
+    """
+
+    def __init__(
+        self, names: Sequence[str], scheduled: Iterable[Due], by_hand: Iterable[Due] = ()
+    ) -> None:
+        """`scheduled` are the changes of the scenario, `by_hand` those carried out before."""
+        self._names = names
+        self._links: dict[tuple[str, str], ChangingLink] = {}
+        self._scheduled = list(scheduled)
+        self._by_hand = list(by_hand)
+
+    @property
+    def by_hand(self) -> tuple[Due, ...]:
+        """What was done by hand so far, in the order in which it was carried out."""
+        return tuple(self._by_hand)
+
+    def adopt(self, links: Iterable[ChangingLink]) -> None:
+        """Change these links, in the place of those before."""
+        self._links = {(one.link.sender, one.link.receiver): one for one in links}
+        for due in (*self._scheduled, *self._by_hand):
+            self._change(due)
+
+    def carry_out(self, due: Due) -> str:
+        """Carry out what is due, if it is about links; returns what there is to say of it."""
+        if not isinstance(due.change, LINK_CHANGES):
+            return ""
+        if due.by_hand:
+            self._by_hand.append(due)
+            self._change(due)
+        about = links_of(due.change, self._names, self._links)
+        links = ", ".join(f"{sender} → {receiver}" for sender, receiver in about)
+        return f"{links}: {in_words(due.change)}{', by hand' if due.by_hand else ''}"
+
+    def _change(self, due: Due) -> None:
+        if isinstance(due.change, LINK_CHANGES):
+            for pair in links_of(due.change, self._names, self._links):
+                self._links[pair].change(due.at, due.change)

@@ -1,0 +1,220 @@
+"""What a changed link does: by the changes about it and the instant of sending, nothing else."""
+
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.definition.changing.links import LinkChange, course, links_of
+from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.links import directed_links
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable
+from scenarios.definition.schema.links import LinkTable
+from transport.links.laws.effect import Passage
+from transport.links.line import Line, judge_stream
+from transport.links.link import Link, Verdict
+from vehicles.schedule import SECOND
+
+NAMES = ("v1", "v2", "v3", "v4")
+PERIOD = SECOND // 20
+START = 1_790_000_000 * SECOND
+PAIR = ("v1", "v3")
+BURSTY = LinkTable.model_validate(
+    {
+        "latency_ms": 30.0,
+        "jitter_ms": 40.0,
+        "loss_ratio": 0.1,
+        "loss": {"kind": "gilbert_elliott", "loss_ratio": 0.2, "burst_messages_mean": 3.0},
+    }
+)
+
+spans = st.none() | st.integers(1, 40).map(lambda k: k / 8)
+ends = st.sampled_from(["*", "v1", "v2", "v3", "lead", "predecessor", "follower"])
+qualities = st.fixed_dictionaries(
+    {},
+    optional={
+        "loss_ratio": st.sampled_from([0.0, 0.3, 1.0]),
+        "latency_ms": st.sampled_from([0.0, 5.0, 200.0]),
+        "jitter_ms": st.sampled_from([0.0, 80.0]),
+    },
+)
+
+
+@st.composite
+def changes(draw: st.DrawFn) -> LinkChange:
+    at_s = draw(st.integers(0, 40)) / 8
+    sender, receiver = draw(ends), draw(ends)
+    match draw(st.sampled_from(["link", "cut", "heal"])):
+        case "link":
+            return LinkChangeTable(
+                kind="link", at_s=at_s, sender=sender, receiver=receiver, for_s=draw(spans),
+                **draw(qualities),
+            )  # fmt: skip
+        case "cut":
+            return CutTable(
+                kind="cut", at_s=at_s, sender=sender, receiver=receiver, for_s=draw(spans)
+            )
+        case _:
+            return HealTable(kind="heal", at_s=at_s, sender=sender, receiver=receiver)
+
+
+def link(done: Sequence[LinkChange], asked: LinkTable = BURSTY, seed: int = 1) -> Link:
+    """The link of PAIR, from a convoy to which all that was `done`."""
+    about = [one for one in done if links_of(one, NAMES, [PAIR])]
+    order = sorted(((START + round(one.at_s * SECOND), one) for one in about), key=lambda k: k[0])
+    found = course(order, asked, lambda table, besides: link_effects(table, 20.0, besides=besides))
+    return Link(link_effects(asked, 20.0), seed, *PAIR, link_stages(asked), found)
+
+
+def passage(seq: int) -> Passage:
+    return Passage(seq, START + seq * PERIOD, 124)
+
+
+def now(done: Sequence[LinkChange], seconds: float) -> tuple[LinkTable, bool]:
+    """What is asked of the link at a time, from the definition: key by key, the last that holds."""
+    about = [one for one in done if links_of(one, NAMES, [PAIR]) and one.at_s <= seconds]
+    about.sort(key=lambda one: one.at_s)
+    healed = [place for place, one in enumerate(about) if isinstance(one, HealTable)]
+    about = about[healed[-1] + 1 :] if healed else about
+    holding = [
+        one
+        for one in about
+        if not isinstance(one, HealTable) and (one.for_s is None or seconds < one.at_s + one.for_s)
+    ]
+    asked = BURSTY
+    for key in ("loss_ratio", "latency_ms", "jitter_ms"):
+        given_ = [getattr(one, key, None) for one in holding]
+        if values := [value for value in given_ if value is not None]:
+            asked = asked.model_copy(update={key: values[-1]})
+    return asked, any(isinstance(one, CutTable) for one in holding)
+
+
+@given(st.lists(changes(), max_size=8))
+@settings(max_examples=150, deadline=None)
+def test_at_each_instant_it_is_the_link_that_is_asked_for_by_then(done: list[LinkChange]) -> None:
+    changed = link(done)
+    for seq in range(0, 120, 3):
+        asked, is_cut = now(done, seq * PERIOD / SECOND)
+        as_asked = Link(link_effects(asked, 20.0), 1, *PAIR).judge(passage(seq))
+        expected = Verdict("dropped", "cut", as_asked.visible_at) if is_cut else as_asked
+        assert changed.judge(passage(seq)) == expected
+
+
+@given(st.lists(changes(), max_size=6), st.permutations(range(60)))
+@settings(max_examples=50, deadline=None)
+def test_a_message_alone_is_judged_as_in_the_stream(
+    done: list[LinkChange], order: list[int]
+) -> None:
+    stream, shuffled = link(done), link(done)
+    in_order = [stream.judge(passage(seq)) for seq in range(60)]
+    out_of_order = {seq: shuffled.judge(passage(seq)) for seq in order}
+    assert [out_of_order[seq] for seq in range(60)] == in_order
+    assert [link(done).judge(passage(seq)) for seq in (0, 17, 59)] == [
+        in_order[seq] for seq in (0, 17, 59)
+    ]
+
+
+@given(st.lists(changes(), max_size=4), st.lists(changes(), min_size=1, max_size=4))
+@settings(max_examples=50, deadline=None)
+def test_changes_of_other_links_do_not_matter(
+    done: list[LinkChange], others: list[LinkChange]
+) -> None:
+    elsewhere = [one for one in others if not links_of(one, NAMES, [PAIR])]
+    for seq in range(0, 60, 7):
+        with_others = link([*elsewhere, *done]).judge(passage(seq))
+        assert with_others == link(done).judge(passage(seq))
+
+
+@given(st.lists(changes(), max_size=6), st.integers(0, 5 * SECOND))
+@settings(max_examples=50, deadline=None)
+def test_what_comes_later_changes_nothing_before(done: list[LinkChange], at: int) -> None:
+    before = [one for one in done if round(one.at_s * SECOND) <= at]
+    for seq in range(60):
+        if seq * PERIOD <= at:
+            assert link(done).judge(passage(seq)) == link(before).judge(passage(seq))
+
+
+def test_it_begins_and_ends_to_the_nanosecond() -> None:
+    sure = LinkTable(latency_ms=10.0)
+    cut = link([CutTable(kind="cut", at_s=1.000_000_001, for_s=0.5)], sure)
+    begin = START + 1_000_000_001
+    outcomes = [
+        cut.judge(Passage(0, at)).reason
+        for at in (begin - 1, begin, begin + SECOND // 2 - 1, begin + SECOND // 2)
+    ]
+    assert outcomes == ["", "cut", "cut", ""]
+
+
+def test_a_message_that_the_link_does_not_carry_by_its_rate_is_not_cut() -> None:
+    cut = link([CutTable(kind="cut", at_s=0.0)], LinkTable(rate_hz=10.0))
+    assert [cut.judge(passage(seq)).reason for seq in range(4)] == ["cut", "rate", "cut", "rate"]
+
+
+@given(st.lists(changes(), max_size=6), st.data())
+@settings(max_examples=50, deadline=None)
+def test_a_queue_behind_a_changed_link_does_not_depend_on_when_bytes_came(
+    done: list[LinkChange], data: st.DataObject
+) -> None:
+    """Tick by tick, in time for its least delay, it comes to what it does all at once."""
+    asked = LinkTable.model_validate(
+        {"latency_ms": 30.0, "queue": {"bytes_per_s": 2000.0, "depth_messages": 3},
+         "delay": {"kind": "uniform", "delay_ms_min": 0.0, "delay_ms_max": 90.0,
+                   "order": "in_order"}}
+    )  # fmt: skip
+    passages = [passage(seq) for seq in range(100)]
+    at_once = judge_stream(link(done, asked), passages)
+    one = link(done, asked)
+    line, settled = Line(one), dict[int, tuple[Verdict, int]]()
+    tick_ns = data.draw(st.sampled_from([SECOND // 50, SECOND // 7, SECOND]))
+    coming = iter(passages)
+    following = next(coming, None)
+    for tick in range(START, START + 60 * SECOND, tick_ns):
+        while following is not None and following.sent_at <= one.visible_until(tick):
+            line.join(following, one.judge(following))
+            following = next(coming, None)
+        for judged, verdict in line.settle(tick):
+            settled[judged.seq] = verdict, tick
+    assert [settled[seq][0] for seq in range(100)] == at_once
+
+
+def scenario(text: str) -> None:
+    scenario_from_text(f'extends = "lane_change"\nname = "changed"\n{text}')
+
+
+@pytest.mark.parametrize(
+    ("entry", "line"),
+    [
+        ('kind = "cut"\nsender = "v9"', 'change[0].sender: given "v9", allowed "v1", "v2", "v3", '
+         '"v4", "lead", "predecessor", "follower", "*"'),
+        ('kind = "heal"\nsender = "v4"', "change[0]: from v4 to *: no vehicle listens there, "
+         "followers hear v1 and the vehicle ahead of them"),
+        ('kind = "link"', "change[0]: changes nothing, allowed at least one of loss_ratio, "
+         "latency_ms, jitter_ms"),
+        ('kind = "link"\nloss_ratio = 2.0', "change[0].loss_ratio: given 2.0, allowed 0 to 1"),
+        ('kind = "link"\nloss_percent = 2.0', "change[0].loss_percent: unknown key, did you mean "
+         "change[0].loss_ratio?"),
+        ('kind = "cut"\nfor_s = 0.0', "change[0].for_s: given 0.0, allowed more than 0, at most "
+         "86400"),
+        ('kind = "sever"', 'change[0].kind: given "sever", allowed "link", "cut", "heal", "gnss", '
+         '"stall", "crash", "leave", "join" or "speed"'),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused_in_a_line(entry: str, line: str) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        scenario(f"[[change]]\nat_s = 1.0\n{entry}\n")
+    assert str(refused.value) == f"scenario: {line}"
+
+
+def test_every_link_is_known_by_some_change() -> None:
+    everything = CutTable(kind="cut", at_s=0.0)
+    assert links_of(everything, NAMES, directed_links(NAMES)) == list(directed_links(NAMES))
+    ahead = CutTable(kind="cut", at_s=0.0, sender="predecessor")
+    assert links_of(ahead, NAMES, directed_links(NAMES)) == [
+        ("v1", "v2"),
+        ("v2", "v3"),
+        ("v3", "v4"),
+    ]

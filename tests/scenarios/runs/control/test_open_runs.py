@@ -1,0 +1,66 @@
+"""The runs of this machine: found while they go on, and not longer, however they end."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from scenarios.runs.control.open_runs import OpenRun, announced, open_runs, runtime_folder
+
+ONE = OpenRun("one", "tcp/127.0.0.1:7001", "/runs/one")
+TWO = OpenRun("two", "tcp/127.0.0.1:7002", "/runs/two")
+
+
+def test_a_run_is_found_while_it_goes_on(tmp_path: Path) -> None:
+    assert open_runs(tmp_path / "nowhere") == []
+    with announced(TWO, tmp_path / "open"):
+        with announced(ONE, tmp_path / "open"):
+            assert open_runs(tmp_path / "open") == [ONE, TWO]
+        assert open_runs(tmp_path / "open") == [TWO]
+    assert open_runs(tmp_path / "open") == []
+    assert list((tmp_path / "open").iterdir()) == []
+    assert (tmp_path / "open").stat().st_mode & 0o077 == 0
+
+
+def test_what_a_killed_run_left_behind_is_removed(tmp_path: Path) -> None:
+    program = textwrap.dedent(f"""
+        import time
+        from pathlib import Path
+        from scenarios.runs.control.open_runs import OpenRun, announced
+        with announced(OpenRun("one", "tcp/127.0.0.1:7001", "/runs/one"), Path({str(tmp_path)!r})):
+            print("there", flush=True)
+            time.sleep(60)
+    """)
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"there\n"
+        assert open_runs(tmp_path) == [ONE]
+        process.send_signal(signal.SIGKILL)
+    assert len(list(tmp_path.glob("*.json"))) == 1
+    assert open_runs(tmp_path) == []
+    assert list(tmp_path.glob("*.json")) == []
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"run": "one"}', '{"other": 1}'])
+def test_a_file_that_says_nothing_is_passed_over(tmp_path: Path, text: str) -> None:
+    with announced(ONE, tmp_path):
+        (path,) = tmp_path.glob("*.json")
+        path.write_text(text)
+        assert open_runs(tmp_path) == []
+
+
+def test_a_run_goes_on_where_no_file_can_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with announced(ONE, tmp_path / "file" / "open"):
+        assert open_runs(tmp_path / "file" / "open") == []
+
+
+def test_the_folder_is_the_users_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert runtime_folder() == tmp_path / "convoy"
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "gone"))
+    assert runtime_folder().name == f"convoy-{os.getuid()}"

@@ -1,0 +1,174 @@
+"""A convoy of real processes that is changed by hand while it drives, and its repetition."""
+
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+from scenarios.cli.control.asking import ask, joined
+from scenarios.runs.control.open_runs import open_runs
+from tests.system.logs import Run, assert_equal_while_nothing_was_late
+from tests.system.processes import Process, run_to_the_end, start
+from transport.bus.bus import BusError
+from vehicles.messages import Change, LinkVerdict
+from vehicles.schedule import SECOND
+
+NO_FLAGS = {"connect": (), "listen": (), "config": None, "cfg": (), "mode": None}
+CONFIRMED_MS = 100.0
+DURATION_S = 18.0
+SESSION = (
+    {"kind": "link", "sender": "v1", "receiver": "v3", "loss_ratio": 0.3, "latency_ms": 200.0},
+    {"kind": "cut", "for_s": 0.5},
+    {"kind": "gnss", "vehicle": "v2", "fix": "float", "for_s": 1.0},
+    {"kind": "link", "sender": "predecessor", "receiver": "*", "loss_ratio": 0.5, "for_s": 2.0},
+    {"kind": "stall", "vehicle": "v3", "for_s": 0.4},
+    {"kind": "link", "sender": "*", "receiver": "follower", "jitter_ms": 60.0},
+    {"kind": "cut", "sender": "lead", "receiver": "v4"},
+    {"kind": "speed", "speed_mps": 25.0},
+    {"kind": "heal"},
+    {"kind": "crash", "vehicle": "v4", "for_s": 4.0},
+)
+"""Ten changes, one after the other."""
+Verdicts = dict[tuple[str, str, int], tuple[str, str, int]]
+
+
+def verdicts(run: Run) -> Verdicts:
+    """What each link decided of each message, and when after the start it was visible."""
+    return {
+        (m.sender, m.vehicle, m.pose_seq): (m.outcome, m.reason, m.visible_at_ns - run.start_at)
+        for m in run.messages
+        if isinstance(m, LinkVerdict)
+    }
+
+
+def begun(convoy: Process, run_name: str) -> None:
+    """Wait until the first vehicle of a run takes changes."""
+    convoy.drive(0.5)
+    assert run_name in {one.run for one in open_runs()}
+
+
+def test_a_session_is_confirmed_at_once_logged_and_repeated(tmp_path: Path) -> None:
+    took_ms, effects = [], []
+    arguments = ("run", "lane_change", f"--set=duration_s={DURATION_S}", "--run=live_session")
+    with start(*arguments, "--out=live", folder=tmp_path) as convoy:
+        begun(convoy, "live_session")
+        with joined("live_session", NO_FLAGS) as (bus, run):
+            for entry in SESSION:
+                answers = ask(bus, run, entry)
+                assert not any(one.said is None or one.said.refused for one in answers)
+                took_ms += [one.took_ms for one in answers]
+                effects += [
+                    (one.vehicle, one.said.from_s) for one in answers if one.said and one.said.does
+                ]
+                sleep(1.0)
+        assert convoy.wait() == 0
+    assert sorted(took_ms)[len(took_ms) // 2] < CONFIRMED_MS
+    assert max(took_ms) < 10 * CONFIRMED_MS  # on a machine that has other things to do
+    live = Run(tmp_path / "live")
+    changes = [m for m in live.messages if isinstance(m, Change)]
+    told = [(m.vehicle, (m.effective_at_ns - live.start_at) / SECOND) for m in changes]
+    assert sorted(told) == sorted(effects)
+    assert all(m.by_hand for m in changes)
+    done = run_to_the_end("scenario-from", "live", "-o", "session.toml", folder=tmp_path)
+    assert (done.exit_code, done.err) == (0, "")
+    assert (tmp_path / "session.toml").read_text().count("[[change]]") >= len(SESSION)
+    again = run_to_the_end(
+        "run", "session.toml", "--clock=virtual", "--quiet", "--out=again", folder=tmp_path
+    )
+    assert again.exit_code == 0, again.err
+    here, there = verdicts(live), verdicts(Run(tmp_path / "again"))
+    assert {reason for _, reason, _ in here.values()} == {"", "cut", "loss"}
+    both = here.keys() & there.keys()
+    assert len(both) >= 0.99 * len(there)
+    assert {key: here[key] for key in both} == {key: there[key] for key in both}
+    # What was on its way at the end was heard in one run and not in the other, at most, and what
+    # a process that starts anew on a busy machine came too late for.
+    last_at = (DURATION_S - 0.5) * SECOND
+    odd = {**{k: here[k] for k in here.keys() - both}, **{k: there[k] for k in there.keys() - both}}
+    assert all(at >= last_at or to == "v4" for (_, to, _), (_, _, at) in odd.items())
+
+
+SCHEDULED = """
+extends = "lane_change"
+name = "scheduled"
+duration_s = 5.0
+[[change]]
+kind = "cut"
+at_s = 1.0
+for_s = 0.4
+[[change]]
+kind = "link"
+at_s = 2.0
+sender = "lead"
+receiver = "follower"
+loss_ratio = 0.4
+latency_ms = 60.0
+for_s = 1.5
+[[change]]
+kind = "cut"
+at_s = 3.0
+sender = "predecessor"
+[[change]]
+kind = "heal"
+at_s = 4.0
+"""
+
+
+def test_what_is_scheduled_is_done_on_the_wall_clock_as_in_virtual_time(tmp_path: Path) -> None:
+    (tmp_path / "scheduled.toml").write_text(SCHEDULED)
+    for clock in ("wall", "virtual"):
+        done = run_to_the_end(
+            "run", "scheduled.toml", f"--clock={clock}", f"--out={clock}", folder=tmp_path
+        )
+        assert done.exit_code == 0, done.err
+    wall, virtual = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
+    here, there = verdicts(wall), verdicts(virtual)
+    both = here.keys() & there.keys()
+    assert len(both) >= 0.99 * len(there)
+    assert {key: here[key] for key in both} == {key: there[key] for key in both}
+    assert_equal_while_nothing_was_late(wall, virtual, within_m=0.05)
+    for run in (wall, virtual):
+        assert sum(isinstance(m, Change) for m in run.messages) == 3 * 4
+        (said,) = [line for line in run.summary["warnings"] if "changed during the run" in line]
+        assert said.count("→") == 5
+
+
+def test_who_types_a_command_here_need_not_know_where_the_run_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The only run here is found; several are told apart by name; none is a line."""
+    (tmp_path / "runtime").mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
+    arguments = ("run", "lane_change", "--set=convoy.vehicles=2")
+    none = run_to_the_end("cut", folder=tmp_path)
+    assert none.exit_code == 2
+    assert none.err == ("no run here that `convoy run` drives; give --run, and -e for its router\n")
+    with start(*arguments, "--set=duration_s=25", "--out=one", folder=tmp_path) as convoy:
+        convoy.drive(0.5)
+        cut = run_to_the_end("cut", "--for", "200ms", folder=tmp_path)
+        assert (cut.exit_code, cut.err) == (0, "")
+        assert cut.out.startswith("v2: cut for 0.2 s, ")
+        refused = run_to_the_end("link", "v1", "v2", "--loss", "2", folder=tmp_path)
+        assert (refused.exit_code, refused.out) == (2, "")
+        assert refused.err == "loss_ratio: given 2.0, allowed 0 to 1\n"
+        status = run_to_the_end("status", "--once", folder=tmp_path)
+        assert status.exit_code == 0, status.err
+        assert "v1 → v2" in status.out
+        with start(*arguments, "--set=duration_s=9", "--out=two", folder=tmp_path) as other:
+            other.await_start()
+            which = run_to_the_end("cut", folder=tmp_path)
+            assert which.exit_code == 2
+            names = ", ".join(one.run for one in open_runs())
+            assert which.err == f"2 runs here, give one of them by --run: {names}\n"
+    assert open_runs() == []
+
+
+def test_a_run_that_does_not_exist_is_a_line() -> None:
+    begun_at = monotonic()
+    with (
+        pytest.raises(BusError) as refused,
+        joined("nobody", {**NO_FLAGS, "connect": ("tcp/127.0.0.1:1",)}),
+    ):
+        pass
+    assert "cannot join through tcp/127.0.0.1:1" in str(refused.value)
+    assert monotonic() - begun_at < 10.0
