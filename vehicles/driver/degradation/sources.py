@@ -101,10 +101,9 @@ class Source:
         The preview data of Section III-A, from `behind` to `ahead` (m).
         """
         window = self.trace.window(east, north, behind, ahead)
-        enough = len(window.station) >= LEAST_SAMPLES and bool(window.station[-1] >= 0.0)
-        self.reaches = enough
-        self.usable |= enough
-        return window if enough else None
+        self.reaches = reaches_ahead(window)
+        self.usable |= self.reaches
+        return window if self.reaches else None
 
     def locate(self, east: float, north: float) -> None:
         """Measure how far its path is known ahead of the ego at (east, north), beyond the paper."""
@@ -173,3 +172,8 @@ class Source:
             self._known_of_all = seen.known / self.weight
         if self._known_of_all:
             self.weight = min(self.weight, seen.known / self._known_of_all)
+
+
+def reaches_ahead(window: Window) -> bool:
+    """Whether samples determine a trajectory and reach ahead of the ego (Section III-A)."""
+    return len(window.station) >= LEAST_SAMPLES and bool(window.station[-1] >= 0.0)
