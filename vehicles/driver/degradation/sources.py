@@ -75,10 +75,12 @@ class Source:
             if not verdict.believed:
                 self._refused_at = now
                 return
-        # Baselines know no holes: what they hear after a silence is one more sample to them.
-        lost = self._gate is not None and self.status in ("lost", "distrusted")
+        lost = newest and self.status in ("lost", "distrusted")
         place = fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed
-        self.trace.add(*place, after_hole=lost)
+        # Baselines know no holes: what they hear after a silence is one more sample to them.
+        self.trace.add(*place, after_hole=lost and self._gate is not None)
+        if lost:
+            self._reception.forget()
         if newest and self.trace.newest_at != fix.measured_at:
             self._refused_at, self.refusal = now, "a jump"
         elif self._reception.add(now, fix.measured_at, message.seq):
@@ -91,7 +93,6 @@ class Source:
         if seen.status == "unheard":
             seen.status = "fresh"
         elif seen.status in ("lost", "distrusted"):
-            self._reception.forget()
             self.probation.begin(now)
             seen.status = "probation"
 
