@@ -175,8 +175,7 @@ class Follower:
         tracked = [(share, track(fit.spline, pose)) for share, fit in self._along]
         if len(tracked) == 1:
             errors = tracked[0][1]
-            guessed = self._sources.guessed
-            aimed = self._rejoining.from_there(now, errors, pose.speed, guessed=guessed)
+            aimed = self._rejoining.from_there(now, errors, pose.speed)
             return errors, self._controller.steer(aimed, pose.speed)
         return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
 

@@ -58,11 +58,6 @@ class Trace:
         return len(self._line)
 
     @property
-    def has_holes(self) -> bool:
-        """Whether some of it was guessed of late, where the source was lost (not in the paper)."""
-        return bool(self._holes)
-
-    @property
     def newest_at(self) -> int | None:
         """Time stamp (ns; Section III-B) of the newest sample taken as true; None without any."""
         return None if self.newest is None else self.newest.measured_at

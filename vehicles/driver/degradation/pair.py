@@ -63,11 +63,6 @@ class SourcePair:
         told = {mode: self.used[mode].trace.told(window) for mode, window in found.items()}
         return {mode: window for mode, window in told.items() if reaches_ahead(window)} or found
 
-    @property
-    def guessed(self) -> bool:
-        """Whether some of the path was guessed of late (beyond the paper)."""
-        return any(one.trace.has_holes for one in self.used.values())
-
     def alpha(self, alpha: float) -> float:
         """Weight of the predecessor, α of eq. (5), by what is left of both sources' weights."""
         lead, ahead = self.lead.weight, self.predecessor.weight

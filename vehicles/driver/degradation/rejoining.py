@@ -10,12 +10,6 @@ LATERAL = 2.0
 """Lateral acceleration (m/s²) that the way back may take."""
 SHORTEST = 10.0
 """Shortest way back (m)."""
-LONGEST = 150.0
-"""Longest way back (m)."""
-CATCHING_UP = 2.0
-"""Acceleration (m/s²) with which the car may catch up meanwhile."""
-JUMP = 0.25
-"""A path that is further aside (m) at once than this is another one: no car moves so fast."""
 SLOWEST = 8.0
 """A car that is slower (m/s) will soon be as fast as this again."""
 
@@ -50,35 +44,19 @@ class Rejoining:
         self._way: _Way | None = None
         self._driven = 0.0
         self._last_at = 0
-        self._last: TrackingErrors | None = None
-        self._aimed: TrackingErrors | None = None
         self._wanted = False
 
     def want(self) -> None:
         """Begin at the next errors: the path has become another one (beyond the paper)."""
         self._wanted = True
 
-    def from_there(
-        self, now: int, errors: TrackingErrors, speed: float, *, guessed: bool = False
-    ) -> TrackingErrors:
-        """Errors from the way back at `now` (ns) and `speed` (m/s), or as they are (Hermite).
-
-        Where some of the path is `guessed`, it begins anew when the path jumps.
-        """
+    def from_there(self, now: int, errors: TrackingErrors, speed: float) -> TrackingErrors:
+        """Errors from the way back at `now` (ns) and `speed` (m/s), or as they are (Hermite)."""
         span, self._last_at = (now - self._last_at) / SECOND, now
         if self._wanted:
-            self._way = _way_back(errors.lateral, errors.heading, speed)
-            self._driven, self._wanted = 0.0, False
-        elif guessed and self._last and self._aimed and _jumps(self._last, errors):
-            aside = errors.lateral - self._aimed.lateral
-            turned = errors.heading - self._aimed.heading
-            self._way, self._driven = _way_back(aside, turned, speed), 0.0
+            self._way, self._driven, self._wanted = _way_back(errors, speed), 0.0, False
         elif self._way is not None:
             self._driven += speed * span
-        self._last, self._aimed = errors, self._less_the_way(errors)
-        return self._aimed
-
-    def _less_the_way(self, errors: TrackingErrors) -> TrackingErrors:
         if self._way is None or self._driven >= self._way.length:
             self._way = None
             return errors
@@ -86,18 +64,9 @@ class Rejoining:
         return replace(errors, lateral=errors.lateral - lateral, heading=errors.heading - heading)
 
 
-def _jumps(before: TrackingErrors, after: TrackingErrors) -> bool:
-    return abs(after.lateral - before.lateral) > JUMP
-
-
-def _way_back(lateral: float, heading: float, speed: float) -> _Way:
-    """The shortest cubic whose curvature, at most 6 e / D² + 4 θ / D, is mild at its speeds.
-
-    Those of a car that accelerates meanwhile to catch up.
-    """
-    slope, bend, length = 4.0 * abs(heading), 6.0 * abs(lateral), 0.0
-    for _ in range(4):
-        most = LATERAL / (max(speed, SLOWEST) ** 2 + 2.0 * CATCHING_UP * length)
-        length = (slope + sqrt(slope * slope + 4.0 * most * bend)) / (2.0 * most)
-        length = min(max(length, SHORTEST), LONGEST)
-    return _Way(lateral, heading, length)
+def _way_back(errors: TrackingErrors, speed: float) -> _Way:
+    """The shortest cubic whose curvature, at most 6 e / D² + 4 θ / D, is mild at this speed."""
+    most = LATERAL / max(speed, SLOWEST) ** 2
+    slope, bend = 4.0 * abs(errors.heading), 6.0 * abs(errors.lateral)
+    length = (slope + sqrt(slope * slope + 4.0 * most * bend)) / (2.0 * most)
+    return _Way(errors.lateral, errors.heading, max(length, SHORTEST))
