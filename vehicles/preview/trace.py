@@ -252,6 +252,21 @@ class Trace:
         self._bridged_from = (east, north)
         self._here = None
 
+    def told(self, window: Window) -> Window:
+        """What of a window was told by the source (Section III-A), without what bridges a hole."""
+        if not self._holes or self._here is None:
+            return window
+        stations = window.station + self._here
+        keep = np.ones(len(stations), dtype=np.bool_)
+        for before, end in self._holes:
+            low, high = self._station_at(before.measured_at), self._station_at(end)
+            keep &= (stations < low + 1e-6) | (stations > high - 1e-6)
+        return Window(*(values[keep] for values in window))
+
+    def _station_at(self, at: int) -> float:
+        """Station (m) of the first held point from the instant `at` (ns) on."""
+        return self._line.station[min(bisect_left(self._line.at, at), len(self) - 1)]
+
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window:
         """Cut out the samples from `behind` to `ahead` (m of travel) of the ego at (east, north).
 

@@ -7,7 +7,7 @@ from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.stopping import stopping_distance
-from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.sources import Source, reaches_ahead
 from vehicles.driver.degradation.trust.gate import Belief
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import GpsPose, Mode
@@ -57,7 +57,12 @@ class SourcePair:
             window = source.window(pose.east, pose.north, behind + more, ahead)
             if window is not None:
                 found[mode] = window
-        return found
+        return self._without_guesses(found)
+
+    def _without_guesses(self, found: dict[Mode, Window]) -> dict[Mode, Window]:
+        """Leave out what bridges the holes of one source where the other one told the way."""
+        told = {mode: self.used[mode].trace.told(window) for mode, window in found.items()}
+        return {mode: window for mode, window in told.items() if reaches_ahead(window)} or found
 
     def alpha(self, alpha: float) -> float:
         """Weight of the predecessor, α of eq. (5), by what is left of both sources' weights."""

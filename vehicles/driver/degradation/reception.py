@@ -36,6 +36,7 @@ class Reception:
         self._recent: deque[_Received] = deque()
         self._first_at = 0
         self._newest_at: int | None = None
+        self._newest_measured_at = 0
         self._counted_until = 0
         self._counted = 0.0
 
@@ -46,23 +47,24 @@ class Reception:
         """
         if any(one.seq == seq for one in self._recent):
             return False
-        newest = self._newest_at is None or measured_at > self._recent[-1].measured_at
         arrival = _Received(now, measured_at, seq)
-        if not self._recent:
+        if self._newest_at is None:
             self._first_at = self._counted_until = now
-        if not newest:
+        elif measured_at <= self._newest_measured_at:
             self._recent.insert(max(len(self._recent) - 1, 0), arrival)
             return False
-        self._newest_at = now
+        self._newest_at, self._newest_measured_at = now, measured_at
         self._recent.append(arrival)
         self._drop_old(now)
         self._learn_period()
         return True
 
     def forget(self) -> None:
-        """Forget when messages came; a long silence is no period (beyond the paper)."""
-        while len(self._recent) > 1:
-            self._recent.popleft()
+        """Forget what came: what lies on both sides of a long silence is no period.
+
+        Beyond the paper.
+        """
+        self._recent.clear()
 
     def silence(self, now: int) -> float:
         """Time (s) since a newer message was heard, NaN before the first (beyond the paper).
@@ -119,4 +121,5 @@ class Reception:
             spacing = (last.measured_at - first.measured_at) / SECOND / numbers
             self.period = max(spacing, self._least_period)
         elif numbers < 0:  # the sender began anew
-            self.forget()
+            self._recent.clear()
+            self._recent.append(last)

@@ -72,10 +72,12 @@ class Source:
         if not belief.believed:
             self._refused_at, self.refusal = now, belief.reason
             return
-        # Baselines know no holes: what they hear after a silence is one more sample to them.
-        lost = self._degrades and self.status in ("lost", "distrusted")
+        lost = newest and self.status in ("lost", "distrusted")
         place = fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed
-        self.trace.add(*place, after_hole=lost)
+        # Baselines know no holes: what they hear after a silence is one more sample to them.
+        self.trace.add(*place, after_hole=lost and self._degrades)
+        if lost:
+            self._reception.forget()
         if newest and self.trace.newest_at != fix.measured_at:
             self._refused_at, self.refusal = now, "a jump"
         elif self._reception.add(now, fix.measured_at, message.seq):
@@ -88,7 +90,6 @@ class Source:
         if seen.status == "unheard":
             seen.status = "fresh"
         elif seen.status in ("lost", "distrusted"):
-            self._reception.forget()
             self.probation.begin(now)
             seen.status = "probation"
 
@@ -98,10 +99,9 @@ class Source:
         The preview data of Section III-A, from `behind` to `ahead` (m).
         """
         window = self.trace.window(east, north, behind, ahead)
-        enough = len(window.station) >= LEAST_SAMPLES and bool(window.station[-1] >= 0.0)
-        self.reaches = enough
-        self.usable |= enough
-        return window if enough else None
+        self.reaches = reaches_ahead(window)
+        self.usable |= self.reaches
+        return window if self.reaches else None
 
     def locate(self, east: float, north: float) -> None:
         """Measure how far its path is known ahead of the ego at (east, north), beyond the paper."""
@@ -170,3 +170,8 @@ class Source:
             self._known_of_all = seen.known / self.weight
         if self._known_of_all:
             self.weight = min(self.weight, seen.known / self._known_of_all)
+
+
+def reaches_ahead(window: Window) -> bool:
+    """Whether samples determine a trajectory and reach ahead of the ego (Section III-A)."""
+    return len(window.station) >= LEAST_SAMPLES and bool(window.station[-1] >= 0.0)

@@ -71,6 +71,16 @@ def test_a_sender_that_begins_anew_keeps_its_period() -> None:
     assert reception.period == 0.05
 
 
+def test_a_single_message_after_a_silence_does_not_stretch_the_period() -> None:
+    """A transmitter that was off has counted nothing meanwhile."""
+    reception = heard(range(40))
+    reception.forget()
+    later = 30 * SECOND
+    assert reception.add(later, later, 40)
+    assert reception.period == 0.05
+    assert not reception.add(later + PERIOD, 39 * PERIOD, 39)
+
+
 def test_the_usual_share_is_the_mean_over_what_was_counted() -> None:
     reception = Reception(0.05)
     for seq in range(400):

@@ -1,0 +1,162 @@
+"""Everything is cut at a random instant of the double lane change, and heals again."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import pairwise
+from random import Random
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.node.sink import BusSink
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import VirtualConvoy
+from transport.topics import Topic
+from vehicles.messages import Command, LogText, Message, Mode, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+RATE, CONTROL_S = 1.18, 0.02
+SLOWING: tuple[Mode, ...] = ("coast", "stop")
+ROAD_M = 1110.0
+
+
+@dataclass
+class Told:
+    """What was told of one follower at its control instants."""
+
+    truth: list[TruePose] = field(default_factory=list)
+    tracking: list[Tracking] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+
+    def instants(self) -> Iterator[tuple[TruePose, Tracking, Command]]:
+        return zip(self.truth, self.tracking, self.commands, strict=True)
+
+
+@dataclass
+class Cut:
+    """A convoy of which nothing is sent from `cut_s` to `back_s`."""
+
+    scenario: Scenario
+    cut_s: float
+    back_s: float
+    followers: dict[str, Told]
+
+    def seconds(self, told: Tracking) -> float:
+        return (told.decided_at_ns - self.scenario.start_at_ns) / SECOND
+
+    def off(self, name: str) -> list[float]:
+        """True distance (m) from the road at each control instant."""
+        near = self.scenario.route.start_station(int(name[1:]) - 1)
+        found = []
+        for pose in self.followers[name].truth:
+            foot = self.scenario.route.path.project(pose.east_m, pose.north_m, near)
+            near = foot.station
+            found.append(foot.lateral)
+        return found
+
+
+@lru_cache(maxsize=12)
+def cut(case: int) -> Cut:
+    chance = Random(case)
+    speed, gap = chance.uniform(8.0, 30.0), chance.choice([8.0, 15.0, 30.0])
+    cut_s = chance.uniform(2.0, 720.0 / speed)
+    back_s = cut_s + chance.uniform(0.6, 12.0)
+    off = f"[{{from_s={cut_s:.3f}, to_s={back_s:.3f}}}]"
+    scenario = load_scenario(
+        "lane_change",
+        [
+            *(f"speed.set_mps={speed:.3f}", f"convoy.gap_m={gap}", f"seed={case}"),
+            f"duration_s={min(back_s + 22.0, ROAD_M / speed):.1f}",
+            *(f"vehicle.v{k}.transmitter_off={off}" for k in (1, 2, 3)),
+        ],
+    )
+    convoy, followers = VirtualConvoy(scenario), {name: Told() for name in ("v2", "v3", "v4")}
+
+    def record(_topic: Topic, _data: bytes, message: Message) -> None:
+        told = followers.get(message.vehicle, Told())
+        match message:
+            case TruePose():
+                told.truth.append(message)
+            case Tracking():
+                told.tracking.append(message)
+            case Command():
+                told.commands.append(message)
+            case LogText():
+                told.lines.append(message.text)
+
+    convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record))
+    convoy.run(Stop())
+    return Cut(scenario, cut_s, back_s, followers)
+
+
+@pytest.mark.campaign(12, 1000)
+def test_inside_the_known_path_cars_keep_to_the_road_and_commands_to_their_limits(
+    case: int,
+) -> None:
+    ran = cut(case)
+    for name, told in ran.followers.items():
+        for (truth, tracking, command), off in zip(told.instants(), ran.off(name), strict=True):
+            assert math.isfinite(command.steering_rad + command.acceleration_mps2)
+            assert command.acceleration_mps2 >= -6.0 - 1e-9
+            assert truth.friction_ratio <= 1.0 + 1e-9
+            silent = ran.seconds(tracking) < ran.back_s
+            if tracking.mode in SLOWING and tracking.known_m > 0.0 and silent:
+                assert abs(off) <= 0.3, (name, ran.seconds(tracking))
+        for before, command in pairwise(told.commands):
+            turned = command.steering_rad - before.steering_rad
+            assert abs(turned) <= RATE * CONTROL_S + 1e-12
+
+
+@pytest.mark.campaign(12, 1000)
+def test_modes_change_for_a_reason_once_and_all_come_back(case: int) -> None:
+    ran = cut(case)
+    for name, told in ran.followers.items():
+        entered: dict[Mode, float] = {}
+        lines = iter(one for one in told.lines if one.startswith("steers along: "))
+        next(lines)
+        for before, tracking in pairwise(told.tracking):
+            if tracking.mode == before.mode:
+                continue
+            now = ran.seconds(tracking)
+            assert next(lines) == f"steers along: {tracking.mode} ({tracking.reason})"
+            assert " s" in tracking.reason
+            assert " m " in tracking.reason
+            assert now - entered.get(tracking.mode, -math.inf) >= 1.0 - 1e-9
+            entered[tracking.mode] = now
+        assert next(lines, None) is None
+        usual = "lead" if name == "v2" else "composite"
+        assert told.tracking[-1].mode == usual
+        if ran.seconds(told.tracking[-1]) > ran.back_s + 10.0:
+            assert told.truth[-1].speed_mps > 3.0
+
+
+@pytest.mark.campaign(12, 1000)
+def test_a_stop_ends_inside_the_known_path_or_where_it_was_said_to(case: int) -> None:
+    """The metres driven blind are those foretold when the sources were given up, to 5 %."""
+    ran = cut(case)
+    for told in ran.followers.values():
+        began: Tracking | None = None
+        for truth, tracking, _ in told.instants():
+            if ran.seconds(tracking) > ran.back_s:
+                break
+            if tracking.mode in SLOWING:
+                began = began or tracking
+                if truth.speed_mps == 0.0:
+                    driven = max(-tracking.known_m, 0.0)
+                    assert driven == pytest.approx(began.blind_m, rel=0.05, abs=0.2)
+                    break
+
+
+def test_some_cuts_end_inside_and_some_beyond() -> None:
+    """Else the tests above would have nothing to find."""
+    stood, blind = 0, []
+    for case in range(12):
+        for told in cut(case).followers.values():
+            stood += any(one.speed_mps == 0.0 for one in told.truth)
+            blind.append(max(one.blind_m for one in told.tracking if one.mode in SLOWING))
+    assert stood > 10
+    assert min(blind) == 0.0
+    assert max(blind) > 20.0

@@ -1,0 +1,169 @@
+"""Followers in a bend behind exact sources that fall silent: their modes, and why."""
+
+import math
+from functools import cache
+from itertools import pairwise
+
+import pytest
+
+from tests.made.vehicles.exact_drives import Step, drive, hearing, on
+from tests.made.vehicles.followers import (
+    BEND,
+    follower,
+    lateral,
+    lead_of,
+    modes,
+    predecessor_of,
+)
+from vehicles.driver.degradation.settings import DegradationSettings, Reaction
+from vehicles.driver.degradation.slowing.stopping import needed_deceleration, stopping_distance
+from vehicles.messages import Mode
+
+DEGRADE = DegradationSettings()
+SILENT = ((0.0, 4.0), (12.0, math.inf))
+LAST_HEARD = 3.98
+"""Sent at 3.95 s, 20 ms on the way, taken in at the next tick of control or of measuring."""
+
+
+@cache
+def cut(reaction: Reaction = "degrade", speed: float = 10.0) -> list[Step]:
+    """Neither lead nor predecessor is heard from 4 to 12 s."""
+    return drive(
+        follower(speed=speed, degradation=DegradationSettings(reaction=reaction)),
+        on(BEND, 0.0, speed),
+        18.0,
+        hearing(lead_of(BEND, speed, SILENT), predecessor_of(BEND, speed, SILENT)),
+    )
+
+
+def decided(steps: list[Step]) -> list[Step]:
+    return [step for step in steps if step.decision.fresh]
+
+
+def test_who_hears_nobody_slows_down_stops_inside_what_it_knows_and_comes_back() -> None:
+    steps = cut()
+    began = modes(steps)
+    assert [mode for mode, _ in began] == ["straight", "composite", "stop", "composite"]
+    given_up, back = began[2][1], began[-1][1]
+    assert given_up == pytest.approx(LAST_HEARD + 0.5, abs=0.021)
+    assert back == pytest.approx(12.02 + 1.0, abs=0.021)
+    standing = [one for one in decided(steps) if 11.0 < one.seconds < 12.0]
+    assert max(one.body.speed for one in standing) < 0.01
+    assert min(one.decision.situation.known for one in standing) >= 0.0
+    off = lateral(BEND, steps)
+    until = [value for step, value in zip(steps, off, strict=True) if step.seconds < 12.0]
+    assert max(map(abs, until)) < 0.1
+    assert max(map(abs, off)) < 0.3  # through the hole of 80 m as well
+    assert steps[-1].body.speed > 5.0
+
+
+def test_every_change_says_why_in_seconds_and_metres() -> None:
+    for before, step in pairwise(decided(cut())):
+        if step.decision.mode == before.decision.mode:
+            continue
+        why = step.decision.reason
+        assert why
+        if step.decision.mode in ("coast", "stop"):
+            assert "v1 unheard for 0.5 s" in why
+            assert "v2 unheard for 0.5 s" in why
+            assert "m known" in why
+        elif before.decision.mode in ("coast", "stop"):
+            assert "relied on again after 1.0 s of probation" in why
+
+
+def test_coast_and_stop_are_told_apart_by_what_a_stop_takes() -> None:
+    mode: Mode = "composite"
+    for step in decided(cut()):
+        seen, before = step.decision, mode
+        mode = seen.mode
+        if mode == "coast":
+            assert needed_deceleration(step.body.speed, seen.situation.known) <= 1.02
+        if mode == "stop" and before != "stop":
+            assert needed_deceleration(step.body.speed, seen.situation.known) > 0.98
+        assert seen.situation.hazard == (mode == "stop")
+
+
+@pytest.mark.parametrize("speed", [5.0, 10.0, 20.0])
+def test_braking_distances_and_blind_metres_are_those_of_the_closed_form(speed: float) -> None:
+    steps = decided(cut(speed=speed))
+    for before, step in pairwise(step for step in steps if step.seconds > 1.0):
+        situation, body = step.decision.situation, step.body
+        acceleration = before.decision.actuation.acceleration
+        hardest = stopping_distance(body.speed, acceleration, DEGRADE.hardest)
+        assert situation.blind == pytest.approx(max(hardest - situation.known, 0.0), abs=0.1)
+        firm = stopping_distance(body.speed, acceleration, DEGRADE.firm)
+        assert situation.firm_stop == pytest.approx(firm, abs=0.1)
+        comfortable = stopping_distance(body.speed, acceleration, DEGRADE.comfortable)
+        assert situation.comfortable_stop == pytest.approx(comfortable, abs=0.3)
+
+
+def test_the_known_path_is_what_lies_between_the_car_and_where_its_source_was() -> None:
+    for step in decided(cut()):
+        if 1.0 < step.seconds < 12.0:
+            newest = min(math.floor(round((step.seconds - 0.02) * 20, 6)) / 20, 3.95)
+            place = BEND.project(step.body.east, step.body.north, step.body.distance).station
+            known = 30.0 + 10.0 * newest - place
+            assert step.decision.situation.lead.known == pytest.approx(known, abs=0.3)
+            assert step.decision.situation.known == step.decision.situation.lead.known
+
+
+@cache
+def undisturbed() -> list[Step]:
+    sources = hearing(lead_of(BEND), predecessor_of(BEND))
+    return drive(follower(degradation=DEGRADE), on(BEND, 0.0, 10.0), 18.0, sources)
+
+
+def largest_turn(steps: list[Step]) -> float:
+    """Largest change of the steering command (rad) from one control instant to the next."""
+    angles = [step.decision.actuation.steering for step in decided(steps)]
+    return max(abs(after - before) for before, after in pairwise(angles))
+
+
+def test_a_source_that_is_lost_leaves_the_command_without_a_step() -> None:
+    """The predecessor alone is lost, and comes back; both told the same road all the time."""
+    steps = drive(
+        follower(degradation=DEGRADE),
+        on(BEND, 0.0, 10.0),
+        18.0,
+        hearing(lead_of(BEND), predecessor_of(BEND, heard=SILENT)),
+    )
+    assert [mode for mode, _ in modes(steps)] == ["straight", "composite", "lead", "composite"]
+    weights = [step.decision.situation.predecessor_weight for step in decided(steps)]
+    assert max(abs(after - one) for one, after in pairwise(weights)) < 0.05
+    assert min(weights) == 0.0
+    assert weights[-1] == 0.5
+    assert largest_turn(steps) < 1.5 * largest_turn(undisturbed())
+    assert max(map(abs, lateral(BEND, steps))) < 0.05
+
+
+# ---- Those that do not degrade
+
+
+def test_whoever_holds_keeps_its_wheels_and_its_speed() -> None:
+    silent = [step for step in decided(cut("hold")) if step.decision.mode == "coast"]
+    assert silent
+    assert len({step.decision.actuation.steering for step in silent}) == 1
+    assert min(step.body.speed for step in silent) > 9.5
+
+
+def test_whoever_goes_straight_turns_its_wheels_straight_at_full_speed() -> None:
+    silent = [step for step in decided(cut("straight")) if step.decision.mode == "coast"]
+    assert silent
+    assert {step.decision.actuation.steering for step in silent} == {0.0}
+    assert min(step.body.speed for step in silent) > 9.5
+
+
+def test_whoever_extrapolates_goes_on_along_the_bend() -> None:
+    steps = cut("extrapolate")
+    assert "coast" in {step.decision.mode for step in steps}
+    assert max(map(abs, lateral(BEND, steps))) < 0.4
+    assert min(step.body.speed for step in steps) > 9.5
+
+
+def test_baselines_differ_only_once_nobody_is_heard() -> None:
+    for steps in (cut("hold"), cut("straight")):
+        for step, other in zip(steps, cut("extrapolate"), strict=True):
+            if step.decision.mode == "coast":
+                break
+            assert step.decision.actuation == other.decision.actuation
+            assert not step.decision.situation.hazard

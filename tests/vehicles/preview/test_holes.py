@@ -1,0 +1,89 @@
+"""What a source drove while it was lost, bridged from both sides."""
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.preview.trace import Trace
+from vehicles.schedule import SECOND
+
+SPEED, PERIOD = 20.0, SECOND // 20
+ROADS = {
+    "straight": path_from_segments([Segment(400.0, 0.0)], yaw=1.0),
+    "left": path_from_segments([Segment(400.0, 1 / 150)], 5.0, 7.0, 2.0),
+    "right": path_from_segments([Segment(400.0, -1 / 150)], yaw=-3.0),
+    "into a bend": path_from_segments([Segment(120.0, 0.0), Segment(300.0, 1 / 300)]),
+}
+
+
+def told(path: Path, trace: Trace, numbers: range, *, after_hole: bool = False) -> None:
+    for seq in numbers:
+        tell(path, trace, seq, after_hole=after_hole and seq == numbers[0])
+
+
+def tell(path: Path, trace: Trace, seq: int, *, after_hole: bool = False) -> None:
+    point = path.at(seq * PERIOD * SPEED / SECOND)
+    place = point.east, point.north, point.yaw
+    trace.add(seq * PERIOD, *place, SPEED, after_hole=after_hole)
+
+
+def farthest(path: Path, trace: Trace, station: float) -> float:
+    """How far (m) any held place within 80 m of `station`, where the car is, is from the path."""
+    point = path.at(station)
+    window = trace.window(point.east, point.north, 80.0, 80.0)
+    places = zip(*(one.tolist() for one in window), strict=True)
+    return max(
+        abs(path.project(east, north, station + along).lateral) for east, north, along in places
+    )
+
+
+@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("hole", [10, 30, 60])
+def test_a_hole_is_bridged_by_a_curve(road: str, hole: int) -> None:
+    """A metre per message: on one circle the bridge is the circle, else it is not far off."""
+    path, trace = ROADS[road], Trace()
+    told(path, trace, range(100))
+    told(path, trace, range(100 + hole, 250), after_hole=True)
+    here = 0.0
+    for station in range(100 + hole):  # drive there, as the place on a trace is followed
+        point = path.at(float(station))
+        here = trace.known(point.east, point.north)
+    assert here == pytest.approx(249.0 - (99.0 + hole), abs=0.6)
+    exact = road != "into a bend"
+    sagitta = hole * hole / 8.0 / 150.0
+    assert farthest(path, trace, 99.0 + hole) < (0.05 if exact else max(sagitta / 2, 0.1))
+
+
+def test_what_comes_late_into_a_hole_is_believed_more_than_the_bridge() -> None:
+    path = path_from_segments(
+        [Segment(105.0, 0.0), Segment(20.0, 1 / 40), Segment(20.0, -1 / 40), Segment(200.0, 0.0)]
+    )
+    trace = Trace()
+    told(path, trace, range(100))
+    told(path, trace, range(150, 250), after_hole=True)
+    guessed = farthest(path, trace, 99.0)
+    for seq in (140, 110, 130, 120, 125, 115, 135, 105, 145):
+        tell(path, trace, seq)
+    assert trace.late == 9
+    assert trace.repeated == trace.rejected == 0
+    assert farthest(path, trace, 99.0) < 0.3 * guessed
+    point = path.at(99.0)
+    assert trace.known(point.east, point.north) == pytest.approx(150.0, abs=0.5)
+    window = trace.window(point.east, point.north, 100.0, 150.0)
+    assert all(after > before for before, after in pairwise(window.station.tolist()))
+
+
+def test_a_hole_whose_sides_turn_their_backs_is_a_straight_line() -> None:
+    trace = Trace()
+    trace.add(0, 0.0, 0.0, math.pi, SPEED)
+    trace.add(SECOND, 15.0, 0.0, math.pi, SPEED, after_hole=True)
+    assert len(trace) == 2
+
+
+def test_without_being_told_of_a_hole_nothing_is_put_there() -> None:
+    trace = Trace()
+    told(ROADS["left"], trace, range(50))
+    told(ROADS["left"], trace, range(80, 100))
+    assert len(trace) == 70
