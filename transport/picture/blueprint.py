@@ -74,7 +74,10 @@ STATES = {
 """Colours of states: of a link over half a second, of its single messages, and of what a vehicle
 steers along. They are dark, and so apart from the colours of the cars."""
 EVENTS: dict[str, tuple[Colour, Shape, float]] = {
+    "change": ((0xFF, 0xFF, 0xFF), "Up", 5.0),
+    "distrust": ((0xFF, 0x8C, 0x00), "Diamond", 5.0),
     "slide": ((0x00, 0xFF, 0xFF), "Down", 5.0),
+    "stop": ((0xFF, 0x66, 0x66), "Square", 6.0),
     "path_lost": ((0x00, 0xFF, 0x00), "Square", 4.0),
     "lane_departure": ((0xFF, 0x00, 0xFF), "Up", 7.0),
     "near_miss": ((0xFF, 0xFF, 0x00), "Diamond", 7.0),
