@@ -60,7 +60,7 @@ def save_log_layout(
     rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(_scene(cars, gap_m), _text(names), row_shares=[3, 1]),
-            rrb.Vertical(rrb.Tabs(errors, believed), *ahead, rrb.Tabs(gaps, believed_gaps)),
+            rrb.Vertical(errors, believed, *ahead, rrb.Tabs(gaps, believed_gaps)),
             column_shares=[5, 4],
         ),
         rrb.TimePanel(timeline=TIMELINE, expanded=False),

@@ -80,23 +80,25 @@ class Reaction:
             self._since = None
         blind = tracking.mode in WITHOUT_SOURCE and tracking.known_m < 0.0  # false for NaN
         _keep(self._beyond, at, _whole(-tracking.known_m) if blind else 0)
-        self._drive_on()
+        self._drive_on(at)
 
     def add_truth(self, pose: TruePose) -> None:
         """Take the metres driven; poses come in order of time."""
         _keep(self._driven, pose.true_at_ns, _whole(pose.distance_m))
-        self._drive_on()
+        self._drive_on(pose.true_at_ns)
 
-    def _drive_on(self) -> None:
-        """Add what was driven beyond the known path up to each instant of which both are there.
+    def _drive_on(self, at: int) -> None:
+        """Add what was driven beyond the known path up to an instant, once both are there of it.
 
-        Of the metres since the instant before no more than those by which the path has ended.
+        Of the metres since the instant before no more than those by which the path has ended. Both
+        kinds of messages come in order, and so do the instants of which both are there.
         """
-        for at in sorted(self._beyond.keys() & self._driven.keys()):
-            beyond, driven = self._beyond.pop(at), self._driven.pop(at)
-            before = driven if self._driven_before is None else self._driven_before
-            self._blind += min(max(driven - before, 0), beyond)
-            self._driven_before = driven
+        if at not in self._beyond or at not in self._driven:
+            return
+        beyond, driven = self._beyond.pop(at), self._driven.pop(at)
+        before = driven if self._driven_before is None else self._driven_before
+        self._blind += min(max(driven - before, 0), beyond)
+        self._driven_before = driven
 
     @property
     def summary(self) -> ReactionSummary:
