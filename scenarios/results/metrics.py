@@ -145,7 +145,8 @@ class Metrics:
     def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
         figures.distance, figures.speed = pose.distance_m, pose.speed_mps
         figures.true_numbers.add(pose.seq)
-        figures.reaction.add_truth(pose)
+        if pose.vehicle != self._names[0]:
+            figures.reaction.add_truth(pose)
         self._add_tyres(figures, pose)
         for foot in self._cross_track_error.add(pose):
             self._add_foot(self.vehicles[foot.vehicle], foot)

@@ -7,11 +7,12 @@ every machine and in whatever order messages of different kinds come.
 from dataclasses import dataclass, field
 from math import isfinite
 
-from vehicles.geometry.driven_path import MOST_WAITING
 from vehicles.messages import Mode, SourceStatus, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 MICROMETRES = 1_000_000
+MOST_BEHIND = 250
+"""Instants by which one kind of message may be behind the other: 5 s at 50 Hz."""
 WITHOUT_SOURCE: frozenset[Mode] = frozenset({"coast", "stop", "straight"})
 """Modes of a follower that relies on none of its sources."""
 NOT_RELIED_ON: frozenset[SourceStatus] = frozenset({"lost", "distrusted", "probation"})
@@ -122,5 +123,5 @@ def _whole(metres: float) -> int:
 
 def _keep(waiting: dict[int, int], at: int, value: int) -> None:
     waiting[at] = value
-    if len(waiting) > MOST_WAITING:
+    if len(waiting) > MOST_BEHIND:
         del waiting[next(iter(waiting))]

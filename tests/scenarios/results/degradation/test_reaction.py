@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.results.degradation.reaction import NO_REACTION, Reaction, ReactionSummary
+from scenarios.results.degradation.reaction import (
+    MOST_BEHIND,
+    NO_REACTION,
+    Reaction,
+    ReactionSummary,
+)
 from tests.made.scenarios.messages import tracking, truth
 from vehicles.messages import Tracking, TruePose
 
@@ -85,7 +90,10 @@ def test_blind_metres_are_those_beyond_the_known_path(
     ]
     mixed = []
     while any(streams):
-        mixed.append(random.choice([stream for stream in streams if stream]).pop(0))
+        longest = max(streams, key=len)
+        apart = len(longest) - min(map(len, streams))
+        chosen = longest if apart >= MOST_BEHIND - 1 else random.choice(streams)
+        mixed.append((chosen or longest).pop(0))
     driven = drive[-1][1].distance_m - 100.0
     found = figures(*mixed).blind_m
     assert found == pytest.approx(max(driven - known, 0.0), abs=1e-6 * len(drive))
