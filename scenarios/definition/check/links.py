@@ -116,7 +116,8 @@ def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedR
             found = replace(found, silences=samples[alike])
             asked = replace(asked, is_sampled=found.silences is not None)
         links.append(replace(asked, false_alarms_per_h=found.per_h))
-        alarms.setdefault(link[1], []).append(found)
+        if link[1] != scenario.vehicle_names[0]:  # the lead does not need what it hears
+            alarms.setdefault(link[1], []).append(found)
     deaf = [AskedReceiver(receiver=name, deaf_per_h=deaf_per_h(of)) for name, of in alarms.items()]
     return tuple(links), tuple(deaf)
 

@@ -84,11 +84,11 @@ def test_blind_metres_are_those_beyond_the_known_path(
     """Whichever kind of message comes first: the way to a standstill less what was known."""
     drive = stop(speed, known, deceleration)
     start = truth("v2", 0, 0.0, 0.0, distance=100.0)
-    streams = [
+    streams: list[list[Tracking | TruePose]] = [
         [tracking("v2", 0, known_m=known), *(one for one, _ in drive)],
         [start, *(one for _, one in drive)],
     ]
-    mixed = []
+    mixed: list[Tracking | TruePose] = []
     while any(streams):
         longest = max(streams, key=len)
         apart = len(longest) - min(map(len, streams))
