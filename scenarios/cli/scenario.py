@@ -47,7 +47,7 @@ Examples:
 """
 )
 @scenario_options
-@click.option("--explain", is_flag=True, help="Say of each link its rule, laws, loss, delay, age, silence.")
+@click.option("--explain", is_flag=True, help="Say of each link its rule, laws, loss, delay, age.")
 @click.option("--json", "as_json", is_flag=True, help="The figures as JSON.")
 def check(
     *, scenario: str, overrides: tuple[str, ...], seed: int | None, explain: bool, as_json: bool

@@ -6,7 +6,7 @@ otherwise from a sample, drawn by the effects of a run.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, cached_property, reduce
 from math import inf, lcm
 
 from scenarios.definition.channel.build import link_effects
@@ -41,7 +41,7 @@ from transport.links.laws.silences import (
 from vehicles.schedule import SECOND
 
 HOUR_S = 3600.0
-DELAYS = 40
+DELAYS = 20
 """Equally likely delays that stand for a law of them."""
 MOST_REPEATS = 10_000
 """Messages after which what is lost by number may come again, for the long run."""
@@ -50,20 +50,25 @@ SAMPLED = 20_000
 BY_NUMBER = Decimation, EveryNth, Listed, RecordedPattern, TimedOutage
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FalseAlarms:
     """What a link's laws say of false alarms; a silence of more than `limit_s` counts as one.
 
-    `silences` are those for each message sent in the long run, None where no number says them, or
-    losses by number never come again. `of_run` gives the number in a run of so many messages,
-    `dispersion` by how much it varies more than a Poisson number.
+    `in_the_long_run` gives those for each message sent, None where no number says them, or losses
+    by number never come again; `of_run` their number in a run of so many messages, `dispersion` by
+    how much it varies more than a Poisson number.
     """
 
     limit_s: float
-    silences: Silences | None
     sent_hz: float
+    in_the_long_run: Callable[[], Silences | None]
     of_run: Callable[[int], float | None]
     dispersion: float = 1.0
+
+    @cached_property
+    def silences(self) -> Silences | None:
+        """What is expected for each message sent; worked out when it is asked for."""
+        return self.in_the_long_run()
 
     @property
     def per_h(self) -> float | None:
@@ -73,7 +78,7 @@ class FalseAlarms:
         return self.silences.alarms * self.sent_hz * HOUR_S
 
 
-def _unknown(_messages: int) -> None:
+def _unknown(*_: object) -> None:
     return
 
 
@@ -118,9 +123,10 @@ def false_alarms(
     limit_s = heard.limit / SECOND
     chain = _chain(scenario.links[link], effects, heard, distance_m)
     if chain is None or delays is None or not _is_even(scenario.vehicle(link[0])):
-        return FalseAlarms(limit_s, None, heard.rate_hz, _unknown)
+        return FalseAlarms(limit_s, heard.rate_hz, _unknown, _unknown)
     by_number = [one for one in effects if isinstance(one, BY_NUMBER)]
 
+    @cache
     def may_pass(number: int) -> bool:
         passage = Passage(number, heard.sent_at(number))
         return not any(isinstance(one.judge(_no_draw, passage), str) for one in by_number)
@@ -129,8 +135,8 @@ def false_alarms(
     repeats = _repeats(by_number, heard)
     return FalseAlarms(
         limit_s,
-        None if repeats is None else law.in_the_long_run(repeats),
         heard.rate_hz,
+        lambda: None if repeats is None else law.in_the_long_run(repeats),
         lambda messages: law.of_run(messages, repeats),
         law.dispersion(),
     )

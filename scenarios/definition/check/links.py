@@ -113,7 +113,7 @@ def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedR
             alike = replace(asked, sender="", receiver="")
             if alike not in samples:
                 samples[alike] = sampled_alarms(scenario, link)
-            found = replace(found, silences=samples[alike])
+            found = replace(found, in_the_long_run=partial(samples.get, alike))
             asked = replace(asked, is_sampled=found.silences is not None)
         links.append(replace(asked, false_alarms_per_h=found.per_h))
         if link[1] != scenario.vehicle_names[0]:  # the lead does not need what it hears

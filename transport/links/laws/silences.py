@@ -145,6 +145,11 @@ class Listening:
         """Instant at which a message is sent."""
         return self.phase + instant(0, number, self.rate_hz)
 
+    @property
+    def mean_delay(self) -> int:
+        """Mean of the delays."""
+        return round(fsum(self.delays) / len(self.delays))
+
     def heard_at(self, visible_at: int) -> int:
         """First instant of listening at which a message is there."""
         return min(_first_from(visible_at, rate) for rate in (self.control_hz, *self.listens_hz))
@@ -191,18 +196,21 @@ class SilenceLaw:
 
     def after(self, number: int) -> float:
         """Chance that a message is heard and an alarm follows."""
-        return self._mean(number, lambda weights, *_: fsum(weights))
-
-    def silent_after(self, number: int) -> float:
-        """How long (ns) nothing is heard beyond that alarm on average, times the chance of it."""
-        return self._mean(number, self._silent)
-
-    def _mean(self, number: int, figure: Callable[[Vector, int, int], float]) -> float:
-        """Mean over the delays of a message, if it is carried."""
         if not self.may_pass(number):
             return 0.0
         sent_at, delays = self.listening.sent_at(number), self.listening.delays
-        return fsum(figure(*self._after(number, sent_at + one)) for one in delays) / len(delays)
+        chances = (fsum(self._after(number, sent_at + delay)[0]) for delay in delays)
+        return fsum(chances) / len(delays)
+
+    def silent_after(self, number: int) -> float:
+        """How long (ns) nothing is heard beyond that alarm on average, times the chance of it.
+
+        As if the message that is heard, and the one that ends the silence, had the mean delay.
+        """
+        if not self.may_pass(number):
+            return 0.0
+        visible_at = self.listening.sent_at(number) + self.listening.mean_delay
+        return self._silent(*self._after(number, visible_at))
 
     def _after(self, number: int, visible_at: int) -> tuple[Vector, int, int]:
         """Weights of the states at the alarm, the next message's number, and the alarm's instant.
@@ -240,13 +248,12 @@ class SilenceLaw:
 
     def _silent(self, weights: Vector, number: int, alarm_at: int) -> float:
         """Mean time (ns) from an alarm until a message from `number` on is heard, times chance."""
-        mean_delay = round(fsum(self.listening.delays) / len(self.listening.delays))
         begun = left = fsum(weights)
-        silent, since = 0.0, alarm_at
+        silent, since, delay = 0.0, alarm_at, self.listening.mean_delay
         for following in range(number, number + LONGEST_TAIL):
             if left <= _ENDED * begun:
                 return silent
-            there_at = self.listening.heard_at(self.listening.sent_at(following) + mean_delay)
+            there_at = self.listening.heard_at(self.listening.sent_at(following) + delay)
             silent += left * max(there_at - since, 0)
             since = max(there_at, since)
             passes = float(self.may_pass(following))
