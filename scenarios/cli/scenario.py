@@ -68,15 +68,16 @@ def check(
         loaded = load_scenario(scenario, overrides, seed)
         report = report_of(loaded)
         warnings = (*report.warnings, *_certificate_warnings(loaded))
-        links = asked_links(loaded) if explain else ()
+        links, deaf = asked_links(loaded) if explain else ((), ())
         if as_json:
             figures = asdict(report) | {"warnings": warnings}
             if explain:
                 figures["explained"] = [asdict(one) for one in links]
+                figures["deaf"] = [asdict(one) for one in deaf]
             click.echo(json.dumps(figures, indent=2))
             return
         if explain:
-            print_links(loaded.name, links, Console())
+            print_links(loaded.name, links, deaf, Console())
         else:
             print_report(report, Console())
         for line in warnings:

@@ -12,6 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from scenarios.results.channel.account import LinkSummary
+from scenarios.results.channel.alarms import AlarmSummary
+from scenarios.results.degradation.reaction import NO_REACTION
 from scenarios.results.encounters import EventKind
 from scenarios.results.holes import hole_lines
 from scenarios.results.summary import RunSummary
@@ -32,6 +34,8 @@ NAMES: dict[EventKind, tuple[str, str]] = {
     "lane_departure": ("lane departure", "lane departures"),
     "path_lost": ("path lost", "paths lost"),
     "slide": ("slide", "slides"),
+    "stop": ("stop", "stops"),
+    "distrust": ("distrust", "distrusts"),
 }
 """Kinds of events, one and several."""
 FIGURES = {
@@ -41,6 +45,8 @@ FIGURES = {
     "excess_m_max": "at most {:.2f} m beyond the edge",
     "friction_ratio_max": "{:.2f} of the friction",
     "slip_rad_max": "slip up to {:.2f} rad",
+    "known_m": "{:.1f} m of the road known",
+    "predicted_blind_m": "{:.1f} m beyond it",
     "duration_s": "for {:.1f} s",
 }
 """Figures of events in words."""
@@ -51,6 +57,8 @@ def print_summary(summary: RunSummary, log: Path | None, console: Console) -> No
     console.print(Text(title_of(summary), style="bold"), highlight=False, soft_wrap=True)
     console.print(vehicle_table(summary))
     console.print(process_table(summary))
+    if any(row.reaction != NO_REACTION for row in summary.vehicles):
+        console.print(reaction_table(summary))
     if summary.links:
         console.print(link_table(summary))
         console.print(freshness_table(summary))
@@ -126,6 +134,35 @@ def process_table(summary: RunSummary) -> Table:
             str(row.rejected_messages),
             f"{row.memory_bytes_max / 1e6:.0f}" if row.memory_bytes_max else "",
             f"{row.cpu_ratio * 100:.1f}" if row.memory_bytes_max else "",
+        )
+    return table
+
+
+def reaction_table(summary: RunSummary) -> Table:
+    """One row per follower: what it did about messages that did not come."""
+    table = Table(title="when messages failed", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("vehicle", no_wrap=True)
+    for heading in (
+        "changes\nof mode",
+        "recovered",
+        "after, s\nmean / longest",
+        "hazards",
+        "stops",
+        "blind, m\ndriven / predicted",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in summary.vehicles:
+        if row.role == "lead":
+            continue
+        did = row.reaction
+        table.add_row(
+            row.name,
+            str(did.mode_changes),
+            str(did.recoveries),
+            f"{_figure(did.recovery_s_mean)} / {_figure(did.recovery_s_max)}",
+            str(did.hazards),
+            str(did.stops),
+            f"{did.blind_m:.1f} / {_figure(did.predicted_blind_m_max)}",
         )
     return table
 
@@ -210,6 +247,9 @@ def freshness_table(summary: RunSummary) -> Table:
     table.add_column("age at a\ncommand, ms", justify="right", no_wrap=True)
     for limit in SHOWN_AGES_MS:
         table.add_column(f"≤ {limit}\nms, %", justify="right", no_wrap=True)
+    counts = any(row.false_alarms.counted is not None for row in summary.links)
+    if counts:
+        table.add_column("false alarms\nlaw / run", justify="right", no_wrap=True)
     for row in summary.links:
         gaps = row.arrival_gap_ms_mean, row.arrival_gap_ms_p95, row.arrival_gap_ms_max
         ages = row.age_ms_mean, row.age_ms_p95, row.age_ms_max
@@ -218,8 +258,15 @@ def freshness_table(summary: RunSummary) -> Table:
             " / ".join("-" if one is None else f"{one:.0f}" for one in gaps),
             " / ".join("-" if one is None else f"{one:.0f}" for one in ages),
             *(_figure(row.safe_time_ratio.get(limit), 100.0) for limit in SHOWN_AGES_MS),
+            *([_alarms(row.false_alarms)] if counts else []),
         )
     return table
+
+
+def _alarms(found: AlarmSummary) -> str:
+    """How often a source counted as lost: predicted by the laws, and counted."""
+    counted = "-" if found.counted is None else str(found.counted)
+    return f"{'-' if found.predicted is None else f'{found.predicted:.1f}'} / {counted}"
 
 
 def _asked(value: float | None, scale: float = 1.0) -> str:

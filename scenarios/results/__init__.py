@@ -4,8 +4,9 @@ metrics       figures gathered message by message
 figures       what is kept of one vehicle
 channel/      what links did, against what was asked
 bodies        the rectangles that cars are: overlap and distance
+degradation/  what followers did when messages failed
 encounters    gaps, near misses and collisions
-events        all that must not pass unseen: those, lane departures, paths lost
+events        all that must not pass unseen: those, lane departures, paths lost, stops
 deviations    true errors and gaps for plots of the log
 limits        which limits of the scenario were broken
 holes         what was not recorded

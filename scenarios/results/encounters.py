@@ -14,7 +14,9 @@ from scenarios.results.bodies import BodySize, CarBody, Separation, body_of, sep
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
-EventKind = Literal["collision", "lane_departure", "near_miss", "path_lost", "slide"]
+EventKind = Literal[
+    "collision", "distrust", "lane_departure", "near_miss", "path_lost", "slide", "stop"
+]
 
 MOST_FRAMES = 3000
 """Instants that wait for the poses of vehicles, 60 s at 50 Hz; then the oldest go."""

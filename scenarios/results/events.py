@@ -1,8 +1,8 @@
 """What happened on the road that must not pass unseen, from the true poses and the modes.
 
-A collision, a near miss, a departure from the lane, a path lost, a slide: found message by
-message, live, in virtual time or from a log. The messages of each vehicle come in order; how those
-of different vehicles are mixed does not matter.
+A collision, a near miss, a departure from the lane, a path lost, a slide, a stop, a source that is
+not believed: found message by message, live, in virtual time or from a log. The messages of each
+vehicle come in order; how those of different vehicles are mixed does not matter.
 """
 
 from collections import defaultdict
@@ -14,14 +14,15 @@ from typing import Any
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import EventsTable
 from scenarios.results.bodies import BodySize, body_of, corners
+from scenarios.results.degradation.watches import StopWatch, TrustWatch
 from scenarios.results.encounters import Encounters, Episode, EventKind
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING, CrossTrackError
 from vehicles.messages import Level, Tracking, TruePose
 from vehicles.schedule import SECOND, nanoseconds
 
-LOST_MODES = frozenset({"coast", "straight"})
-"""Modes of a follower that has no trajectory from what it received."""
+LOST_MODES = frozenset({"coast", "stop", "straight"})
+"""Modes of a follower that has no trajectory from what it received, unless it knows the road."""
 WELL_INSIDE_M = 0.5
 """A follower whose corners are all so far inside its lane is not across the edge before the next
 look, LANE_LOOK_NS later: that would take 10 m/s sideways."""
@@ -76,12 +77,26 @@ def _slide(event: RunEvent) -> str:
     return f"slide: {event.vehicles[0]} has no more friction to steer by"
 
 
+def _stop(event: RunEvent) -> str:
+    known, blind = event.figures.get("known_m"), event.figures.get("predicted_blind_m")
+    left = "" if known is None else f", {known:.1f} m of the road known"
+    beyond = f", {blind:.1f} m beyond it" if blind else ""
+    return f"stop: {event.vehicles[0]} brakes to a standstill{left}{beyond}"
+
+
+def _distrust(event: RunEvent) -> str:
+    source, name = event.vehicles
+    return f"distrust: {name} does not believe {source}"
+
+
 WHAT: Mapping[EventKind, Callable[[RunEvent], str]] = {
     "collision": _collision,
     "near_miss": _near_miss,
     "lane_departure": _lane_departure,
     "path_lost": _path_lost,
     "slide": _slide,
+    "stop": _stop,
+    "distrust": _distrust,
 }
 
 
@@ -165,7 +180,10 @@ def _forget(known: dict[int, Any], until: int) -> None:
 
 
 class PathWatch:
-    """Followers that had a trajectory and steer without one for longer than `after` (s)."""
+    """Followers that had a trajectory and steer without one for longer than `after` (s).
+
+    One that goes on along what it still knows of the road has not lost its path.
+    """
 
     def __init__(self, after: float) -> None:
         self._after = nanoseconds(after)
@@ -181,7 +199,7 @@ class PathWatch:
         name, at = tracking.vehicle, tracking.decided_at_ns
         unseen = at - self._last.get(name, at) > UNRECORDED_NS
         self._last[name] = at
-        if tracking.mode not in LOST_MODES:
+        if tracking.mode not in LOST_MODES or tracking.known_m > 0.0:  # false for NaN
             self._lost[name] = None
             self._told.discard(name)
             return
@@ -238,6 +256,8 @@ class EventDetector:
         self._lane = LaneWatch(sizes, rules.lane_width_m, road_yaw)
         self._path = PathWatch(rules.path_lost_s)
         self._slide = SlideWatch()
+        self._stop = StopWatch()
+        self._trust = TrustWatch(list(sizes))
         self._found: list[Episode] = []
         self._told = 0
         self._places: dict[str, tuple[float, float]] = {}
@@ -264,6 +284,8 @@ class EventDetector:
         """Take what one of the vehicles steers along."""
         place = self._places.get(tracking.vehicle, (0.0, 0.0))
         self._found += self._path.add(tracking, place)
+        self._found += self._stop.add(tracking, place)
+        self._found += self._trust.add(tracking, place)
 
     def finish(self) -> None:
         """Count what had not ended when the run did."""

@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from math import inf, sqrt
 
+from scenarios.results.degradation.reaction import Reaction
 from scenarios.results.holes import MOST_RANGES, EdgeInstants, RecordedNumbers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING
@@ -110,6 +111,7 @@ class VehicleFigures:
     belief: BelievedErrors = field(default_factory=BelievedErrors)
     gap_min: float = inf
     modes: Counter[str] = field(default_factory=Counter)
+    reaction: Reaction = field(default_factory=Reaction)
     health: Health | None = None
     memory_max: int = 0
     cpu_sum: float = 0.0

@@ -62,6 +62,11 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         " more than 1",
         "sliding_s": "how long an axle used all of it, or more",
         "ticks_by_mode": "how often it steered along what: composite, one source, coast, ...",
+        "reaction": "what it did about messages that did not come: mode_changes, recoveries, how"
+        " often it relied on all its sources again, recovery_s_mean and recovery_s_max, how long it"
+        " did not, stops, blind_m, how far it drove beyond the road that it knew,"
+        " predicted_blind_m_max, the most that it expected of that when it began to stop, hazards,"
+        " how often it warned those behind",
         "ticks": "instants of its schedule, for control or GNSS, that it went through",
         "late_ticks": "ticks that began more than half a control period late",
         "lateness_ms_max": "the worst of them",
@@ -109,14 +114,20 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         " the receiver's steering commands",
         "age_ms_p95": "not exceeded by 95 %",
         "age_ms_max": "the oldest",
+        "false_alarms": "how often the receiver counted the sender as lost though it sent:"
+        " predicted by the laws for so many messages (null where no number says it, or the link or"
+        " an end of it was changed meanwhile), counted, and low and high, the interval of 95 % of"
+        " the expectation by the count, which allows for swarms of alarms",
         "safe_time_ratio": "share of the steering commands with an age of at most so many ms",
     },
     "events": {
-        "kind": "collision, near_miss, lane_departure, path_lost or slide",
+        "kind": "collision, near_miss, lane_departure, path_lost, slide, stop, or distrust of a"
+        " source",
         "at_s": "when it began",
         "vehicles": "who, in the order of the convoy",
         "figures": "closing_speed_mps; gap_m_min, time_to_collision_s_min; excess_m_max,"
-        " duration_s; friction_ratio_max, slip_rad_max, duration_s",
+        " duration_s; friction_ratio_max, slip_rad_max, duration_s; known_m, predicted_blind_m,"
+        " duration_s",
     },
     "holes": {
         "vehicle": "whose poses were sent and not recorded; all figures are of what was recorded",

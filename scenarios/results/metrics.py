@@ -2,17 +2,20 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache, partial
 from itertools import pairwise
 from math import inf, isfinite
 from typing import Any
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.changing.asked import changed_links
+from scenarios.definition.check.alarms import FalseAlarms, false_alarms
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import sends_every_instant
 from scenarios.results.bodies import BodySize
 from scenarios.results.channel.account import LinkSummary, link_summary, misses
+from scenarios.results.channel.alarms import AlarmSummary, AlarmTally, alarm_miss, alarm_summary
 from scenarios.results.channel.tally import LinkTally
 from scenarios.results.deviations import Deviations
 from scenarios.results.events import EventDetector, detector_of
@@ -59,14 +62,16 @@ class Metrics:
         control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
         duration_ns: int = 0,
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
+        alarms_of: Callable[[tuple[str, str]], FalseAlarms | None] = lambda _: None,
     ) -> None:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
 
         `road_yaw` (rad) is the direction of the road on which the convoy starts; `rates_hz` are
         those at which poses are sent from the start on, None for a vehicle whose poses come by no
         such schedule; `duration_ns` is as planned; `linear_slips` are the slip angles
-        (rad) of front and rear axle up to which each vehicle's tyres are linear. Without a detector
-        of events, usual cars and thresholds.
+        (rad) of front and rear axle up to which each vehicle's tyres are linear; `alarms_of` says
+        what a link's laws say of false alarms. Without a detector of events, usual cars and
+        thresholds.
         """
         self._names = list(vehicles)
         self._requested = requested
@@ -83,6 +88,9 @@ class Metrics:
         self._linear_slips = linear_slips or dict.fromkeys(vehicles, linear_range(LINCOLN_MKZ))
         self.vehicles = {name: VehicleFigures() for name in vehicles}
         self.links: defaultdict[tuple[str, str], LinkTally] = defaultdict(LinkTally)
+        self._alarms: defaultdict[tuple[str, str], AlarmTally] = defaultdict(AlarmTally)
+        self._alarms_of = cache(alarms_of)
+        self._changed: set[str] = set()
         self._cross_track_error = CrossTrackError(self._names[0], road_yaw, self._names[1:])
         self.deviations = Deviations(self._names[1:])
         self._behind = dict(pairwise(self._names))
@@ -111,6 +119,7 @@ class Metrics:
                 name: linear_range(scenario.vehicle(name).parameters)
                 for name in scenario.vehicle_names
             },
+            alarms_of=partial(false_alarms, scenario),
         )
 
     @property
@@ -138,6 +147,8 @@ class Metrics:
     def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
         figures.distance, figures.speed = pose.distance_m, pose.speed_mps
         figures.true_numbers.add(pose.seq)
+        if pose.vehicle != self._names[0]:
+            figures.reaction.add_truth(pose)
         self._add_tyres(figures, pose)
         for foot in self._cross_track_error.add(pose):
             self._add_foot(self.vehicles[foot.vehicle], foot)
@@ -181,7 +192,8 @@ class Metrics:
             figures.belief.add_believed(tracking.decided_at_ns, tracking.lateral_error_m)
         if tracking.vehicle != self._names[0]:
             self.events.add_tracking(tracking)
-            self._add_ages(tracking)
+            self._add_sources(tracking)
+            figures.reaction.add_tracking(tracking)
         figures.lateral_error.add(tracking.lateral_error_m)
         figures.heading_error.add(tracking.heading_error_rad)
         figures.mode = tracking.mode
@@ -189,13 +201,16 @@ class Metrics:
         if -inf < tracking.gap_m < figures.gap_min:  # false for NaN: there is no gap to tell
             figures.gap_min = tracking.gap_m
 
-    def _add_ages(self, tracking: Tracking) -> None:
-        """Take how old each source is; the lead is the first follower's predecessor, too."""
-        lead, ahead = self._names[0], self._ahead[tracking.vehicle]
-        if (lead, tracking.vehicle) in self._requested:
-            self.links[lead, tracking.vehicle].add_age(tracking.lead_age_s)
-        if ahead != lead and (ahead, tracking.vehicle) in self._requested:
-            self.links[ahead, tracking.vehicle].add_age(tracking.predecessor_age_s)
+    def _add_sources(self, tracking: Tracking) -> None:
+        """Take how fresh each source is; the lead is the first follower's predecessor, too."""
+        name, at = tracking.vehicle, tracking.decided_at_ns
+        lead, ahead = self._names[0], self._ahead[name]
+        if (lead, name) in self._requested:
+            self.links[lead, name].add_age(tracking.lead_age_s)
+            self._alarms[lead, name].add(at, tracking.lead_status)
+        if ahead != lead and (ahead, name) in self._requested:
+            self.links[ahead, name].add_age(tracking.predecessor_age_s)
+            self._alarms[ahead, name].add(at, tracking.predecessor_status)
 
     def _add_pose(self, figures: VehicleFigures, pose: GpsPose) -> None:
         figures.numbers.add(pose.seq)
@@ -215,6 +230,7 @@ class Metrics:
         """From now on its poses come by no schedule, or links are not as they were asked for."""
         if change.kind in VEHICLE_CHANGES:
             self._rates_hz[change.vehicle] = None
+            self._changed.add(change.vehicle)
         for pair in changed_links(change.table, self._names, self._requested):
             self.links[pair].changed |= pair[1] == change.vehicle
 
@@ -321,6 +337,7 @@ class Metrics:
             friction_ratio_max=tyres.friction if tyres.poses else None,
             sliding_s=tyres.sliding / self._control_rate_hz if tyres.poses else None,
             ticks_by_mode=dict(sorted(figures.modes.items())),
+            reaction=figures.reaction.summary,
             ticks=health.ticks if health else 0,
             late_ticks=health.late_ticks if health else 0,
             lateness_ms_max=health.lateness_ms_max if health else 0.0,
@@ -332,12 +349,27 @@ class Metrics:
 
     def _link(self, link: tuple[str, str]) -> LinkSummary:
         requested, sent = self._requested[link], self.vehicles[link[0]].poses
-        return link_summary(link, requested, sent, self.links[link])
+        return link_summary(
+            link, requested, sent, self.links[link], self._alarm_summary(link, sent)
+        )
+
+    def _alarm_summary(self, link: tuple[str, str], sent: int) -> AlarmSummary:
+        """False alarms of a link while its sender lived."""
+        counted = self._alarms[link].counted(self.vehicles[link[0]].last_at)
+        return alarm_summary(self._law_of_alarms(link), sent, counted)
+
+    def _law_of_alarms(self, link: tuple[str, str]) -> FalseAlarms | None:
+        """What the laws of a link say, unless it was changed or messages came late on their own."""
+        if self._changed & set(link) or self.links[link].changed or self.links[link].late:
+            return None
+        return self._alarms_of(link)
 
     def link_misses(self) -> Iterator[str]:
         """Say which links did something else than was asked of them, beyond sampling error."""
         for link in sorted(self._requested, key=self._order):
             yield from misses(link, self._requested[link], self.links[link])
+            found = self._alarm_summary(link, self.vehicles[link[0]].poses)
+            yield from alarm_miss(link, self._law_of_alarms(link), found)
         if changed := [f"{a} → {b}" for (a, b), one in sorted(self.links.items()) if one.changed]:
             these = ", ".join(changed)
             yield f"changed during the run, so not held against what was asked: {these}"

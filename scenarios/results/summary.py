@@ -16,6 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.account import LinkSummary
+from scenarios.results.degradation.reaction import NO_REACTION, ReactionSummary
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole
 
@@ -113,6 +114,7 @@ class VehicleSummary:
     friction_ratio_max: float | None = None
     sliding_s: float | None = None
     ticks_by_mode: Mapping[str, int]
+    reaction: ReactionSummary = NO_REACTION
     ticks: int
     late_ticks: int
     lateness_ms_max: float

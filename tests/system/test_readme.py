@@ -21,7 +21,9 @@ NOT_HERE = {
     "--rerun spawn": "--rerun save=live.rrd --clock virtual",  # needs a display
     "run lossy_lane_change": "run lossy_lane_change --clock virtual",
     "review runs/first": "review runs/first --rerun save=again.rrd",
+    "review runs/cut": "review runs/cut --rerun save=cut.rrd",
     "--at 12.4": "--at 1.4",  # within the two seconds
+    "at_s=12": "at_s=1",
     "convoy gains": "convoy gains --speed 30",
     "convoy channel figure": "convoy channel figure --quick",
     "convoy reproduce": "convoy reproduce --case propagation",  # all takes up to two minutes

@@ -15,22 +15,34 @@ PLOTS = (
 """Title, and topic with field, of what is plotted of each follower."""
 
 
+AHEAD = (
+    ("road known", "known_m", "#f2f2f2"),
+    ("stop, comfortably", "comfortable_stop_m", "#6f8f4f"),
+    ("stop, firmly", "firm_stop_m", "#d04040"),
+)
+"""Label, field and colour of what is plotted of the road ahead of one follower."""
+
+
 def foxglove_layout(vehicles: Sequence[str]) -> str:
     """Lay out the log of a run of `vehicles`, lead first; to be imported in Foxglove."""
     plots = {f"Plot!{number}": _plot(vehicles, *row) for number, row in enumerate(PLOTS)}
+    shown = {"StateTransitions!mode": _modes(vehicles)}
+    if len(vehicles) > 1:
+        shown["Plot!ahead"] = _road_ahead(vehicles[len(vehicles) // 2])
     left = {"first": "3D!scene", "second": "RosOut!text", "direction": "column"}
     layout = {
         "configById": {
             "3D!scene": _scene(vehicles),
             "RosOut!text": {"topicToRender": "/convoy/run/text", "minLogLevel": 1},
             **plots,
+            **shown,
         },
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
         "layout": {
             "first": {**left, "splitPercentage": 75},
-            "second": _stacked(list(plots)),
+            "second": _stacked([*plots, *shown]),
             "direction": "row",
             "splitPercentage": 55,
         },
@@ -64,16 +76,42 @@ def _scene(vehicles: Sequence[str]) -> dict[str, object]:
 
 def _plot(vehicles: Sequence[str], title: str, field: str) -> dict[str, object]:
     paths = [
-        {
-            "value": f"/convoy/{name}/{field}",
-            "label": name,
-            "color": "#{:02x}{:02x}{:02x}".format(*colour_of(place)),
-            "enabled": True,
-            "timestampMethod": "receiveTime",
-        }
+        _path(f"/convoy/{name}/{field}", name, "#{:02x}{:02x}{:02x}".format(*colour_of(place)))
         for place, name in enumerate(vehicles)
         if place
     ]
+    return _curves(title, paths)
+
+
+def _road_ahead(vehicle: str) -> dict[str, object]:
+    """How far the road ahead of one follower is known, and what a stop takes."""
+    paths = [
+        _path(f"/convoy/{vehicle}/tracking.{field}", label, colour)
+        for label, field, colour in AHEAD
+    ]
+    return _curves(f"Road ahead of {vehicle} (m)", paths)
+
+
+def _modes(vehicles: Sequence[str]) -> dict[str, object]:
+    """What each follower steers along."""
+    paths = [
+        {"value": f"/convoy/{name}/tracking.mode", "label": name, "timestampMethod": "receiveTime"}
+        for name in vehicles[1:]
+    ]
+    return {"foxglovePanelTitle": "Steers along", "paths": paths, "isSynced": True}
+
+
+def _path(value: str, label: str, colour: str) -> dict[str, object]:
+    return {
+        "value": value,
+        "label": label,
+        "color": colour,
+        "enabled": True,
+        "timestampMethod": "receiveTime",
+    }
+
+
+def _curves(title: str, paths: Sequence[object]) -> dict[str, object]:
     return {
         "foxglovePanelTitle": title,
         "paths": paths,

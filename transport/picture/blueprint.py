@@ -11,8 +11,10 @@ Entities are named by quantity first and vehicle last, because a view takes in w
       events/<kind>         where something happened
       cars/<vehicle>/…      the car, with a ring if it is furthest off the lead's path
     plots/<quantity>/<vehicle>, plots/<quantity>/events/<kind>
+    plots/closing/<vehicle>/<curve>    its road ahead, as far as known, and what a stop takes
     links/<vehicle>/from_<sender>      how the link was in each half second
     messages/<vehicle>/from_<sender>   what became of each message
+    sources/<vehicle>/<source>         what it makes of lead and predecessor
     mode/<vehicle>, log/<vehicle>
 """
 
@@ -26,7 +28,7 @@ from rerun.blueprint import encodings
 from transport.colours import Colour
 from transport.picture.link_states import LATE, LOSSES, OK, SILENT
 
-Shape = Literal["Asterisk", "Diamond", "Down", "Square", "Up"]
+Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Square", "Up"]
 Road = tuple[Sequence[float], Sequence[float]]
 """East and north of the lead's path, m."""
 TIMELINE = "run_time"
@@ -54,7 +56,12 @@ def _shade(share: float) -> Colour:
     return red, green, blue
 
 
-STATES = {
+def hazard_in(mode: str) -> str:
+    """State of a vehicle that warns those behind of itself."""
+    return f"{mode}, hazard"
+
+
+STATES: dict[str, dict[str, Colour]] = {
     "links": {
         OK: CALM,
         LATE: WAITING,
@@ -67,14 +74,27 @@ STATES = {
         "composite": CALM,
         "lead": (0x2A, 0x4C, 0x66),
         "predecessor": LEAST_LOSS,
-        "coast": ALL_LOST,
+        "coast": (0x8A, 0x5A, 0x10),
+        "stop": ALL_LOST,
         "straight": HALTED,
     },
+    "sources": {
+        "unheard": HALTED,
+        "fresh": CALM,
+        "late": WAITING,
+        "probation": (0x2A, 0x4C, 0x66),
+        "distrusted": (0x8A, 0x5A, 0x10),
+        "lost": ALL_LOST,
+    },
 }
-"""Colours of states: of a link over half a second, of its single messages, and of what a vehicle
-steers along. They are dark, and so apart from the colours of the cars."""
+STATES["mode"] |= {hazard_in(mode): colour for mode, colour in STATES["mode"].items()}
+"""Colours of states: of a link over half a second, of its single messages, of what a vehicle steers
+along, and of what it makes of its sources. They are dark, and so apart from the colours of the
+cars."""
 EVENTS: dict[str, tuple[Colour, Shape, float]] = {
+    "distrust": ((0xFF, 0xFF, 0x99), "Plus", 6.0),
     "slide": ((0x00, 0xFF, 0xFF), "Down", 5.0),
+    "stop": ((0xFF, 0xCC, 0xCC), "Cross", 6.0),
     "path_lost": ((0x00, 0xFF, 0x00), "Square", 4.0),
     "lane_departure": ((0xFF, 0x00, 0xFF), "Up", 7.0),
     "near_miss": ((0xFF, 0xFF, 0x00), "Diamond", 7.0),
@@ -82,7 +102,16 @@ EVENTS: dict[str, tuple[Colour, Shape, float]] = {
 }
 """Colours of events, brighter than those of the cars, and their shapes and sizes in the plots; the
 worst comes last and so above the others."""
+MARKS = {"change": ((0xFF, 0xFF, 0xFF), "Circle", 5.0), **EVENTS}
+"""The same of all that is marked: what was done to the convoy beside what happened to it."""
 MARKED_PLOTS = ("cross_track", "true_gap")
+CLOSING: dict[str, tuple[str, Colour, float]] = {
+    "comfortable_stop": ("stop, comfortably", (0x6F, 0x8F, 0x4F), 1.5),
+    "firm_stop": ("stop, firmly", (0xD0, 0x40, 0x40), 1.5),
+    "known": ("road known", (0xF2, 0xF2, 0xF2), 2.5),
+}
+"""Curves of one follower's road ahead: name, colour and width."""
+LEAST_CLOSING_M = 40.0
 PLOTS = {
     "cross_track": "True cross-track error (m, left positive)",
     "tracking": "Error as believed (m)",
@@ -92,6 +121,8 @@ PLOTS = {
     "steering": "Steering (deg)",
     "age": "Age of lead's and predecessor's newest pose (s)",
     "loss": "Lost of each half second's (%)",
+    "received": "Received of the last second (%)",
+    "weight": "Weight of the predecessor (%)",
 }
 """What is plotted, and what a tab has room for. The true gap is that between bodies, the believed
 one that between centres of mass along the path."""
@@ -112,15 +143,19 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
                 rrb.Tabs(
                     _plot("cross_track", legend=len(vehicles) <= LEGEND_HOLDS), _plot("tracking")
                 ),
+                *_closing(vehicles, gap_m),
                 rrb.Tabs(_plot("true_gap"), _plot("gap"), _plot("speed"), _plot("steering")),
-                _states("mode", "Steers along"),
-                _plot("age"),
+                rrb.Tabs(
+                    _states("mode", "Steers along", hidden=vehicles[0]),
+                    _states("sources", "Sources"),
+                ),
+                rrb.Tabs(_plot("age"), _plot("received"), _plot("weight")),
                 rrb.Tabs(
                     _states("links", "Links, each half second"),
                     _plot("loss"),
                     _states("messages", "Messages (zoom in)"),
                 ),
-                row_shares=[8, 5, 6, 4, 7],
+                row_shares=[6, *([6] if len(vehicles) > 1 else []), 4, 6, 4, 6],
             ),
             column_shares=[5, 4],
         ),
@@ -176,7 +211,7 @@ def _plan_view(vehicles: Sequence[str], gap_m: float, road: Road | None) -> rrb.
         else [f"- /world/cars/{name}/dot" for name in vehicles]
     )
     hidden += [f"- /world/cars/{name}/worst/name" for name in vehicles]
-    hidden += [f"- /world/events/{kind}/name" for kind in EVENTS]
+    hidden += [f"- /world/events/{kind}/name" for kind in MARKS]
     return rrb.Spatial2DView(
         name="Plan (north up)",
         origin="world/plan",
@@ -234,7 +269,7 @@ def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
         for timeline in (TIMELINE, "time")
     ]
     entities = [f"world/driven/{name}" for name in vehicles]
-    entities += [f"world/events/{kind}" for kind in EVENTS]
+    entities += [f"world/events/{kind}" for kind in MARKS]
     return {entity: rrb.VisibleTimeRanges(ranges) for entity in entities}
 
 
@@ -251,5 +286,25 @@ def _plot(quantity: str, *, legend: bool = False) -> rrb.TimeSeriesView:
     )
 
 
-def _states(origin: str, name: str) -> rrb.StateTimelineView:
-    return rrb.StateTimelineView(name=name, origin=origin)
+def _closing(vehicles: Sequence[str], gap_m: float) -> list[rrb.Tabs]:
+    """Show each follower's road ahead: what is known of it, and what a stop takes.
+
+    At first that of the vehicle that the view moves along with. What a stop takes at full speed may
+    be far above; it comes down as the car slows down.
+    """
+    most = max(3.0 * (len(vehicles) - 1) * gap_m, LEAST_CLOSING_M)
+    views = [
+        rrb.TimeSeriesView(
+            name=f"Road ahead of {name} (m)",
+            origin=f"plots/closing/{name}",
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=True),
+            axis_y=rrb.ScalarAxis(range=(-0.2 * most, most)),
+        )
+        for name in vehicles[1:]
+    ]
+    return [rrb.Tabs(*views, active_tab=middle(len(vehicles)) - 1)] if views else []
+
+
+def _states(origin: str, name: str, *, hidden: str = "") -> rrb.StateTimelineView:
+    contents = [f"/{origin}/**", *([f"- /{origin}/{hidden}"] if hidden else [])]
+    return rrb.StateTimelineView(name=name, origin=origin, contents=contents)

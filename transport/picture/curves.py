@@ -21,6 +21,17 @@ class Curves:
         self._curves: dict[str, tuple[list[int], list[float]]] = {}
         self.colours: dict[str, Colour] = {}
 
+    def style(self, quantity: str, name: str, words: str, colour: Colour, width: float) -> None:
+        """Give a curve a name, colour and width of its own, before its first value comes."""
+        entity = f"plots/{quantity}/{name}"
+        if entity not in self._curves:
+            self._curves[entity] = ([], [])
+            self._log_style(entity, words, colour, width)
+
+    def _log_style(self, entity: str, words: str, colour: Colour, width: float) -> None:
+        style = rr.SeriesLines(colors=[colour], names=[words], widths=[width])
+        self._recording.log(entity, style, static=True)
+
     def add(self, quantity: str, name: str, at: int, value: float) -> None:
         """Gather a value at instant `at` (ns); infinity, as an age unknown, is left out."""
         if not math.isfinite(value):
@@ -30,8 +41,7 @@ class Curves:
         if curve is None:
             curve = self._curves[entity] = ([], [])
             colour = self.colours[name.partition("/")[0]]
-            style = rr.SeriesLines(colors=[colour], names=[name.replace("/", " ")], widths=[1.5])
-            self._recording.log(entity, style, static=True)
+            self._log_style(entity, name.replace("/", " "), colour, 1.5)
         curve[0].append(at)
         curve[1].append(value)
 

@@ -24,7 +24,7 @@ from rerun.blueprint.encodings import (
 )
 
 from transport.colours import Colour, colour_of
-from transport.picture.blueprint import ROAD, middle
+from transport.picture.blueprint import CLOSING, ROAD, middle
 
 TIMELINE = "message_publish_time"
 """When a message was valid; the log time is when it was recorded."""
@@ -56,10 +56,11 @@ def save_log_layout(
     names = list(cars)
     beside = path.with_name(path.name + ".part")
     errors, believed, gaps, believed_gaps = (_plot(names, *row) for row in PLOTS)
+    ahead = [_road_ahead(names[middle(len(names))])] if len(names) > 1 else []
     rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(_scene(cars, gap_m), _text(names), row_shares=[3, 1]),
-            rrb.Vertical(errors, believed, rrb.Tabs(gaps, believed_gaps)),
+            rrb.Vertical(errors, believed, *ahead, rrb.Tabs(gaps, believed_gaps)),
             column_shares=[5, 4],
         ),
         rrb.TimePanel(timeline=TIMELINE, expanded=False),
@@ -115,19 +116,38 @@ def _plot(
     """Plot a field of the messages of all followers; nothing is known of the lead's."""
     overrides: dict[Any, Any] = {}
     for place, name in enumerate(names[1:], start=1):
-        curve = rr.SeriesLines(names=[name], colors=[colour_of(place)], widths=[1.5])
-        mapping = VisualizerComponentMapping(
-            target="Scalars:scalars",
-            source_kind=ComponentSourceKind.SourceComponent,
-            source_component=f"{message}:message",
-            selector=f".{field}",
-        )
-        overrides[f"convoy/{name}/{topic}"] = [curve.visualizer(mappings=[mapping])]
+        overrides[f"convoy/{name}/{topic}"] = [_curve(name, colour_of(place), 1.5, message, field)]
     return rrb.TimeSeriesView(
         name=title,
         origin="convoy",
         contents=[f"/{entity}" for entity in overrides],
         overrides=overrides,
+    )
+
+
+def _curve(label: str, colour: Colour, width: float, message: str, field: str) -> Any:
+    """One field of a message as a curve."""
+    line = rr.SeriesLines(names=[label], colors=[colour], widths=[width])
+    mapping = VisualizerComponentMapping(
+        target="Scalars:scalars",
+        source_kind=ComponentSourceKind.SourceComponent,
+        source_component=f"{message}:message",
+        selector=f".{field}",
+    )
+    return line.visualizer(mappings=[mapping])
+
+
+def _road_ahead(name: str) -> rrb.TimeSeriesView:
+    """Plot how far the road ahead of one follower is known, and what a stop takes."""
+    curves = [
+        _curve(words, colour, width, "convoy.Tracking", f"{curve}_m")
+        for curve, (words, colour, width) in CLOSING.items()
+    ]
+    return rrb.TimeSeriesView(
+        name=f"Road ahead of {name} (m)",
+        origin="convoy",
+        contents=[f"/convoy/{name}/tracking"],
+        overrides={f"convoy/{name}/tracking": curves},
     )
 
 

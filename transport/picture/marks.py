@@ -1,11 +1,12 @@
 """Marks of what must not pass unseen: at its place in the plans, at its instant in the plots."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import rerun as rr
 
-from transport.picture.blueprint import EVENTS, MARKED_PLOTS
+from transport.picture.blueprint import MARKED_PLOTS, MARKS
 
 NAMES_FROM_M, ROW_M = 2.0, 2.2
 """Where the rows of names begin beside the road, and how far they are apart."""
@@ -19,27 +20,35 @@ class Mark:
     at_ns: int
     place: tuple[float, float]
     vehicles: tuple[str, ...]
+    words: str = ""
 
     @property
     def label(self) -> str:
         """What it is, and of whom."""
-        return f"{self.kind.replace('_', ' ')} {' '.join(reversed(self.vehicles))}"
+        what = self.words or self.kind.replace("_", " ")
+        return f"{what} {' '.join(reversed(self.vehicles))}"
+
+    @property
+    def plots(self) -> tuple[str, ...]:
+        """Plots in which it is marked: those of all vehicles, and the road ahead of its last."""
+        return (*MARKED_PLOTS, f"closing/{self.vehicles[-1]}")
 
 
 class Marks:
     """Draws marks; all of one kind have one colour and one shape."""
 
-    def __init__(self, recording: rr.RecordingStream) -> None:
+    def __init__(self, recording: rr.RecordingStream, followers: Sequence[str]) -> None:
         """Log the styles, so that the legend has them."""
         self._recording = recording
-        for kind, (colour, shape, size) in EVENTS.items():
+        plots = (*MARKED_PLOTS, *(f"closing/{name}" for name in followers))
+        for kind, (colour, shape, size) in MARKS.items():
             style = rr.SeriesPoints(
                 colors=[colour],
                 markers=[shape],
                 names=[kind.replace("_", " ")],
                 marker_sizes=[size],
             )
-            for plot in MARKED_PLOTS:
+            for plot in plots:
                 recording.log(f"plots/{plot}/events/{kind}", style, static=True)
 
     def draw(self, mark: Mark, yaw: float) -> None:
@@ -47,11 +56,11 @@ class Marks:
 
         Its name stands to the right of the road, that of each kind in a row of its own.
         """
-        colour, _, _ = EVENTS[mark.kind]
+        colour, _, _ = MARKS[mark.kind]
         spot = rr.Points2D(
             [mark.place], colors=[colour], radii=rr.Radius.ui_points(6.0), draw_order=40
         )
-        aside = NAMES_FROM_M + ROW_M * list(EVENTS).index(mark.kind)
+        aside = NAMES_FROM_M + ROW_M * list(MARKS).index(mark.kind)
         (east, north), right = mark.place, (math.sin(yaw), -math.cos(yaw))
         name = rr.Points2D(
             [[east + aside * right[0], north + aside * right[1]]],
@@ -63,5 +72,5 @@ class Marks:
         )
         self._recording.log(f"world/events/{mark.kind}", spot)
         self._recording.log(f"world/events/{mark.kind}/name", name)
-        for plot in MARKED_PLOTS:  # on the zero line
+        for plot in mark.plots:  # on the zero line
             self._recording.log(f"plots/{plot}/events/{mark.kind}", rr.Scalars(0.0))

@@ -10,10 +10,12 @@ import rerun as rr
 
 from transport.colours import Colour, colour_of
 from transport.picture.blueprint import (
+    CLOSING,
     TIMELINE,
     Reach,
     Road,
     blueprint,
+    hazard_in,
     middle,
 )
 from transport.picture.curves import Curves
@@ -36,6 +38,7 @@ from transport.topics import valid_at
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.geometry.trajectory_points import points_along
 from vehicles.messages import (
+    Change,
     Command,
     CompositeTrajectory,
     LinkVerdict,
@@ -120,9 +123,10 @@ class Picture:
             Command: self._command,
             LinkVerdict: self._verdict,
             LogText: self._text,
+            Change: self._change,
         }
         recording.send_blueprint(blueprint(vehicles, gap_m=gap_m, road=path))
-        self._marks = Marks(recording)
+        self._marks = Marks(recording, vehicles[1:])
         recording.log("world/plan", turn_about(0.0, 0.0, 0.0), static=True)
         for name in vehicles:
             self._place(name)
@@ -223,14 +227,45 @@ class Picture:
     def _tracking(self, tracking: Tracking) -> None:
         vehicle, at = tracking.vehicle, tracking.decided_at_ns
         place = self._place(vehicle)
-        self._state(f"mode/{vehicle}", tracking.mode, at)
+        mode = hazard_in(tracking.mode) if tracking.hazard else tracking.mode
+        self._state(f"mode/{vehicle}", mode, at)
         self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
         if not place:
             return
         self._curves.add("gap", vehicle, at, tracking.gap_m)
+        self._sources(tracking, one_source=place == 1)
+        if self._is_due(vehicle, "closing", at, CURVE_NS):
+            self._road_ahead(tracking)
         if self._is_due(vehicle, "age", at, SLOW_CURVE_NS):
             self._curves.add("age", f"{vehicle}/lead", at, tracking.lead_age_s)
             self._curves.add("age", f"{vehicle}/predecessor", at, tracking.predecessor_age_s)
+            shares = tracking.lead_received_ratio, tracking.predecessor_received_ratio
+            for source, share in zip(("lead", "predecessor"), shares, strict=True):
+                self._curves.add("received", f"{vehicle}/{source}", at, 100.0 * share)
+            weight = tracking.predecessor_weight_ratio
+            self._curves.add("weight", vehicle, at, 100.0 * weight)
+
+    def _sources(self, tracking: Tracking, *, one_source: bool) -> None:
+        """Show what a follower makes of its sources.
+
+        The lead is the first follower's predecessor, too: it has but one.
+        """
+        vehicle, at = tracking.vehicle, tracking.decided_at_ns
+        self._state(f"sources/{vehicle}/lead", tracking.lead_status, at)
+        if not one_source:
+            self._state(f"sources/{vehicle}/predecessor", tracking.predecessor_status, at)
+
+    def _road_ahead(self, tracking: Tracking) -> None:
+        """Draw how far the road is known, and what a stop takes."""
+        vehicle, at = tracking.vehicle, tracking.decided_at_ns
+        values = {
+            "known": tracking.known_m,
+            "comfortable_stop": tracking.comfortable_stop_m,
+            "firm_stop": tracking.firm_stop_m,
+        }
+        for curve, (words, colour, width) in CLOSING.items():
+            self._curves.style("closing", f"{vehicle}/{curve}", words, colour, width)
+            self._curves.add("closing", f"{vehicle}/{curve}", at, values[curve])
 
     def _command(self, command: Command) -> None:
         vehicle, at = command.vehicle, command.decided_at_ns
@@ -273,6 +308,17 @@ class Picture:
         self._at(line.logged_at_ns)
         text = rr.TextLog(f"{line.vehicle}: {line.text}", level=_LEVELS.get(line.level, "INFO"))
         self._recording.log(f"log/{line.vehicle}", text)
+
+    def _change(self, change: Change) -> None:
+        """Mark what was done to a vehicle or its links, where it was, and say it in the log."""
+        vehicle, at = change.vehicle, change.effective_at_ns
+        place = self._where.get(vehicle)
+        by = " by hand" if change.by_hand else ""
+        self._at(at)
+        text = rr.TextLog(f"{vehicle}: change{by}: {change.table}", level="INFO")
+        self._recording.log(f"log/{vehicle}", text)
+        if place is not None:
+            self.mark(Mark("change", at, place, (vehicle,), change.kind))
 
     def _road(self, east: Sequence[float], north: Sequence[float]) -> None:
         path, marks = road_with_marks(east, north)

@@ -98,7 +98,8 @@ class RerunView(Closing):
     ) -> None:
         """Mark what happened at instant `at` (ns) and a place (east, north) in metres.
 
-        `kind` is one of `collision`, `near_miss`, `lane_departure`, `path_lost` and `slide`.
+        `kind` is one of `collision`, `near_miss`, `lane_departure`, `path_lost`, `slide`, `stop`
+        and `distrust`.
         """
         if self._picture is not None:
             from transport.picture.marks import Mark  # noqa: PLC0415

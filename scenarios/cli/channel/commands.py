@@ -86,9 +86,9 @@ def show(
     from rich.console import Console
 
     from scenarios.cli.channel.shown import print_comparison
+    from scenarios.definition.check.sample import StraightDrive
     from scenarios.definition.errors import ScenarioError
     from scenarios.studies.channel.comparison import compare
-    from scenarios.studies.channel.sample import StraightDrive
 
     with clear_errors():
         if out is not None:

@@ -3,6 +3,8 @@
 report        figures of the lead's planned run, and warnings
 preview       whether followers receive enough of the path ahead of them
 links         what is asked of each link: rule, laws in words, what follows
+alarms        how often a source counts as lost though its sender sends
+sample        messages of one link, drawn by the effects of a run
 sampled_loop  whether cars know themselves and decide often enough for their speed
 certificate   whether changes of speed stay within what the gains are certified for
 """

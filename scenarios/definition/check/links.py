@@ -1,7 +1,7 @@
 """What is asked of each directed link: its rule, its laws in words, and what follows from them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from scenarios.definition.channel.build import link_effects
@@ -9,6 +9,13 @@ from scenarios.definition.channel.delay import link_stages
 from scenarios.definition.channel.expected import expected_age_ms, expected_channel
 from scenarios.definition.channel.origins import giver, rules_of
 from scenarios.definition.channel.radio import vehicles_between
+from scenarios.definition.check.alarms import (
+    FalseAlarms,
+    deaf_per_h,
+    false_alarms,
+    longest_silence_s,
+    sampled_alarms,
+)
 from scenarios.definition.check.preview import gap_to
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.channel.content import ContentTable, FalseTable
@@ -22,6 +29,7 @@ from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 from transport.links.laws.queue import InOrder
 from transport.links.laws.radio.collisions import Collisions
 from transport.links.laws.radio.delivery import DeliveryOverDistance, Propagation
+from transport.links.laws.silences import Silences
 
 KEYS: dict[type[object], str] = {
     Decimation: "rate_hz",
@@ -59,6 +67,9 @@ class AskedLink:
     says them beforehand; those of a radio are for `distance_m`, the gap at the lead's first speed,
     with all vehicles in between in the way. `age_ms_mean` is that of the newest message at a
     command, where messages are sent evenly; losses are taken as those of a two-state chain.
+    `false_alarms_per_h` is how often the receiver hears nothing of the sender for more than
+    `silence_s_max`, and so counts it as lost, though it sends; where no closed form says it, it is
+    that of a sample, and so 0 where that had none.
     """
 
     sender: str
@@ -74,11 +85,41 @@ class AskedLink:
     latency_ms_mean: float | None
     latency_ms_deviation: float | None
     age_ms_mean: float | None
+    silence_s_max: float
+    false_alarms_per_h: float | None = field(compare=False)
+    is_sampled: bool
 
 
-def asked_links(scenario: Scenario) -> tuple[AskedLink, ...]:
-    """Say what is asked of each link of a scenario, by receiver from the lead back."""
-    return tuple(asked_link(scenario, link) for link in scenario.links)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedReceiver:
+    """How often per hour a follower hears none of its sources, though they send.
+
+    That is if each link is silent on its own; None where no number says it.
+    """
+
+    receiver: str
+    deaf_per_h: float | None
+
+
+def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedReceiver, ...]]:
+    """Say what is asked of each link of a scenario, and of each receiver, from the lead back."""
+    links: list[AskedLink] = []
+    alarms: dict[str, list[FalseAlarms]] = {}
+    samples: dict[AskedLink, Silences | None] = {}
+    for link in scenario.links:
+        asked = asked_link(scenario, link)
+        found = false_alarms(scenario, link, asked.distance_m)
+        if found.silences is None:
+            alike = replace(asked, sender="", receiver="")
+            if alike not in samples:
+                samples[alike] = sampled_alarms(scenario, link)
+            found = replace(found, in_the_long_run=partial(samples.get, alike))
+            asked = replace(asked, is_sampled=found.silences is not None)
+        links.append(replace(asked, false_alarms_per_h=found.per_h))
+        if link[1] != scenario.vehicle_names[0]:  # the lead does not need what it hears
+            alarms.setdefault(link[1], []).append(found)
+    deaf = [AskedReceiver(receiver=name, deaf_per_h=deaf_per_h(of)) for name, of in alarms.items()]
+    return tuple(links), tuple(deaf)
 
 
 def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
@@ -117,6 +158,9 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
         latency_ms_mean=expected.latency_ms_mean,
         latency_ms_deviation=expected.latency_ms_deviation,
         age_ms_mean=None if age_ms is None else age_ms + source.gnss.latency_ms,
+        silence_s_max=longest_silence_s(source, setup),
+        false_alarms_per_h=None,
+        is_sampled=False,
     )
 
 

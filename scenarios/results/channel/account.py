@@ -6,6 +6,7 @@ from math import sqrt
 
 from scenarios.definition.channel.expected import ExpectedChannel, expected_channel
 from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.alarms import AlarmSummary
 from scenarios.results.channel.estimates import (
     CERTAINTY,
     CONFIDENCE,
@@ -23,6 +24,8 @@ from vehicles.schedule import MILLISECOND
 
 SAFE_AGES_MS = tuple(range(100, 1001, 100))
 """Ages up to which data may count as fresh."""
+NO_ALARMS = AlarmSummary()
+"""Of a link of which nobody tells them."""
 LEAST_MESSAGES = 100
 """With fewer nothing is said of a loss that is not what was asked for ..."""
 LEAST_INDEPENDENT = 50
@@ -74,11 +77,16 @@ class LinkSummary:
     age_ms_mean: float | None = None
     age_ms_p95: float | None = None
     age_ms_max: float | None = None
+    false_alarms: AlarmSummary = NO_ALARMS
     safe_time_ratio: Mapping[str, float]
 
 
 def link_summary(
-    link: tuple[str, str], requested: LinkTable, sent: int, tally: LinkTally
+    link: tuple[str, str],
+    requested: LinkTable,
+    sent: int,
+    tally: LinkTally,
+    alarms: AlarmSummary = NO_ALARMS,
 ) -> LinkSummary:
     """Put together what a link (sender, receiver) did of which `sent` messages were recorded."""
     expected = _expected(requested, tally)
@@ -123,6 +131,7 @@ def link_summary(
         age_ms_mean=age.mean if age else None,
         age_ms_p95=age.p95 if age else None,
         age_ms_max=age.largest if age else None,
+        false_alarms=alarms,
         safe_time_ratio=_safe_time(tally),
     )
 

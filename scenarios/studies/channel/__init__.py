@@ -1,6 +1,5 @@
 """`convoy channel`: laws against samples, the laws of recorded links, and what channels cost.
 
-sample      messages of one link, drawn by the effects of a run
 law         what the laws say of bursts, delays and distances
 comparison  all figures of a link, of its laws and of a sample
 picture     the same, drawn

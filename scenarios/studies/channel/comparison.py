@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.channel.expected import expected_channel
+from scenarios.definition.check.sample import SampledChannel, StraightDrive
 from scenarios.results.channel.estimates import CONFIDENCE, bursts, inflation, mean_length, share
 from scenarios.studies.channel.law import burst_shares, delay_quantiles, distances_m
-from scenarios.studies.channel.sample import SampledChannel, StraightDrive
 
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
 EDGES = (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50)

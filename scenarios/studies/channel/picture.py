@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from scenarios.definition.check.sample import SampledChannel
 from scenarios.studies.channel.comparison import QUANTILES, Compared, Comparison
-from scenarios.studies.channel.sample import SampledChannel
 from scenarios.studies.picture_style import BLUE, ORANGE, STYLE
 
 MOST_STEPS = 2000

@@ -8,6 +8,8 @@ from rich.console import Console
 
 from scenarios.cli.tables import print_summary
 from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.alarms import AlarmSummary
+from scenarios.results.degradation.reaction import ReactionSummary
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
@@ -104,6 +106,31 @@ def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:
     figures = summary()
     named = replace(figures, identity=replace(figures.identity, title=title))
     assert f"{title}, wall clock, 1.0 s" in printed(named, width=120)
+
+
+def test_what_followers_did_when_messages_failed_is_a_table_of_its_own() -> None:
+    figures = summary()
+    assert "when messages failed" not in printed(figures)
+    did = ReactionSummary(
+        mode_changes=7, recoveries=2, recovery_s_mean=3.25, recovery_s_max=4.0, stops=1,
+        blind_m=12.34, predicted_blind_m_max=12.5, hazards=1,
+    )  # fmt: skip
+    lead, second, third = figures.vehicles
+    text = printed(replace(figures, vehicles=(lead, replace(second, reaction=did), third)))
+    table = text[text.index("when messages failed") : text.index("links,")]
+    assert row(table, "v2 ") == ["v2", "7", "2", "3.2", "/", "4.0", "1", "1", "12.3", "/", "12.5"]
+    assert row(table, "v3 ") == ["v3", "0", "0", "-", "/", "-", "0", "0", "0.0", "/", "-"]
+    assert "v1" not in table
+
+
+def test_false_alarms_stand_beside_what_was_predicted() -> None:
+    figures = summary()
+    assert "false alarms" in printed(figures)  # v2 says what it makes of v1
+    one, *others = figures.links
+    alarms = AlarmSummary(predicted=4.53, counted=6, low=2.2, high=13.1)
+    text = printed(replace(figures, links=(replace(one, false_alarms=alarms), *others)))
+    assert row(text, "v1 → v2", 1)[-3:] == ["4.5", "/", "6"]
+    assert row(text, "v2 → v3", 1)[-3:] == ["-", "/", "-"]
 
 
 def test_events_are_rows_with_their_figures() -> None:

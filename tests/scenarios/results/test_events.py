@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from math import nan
 from typing import Any
 
 import pytest
@@ -34,6 +35,10 @@ def detected(
     told = detector.news()
     assert sorted(one.line for one in told) == sorted(one.line for one in detector.events())
     return detector.events()
+
+
+def of_kind(kind: str, events: tuple[RunEvent, ...]) -> tuple[RunEvent, ...]:
+    return tuple(event for event in events if event.kind == kind)
 
 
 def pose(vehicle: str, seq: int, east: float, north: float = 0.0, speed: float = 0.0) -> TruePose:
@@ -169,18 +174,57 @@ def test_the_heading_of_the_body_counts_too() -> None:
 
 def modes(*spans: tuple[str, float]) -> list[Tracking]:
     names = [mode for mode, seconds in spans for _ in range(round(seconds * 50))]
-    return [tracking("v2", seq, mode=mode) for seq, mode in enumerate(names)]
+    return [tracking("v2", seq, mode=mode, known_m=nan) for seq, mode in enumerate(names)]
 
 
-@pytest.mark.parametrize("lost", ["coast", "straight"])
+@pytest.mark.parametrize("lost", ["coast", "straight", "stop"])
 def test_a_path_is_lost_after_a_while_without_one_once_there_was_one(lost: str) -> None:
-    (event,) = detected(*modes(("straight", 3), ("composite", 1), (lost, 2.5), ("lead", 1)))
+    found = detected(*modes(("straight", 3), ("composite", 1), (lost, 2.5), ("lead", 1)))
+    (event,) = of_kind("path_lost", found)
     assert (event.kind, event.vehicles) == ("path_lost", ("v2",))
     assert event.at_s == pytest.approx(4.0)
     assert event.figures["duration_s"] == pytest.approx(2.48)
     assert detected(*modes(("straight", 9))) == ()
-    assert detected(*modes(("composite", 1), (lost, 0.9), ("lead", 1), (lost, 0.9))) == ()
-    assert len(detected(*modes(("lead", 1), (lost, 1.1), ("lead", 1), (lost, 1.1)))) == 2
+    short = detected(*modes(("composite", 1), (lost, 0.9), ("lead", 1), (lost, 0.9)))
+    assert of_kind("path_lost", short) == ()
+    twice = detected(*modes(("lead", 1), (lost, 1.1), ("lead", 1), (lost, 1.1)))
+    assert len(of_kind("path_lost", twice)) == 2
+
+
+def test_who_still_knows_the_road_ahead_has_not_lost_its_path() -> None:
+    """It slows down along it; the path is lost a second after it has ended."""
+    known = [tracking("v2", seq, mode="coast", known_m=20.0 - 0.2 * seq) for seq in range(300)]
+    (event,) = detected(tracking("v2", 0), *known[1:])
+    assert event.kind == "path_lost"
+    assert event.at_s == pytest.approx(100 / 50)
+
+
+def test_a_stop_is_an_event_with_what_was_known_and_what_will_be_blind() -> None:
+    braking = {"mode": "stop", "known_m": 12.5, "blind_m": 3.25}
+    told = [{}, {}, braking, *[braking | {"known_m": 1.0, "blind_m": 9.0}] * 50, {}, braking]
+    first, second = detected(*(tracking("v2", seq, **more) for seq, more in enumerate(told)))
+    assert (first.kind, first.vehicles) == ("stop", ("v2",))
+    assert first.at_s == pytest.approx(0.04)
+    assert first.figures == pytest.approx(
+        {"known_m": 12.5, "predicted_blind_m": 3.25, "duration_s": 1.0}
+    )
+    assert first.line.startswith("stop: v2 brakes to a standstill, 12.5 m of the road known, 3.2 m")
+    assert second.at_s == pytest.approx(54 / 50)
+    untold = {"mode": "stop", "known_m": nan, "blind_m": nan}
+    (event,) = detected(tracking("v2", 0, **untold))
+    assert event.line == "stop: v2 brakes to a standstill, 0.00 s after the start"
+
+
+def test_a_source_that_is_not_believed_is_an_event_for_each_time() -> None:
+    doubt, both = {"lead_status": "distrusted"}, {"predecessor_status": "distrusted"}
+    told = [{}, doubt, doubt | both, both, {}, both]
+    found = detected(*(tracking("v3", seq, **more) for seq, more in enumerate(told)))
+    assert [(one.vehicles, round(50 * one.at_s)) for one in found] == [
+        (("v1", "v3"), 1), (("v2", "v3"), 2), (("v2", "v3"), 5),
+    ]  # fmt: skip
+    assert found[0].line.startswith("distrust: v3 does not believe v1")
+    first = detected(*(tracking("v2", seq, **(doubt | both)) for seq in range(3)))
+    assert [one.vehicles for one in first] == [("v1", "v2")]  # lead and predecessor are one
 
 
 def test_what_was_not_recorded_is_no_lost_path() -> None:

@@ -22,7 +22,7 @@ from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.colours import colour_of
 from transport.picture import viewer_process
-from transport.picture.blueprint import EVENTS, MARKED_PLOTS, Reach
+from transport.picture.blueprint import MARKED_PLOTS, MARKS, Reach
 from transport.picture.option import DATA_PORT, PAGE_PORT, RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
@@ -167,8 +167,9 @@ def test_driven_pieces_join_to_the_driven_path(drawn: Table) -> None:
 
 
 def test_text_has_speaker_and_level(drawn: Table) -> None:
-    assert drawn["/log/run"]["TextLog:text"] == [["run: off"]]
-    assert drawn["/log/run"]["TextLog:level"] == [["WARN"]]
+    change = 'run: change by hand: {"at_s": 0.0, "kind": "heal"}'
+    assert drawn["/log/run"]["TextLog:text"] == [["run: off"], [change]]
+    assert drawn["/log/run"]["TextLog:level"] == [["WARN"], ["INFO"]]
 
 
 def states(table: Table, entity: str) -> list[tuple[int, str]]:
@@ -300,11 +301,11 @@ def test_a_mark_stands_at_its_place_and_at_its_instant(tmp_path: Path) -> None:
 
 
 def test_colours_of_events_are_those_of_no_car() -> None:
-    for colour, _, _ in EVENTS.values():
+    for colour, _, _ in MARKS.values():
         for place in range(20):
             apart = [abs(one - other) for one, other in zip(colour, colour_of(place), strict=True)]
             assert sum(apart) > 120
-    assert len({shape for _, shape, _ in EVENTS.values()}) == len(EVENTS)
+    assert len({shape for _, shape, _ in MARKS.values()}) == len(MARKS)
 
 
 def test_lane_edges_lie_half_a_lane_beside_the_path(tmp_path: Path) -> None:
@@ -322,7 +323,7 @@ def test_what_came_before_the_start_is_drawn_before_zero(tmp_path: Path) -> None
     assert isinstance(text, LogText)
     early = (now, replace(text, logged_at_ns=now - 2 * SECOND))
     drawn = picture(tmp_path / "run.rrd", iter((early, start, *others)))
-    assert drawn["/log/run"]["run_time"] == [-2 * SECOND]
+    assert drawn["/log/run"]["run_time"] == [-2 * SECOND, 0]  # the text, and a change at the start
     assert drawn["/world/cars/v1"]["run_time"] == [0]
 
 

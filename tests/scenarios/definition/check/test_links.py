@@ -101,7 +101,7 @@ def test_messages_that_are_sent_more_rarely_are_older() -> None:
 @pytest.mark.parametrize("name", [*presets(), *library()])
 def test_every_law_of_what_ships_has_words_and_a_key(name: str) -> None:
     shipped = load_scenario(name) if name in library() else scenario(f"links.preset={name}")
-    for asked in asked_links(shipped):
+    for asked in asked_links(shipped)[0]:
         assert asked.rules
         assert asked.laws
         for law in asked.laws:

@@ -76,22 +76,32 @@ class StraightDrive:
 
     def sample(self, messages: int) -> SampledChannel:
         """Judge so many messages with the scenario's seed."""
-        stages = link_stages(self.table)
-        link = Link(self.effects(), self.scenario.seed, *self.link, stages)
-        passages = list(self._passages(messages))
-        errors, lost, delays = self._bit_errors(), list[bool](), list[float]()
+        lost, delays = list[bool](), list[float]()
         dropped: Counter[str] = Counter()
-        for passage, verdict in zip(passages, judge_stream(link, passages), strict=True):
-            reason: str = verdict.reason
-            if not reason and errors and errors.flips(link.draw, passage.seq, passage.size):
-                reason = "corrupted"
+        for passage, visible_at, reason in self._judged(messages):
             if reason:
                 dropped[reason] += 1
             if not reason or counts_as_loss(reason):
                 lost.append(bool(reason))
             if not reason:
-                delays.append((verdict.visible_at - passage.sent_at) / MILLISECOND)
+                delays.append((visible_at - passage.sent_at) / MILLISECOND)
         return SampledChannel(np.array(lost, dtype=np.bool_), np.array(delays), dropped)
+
+    def arrivals(self, messages: int) -> list[tuple[int, int]]:
+        """Numbers of those of so many messages that come, and when each is there (ns)."""
+        judged = self._judged(messages)
+        return [(passage.seq, visible_at) for passage, visible_at, reason in judged if not reason]
+
+    def _judged(self, messages: int) -> Iterator[tuple[Passage, int, str]]:
+        """Give each message, when it is there or would have been (ns), and why it is dropped."""
+        stages = link_stages(self.table)
+        link = Link(self.effects(), self.scenario.seed, *self.link, stages)
+        passages, errors = list(self._passages(messages)), self._bit_errors()
+        for passage, verdict in zip(passages, judge_stream(link, passages), strict=True):
+            reason: str = verdict.reason
+            if not reason and errors and errors.flips(link.draw, passage.seq, passage.size):
+                reason = "corrupted"
+            yield passage, verdict.visible_at, reason
 
     def _passages(self, messages: int) -> Iterator[Passage]:
         for seq in range(messages):

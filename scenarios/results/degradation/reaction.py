@@ -1,0 +1,127 @@
+"""What one follower did about messages that did not come: modes, recoveries, stops, blind metres.
+
+Lengths are summed in whole micrometres, times in nanoseconds, so that the figures are the same on
+every machine and in whatever order messages of different kinds come.
+"""
+
+from dataclasses import dataclass, field
+from math import isfinite
+
+from vehicles.messages import Mode, SourceStatus, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+MICROMETRES = 1_000_000
+MOST_BEHIND = 250
+"""Instants by which one kind of message may be behind the other: 5 s at 50 Hz."""
+WITHOUT_SOURCE: frozenset[Mode] = frozenset({"coast", "stop", "straight"})
+"""Modes of a follower that relies on none of its sources."""
+NOT_RELIED_ON: frozenset[SourceStatus] = frozenset({"lost", "distrusted", "probation"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReactionSummary:
+    """Figures of one follower; a recovery lasts from leaving a source until all are relied on.
+
+    `predicted_blind_m_max` is the largest that was predicted at the instant of stopping, None
+    without a stop.
+    """
+
+    mode_changes: int = 0
+    recoveries: int = 0
+    recovery_s_mean: float | None = None
+    recovery_s_max: float | None = None
+    stops: int = 0
+    blind_m: float = 0.0
+    predicted_blind_m_max: float | None = None
+    hazards: int = 0
+
+
+NO_REACTION = ReactionSummary()
+"""Of a vehicle that never had to do anything."""
+
+
+def is_degraded(tracking: Tracking) -> bool:
+    """Whether a follower relies on less than all its sources."""
+    status = {tracking.lead_status, tracking.predecessor_status}
+    return tracking.mode in {"coast", "stop"} or bool(status & NOT_RELIED_ON)
+
+
+@dataclass(slots=True)
+class Reaction:
+    """Gathers the figures of one follower, message by message."""
+
+    _mode: Mode | None = None
+    _mode_changes: int = 0
+    _since: int | None = None
+    _recoveries: list[int] = field(default_factory=list)
+    _stops: int = 0
+    _predicted: list[float] = field(default_factory=list)
+    _hazard: bool = False
+    _hazards: int = 0
+    _blind: int = 0
+    _beyond: dict[int, int] = field(default_factory=dict)
+    _driven: dict[int, int] = field(default_factory=dict)
+    _driven_before: int | None = None
+
+    def add_tracking(self, tracking: Tracking) -> None:
+        """Take what the follower knew at a command; they come in order of time."""
+        self._mode_changes += self._mode not in {None, tracking.mode}
+        if tracking.mode == "stop" != self._mode:
+            self._stops += 1
+            if isfinite(tracking.blind_m):
+                self._predicted.append(tracking.blind_m)
+        self._mode = tracking.mode
+        self._hazards += tracking.hazard and not self._hazard
+        self._hazard = tracking.hazard
+        at = tracking.decided_at_ns
+        if is_degraded(tracking):
+            self._since = at if self._since is None else self._since
+        elif self._since is not None:
+            self._recoveries.append(at - self._since)
+            self._since = None
+        blind = tracking.mode in WITHOUT_SOURCE and tracking.known_m < 0.0  # false for NaN
+        _keep(self._beyond, at, _whole(-tracking.known_m) if blind else 0)
+        self._drive_on(at)
+
+    def add_truth(self, pose: TruePose) -> None:
+        """Take the metres driven; poses come in order of time."""
+        _keep(self._driven, pose.true_at_ns, _whole(pose.distance_m))
+        self._drive_on(pose.true_at_ns)
+
+    def _drive_on(self, at: int) -> None:
+        """Add what was driven beyond the known path up to an instant, once both are there of it.
+
+        Of the metres since the instant before no more than those by which the path has ended. Both
+        kinds of messages come in order, and so do the instants of which both are there.
+        """
+        if at not in self._beyond or at not in self._driven:
+            return
+        beyond, driven = self._beyond.pop(at), self._driven.pop(at)
+        before = driven if self._driven_before is None else self._driven_before
+        self._blind += min(max(driven - before, 0), beyond)
+        self._driven_before = driven
+
+    @property
+    def summary(self) -> ReactionSummary:
+        """The figures so far."""
+        durations = self._recoveries
+        return ReactionSummary(
+            mode_changes=self._mode_changes,
+            recoveries=len(durations),
+            recovery_s_mean=sum(durations) / len(durations) / SECOND if durations else None,
+            recovery_s_max=max(durations) / SECOND if durations else None,
+            stops=self._stops,
+            blind_m=self._blind / MICROMETRES,
+            predicted_blind_m_max=max(self._predicted, default=None),
+            hazards=self._hazards,
+        )
+
+
+def _whole(metres: float) -> int:
+    return round(metres * MICROMETRES) if isfinite(metres) else 0
+
+
+def _keep(waiting: dict[int, int], at: int, value: int) -> None:
+    waiting[at] = value
+    if len(waiting) > MOST_BEHIND:
+        del waiting[next(iter(waiting))]

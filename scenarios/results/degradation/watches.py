@@ -1,0 +1,61 @@
+"""Events of followers that degrade: a stop, and a source that is not believed."""
+
+from collections.abc import Iterator, Sequence
+from math import isfinite
+
+from scenarios.results.encounters import Episode
+from vehicles.messages import Tracking
+from vehicles.schedule import SECOND
+
+NOWHERE = (0.0, 0.0)
+
+
+class StopWatch:
+    """Stops of followers that know too little of the road, each until it drives on."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, Episode] = {}
+
+    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterator[Episode]:
+        """Take the tracking of one instant; gives each stop as it begins."""
+        name, at = tracking.vehicle, tracking.decided_at_ns
+        if tracking.mode != "stop":
+            self._open.pop(name, None)
+            return
+        episode = self._open.get(name)
+        if episode is None:
+            episode = self._open[name] = Episode("stop", (name,), at, at, place=place)
+            figures = {"known_m": tracking.known_m, "predicted_blind_m": tracking.blind_m}
+            episode.figures |= {name: one for name, one in figures.items() if isfinite(one)}
+            yield episode
+        episode.until_ns = at
+        episode.most("duration_s", (at - episode.at_ns) / SECOND)
+
+
+class TrustWatch:
+    """Sources that a follower does not believe, each until it does again."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        """Take the names of the convoy, the lead first."""
+        self._names = list(names)
+        self._open: dict[tuple[str, str], Episode] = {}
+
+    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterator[Episode]:
+        """Take the tracking of one instant; gives each source as it begins to be distrusted."""
+        name, at = tracking.vehicle, tracking.decided_at_ns
+        ahead = self._names[self._names.index(name) - 1]
+        statuses = {self._names[0]: tracking.lead_status}
+        if ahead != self._names[0]:
+            statuses[ahead] = tracking.predecessor_status
+        for source, status in statuses.items():
+            pair = source, name
+            if status != "distrusted":
+                self._open.pop(pair, None)
+                continue
+            episode = self._open.get(pair)
+            if episode is None:
+                found = Episode("distrust", pair, at, at, place=place)
+                episode = self._open[pair] = found
+                yield episode
+            episode.until_ns = at
+            episode.most("duration_s", (at - episode.at_ns) / SECOND)

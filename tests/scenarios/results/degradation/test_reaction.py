@@ -1,0 +1,108 @@
+"""What a follower did when messages failed, against what is worked out by hand."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.results.degradation.reaction import (
+    MOST_BEHIND,
+    NO_REACTION,
+    Reaction,
+    ReactionSummary,
+)
+from tests.made.scenarios.messages import tracking, truth
+from vehicles.messages import Tracking, TruePose
+
+TICK = 0.02
+Given = dict[str, object]
+
+
+def figures(*messages: Tracking | TruePose) -> ReactionSummary:
+    reaction = Reaction()
+    for message in messages:
+        if isinstance(message, Tracking):
+            reaction.add_tracking(message)
+        else:
+            reaction.add_truth(message)
+    return reaction.summary
+
+
+def states(*spans: tuple[int, Given]) -> list[Tracking]:
+    """Tracking messages of a follower that knows the same for so many ticks each."""
+    told = [given for count, given in spans for _ in range(count)]
+    return [tracking("v2", seq, **given) for seq, given in enumerate(told)]
+
+
+def stop(speed: float, known: float, deceleration: float) -> list[tuple[Tracking, TruePose]]:
+    """A car that brakes evenly to a standstill, with so many metres of its path known at first."""
+    found, driven, seq = [], 0.0, 0
+    while speed > 0.0:
+        seq += 1
+        next_speed = max(speed - deceleration * TICK, 0.0)
+        driven, speed = driven + 0.5 * (speed + next_speed) * TICK, next_speed
+        here = tracking("v2", seq, mode="stop", known_m=known - driven, blind_m=3.5)
+        found.append((here, replace(truth("v2", seq, driven, 0.0), distance_m=100.0 + driven)))
+    return found
+
+
+def test_nothing_happens_while_messages_come() -> None:
+    drive = [truth("v2", seq, 0.6 * seq, 0.0, distance=0.6 * seq) for seq in range(50)]
+    assert figures(*states((50, {})), *drive) == NO_REACTION
+    assert figures() == NO_REACTION
+
+
+def test_changes_of_mode_recoveries_stops_and_hazards_are_counted() -> None:
+    lost: Given = {"lead_status": "lost", "mode": "predecessor"}
+    braking: Given = {"mode": "stop", "hazard": True, "blind_m": 2.0, "predecessor_status": "lost"}
+    found = figures(
+        *states(
+            (10, {}), (25, lost), (5, lost | {"lead_status": "probation"}), (10, {}),
+            (20, lost), (20, lost | {"mode": "coast"}), (30, lost | braking),
+            (1, lost | braking | {"blind_m": 9.0}), (9, lost), (50, {}), (10, lost),
+        )
+    )  # fmt: skip
+    assert found.mode_changes == 8
+    assert found.recoveries == 2
+    assert found.recovery_s_max == pytest.approx(80 * TICK)
+    assert found.recovery_s_mean == pytest.approx(55 * TICK)
+    assert (found.stops, found.hazards) == (1, 1)
+    assert found.predicted_blind_m_max == 2.0  # that of the instant at which the stop began
+
+
+@given(
+    st.floats(3.0, 30.0),
+    st.floats(0.0, 120.0),
+    st.floats(1.0, 8.0),
+    st.randoms(use_true_random=False),
+)
+def test_blind_metres_are_those_beyond_the_known_path(
+    speed: float, known: float, deceleration: float, random: Any
+) -> None:
+    """Whichever kind of message comes first: the way to a standstill less what was known."""
+    drive = stop(speed, known, deceleration)
+    start = truth("v2", 0, 0.0, 0.0, distance=100.0)
+    streams: list[list[Tracking | TruePose]] = [
+        [tracking("v2", 0, known_m=known), *(one for one, _ in drive)],
+        [start, *(one for _, one in drive)],
+    ]
+    mixed: list[Tracking | TruePose] = []
+    while any(streams):
+        longest = max(streams, key=len)
+        apart = len(longest) - min(map(len, streams))
+        chosen = longest if apart >= MOST_BEHIND - 1 else random.choice(streams)
+        mixed.append((chosen or longest).pop(0))
+    driven = drive[-1][1].distance_m - 100.0
+    found = figures(*mixed).blind_m
+    assert found == pytest.approx(max(driven - known, 0.0), abs=1e-6 * len(drive))
+
+
+def test_who_follows_somebody_is_not_blind_and_who_never_heard_anything_is_not_counted() -> None:
+    drive = [truth("v2", seq, 0.6 * seq, 0.0, distance=0.6 * seq) for seq in range(20)]
+    nan = float("nan")
+    assert figures(*states((20, {"known_m": -2.0, "mode": "lead"})), *drive).blind_m == 0.0
+    assert figures(*states((20, {"known_m": nan, "mode": "straight"})), *drive).blind_m == 0.0
+    lost = figures(*states((20, {"known_m": -50.0, "mode": "coast"})), *drive)
+    assert lost.blind_m == pytest.approx(19 * 0.6)

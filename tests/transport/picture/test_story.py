@@ -1,0 +1,157 @@
+"""The story of one cut in the picture: the road ahead, modes, sources, and what was done."""
+
+from collections.abc import Iterator
+from math import nan
+from typing import Any, get_args
+
+import pytest
+
+from tests.made.scenarios.messages import START, at, start, tracking, truth
+from tests.made.transport.recording import Table, columns
+from transport.picture.blueprint import CLOSING, MARKS, STATES, blueprint, hazard_in
+from transport.picture.option import parse_rerun_option
+from transport.picture.view import RerunView
+from vehicles.messages import Change, Message, Mode, SourceStatus
+
+VEHICLES = ("v1", "v2", "v3")
+CUT_S = 0.4
+TICKS = 100
+
+
+def cut(vehicle: str) -> Change:
+    return Change(
+        vehicle=vehicle, seq=0, effective_at_ns=at(CUT_S), kind="cut", by_hand=False,
+        table='{"kind": "cut", "at_s": 0.4}',
+    )  # fmt: skip
+
+
+def known(seq: int) -> float:
+    """Metres of road that v3 knows: from the cut on they grow less by 0.6 m a tick."""
+    return 30.0 - 0.6 * max(seq - 20, 0)
+
+
+def story() -> Iterator[Message]:
+    """A convoy at 30 m/s whose last car hears nothing from 0.4 s on, and stops from 1 s on."""
+    yield start()
+    for seq in range(TICKS):
+        for place, name in enumerate(VEHICLES):
+            yield truth(name, seq, 0.6 * seq - 15.0 * place, 0.0)
+        yield tracking("v1", seq, mode="path")
+        yield tracking("v2", seq, mode="lead", known_m=nan, comfortable_stop_m=nan, firm_stop_m=nan)
+        mode = "composite" if seq < 40 else "coast" if seq < 50 else "stop"
+        status = "fresh" if seq < 24 else "late" if seq < 40 else "lost"
+        yield tracking(
+            "v3", seq, mode=mode, hazard=mode == "stop", known_m=known(seq),
+            lead_status=status, predecessor_status=status, firm_stop_m=90.0 - seq,
+            comfortable_stop_m=220.0 - seq, lead_received_ratio=0.75,
+            predecessor_received_ratio=nan, predecessor_weight_ratio=0.25,
+        )  # fmt: skip
+        if seq == 20:
+            yield cut("v3")
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Table:
+    path = tmp_path_factory.mktemp("story") / "run.rrd"
+    option = parse_rerun_option(f"save={path}")
+    with RerunView(option, run_id="cut", vehicles=VEHICLES) as view:
+        for message in story():
+            view.draw(START, message)
+    return columns(path)
+
+
+def curve(table: Table, entity: str) -> dict[int, float]:
+    """Values of a curve by ticks."""
+    rows = table[f"/plots/{entity}"]
+    pairs = zip(rows["run_time"], rows["Scalars:scalars"], strict=True)
+    return {when // 20_000_000: value[0] for when, value in pairs if value}
+
+
+def states(table: Table, entity: str) -> list[tuple[float, str]]:
+    rows = table[f"/{entity}"]
+    pairs = zip(rows["run_time"], rows["StateChange:state"], strict=True)
+    return [(when / 1e9, state[0]) for when, state in pairs if state]
+
+
+def test_the_road_that_is_known_closes_in_on_what_a_stop_takes(drawn: Table) -> None:
+    found = curve(drawn, "closing/v3/known")
+    assert set(found) == set(range(0, TICKS, 2))
+    assert found == pytest.approx({seq: known(seq) for seq in found})
+    firm = curve(drawn, "closing/v3/firm_stop")
+    assert firm == pytest.approx({seq: 90.0 - seq for seq in firm})
+    assert curve(drawn, "closing/v3/comfortable_stop")[10] == pytest.approx(210.0)
+    names = [drawn[f"/plots/closing/v3/{one}"]["SeriesLines:names"][0] for one in CLOSING]
+    assert names == [[words] for words, _, _ in CLOSING.values()]
+
+
+def test_what_is_unknown_is_not_drawn(drawn: Table) -> None:
+    assert "Scalars:scalars" not in drawn["/plots/closing/v2/known"]
+    assert not any(name.startswith("/plots/closing/v1") for name in drawn)
+    assert "/plots/received/v3/predecessor" not in drawn
+
+
+def test_share_and_weight_are_curves_in_per_cent(drawn: Table) -> None:
+    assert set(curve(drawn, "received/v3/lead").values()) == {75.0}
+    assert set(curve(drawn, "weight/v3").values()) == {25.0}
+
+
+def test_modes_sources_and_warnings_are_strips(drawn: Table) -> None:
+    assert states(drawn, "mode/v3") == [
+        (0.0, "composite"), (0.8, "coast"), (1.0, hazard_in("stop")),
+    ]  # fmt: skip
+    expected = [(0.0, "fresh"), (0.48, "late"), (0.8, "lost")]
+    assert states(drawn, "sources/v3/lead") == expected
+    assert states(drawn, "sources/v3/predecessor") == expected
+    assert "/sources/v2/lead" in drawn
+    assert "/sources/v2/predecessor" not in drawn  # it is the lead itself
+
+
+def test_every_state_has_a_colour() -> None:
+    modes = {*get_args(Mode)}
+    assert set(STATES["mode"]) == modes | {hazard_in(mode) for mode in modes}
+    assert set(STATES["sources"]) == {*get_args(SourceStatus)}
+
+
+def test_what_was_done_is_marked_where_and_when_it_was(drawn: Table) -> None:
+    spot = drawn["/world/events/change"]
+    assert spot["run_time"] == [round(CUT_S * 1e9)]
+    assert spot["Points2D:positions"] == [[[pytest.approx(0.6 * 20 - 30.0), 0.0]]]
+    assert drawn["/world/events/change/name"]["Points2D:labels"] == [["cut v3"]]
+    for plot in ("cross_track", "true_gap", "closing/v3"):
+        assert curve(drawn, f"{plot}/events/change") == {20: 0.0}
+    assert "Scalars:scalars" not in drawn["/plots/closing/v2/events/change"]
+    lines = drawn["/log/v3"]["TextLog:text"]
+    assert lines == [['v3: change: {"kind": "cut", "at_s": 0.4}']]
+
+
+def views(part: Any) -> Iterator[Any]:
+    """Views that are seen at once: of tabs the one that is open."""
+    inner = list(getattr(part, "contents", []))
+    if type(part).__name__ == "Tabs":
+        inner = [inner[part.active_tab or 0]]
+    if not inner or not hasattr(inner[0], "contents"):
+        yield part
+        return
+    for one in inner:
+        yield from views(one)
+
+
+@pytest.mark.parametrize(("count", "followed"), [(2, "v2"), (4, "v3"), (9, "v5")])
+def test_the_story_of_one_follower_is_seen_without_a_click(count: int, followed: str) -> None:
+    names = [f"v{place}" for place in range(1, count + 1)]
+    seen = {one.origin for one in views(blueprint(names, gap_m=15.0, road=None).root_container)}
+    assert seen >= {
+        "plots/cross_track", f"plots/closing/{followed}", "plots/true_gap", "mode", "plots/age",
+        "links", "log", "world/convoy",
+    }  # fmt: skip
+
+
+def test_a_lead_alone_has_no_road_ahead() -> None:
+    column: Any
+    _, column = blueprint(["v1"], gap_m=15.0, road=None).root_container.contents
+    assert len(column.contents) == len(column.row_shares)
+
+
+def test_every_mark_has_a_style_in_the_road_ahead(drawn: Table) -> None:
+    for kind in MARKS:
+        assert f"/plots/closing/v3/events/{kind}" in drawn
