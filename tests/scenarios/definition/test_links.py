@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.channel.build import link_effects
+from scenarios.definition.errors import ScenarioError
 from scenarios.definition.links import directed_links, senders_to
 from scenarios.definition.scenario import load_scenario
 from scenarios.definition.schema.links import LinkTable
@@ -23,6 +24,23 @@ def test_followers_listen_to_the_lead_and_to_the_vehicle_ahead(names: list[str])
     assert set(found) == expected
     assert senders_to(names, names[0]) == ()
     assert all(senders_to(names, name)[-1] == ahead for ahead, name in itertools.pairwise(names))
+
+
+@given(st.lists(st.text("abcdef", min_size=1), min_size=2, max_size=8, unique=True))
+def test_a_lead_that_waits_listens_to_all_others(names: list[str]) -> None:
+    found, usual = directed_links(names, lead_waits=True), directed_links(names)
+    assert set(found) == {*usual, *((follower, names[0]) for follower in names[1:])}
+    assert len(found) == len(usual) + len(names) - 1
+    assert senders_to(names, names[-1], lead_waits=True) == senders_to(names, names[-1])
+
+
+def test_an_entry_about_a_link_to_the_lead_counts_only_where_it_waits() -> None:
+    entry = 'link=[{sender="v3", receiver="lead", loss_ratio=0.5}]'
+    with pytest.raises(ScenarioError, match="no vehicle listens there"):
+        load_scenario("lane_change", [entry])
+    links = load_scenario("lane_change", [entry, "speed.lead_waits=true"]).links
+    assert links["v3", "v1"].loss_ratio == 0.5
+    assert links["v2", "v1"].loss_ratio == 0.0
 
 
 ENTRIES = (

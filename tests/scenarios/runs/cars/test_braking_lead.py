@@ -60,3 +60,49 @@ def test_nobody_drives_into_anybody(loss: float, braking: float, vehicles: int, 
     for name in names[1:]:
         hardest = min(one.acceleration_mps2 for one in driven.commands[name])
         assert hardest >= -6.0 - 1e-9
+
+
+CHAIN = """
+name = "chain"
+duration_s = {duration_s}
+[convoy]
+vehicles = 8
+{gap}
+[path]
+kind = "segments"
+segments = [{{ length_m = 1500.0 }}]
+[speed]
+lead = "profile"
+followers = "{followers}"
+profile = [
+    {{ at_s = 0.0, speed_mps = 25.0 }}, {{ at_s = 10.0, speed_mps = 25.0 }},
+    {{ at_s = 14.0, speed_mps = 15.0 }}, {{ at_s = 20.0, speed_mps = 15.0 }},
+    {{ at_s = 27.0, speed_mps = 25.0 }},
+]
+[speed.gap]
+standstill_m = 12.0
+headway_s = 0.0
+{links}
+"""
+
+
+@pytest.mark.parametrize(("followers", "gap"), [("gap", 12.0), ("same", 15.0)])
+def test_gaps_do_not_grow_along_eight_vehicles_that_hear_only_the_one_ahead(
+    followers: str, gap: float
+) -> None:
+    silence = 'outages = [{ kind = "window", from_s = 5.0, to_s = 1000.0 }]'
+    links = "".join(
+        f'[[link]]\nsender = "v1"\nreceiver = "v{place}"\n{silence}\n' for place in range(3, 9)
+    )
+    first = f"gap_m = {gap}" if followers == "same" else ""
+    text = CHAIN.format(duration_s=40.0, gap=first, followers=followers, links=links)
+    truth = drive(scenario_from_text(text)).truth
+    gaps = [
+        [one.east_m - other.east_m for one, other in zip(truth[ahead], truth[behind], strict=True)]
+        for ahead, behind in pairwise(truth)
+    ]
+    assert min(map(min, gaps)) > gap - 1.5
+    # The second vehicle hears the lead; all others open to the headway that is stable without it.
+    opened = 0.35 * FAST if followers == "gap" else 0.0
+    for one in gaps[1:]:
+        assert max(one) < gap + opened + 0.5

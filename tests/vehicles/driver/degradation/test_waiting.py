@@ -1,0 +1,128 @@
+from itertools import pairwise
+
+import pytest
+
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.waiting import WAITING_SHARE, ConvoyWatch, WaitingProfile
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.speed import ProfileSpeed, SpeedProfile, VehiclesAhead
+from vehicles.messages import GpsPose, Mode
+from vehicles.schedule import MILLISECOND, SECOND
+
+TICK = 20 * MILLISECOND
+SETTINGS = DegradationSettings()
+PROFILE = SpeedProfile((0.0, 10.0, 20.0, 30.0), (20.0, 20.0, 8.0, 24.0))
+
+
+def pose_of(vehicle: str, at: int, mode: Mode = "composite", *, hazard: bool = False) -> GpsPose:
+    return GpsPose(
+        vehicle=vehicle,
+        seq=at // TICK,
+        measured_at_ns=at,
+        latitude_deg=0.0,
+        longitude_deg=0.0,
+        altitude_m=0.0,
+        heading_deg=0.0,
+        speed_mps=10.0,
+        yaw_rate_radps=0.0,
+        sent_at_ns=at,
+        fix="fixed",
+        position_accuracy_m=0.02,
+        true_east_m=0.0,
+        true_north_m=0.0,
+        true_driven_m=0.0,
+        mode=mode,
+        hazard=hazard,
+        acceleration_mps2=0.0,
+    )
+
+
+def watch() -> ConvoyWatch:
+    return ConvoyWatch(SETTINGS, {"v2": 0.05, "v3": 0.05}, 0)
+
+
+def waited(silent_from: float, silent_to: float, until: float) -> list[tuple[float, str]]:
+    """Instants (s) at which what the lead waits for changes, if v3 is silent for a while."""
+    one, found, before = watch(), [], ""
+    for now in range(0, round(until * SECOND), TICK):
+        heard = [pose_of("v2", now)]
+        if not silent_from <= now / SECOND < silent_to:
+            heard.append(pose_of("v3", now))
+        why = one.observe(now, heard)
+        if bool(why) != bool(before):
+            found.append((now / SECOND, why))
+        before = why
+    return found
+
+
+def test_a_follower_is_waited_for_from_when_it_is_lost_until_its_probation_is_over() -> None:
+    (lost, why), (found, nothing) = waited(4.0, 6.0, 10.0)
+    assert lost == pytest.approx(4.0 + SETTINGS.lost_after, abs=0.041)
+    assert "v3, unheard for 0.5 s" in why
+    assert "v2" not in why
+    assert found == pytest.approx(6.0 + SETTINGS.probation, abs=0.041)
+    assert nothing == ""
+
+
+def test_short_silence_is_no_loss_and_one_never_heard_is_lost_soon() -> None:
+    assert waited(4.0, 4.4, 8.0) == []
+    assert waited(0.0, 9.0, 3.0)[0][0] == pytest.approx(SETTINGS.lost_after, abs=0.041)
+
+
+@pytest.mark.parametrize(("mode", "hazard"), [("coast", False), ("stop", True), ("lead", True)])
+def test_one_that_says_that_it_degrades_is_waited_for(mode: Mode, hazard: bool) -> None:
+    one = watch()
+    assert one.observe(0, [pose_of("v2", 0), pose_of("v3", 0)]) == ""
+    told = one.observe(TICK, [pose_of("v2", TICK, mode, hazard=hazard)])
+    assert told == f"waits for v2, in {mode}"
+    later = 2 * TICK
+    assert one.observe(later, [pose_of("v2", TICK // 2)]) != ""  # overtaken: it says nothing new
+    soon, after = later + round(0.9 * SECOND), later + round(1.1 * SECOND)
+    for now in range(later + TICK, after, TICK):
+        found = one.observe(now, [pose_of("v2", now), pose_of("v3", now)])
+        assert found or now > soon
+    assert one.observe(after, [pose_of("v2", after), pose_of("v3", after)]) == ""
+
+
+def driven(waits: tuple[float, float], until: float) -> list[tuple[float, float, float]]:
+    """Time (s), way (m) and acceleration (m/s²) of a lead that waits between two instants (s)."""
+    law = WaitingProfile(PROFILE, 0, TICK / SECOND, SETTINGS.comfortable)
+    speed, way, found = 20.0, 0.0, []
+    for now in range(0, round(until * SECOND), TICK):
+        law.waits = waits[0] <= now / SECOND < waits[1]
+        asked = law.command(now, Pose(way, 0.0, 0.0, speed, 0.0), VehiclesAhead())
+        found.append((now / SECOND, way, asked.acceleration))
+        after = speed + asked.acceleration * TICK / SECOND
+        way += 0.5 * (speed + after) * TICK / SECOND
+        speed = after
+    return found
+
+
+def test_without_anybody_to_wait_for_it_is_the_profile_to_the_bit() -> None:
+    law = WaitingProfile(PROFILE, 0, TICK / SECOND, SETTINGS.comfortable)
+    usual = ProfileSpeed(PROFILE, 0, TICK / SECOND)
+    for now in range(0, 40 * SECOND, TICK):
+        pose = Pose(0.0, 0.0, 0.0, 19.0 + now / SECOND / 10.0, 0.0)
+        assert law.command(now, pose, VehiclesAhead()) == usual.command(now, pose, VehiclesAhead())
+
+
+def test_it_slows_down_comfortably_to_half_its_speed_and_back() -> None:
+    found = driven((1.0, 30.0), 9.9)
+    comfortable = SETTINGS.comfortable
+    assert min(a for _, _, a in found) >= -comfortable.deceleration - 0.01
+    changes = [later[2] - sooner[2] for sooner, later in pairwise(found)]
+    assert min(changes) >= -comfortable.jerk * TICK / SECOND - 0.02
+
+
+def test_where_it_waited_it_is_nowhere_faster_than_the_profile_is_there() -> None:
+    found = driven((2.0, 25.0), 60.0)
+    usual = driven((90.0, 91.0), 60.0)
+    ways = [way for _, way, _ in usual]
+    speeds = [(b - a) / 0.02 for a, b in pairwise(ways)]
+    for (_, here, _), (_, there, _) in pairwise(found):
+        if here > ways[-2]:
+            break
+        k = next(k for k, way in enumerate(ways) if way >= here)
+        assert (there - here) / 0.02 <= max(speeds[max(k - 2, 0) : k + 3]) + 0.1
+    half = [(b - a) / 0.02 for (_, a, _), (_, b, _) in pairwise(found)]
+    assert min(half) >= WAITING_SHARE * 8.0 - 0.1
