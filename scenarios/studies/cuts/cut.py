@@ -17,13 +17,13 @@ from vehicles.schedule import SECOND, nanoseconds
 
 LATERAL_ACCELERATION = 1.8
 """Of the lane changes (m/s²): that of the paper's, 500 m at 30 m/s."""
-AFTERWARDS_S = 14.0
+AFTERWARDS_S = 20.0
 """A run goes on for so long after the messages are back."""
-BACK_S = 3.0
-"""By then, before the end, it has to be back on the path."""
+SETTLED_M = 40.0
+"""Way that a follower has to come to the path of which it hears again."""
 STANDING = 0.05
 """A car that is slower than this (m/s) stands."""
-UNDER_WAY = 0.8
+UNDER_WAY = 0.5
 """A car that drives at this share of the convoy's speed has resumed."""
 
 
@@ -81,8 +81,9 @@ class CutFigures:
     """What a follower did in a cut (m, s).
 
     `error` is the largest true distance from the lead's driven path while the messages were away,
-    `error_inside` that until it first drove beyond the path that it knew, and `error_back` that of
-    the last seconds of the run. `predicted_blind` is how far it
+    `error_inside` that of it within the path that it knew. `error_back` is that of a follower that
+    has come to where it was heard again (where the lead was by then, and `SETTLED_M` more), before
+    which nobody told it the road; 0 if it did not come so far. `predicted_blind` is how far it
     would drive beyond that path as it said when it gave up its last source, `blind` how far it did;
     both are 0 where it can stop within. `ticks_late` is how many control periods after the instant
     at which its last source became lost by the thresholds it said so. `friction` is the largest
@@ -114,6 +115,7 @@ class _Heard:
     steering: list[float] = field(default_factory=list)
     heard_at: dict[str, int] = field(default_factory=dict)
     errors: dict[int, float] = field(default_factory=dict)
+    stations: dict[int, float] = field(default_factory=dict)
 
 
 class Witness:
@@ -126,7 +128,7 @@ class Witness:
         self._start = scenario.start_at_ns
         self._from = self._start + nanoseconds(cut.at_s)
         self._to = self._from + nanoseconds(cut.for_s)
-        self._back_from = self._to + nanoseconds(AFTERWARDS_S - BACK_S)
+        self._heard_at = inf
         table = scenario.tables.control.degradation
         period_s = 1.0 / scenario.tables.gnss.rate_hz
         self._lost_after = nanoseconds(max(table.lost_periods * period_s, table.lost_s))
@@ -141,6 +143,9 @@ class Witness:
                 of.truth.append(message)
                 for foot in self._path.add(message):
                     self._of[foot.vehicle].errors[foot.at_ns] = foot.lateral
+                    self._of[foot.vehicle].stations[foot.at_ns] = foot.station
+                if message.vehicle == self._names[0] and message.true_at_ns <= self._to:
+                    self._heard_at = message.distance_m + SETTLED_M
             case Tracking():
                 of.tracking.append(message)
             case Command():
@@ -157,7 +162,6 @@ class Witness:
     def _figures(self, name: str) -> CutFigures:
         of = self._of[name]
         away = [one for one in of.tracking if self._from <= one.decided_at_ns < self._to]
-        after = [one for one in of.tracking if one.decided_at_ns >= self._from]
         lost = next((one for one in away if one.mode in {"coast", "stop"}), None)
         return CutFigures(
             cut=self._cut,
@@ -165,9 +169,11 @@ class Witness:
             error=_largest(of.errors.get(one.decided_at_ns, 0.0) for one in away),
             error_inside=_largest(
                 of.errors.get(one.decided_at_ns, 0.0)
-                for one in takewhile(lambda one: not one.known_m < 0.0, after)
+                for one in takewhile(lambda one: not one.known_m < 0.0, away)
             ),
-            error_back=_largest(error for at, error in of.errors.items() if at >= self._back_from),
+            error_back=_largest(
+                error for at, error in of.errors.items() if of.stations[at] > self._heard_at
+            ),
             predicted_blind=lost.blind_m if lost else 0.0,
             blind=max([0.0, *(-one.known_m for one in away if not isnan(one.known_m))]),
             stood=any(

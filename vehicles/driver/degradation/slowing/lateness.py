@@ -1,13 +1,15 @@
 """How much later than usual a vehicle is heard; SI units."""
 
-from math import isnan
+from math import exp, isnan
 
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SourceFreshness
 from vehicles.schedule import SECOND
 
 CLOSING_RATE = 0.1
-"""A gap that was opened closes again at this share of the own speed."""
+"""A gap that was opened closes again at this share of the own speed; while it is wide, faster:"""
+CLOSING_TIME = 3.0
+"""a time constant (s), so that a car that stood for a minute does not stay behind for ten."""
 
 USUAL_SHARE = 0.05
 """Weight of a new message in what age messages usually have when they are heard."""
@@ -64,4 +66,5 @@ class AgeWatch:
         Beyond the paper; a gap that followed the present age would pump.
         """
         since = (now - self._peak_at) / SECOND - self._settings.probation
-        return max(self._peak - CLOSING_RATE * max(since, 0.0), 0.0)
+        since = max(since, 0.0)
+        return max(self._peak * exp(-since / CLOSING_TIME) - CLOSING_RATE * since, 0.0)

@@ -209,7 +209,9 @@ class SpeedGuard:
             return inf
         share = 1.0 - max(time, 0.0) / GUARD_TIME
         most = tick.hardest.deceleration
-        if not self._promised:
+        if tick.pose.speed < STANDING:
+            most = self._settings.comfortable.deceleration
+        elif not self._promised:
             most = min(most, self._settings.firm.deceleration)
         return max(-share * most, self._last - tick.hardest.jerk * tick.span)
 

@@ -3,7 +3,7 @@ from itertools import pairwise
 import pytest
 
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.waiting import WAITING_SHARE, ConvoyWatch, WaitingProfile
+from vehicles.driver.degradation.slowing.waiting import WAITING_SHARE, ConvoyWatch, WaitingProfile
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import ProfileSpeed, SpeedProfile, VehiclesAhead
 from vehicles.messages import GpsPose, Mode
