@@ -130,6 +130,7 @@ class Follower:
         acceleration = last.actuation.acceleration if last else 0.0
         situation = self._sources.look(now, pose, acceleration, anew=refit)
         self._mode, reason = self._modes.decide(
+            now,
             self._sources,
             situation,
             pose.speed,
@@ -144,7 +145,7 @@ class Follower:
         ahead.curvature_ahead = errors.curvature_ahead
         self._load.commanded(steering.steering)
         situation.predecessor_weight = self._sources.alpha(self._alpha)
-        situation.hazard = self._mode == "stop"
+        situation.hazard = self._mode == "stop" or self._rejoining.under_way
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),

@@ -102,6 +102,20 @@ class Trace:
                 if len(self._line) > self.settings.capacity:
                     self._forget()
 
+    def pass_over(
+        self, measured_at: int, east: float, north: float, yaw: float, speed: float
+    ) -> None:
+        """Know where the source is by a fix (ns, m, m, rad, m/s), but take its way for no path.
+
+        Preview data of Section III-A are those of a source that keeps to the path.
+        """
+        sample = Sample(measured_at, east, north, yaw, speed)
+        newest = self.newest
+        if newest is None or measured_at <= newest.measured_at:
+            return
+        if plausible(newest, sample, self.settings):
+            self.newest = sample
+
     def _start(self, sample: Sample) -> None:
         """Start anew at `sample`; what was held before is dropped."""
         self.newest = sample

@@ -19,8 +19,8 @@ LATERAL_ACCELERATION = 1.8
 """Of the lane changes (m/s²): that of the paper's, 500 m at 30 m/s."""
 AFTERWARDS_S = 20.0
 """A run goes on for so long after the messages are back."""
-SETTLED_M = 40.0
-"""Way that a follower has to come to the path of which it hears again."""
+SETTLED_S = 5.0
+"""At the convoy's speed, the way that a follower has to come to the path that it hears of."""
 STANDING = 0.05
 """A car that is slower than this (m/s) stands."""
 UNDER_WAY = 0.5
@@ -55,7 +55,10 @@ class Cut:
             "seed": self.seed,
             "convoy": {"vehicles": self.vehicles},
             "speed": {"set_mps": self.speed_mps},
-            "control": {"degradation": {"reaction": self.reaction}},
+            "control": {
+                "controller": "slip_compensated",
+                "degradation": {"reaction": self.reaction},
+            },
             "path": {
                 "kind": "segments",
                 "segments": [straights[0], *change, straights[2], *back, straights[4]],
@@ -82,7 +85,7 @@ class CutFigures:
 
     `error` is the largest true distance from the lead's driven path while the messages were away,
     `error_inside` that of it within the path that it knew. `error_back` is that of a follower that
-    has come to where it was heard again (where the lead was by then, and `SETTLED_M` more), before
+    has come to where it was heard again (where the lead was by then, and `SETTLED_S` more), before
     which nobody told it the road; 0 if it did not come so far. `predicted_blind` is how far it
     would drive beyond that path as it said when it gave up its last source, `blind` how far it did;
     both are 0 where it can stop within. `ticks_late` is how many control periods after the instant
@@ -145,7 +148,7 @@ class Witness:
                     self._of[foot.vehicle].errors[foot.at_ns] = foot.lateral
                     self._of[foot.vehicle].stations[foot.at_ns] = foot.station
                 if message.vehicle == self._names[0] and message.true_at_ns <= self._to:
-                    self._heard_at = message.distance_m + SETTLED_M
+                    self._heard_at = message.distance_m + SETTLED_S * self._cut.speed_mps
             case Tracking():
                 of.tracking.append(message)
             case Command():

@@ -19,8 +19,9 @@ class ModesByReach:
 
     def decide(
         self,
+        now: int,  # noqa: ARG002 - all modes are decided alike
         pair: SourcePair,
-        situation: Situation,  # noqa: ARG002 - all modes are decided alike
+        situation: Situation,  # noqa: ARG002
         speed: float,  # noqa: ARG002
         *,
         fitted: bool,

@@ -10,6 +10,7 @@ from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.stopping import needed_deceleration
 from vehicles.driver.degradation.sources import Source
 from vehicles.messages import Mode
+from vehicles.schedule import SECOND
 
 SLOWING: tuple[Mode, ...] = ("coast", "stop")
 """In these modes nobody is relied on, and a follower that degrades slows down."""
@@ -21,6 +22,7 @@ class Modes(Protocol):
 
     def decide(
         self,
+        now: int,
         pair: SourcePair,
         situation: Situation,
         speed: float,
@@ -28,7 +30,7 @@ class Modes(Protocol):
         fitted: bool,
         has_path: bool,
     ) -> tuple[Mode, str]:
-        """Mode at a control instant at `speed` (m/s), and why.
+        """Mode at a control instant `now` (ns) at `speed` (m/s), and why.
 
         `fitted` says whether the samples supported a trajectory when last fitted, `has_path`
         whether they ever did. Beyond the paper.
@@ -41,18 +43,22 @@ class ModeMachine:
 
     Steered along is who is relied on. Who hears nobody coasts as long as a stop within the known
     path needs no more than comfortable braking, and stops otherwise, until somebody is relied on
-    again. A source is given up at once and relied on again only after its probation (`Source`), so
-    that no mode is entered twice within one.
+    again. A source is given up at once and relied on again only after its probation (`Source`), and
+    a mode that was the worse one is left for a better one only after as long, so that none is
+    entered twice within one.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
         self._comfortable = settings.comfortable.deceleration
+        self._dwell = settings.probation
+        self._worse_at = 0
         self._mode: Mode = "straight"
         self._relied: list[Source] = []
         self._trusted: set[str] = set()
 
     def decide(
         self,
+        now: int,
         pair: SourcePair,
         situation: Situation,
         speed: float,
@@ -60,18 +66,21 @@ class ModeMachine:
         fitted: bool,  # noqa: ARG002 - what was fitted last is steered along
         has_path: bool,
     ) -> tuple[Mode, str]:
-        """Mode at a control instant at `speed` (m/s), and why: see `Modes` (beyond the paper).
+        """Mode at a control instant `now` (ns) at `speed` (m/s), and why (beyond the paper).
 
         Why is what is missing, and when the mode changes who is relied on anew.
         """
         relied = [one for one in pair.used.values() if one.relied_on]
-        mode = self._next(pair, situation, speed, has_path=has_path)
+        soon = (now - self._worse_at) / SECOND < self._dwell
+        mode = self._next(pair, situation, speed, has_path=has_path, soon=soon)
         why = _missing(one for one in pair.used.values() if one not in relied)
         if mode == "straight":
             why = why if has_path else NOTHING_HEARD
         elif mode in SLOWING:
             why += _road_left(situation, speed)
         if mode != self._mode:
+            if mode in SLOWING or self._mode == "composite":
+                self._worse_at = now
             back = [self._anew(one) for one in relied if one not in self._relied]
             why = "; ".join(filter(None, [*back, why]))
         self._trusted |= {one.name for one in relied}
@@ -79,13 +88,18 @@ class ModeMachine:
         return mode, why
 
     def _next(
-        self, pair: SourcePair, situation: Situation, speed: float, *, has_path: bool
+        self, pair: SourcePair, situation: Situation, speed: float, *, has_path: bool, soon: bool
     ) -> Mode:
+        """The mode that follows; to a better one not too `soon` after one to a worse."""
         relied = [mode for mode, one in pair.used.items() if one.relied_on]
-        if relied and has_path:
-            return "composite" if len(relied) > 1 else relied[0]
+        if relied and has_path and not (soon and self._mode in SLOWING):
+            if len(relied) == 1 or (soon and self._mode in relied):
+                return self._mode if self._mode in relied else relied[0]
+            return "composite"
         given_up = [one.status in ("lost", "distrusted", "probation") for one in pair.used.values()]
-        if relied or not any(given_up):  # nobody was heard, or nothing came of it yet
+        if self._mode not in SLOWING and (
+            relied or not any(given_up)
+        ):  # nobody was heard, or nothing came of it yet
             return "straight"
         known = 0.0 if isnan(situation.known) else situation.known
         if self._mode == "stop" or needed_deceleration(speed, known) > self._comfortable:

@@ -34,6 +34,7 @@ class SourcePair:
             self.used["lead"] = lead
         if lead is not predecessor:
             self.used["predecessor"] = predecessor
+            predecessor.may_stray = len(self.used) > 1 and settings.reaction == "degrade"
         self._settings = settings
         self._looked_at = 0
 

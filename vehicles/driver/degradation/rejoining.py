@@ -46,6 +46,11 @@ class Rejoining:
         self._last_at = 0
         self._wanted = False
 
+    @property
+    def under_way(self) -> bool:
+        """Whether the car is still on its way back (beyond the paper)."""
+        return self._wanted or self._way is not None
+
     def want(self) -> None:
         """Begin at the next errors: the path has become another one (beyond the paper)."""
         self._wanted = True

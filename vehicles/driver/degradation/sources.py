@@ -19,6 +19,14 @@ LEAST_SAMPLES = 3
 """Fewer samples of a source than these determine no trajectory."""
 
 
+def is_astray(message: GpsPose) -> bool:
+    """Whether a vehicle says that it may not be on the path: it warns, or hears nobody itself.
+
+    Beyond the paper, whose vehicles always know the path.
+    """
+    return message.hazard or message.mode in ("coast", "stop")
+
+
 class Source:
     """A vehicle that a follower hears: what it told, how long ago, and whether to rely on it.
 
@@ -26,7 +34,8 @@ class Source:
     messages are overdue, lost after a longer silence, distrusted while what it says is refused, on
     probation once it is heard and believed again. Its `weight` in the trajectory is 1 as long as it
     is fresh; from when it is late it fades with the path that is left of it, and comes back slowly,
-    so that no sample comes or goes at once.
+    so that no sample comes or goes at once. One that `may_stray` is followed only while it does not
+    say so: there is another one, whose path is meant.
     """
 
     def __init__(self, name: str, period: float, settings: DegradationSettings) -> None:
@@ -37,6 +46,8 @@ class Source:
         self.usable = False
         self.reaches = False
         self.refusal = ""
+        self.may_stray = False
+        self._strayed = False
         self.probation = Probation(settings)
         self._settings = settings
         self._reception = Reception(period)
@@ -74,8 +85,14 @@ class Source:
             return
         lost = newest and self.status in ("lost", "distrusted")
         place = fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed
-        # Baselines know no holes: what they hear after a silence is one more sample to them.
-        self.trace.add(*place, after_hole=lost and self._degrades)
+        if self.may_stray and is_astray(message) and self.trace.newest is not None:
+            self._strayed = True
+            self.trace.pass_over(*place)
+        else:
+            # Baselines know no holes: what they hear after a silence is one more sample to them.
+            hole = (lost and self._degrades) or (newest and self._strayed)
+            self._strayed &= not newest
+            self.trace.add(*place, after_hole=hole)
         if lost:
             self._reception.forget()
         if newest and self.trace.newest_at != fix.measured_at:

@@ -1,0 +1,56 @@
+"""Over a link that loses in bursts, sources are lost as often as its law says, and nobody flaps.
+
+`pytest --campaign` drives ten times as much.
+"""
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
+from vehicles.messages import Message, Tracking
+from vehicles.schedule import SECOND
+
+PROBATION_S = 1.0
+SCENARIO = """
+extends = "lane_change"
+name = "bursts"
+duration_s = 120.0
+[convoy]
+vehicles = 3
+[speed]
+set_mps = 15.0
+[path]
+kind = "segments"
+segments = [{ length_m = 3000.0 }]
+[links]
+loss = { kind = "gilbert_elliott", loss_ratio = 0.4, burst_messages_mean = 4.0 }
+"""
+
+
+@pytest.mark.campaign(1, 10)
+def test_alarms_are_as_many_as_the_law_of_the_link_says(case: int, tmp_path: Path) -> None:
+    told: list[Message] = []
+    scenario = scenario_from_text(SCENARIO, seed=case + 1)
+    summary = run_virtual(
+        scenario, tmp_path, Stop(), listeners=[lambda _, message: told.append(message)]
+    )
+    alarms = [link.false_alarms for link in summary.links if link.false_alarms]
+    predicted = sum(one.predicted or 0.0 for one in alarms)
+    counted = sum(one.counted or 0 for one in alarms)
+    assert len(alarms) == 3
+    assert predicted > 50.0
+    assert abs(counted - predicted) < 3.5 * predicted**0.5  # they come nearly one by one
+    assert not [line for line in summary.warnings if "alarm" in line]
+    for name in scenario.vehicle_names[1:]:
+        tracking = [one for one in told if isinstance(one, Tracking) and one.vehicle == name]
+        entered: dict[str, int] = {}
+        changes = [one for before, one in pairwise(tracking) if one.mode != before.mode]
+        for one in changes:
+            since = (one.decided_at_ns - entered.get(one.mode, 0)) / SECOND
+            assert since >= PROBATION_S, f"{name} to {one.mode} again after {since:.2f} s"
+            entered[one.mode] = one.decided_at_ns
+            assert one.reason
