@@ -338,7 +338,7 @@ HEAVY = {"scipy", "rich", "rerun", "mcap", "matplotlib", "pandas", "pyarrow", "z
 def test_a_vehicle_s_process_loads_nothing_that_it_does_not_need() -> None:
     """Each takes megabytes, of which a process has 80."""
     drive = """
-from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
 from scenarios.definition.scenario import load_scenario

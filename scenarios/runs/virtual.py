@@ -7,7 +7,7 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
-from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe

@@ -5,7 +5,7 @@ from itertools import dropwhile
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.control.answering import LiveControl
-from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import ProcessProbe

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.node.fault import stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe

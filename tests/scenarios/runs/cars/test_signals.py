@@ -8,7 +8,7 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
-from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.scenarios.messages import STRAIGHT

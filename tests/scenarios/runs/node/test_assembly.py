@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.phases import Driving
 from scenarios.runs.node.probe import NoProbe

@@ -4,7 +4,7 @@ import pytest
 
 from scenarios.definition.library import library
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import VirtualConvoy

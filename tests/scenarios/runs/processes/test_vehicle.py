@@ -5,7 +5,7 @@ import time
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.assembly import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.processes.clock_offset import answer_for_clock
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
 from scenarios.runs.processes.vehicle import RunOffError, VehicleProcess

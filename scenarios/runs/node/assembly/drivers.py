@@ -1,0 +1,247 @@
+"""Makes who drives a vehicle: its software, or a human."""
+
+from scenarios.definition.receivers import assumed_deviation
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.sending import (
+    link_rate_hz,
+    usual_rate_hz,
+)
+from scenarios.runs.node.phases import Aboard, Car
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import Fix
+from vehicles.driver.command_limit import CommandLimit
+from vehicles.driver.decision import Driver
+from vehicles.driver.degradation.slowing.longitudinal import GuardedCar, SpeedGuard
+from vehicles.driver.degradation.slowing.waiting import ConvoyWatch, WaitingProfile
+from vehicles.driver.degradation.trust.beliefs import Beliefs
+from vehicles.driver.degradation.trust.gate import InnovationGate
+from vehicles.driver.ego.late_fixes import LatePoseEstimator
+from vehicles.driver.ego.own_state import KnownState, OwnState
+from vehicles.driver.ego.pose_estimator import PoseEstimator
+from vehicles.driver.ego.slip_estimator import Assuming, LoadWatch, SlipEstimator
+from vehicles.driver.follower import Follower
+from vehicles.driver.leader import Leader
+from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
+from vehicles.driver.steering import LateralController, load_controller
+from vehicles.geometry.geodesy import LocalPlane, wrap_angle
+from vehicles.preview.trajectory import FitSettings
+from vehicles.schedule import MILLISECOND
+
+SOUGHT = 100.0
+"""How far from where it is expected by the way driven a car is sought on the road (m)."""
+
+
+class DriverBuilder:
+    """Makes the drivers of one vehicle of a scenario, which start in its car as it is."""
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        """Raises ScenarioError if `scenario` has no vehicle called `name`."""
+        self._name = name
+        self._scenario = scenario
+        self._setup = scenario.vehicle(name)
+        self._plane = LocalPlane(scenario.origin)
+        self._route = scenario.route
+
+    def software(self, now: int, aboard: Aboard) -> tuple[Driver, ProfileSpeed | None]:
+        """Driver that starts at `now` (ns) without memory, and the profile that it drives, if any."""
+        own = self._setup.predecessor is None or self._drives_a_profile
+        law = self._own_profile(aboard.start_at) if own else None
+        return self._driver(aboard, now, law or self._gap_keeping()), law
+
+    def human(self, aboard: Aboard) -> tuple[Driver, ProfileSpeed]:
+        """A human who drives the road like the lead, and knows where he is."""
+        law = self._profile(aboard.start_at)
+        body = aboard.car.body
+        return Leader(
+            own_state=KnownState(),
+            controller=self._controller(),
+            speed_law=law,
+            control=aboard.control,
+            path=self._route.path,
+            station=self.station(body),
+            limit=self._command_limit(aboard.car),
+        ), law
+
+    def station(self, body: Body) -> float:
+        """Station (m) on the road at which a car is that has driven from its start."""
+        expected = self._route.start_station(self._setup.place) + body.distance
+        return self._route.path.project(body.east, body.north, expected, SOUGHT).station
+
+    def _driver(self, aboard: Aboard, now: int, speed_law: SpeedLaw) -> Driver:
+        setup, control = self._setup, aboard.control
+        own_state = self._own_state(now, aboard)
+        controller = self._controller()
+        load = self._load_watch(own_state, controller)
+        if setup.predecessor is None:
+            waiting = None
+            if isinstance(speed_law, WaitingProfile):
+                waiting = self._convoy_watch(now), speed_law
+            return Leader(
+                own_state=own_state,
+                controller=controller,
+                speed_law=speed_law,
+                waiting=waiting,
+                control=control,
+                path=self._route.path,
+                station=self.station(aboard.car.body),
+                limit=self._command_limit(aboard.car),
+                load=load,
+            )
+        steering = setup.steering
+        return Follower(
+            own_state=own_state,
+            controller=controller,
+            speed_guard=self._speed_guard(speed_law, setup.predecessor),
+            control=control,
+            plane=self._plane,
+            lead=setup.lead,
+            predecessor=setup.predecessor,
+            periods={sender: self._least_period(sender) for sender in setup.senders},
+            alpha=steering.alpha_ratio,
+            fusion=steering.fusion,
+            settings=self._fit_settings(),
+            degradation=setup.degradation,
+            limit=self._command_limit(aboard.car),
+            load=load,
+            beliefs=self._beliefs(),
+        )
+
+    def _own_state(self, now: int, aboard: Aboard) -> OwnState:
+        """What tells the car where it is, from `now` (ns) on.
+
+        Software that starts later than the run, or whose first fix may come late, is told where it
+        starts; so is any other if it has to decide before its first fix.
+        """
+        setup, body = self._setup, aboard.car.body
+        if setup.knows_itself:
+            return KnownState()
+        gnss = setup.gnss
+        place = body.east, body.north, wrap_angle(body.yaw)
+        start = Fix(0, now, *place, body.speed, body.yaw_rate)
+        estimator = PoseEstimator(
+            setup.assumed_parameters,
+            setup.gnss_noise,
+            setup.imu_noise,
+            setup.imu_rate_hz,
+            by_accuracy=True,
+            start=start,
+        )
+        if gnss.is_punctual and now == aboard.start_at:
+            return estimator
+        estimator.correct(start)
+        if not gnss.latency_ms:
+            return estimator
+        return LatePoseEstimator(estimator, round(gnss.latency_ms * MILLISECOND))
+
+    def _controller(self) -> LateralController:
+        setup = self._setup
+        return load_controller(setup.controller, setup.assumed_parameters, setup.gains)
+
+    def _command_limit(self, car: Car) -> CommandLimit:
+        """Limit of a driver who takes over with the command that the car has."""
+        limits = self._setup.parameters
+        return CommandLimit(
+            limits.steering_rate_limit,
+            1.0 / self._scenario.control_rate_hz,
+            limits.steering_limit,
+            first=car.command.steering,
+        )
+
+    def _load_watch(self, *told: object) -> LoadWatch:
+        """What tells those who can assume another car than they were made for."""
+        setup = self._setup
+        if not setup.steering.estimate_slip:
+            return LoadWatch()
+        noise = 0.0 if setup.knows_itself else setup.imu.yaw_rate_noise_radps
+        estimator = SlipEstimator(setup.assumed_parameters, noise)
+        return LoadWatch(estimator, [one for one in told if isinstance(one, Assuming)])
+
+    def _fit_settings(self) -> FitSettings:
+        """The fit assumes the largest error of the receivers received from, at least that of RTK.
+
+        Its tolerance is the scenario's, or five times that noise if that is more (the paper's
+        10 cm are five times the 2 cm of RTK). That is the error in the worst state that a receiver
+        can be in, without what all have in common; the fit finds out itself where it is smaller.
+        """
+        steering = self._setup.steering
+        receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
+        noise = max(FitSettings().position_noise, *map(assumed_deviation, receivers))
+        return FitSettings(
+            preview_time=steering.preview_s,
+            tolerance=max(steering.tolerance_m, 5.0 * noise),
+            position_noise=noise,
+            trajectory=steering.trajectory,
+        )
+
+    def _beliefs(self) -> Beliefs:
+        """Gates for the sources; the baselines of degradation believe everything, as they did."""
+        asked = self._setup.steering.degradation
+        if asked.reaction != "degrade":
+            return Beliefs()
+        return Beliefs(
+            {
+                name: InnovationGate(
+                    self._scenario.vehicle(name).gnss_noise,
+                    gate=asked.gate_deviations,
+                    heading_gate=asked.heading_gate_deviations,
+                    settle=asked.probation_s,
+                )
+                for name in self._setup.senders
+            }
+        )
+
+    @property
+    def _drives_a_profile(self) -> bool:
+        return self._scenario.tables.speed.followers == "same"
+
+    def _own_profile(self, start_at: int) -> ProfileSpeed:
+        """The planned speed, driven more slowly by a lead while it waits for a follower."""
+        setup = self._setup
+        if setup.predecessor is not None or not setup.senders:
+            return self._profile(start_at)
+        period, braking = 1.0 / self._scenario.control_rate_hz, setup.degradation.comfortable
+        return WaitingProfile(self._route.plan.profile, start_at, period, braking)
+
+    def _profile(self, start_at: int) -> ProfileSpeed:
+        return ProfileSpeed(
+            self._route.plan.profile, start_at, 1.0 / self._scenario.control_rate_hz
+        )
+
+    def _gap_keeping(self) -> SpeedLaw:
+        return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
+
+    def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
+        """Make what decides instead of `law` while messages fail.
+
+        The car ahead is as long as this one: both bodies end half their length from their places.
+        """
+        scenario, setup = self._scenario, self._setup
+        ahead = scenario.vehicle(predecessor)
+        initial_gap = self._route.gaps[setup.place]
+        common = scenario.tables.speed.followers == "same"
+        car = GuardedCar(
+            length=0.5 * (setup.parameters.length + ahead.parameters.length),
+            friction=setup.parameters.friction,
+            policy=GapPolicy(initial_gap) if common else scenario.gap_policy,
+            limits=scenario.gap_limits,
+            initial_gap=initial_gap,
+            period=self._usual_period(predecessor),
+        )
+        return SpeedGuard(law, setup.degradation, car)
+
+    def _convoy_watch(self, now: int) -> ConvoyWatch:
+        """What watches over the followers, as far as they are listened to."""
+        periods = {name: self._usual_period(name) for name in self._setup.senders}
+        return ConvoyWatch(self._setup.degradation, periods, now)
+
+    def _least_period(self, sender: str) -> float:
+        """Shortest time (s) between two messages that can come from `sender`."""
+        setup, link = self._scenario.vehicle(sender), self._scenario.links[sender, self._name]
+        rate_hz = link_rate_hz(setup.sending, setup.gnss)
+        return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
+
+    def _usual_period(self, sender: str) -> float:
+        """Time (s) between messages of `sender` to expect, by its sending and its link."""
+        setup, speed = self._scenario.vehicle(sender), self._route.profile.at(0.0)[0]
+        rate_hz = usual_rate_hz(setup.sending, setup.gnss, speed) or 1.0
+        return 1.0 / min(rate_hz, self._scenario.links[sender, self._name].rate_hz or rate_hz)
