@@ -43,7 +43,7 @@ class DriverBuilder:
         self._route = scenario.route
 
     def software(self, now: int, aboard: Aboard) -> tuple[Driver, ProfileSpeed | None]:
-        """Driver that starts at `now` (ns) without memory, and the profile that it drives, if any."""
+        """Driver that starts at `now` (ns) without memory, and the profile it drives, if any."""
         own = self._setup.predecessor is None or self._drives_a_profile
         law = self._own_profile(aboard.start_at) if own else None
         return self._driver(aboard, now, law or self._gap_keeping()), law
