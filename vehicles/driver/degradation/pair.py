@@ -87,13 +87,17 @@ class SourcePair:
             source.look(now, 0.0 if anew else pose.speed * span, span)
         known = farthest(one for one in self.used.values() if one.status != "distrusted")
         settings, speed = self._settings, pose.speed
-        hardest = stopping_distance(speed, acceleration, settings.hardest)
+        hardest, firm, comfortable = (
+            # Who brakes harder than that already would not release the brake first.
+            stopping_distance(speed, max(acceleration, -braking.deceleration), braking)
+            for braking in (settings.hardest, settings.firm, settings.comfortable)
+        )
         return Situation(
             lead=self.lead.freshness,
             predecessor=self.predecessor.freshness,
             known=known,
-            comfortable_stop=stopping_distance(speed, acceleration, settings.comfortable),
-            firm_stop=stopping_distance(speed, acceleration, settings.firm),
+            comfortable_stop=comfortable,
+            firm_stop=firm,
             blind=nan if isnan(known) else max(hardest - known, 0.0),
         )
 
