@@ -15,6 +15,7 @@ from scenarios.runs.node.phases import BRAKING, Down
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.step_order import steps_in_order
 from tests.made.scenarios.changed_convoys import ChangedConvoy, changed
+from transport.codec import encode
 from transport.topics import valid_at
 from vehicles.messages import (
     Change,
@@ -49,10 +50,10 @@ def sent_between(run: ChangedConvoy, vehicle: str, begin: float, end: float) -> 
     ]
 
 
-def until(run: ChangedConvoy, at_s: float, *kinds: type[Message]) -> list[Message]:
-    """What all vehicles said of instants before this one."""
+def until(run: ChangedConvoy, at_s: float, *kinds: type[Message]) -> list[bytes]:
+    """What all vehicles said of instants before this one, as bytes: NaN equals NaN there."""
     end = run.start_at + round(at_s * SECOND)
-    return [one for one in run.sent if type(one) in kinds and valid_at(one) < end]
+    return [encode(one) for one in run.sent if type(one) in kinds and valid_at(one) < end]
 
 
 def test_what_is_done_later_changes_nothing_before(calm: ChangedConvoy) -> None:
