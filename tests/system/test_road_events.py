@@ -22,6 +22,8 @@ profile = [{ at_s = 0.0, speed_mps = 25.0 }, { at_s = 1.0, speed_mps = 25.0 },
 [speed.gap]
 standstill_m = 6.0
 headway_s = 0.05
+[control.degradation]
+reaction = "extrapolate"    # who degrades does not collide
 [links]
 loss_ratio = 0.9
 [limits]

@@ -232,7 +232,7 @@ class SpeedLaw(Protocol):
 
 
 def profile_correction(wanted: float, speed: float) -> float:
-    """Acceleration (m/s²) that takes a speed error (m/s) back mildly; the paper corrects none."""
+    """Acceleration (m/s²) that takes a speed error (m/s) back mildly, beyond the paper."""
     correction = PROFILE_CORRECTION * (wanted - speed)
     return min(max(correction, -CORRECTION_MAX), CORRECTION_MAX)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.runs.pool import run_jobs
-from scenarios.studies.cuts.cut import Cut, CutFigures, carry_out
+from scenarios.studies.cuts.cut import CutFigures, LinkCut, carry_out
 from vehicles.driver.degradation.settings import Reaction
 
 SCHEMA = "convoy.cuts/1"
@@ -29,14 +29,14 @@ SHORT_S, LONG_S = (0.3, 4.0), 14.0
 SAY_EVERY_S = 3.0
 
 
-def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[Cut]:
+def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
     """Draw cuts at random instants of double lane changes at random speeds; equal for equal seeds.
 
     The same for each reaction.
     """
     chance = np.random.Generator(np.random.PCG64(seed))
     for number in range(count):
-        yield Cut(
+        yield LinkCut(
             reaction=reaction,
             speed_mps=round(float(chance.uniform(*SPEEDS_MPS)), 2),
             at_s=round(float(chance.uniform(*CUT_AT_S)), 3),
@@ -46,7 +46,7 @@ def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[Cut]:
 
 
 def carry_out_all(
-    cuts: Sequence[Cut], progress: Callable[[str], None], workers: int
+    cuts: Sequence[LinkCut], progress: Callable[[str], None], workers: int
 ) -> list[CutFigures]:
     """Drive all of them on so many processes; a row for each follower, in the order of `cuts`."""
     jobs = {place: partial(carry_out, cut) for place, cut in enumerate(cuts)}

@@ -28,7 +28,7 @@ UNDER_WAY = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cut:
+class LinkCut:
     """All messages stop `at_s` after the start, for `for_s`, of a convoy that drives `speed_mps`.
 
     `vehicles` drive, with `reaction` of the followers; `seed` is that of all noise.
@@ -94,7 +94,7 @@ class CutFigures:
     from when the messages were back; inf if it never did.
     """
 
-    cut: Cut
+    cut: LinkCut
     vehicle: str
     error: float
     error_inside: float
@@ -124,7 +124,7 @@ class _Heard:
 class Witness:
     """Takes all messages of a run with a cut, and gives the figures of its followers."""
 
-    def __init__(self, cut: Cut, scenario: Scenario) -> None:
+    def __init__(self, cut: LinkCut, scenario: Scenario) -> None:
         self._cut = cut
         self._names = scenario.vehicle_names
         self._period = nanoseconds(1.0 / scenario.control_rate_hz)
@@ -222,7 +222,7 @@ def _largest(values: Iterable[float]) -> float:
     return max(map(abs, values), default=0.0)
 
 
-def carry_out(cut: Cut) -> tuple[CutFigures, ...]:
+def carry_out(cut: LinkCut) -> tuple[CutFigures, ...]:
     """Drive one cut in virtual time; the figures of each follower."""
     scenario = cut.scenario()
     witness = Witness(cut, scenario)

@@ -171,7 +171,8 @@ def assert_events(scenario: Scenario, summary: Any, messages: list[Message]) -> 
     for event in events:
         assert 0.0 <= event["at_s"] <= summary["ran_s"]
         assert event["vehicles"] == sorted(event["vehicles"], key=names.index)
-        assert len(event["vehicles"]) == (2 if event["kind"] in {"collision", "near_miss"} else 1)
+        of_two = event["kind"] in {"collision", "near_miss", "distrust"}
+        assert len(event["vehicles"]) == (2 if of_two else 1)
         assert all(isfinite(value) for value in event["figures"].values())
         what = event["kind"].replace("_", " ")
         assert any(

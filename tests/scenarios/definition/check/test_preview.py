@@ -24,8 +24,8 @@ GAP_KEPT = ('speed.followers="gap"', "speed.gap.headway_s=0.3")
         (("links.loss_ratio=1.0",), "v2, v3, v4:", "0.0 poses"),
         (SLOW_POSES, "v2, v3, v4:", "a trajectory takes 3"),
         (("convoy.gap_m=60.0", *SLOW_POSES), "v2, v3, v4:", "1.6 poses"),
-        # At least 6 m are looked ahead.
-        (("control.preview_s=0.1", "gnss.rate_hz=14.0"), "v2, v3, v4:", "2.8 poses"),
+        # At least 5 m are looked ahead.
+        (("control.preview_s=0.1", "gnss.rate_hz=14.0"), "v2, v3, v4:", "2.3 poses"),
         # What is sent counts, not what is measured: a CAM each 200 ms, 6 m apart.
         (("sending.kind=cam", "convoy.gap_m=16.0"), "v2:", "9.4 m of which are known"),
         (("sending={kind='fixed', rate_hz=2.0}",), "v2, v3, v4:", "a trajectory takes 3"),

@@ -104,9 +104,20 @@ def gathered(scenario: Scenario, *more: Message) -> Metrics:
     return metrics
 
 
+TABLES = {
+    "cut": '{"kind": "cut", "at_s": 1.0, "receiver": "v3"}',
+    "speed": '{"kind": "speed", "at_s": 1.0, "speed_mps": 10.0}',
+}
+
+
 def change(vehicle: str, kind: str) -> Change:
     return Change(
-        vehicle=vehicle, seq=0, effective_at_ns=at(1.0), kind=kind, by_hand=False, table="{}"
+        vehicle=vehicle,
+        seq=0,
+        effective_at_ns=at(1.0),
+        kind=kind,
+        by_hand=False,
+        table=TABLES[kind],
     )
 
 

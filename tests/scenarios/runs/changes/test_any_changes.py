@@ -18,7 +18,7 @@ from scenarios.definition.schema.changes import (
     StallTable,
 )
 from scenarios.runs.node.agenda import Due
-from tests.made.scenarios.changed_convoys import ChangedConvoy, changed
+from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from transport.codec import encode
 from vehicles.messages import Change, Command, GpsPose, LinkVerdict, LogText, TruePose
 from vehicles.schedule import SECOND, nanoseconds

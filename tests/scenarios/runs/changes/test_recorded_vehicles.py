@@ -8,7 +8,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.changes import LeaveTable
 from scenarios.runs.node.agenda import Due
-from tests.made.scenarios.changed_convoys import ChangedConvoy
+from tests.made.convoys.changed_convoys import ChangedConvoy
 from tests.made.scenarios.rough_drives import FORMATS, SUFFIXES, SWEEP, Rough, text_of
 from vehicles.messages import Change, GpsPose, LogText, Tracking, TruePose
 from vehicles.schedule import SECOND

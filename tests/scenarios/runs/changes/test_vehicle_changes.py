@@ -14,7 +14,7 @@ from scenarios.runs.node.node import Node
 from scenarios.runs.node.phases import BRAKING, Down
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.step_order import steps_in_order
-from tests.made.scenarios.changed_convoys import ChangedConvoy, changed
+from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from transport.codec import encode
 from transport.topics import valid_at
 from vehicles.messages import (

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from scenarios.definition.scenario import scenario_from_text
-from tests.made.scenarios.speed_runs import drive
+from tests.made.convoys.speed_runs import drive
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.slowing.stopping import stopping_distance
 

@@ -9,7 +9,7 @@ from math import isfinite
 import pytest
 
 from scenarios.studies.cuts.campaign import LONG_S, drawn
-from scenarios.studies.cuts.cut import Cut, carry_out
+from scenarios.studies.cuts.cut import LinkCut, carry_out
 
 FEW, ALL = 8, 1000
 INSIDE_M = 0.3
@@ -55,7 +55,7 @@ def test_cuts_are_the_same_for_each_reaction() -> None:
 
 
 def test_a_follower_that_extrapolates_leaves_the_road_at_full_speed() -> None:
-    cut = Cut(reaction="extrapolate", speed_mps=20.0, at_s=6.5, for_s=8.0, seed=1)
+    cut = LinkCut(reaction="extrapolate", speed_mps=20.0, at_s=6.5, for_s=8.0, seed=1)
     (first, *_) = carry_out(cut)
     assert first.error > 3.0
     assert not first.stood
