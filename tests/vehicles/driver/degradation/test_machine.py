@@ -89,11 +89,13 @@ def test_braking_distances_and_blind_metres_are_those_of_the_closed_form(speed: 
     for before, step in pairwise(step for step in steps if step.seconds > 1.0):
         situation, body = step.decision.situation, step.body
         acceleration = before.decision.actuation.acceleration
-        hardest = stopping_distance(body.speed, acceleration, DEGRADE.hardest)
+        hardest, firm, comfortable = (
+            stopping_distance(body.speed, max(acceleration, -braking.deceleration), braking)
+            for braking in (DEGRADE.hardest, DEGRADE.firm, DEGRADE.comfortable)
+        )
         assert situation.blind == pytest.approx(max(hardest - situation.known, 0.0), abs=0.1)
-        firm = stopping_distance(body.speed, acceleration, DEGRADE.firm)
+        assert situation.comfortable_stop >= situation.firm_stop - 1e-9
         assert situation.firm_stop == pytest.approx(firm, abs=0.1)
-        comfortable = stopping_distance(body.speed, acceleration, DEGRADE.comfortable)
         assert situation.comfortable_stop == pytest.approx(comfortable, abs=0.3)
 
 

@@ -47,8 +47,8 @@ FALLEN_BEHIND = 1.0
 CAUGHT_UP = 0.5
 """Errors of gap (m) and speed (m/s) below which the common speed is driven again."""
 
-NARROWEST = 2.0
-"""A gap that has become narrower by so much (m) than at the start is not opened to that again."""
+CLOSER = 0.5
+"""A gap that is narrower than at the start by more than this (m) is not kept by a common speed."""
 
 STOPS_BEFORE = 0.5
 """A stop is aimed so far (m) before the end of the known road."""
@@ -120,7 +120,6 @@ class SpeedGuard:
         self._last = 0.0
         self._held = False
         self._following = False
-        self._reference = car.initial_gap
         self._settled_at = 0
         self._promised = False
         self._headway = 0.0
@@ -202,18 +201,20 @@ class SpeedGuard:
         """Largest acceleration (m/s²) that keeps the safe distance of RSS.
 
         It approaches the hardest braking while the reserve (m) is used up, so that the last instant
-        to brake is never passed. A convoy that was closer already, with all it heard, opens firmly.
+        to brake is never passed. A convoy that was closer already, with all it heard, opens gently,
+        so that those behind can follow.
         """
         time = reserve / max(tick.pose.speed, 0.1)
         if time >= GUARD_TIME:
             return inf
         share = 1.0 - max(time, 0.0) / GUARD_TIME
-        most = tick.hardest.deceleration
+        most, jerk = tick.hardest.deceleration, tick.hardest.jerk
         if tick.pose.speed < STANDING:
             most = self._settings.comfortable.deceleration
         elif not self._promised:
-            most = min(most, self._settings.firm.deceleration)
-        return max(-share * most, self._last - tick.hardest.jerk * tick.span)
+            most = min(most, self._settings.comfortable.deceleration)
+            jerk = self._settings.comfortable.jerk
+        return max(-share * most, self._last - jerk * tick.span)
 
     def _stopping(self, tick: _Instant, *, firmly: bool) -> float:
         """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
@@ -272,8 +273,9 @@ class SpeedGuard:
         ahead = self._without_lead(tick)
         if isnan(ahead.gap) or not (self._keeps_gap or self._following):
             return tick.asked.acceleration
-        if self._following:
-            ahead = replace(ahead, gap=ahead.gap + self._car.initial_gap - self._reference)
+        if opening or self._following:
+            # A lead that goes on while the predecessor falls back must not draw anybody closer.
+            ahead = replace(ahead, lead_speed=min(ahead.lead_speed, ahead.predecessor_speed))
         usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
         if not opening:
             return usual
@@ -289,14 +291,14 @@ class SpeedGuard:
         if self._keeps_gap or isnan(gap):
             return
         common = tick.asked.target_speed
-        apart = tick.ahead.predecessor_speed < common - FALLEN_BEHIND
+        initial = self._car.initial_gap
+        slower = tick.ahead.predecessor_speed < common - FALLEN_BEHIND
+        apart = slower or gap < initial - CLOSER
         if not self._following and (awake or apart):
-            initial = self._car.initial_gap
             self._following = True
-            self._reference = min(initial, max(gap, initial - NARROWEST))
         settled = (
             not (awake or apart or self._ages.growth(tick.now))
-            and abs(gap - self._reference) < CAUGHT_UP
+            and abs(gap - initial) < CAUGHT_UP
             and abs(tick.pose.speed - common) < CAUGHT_UP
         )
         if not settled:

@@ -131,13 +131,20 @@ class Told:
         return self.asked[-1]
 
 
-@pytest.mark.parametrize("law", [keeping(), profile()])
-def test_as_long_as_all_is_heard_the_law_decides_to_the_bit(law: SpeedLaw) -> None:
+@pytest.mark.parametrize(("law", "braking"), [(keeping(), -0.5), (profile(), -0.02)])
+def test_as_long_as_all_is_heard_the_law_decides_to_the_bit(law: SpeedLaw, braking: float) -> None:
     told = Told(law)
     road = Road(told)
     for step in range(600):
-        command = road.tick(-0.5 if 200 < step < 280 else 0.0, heard=True)
+        command = road.tick(braking if 200 < step < 280 else 0.0, heard=True)
         assert command is told.asked[-1]
+
+
+def test_a_common_speed_is_given_up_when_the_gap_has_become_narrower() -> None:
+    road = Road(profile())
+    for step in range(600):
+        road.tick(-0.5 if 200 < step < 280 else 0.0, heard=True)  # 0.8 m/s slower than the common
+    assert road.gap > 14.0
 
 
 @pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
