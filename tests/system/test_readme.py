@@ -23,9 +23,10 @@ NOT_HERE = {
     "review runs/first": "review runs/first --rerun save=again.rrd",
     "review runs/cut": "review runs/cut --rerun save=cut.rrd",
     "--at 12.4": "--at 1.4",  # within the two seconds
-    "at_s=12": "at_s=1",
+    "at_s=7, for_s=4": "at_s=1, for_s=0.5",
     "convoy gains": "convoy gains --speed 30",
     "convoy channel figure": "convoy channel figure --quick",
+    "--cuts 20": "--cuts 2",
     "convoy reproduce": "convoy reproduce --case propagation",  # all takes up to two minutes
 }
 """What a test replaces, and by what."""
