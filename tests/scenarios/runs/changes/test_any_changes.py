@@ -63,7 +63,7 @@ def by_hand(changes: Sequence[AnyChange], *overrides: str) -> ChangedConvoy:
     return convoy.run()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.lists(anything, min_size=1, max_size=6), st.sampled_from(["same", "gap"]))
 def test_nothing_fails_whatever_is_done(changes: list[AnyChange], kept: str) -> None:
     run = by_hand(changes, f'speed.followers="{kept}"')
@@ -86,7 +86,7 @@ def test_nothing_fails_whatever_is_done(changes: list[AnyChange], kept: str) -> 
         assert done + len(passed_over) == len(mine)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(anything)
 def test_what_is_done_by_hand_is_repeated_by_schedule(change: AnyChange) -> None:
     if isinstance(change, JoinTable):  # by schedule it would not be there before

@@ -4,7 +4,7 @@ import pytest
 
 from scenarios.definition.library import library
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.assembly.vehicle import VehicleBuilder
+from scenarios.runs.node.assembly.drivers import DriverBuilder
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import VirtualConvoy
@@ -43,7 +43,7 @@ def test_no_source_of_a_shipped_scenario_is_distrusted(name: str) -> None:
 def test_the_gate_leaves_commands_as_they_are(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario(name, ["duration_s=20"])
     _, commands = driven(scenario)
-    monkeypatch.setattr(VehicleBuilder, "_beliefs", lambda _builder: Beliefs())
+    monkeypatch.setattr(DriverBuilder, "_beliefs", lambda _builder: Beliefs())
     assert commands
     assert driven(scenario)[1] == commands
 
