@@ -10,6 +10,8 @@ from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 
+NO_TRAJECTORY = "no trajectory through what is heard"
+
 
 class ModesByReach:
     """Steered along is whose samples reach ahead of the car, however old they are.
@@ -38,7 +40,7 @@ class ModesByReach:
         if not has_path:
             return "straight", NOTHING_HEARD
         if not fitted:
-            return "coast", why
+            return "coast", why or NO_TRAJECTORY
         return ("composite" if len(reaching) > 1 else reaching[0]), why
 
 

@@ -98,6 +98,8 @@ def drawn_convoy(case: int) -> Scenario:
         "links": drawn_channel(chance, SHARE) | {"loss_ratio": chance.choice([0.0, 0.3, 0.8])},
         "change": drawn_changes(chance, names),
     }
+    if text["links"].get("loss", {}).get("kind") == "log":  # it is repeated as it was
+        text["change"] = [one for one in text["change"] if one["kind"] != "link"]
     return scenario_from_text(tomli_w.dumps(text), label=f"case {case}")
 
 
