@@ -53,3 +53,7 @@ class DegradationSettings:
     comfortable: Braking = Braking(1.0, 0.3)
     firm: Braking = Braking(2.5, 1.5)
     hardest: Braking = Braking(6.0, 12.0)
+
+    def lost_after_silence(self, period: float) -> float:
+        """Silence (s) after which a source of such a `period` (s) is lost (beyond the paper)."""
+        return max(self.lost_periods * period, self.lost_after)

@@ -27,6 +27,11 @@ class SourceFreshness:
     hazard: bool = False
     acceleration: float = 0.0
 
+    @property
+    def is_lost(self) -> bool:
+        """Whether it is silent for too long, or what it says is not believed (beyond the paper)."""
+        return self.status in ("lost", "distrusted")
+
 
 @dataclass(slots=True, kw_only=True)
 class Situation:

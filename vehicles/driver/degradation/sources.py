@@ -83,7 +83,7 @@ class Source:
         if not belief.believed:
             self._refused_at, self.refusal = now, belief.reason
             return
-        lost = newest and self.status in ("lost", "distrusted")
+        lost = newest and self._now.is_lost
         place = fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed
         if self.may_stray and is_astray(message) and self.trace.newest is not None:
             self._strayed = True
@@ -106,7 +106,7 @@ class Source:
         seen.acceleration = message.acceleration_mps2
         if seen.status == "unheard":
             seen.status = "fresh"
-        elif seen.status in ("lost", "distrusted"):
+        elif seen.is_lost:
             self.probation.begin(now)
             seen.status = "probation"
 
@@ -146,10 +146,10 @@ class Source:
         """Lost and distrusted at once, relied on again only after probation."""
         seen, settings = self._now, self._settings
         late = seen.silence > settings.late_periods * seen.period
-        after = max(settings.lost_periods * seen.period, settings.lost_after)
+        after = settings.lost_after_silence(seen.period)
         refused = self._refused_at is not None and (now - self._refused_at) / SECOND <= after
         if (late and refused) or seen.silence > after:
-            if seen.status not in ("lost", "distrusted"):
+            if not seen.is_lost:
                 self.probation.fail(now)
             seen.status = "distrusted" if refused else "lost"
             self._reception.pause_count(now)

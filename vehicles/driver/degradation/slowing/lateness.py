@@ -45,8 +45,7 @@ class AgeWatch:
             first = self._measured_at is None
             self._measured_at = measured_at
             self._usual = age if first else self._usual + USUAL_SHARE * (age - self._usual)
-        refused = source.status in ("lost", "distrusted")
-        if refused or age > self._usual + settings.late_periods * self._period:
+        if source.is_lost or age > self._usual + settings.late_periods * self._period:
             self._late_at = now
             growth = max(age - self.usual, 0.0)
             if growth >= self.growth(now):

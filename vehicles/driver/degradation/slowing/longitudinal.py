@@ -8,7 +8,7 @@ from math import inf, isfinite, isnan, nan
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.situation import Situation, SourceFreshness
+from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.lateness import AgeWatch
 from vehicles.driver.degradation.slowing.stopping import (
     friction_left,
@@ -145,7 +145,7 @@ class SpeedGuard:
         awake = blind or warned or self._ages.is_awake(now)
         self._follow_or_not(tick, awake=awake)
         reserve, opening = self._reserve(tick, seen), self._opening(tick)
-        alone = self._headway > 0.0 or _is_lost(situation.lead)
+        alone = self._headway > 0.0 or situation.lead.is_lost
         if not (awake or self._following or self._held or opening or alone):
             self._lead_speed = ahead.lead_speed
             self._promised = reserve >= 0.0
@@ -248,7 +248,7 @@ class SpeedGuard:
         Step by step to the headway that is stable without it (Swaroop and Hedrick, 1996).
         """
         ahead, speed = tick.ahead, tick.pose.speed
-        lost = _is_lost(tick.situation.lead) and (self._keeps_gap or self._following)
+        lost = tick.situation.lead.is_lost and (self._keeps_gap or self._following)
         missing = max(STABLE_HEADWAY - self._car.policy.headway, 0.0) if lost else 0.0
         step = HEADWAY_RATE / max(speed, 1.0) * tick.span
         self._headway = min(max(missing, self._headway - step), self._headway + step)
@@ -320,7 +320,3 @@ class SpeedGuard:
         if wanted == asked.acceleration:
             return asked
         return SpeedCommand(wanted, min(asked.target_speed, tick.pose.speed))
-
-
-def _is_lost(source: SourceFreshness) -> bool:
-    return source.status in ("lost", "distrusted")

@@ -35,8 +35,7 @@ class ConvoyWatch:
     ) -> None:
         """`periods` (s) between the messages of each follower; the run starts at `start_at`."""
         self._allowed = {
-            name: max(settings.lost_periods * period, settings.lost_after)
-            for name, period in periods.items()
+            name: settings.lost_after_silence(period) for name, period in periods.items()
         }
         self._probation = settings.probation
         self._heard_at = dict.fromkeys(periods, start_at)
