@@ -184,6 +184,11 @@ class Scenario:
         table = self.tables.origin or OriginTable()
         return Origin(table.latitude_deg, table.longitude_deg, table.altitude_m)
 
+    @property
+    def off_links(self) -> frozenset[tuple[str, str]]:
+        """Links whose sender or receiver has its radio off for a time, as (sender, receiver)."""
+        return frozenset(pair for pair in self.links if self.link_setting(*pair, 0).off)
+
     @cached_property
     def route(self) -> Route:
         """Path, stations at the start, and the lead's speed."""

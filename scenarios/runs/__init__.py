@@ -6,6 +6,7 @@ control/     a convoy that drives, found, looked at and changed by hand
 virtual      all vehicles in one process, as fast as it goes
 step_order   whose turn it is in virtual time
 rehearsal    a virtual run whose drives stay in memory
+unlogged     a virtual run of which only the figures stay
 replay       a recorded vehicle put back on the road
 recorder     every message into log, figures and picture
 run_folder   the folder of a run, taken by one at a time

@@ -111,7 +111,7 @@ class RunLog:
             for row in self.metrics.link_summaries()[:MOST_LINK_LINES]:
                 if row.judged:
                     self.recorder.say(at, in_words(row), "debug")  # for the log only
-            silent = silent_links(self.metrics, self._replayed, self._off())
+            silent = silent_links(self.metrics, self._replayed, self._scenario.off_links)
             self._reason = why_failed(reason or silent, self._broken())
             return self.recorder.end(at, self._reason)
         except LogError as error:
@@ -168,8 +168,3 @@ class RunLog:
             reason=self._reason,
             rejected=self.recorder.rejected,
         )
-
-    def _off(self) -> frozenset[tuple[str, str]]:
-        """Links whose sender or receiver has its radio off for a time."""
-        scenario = self._scenario
-        return frozenset(pair for pair in scenario.links if scenario.link_setting(*pair, 0).off)

@@ -1,0 +1,5 @@
+"""Answers from many runs of one scenario: what is asked of each, and what they say together.
+
+variant    one run: a scenario, overrides and a seed, and the command that repeats it
+limit      what a run must hold: a lane, a gap, an error, no collision
+"""

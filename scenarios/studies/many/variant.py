@@ -1,0 +1,48 @@
+"""One run of many: a scenario with overrides and a seed."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.summary import RunSummary
+from scenarios.runs.unlogged import run_unlogged
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variant:
+    """A run that needs no file: `text` is all of a resolved scenario, as `Scenario.text` has it.
+
+    `name` is how the user called the scenario (a shipped name or a path), `overrides` are laid over
+    `text` as `key.path=value`, and over them the `seed`.
+    """
+
+    text: str
+    name: str
+    overrides: tuple[str, ...] = ()
+    seed: int = 1
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario; raises ScenarioError with the overrides that are refused."""
+        return scenario_from_text(
+            self.text, label=self.name, overrides=self.overrides, seed=self.seed
+        )
+
+    @property
+    def command(self) -> str:
+        """The command that repeats the run, bit for bit, with a log."""
+        sets = [f"--set={text}" for text in self.overrides]
+        words = ("convoy", "run", self.name, *sets, "--seed", str(self.seed), "--clock", "virtual")
+        return shlex.join(words)
+
+    def run(self) -> RunSummary:
+        """Drive it in virtual time without a log; the summary."""
+        return run_unlogged(self.scenario)
+
+
+def variants_of(
+    name: str, text: str, overrides: Sequence[str], seeds: Sequence[int]
+) -> list[Variant]:
+    """The same run with each of the seeds."""
+    return [Variant(text=text, name=name, overrides=tuple(overrides), seed=seed) for seed in seeds]
