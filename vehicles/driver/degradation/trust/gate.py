@@ -122,7 +122,7 @@ class InnovationGate:
             return self._refuse(fix, "impossible")
         frozen = self._listen(fix)
         if self._believed is None:
-            self._start(PoseTrack(fix))
+            self._start(PoseTrack(fix, self._inflation))
             return self._believe(fix)
         one = self._against(self._believed.last, fix)
         reason: Distrust = "frozen" if frozen else self._fault(self._believed, one, fix)
@@ -130,7 +130,7 @@ class InnovationGate:
             return self._refuse(fix, reason) if reason else self._believe(fix)
         reason = reason or self._twist(one, fix)
         if not reason:
-            self._believed.push(one, fix)
+            self._believed.push(one, fix, self._inflation)
             self._agreed = 0
             self._lately.append(True)
             return self._believe(fix)
@@ -207,9 +207,9 @@ class InnovationGate:
             if reason == "frozen" or self._fault(track, one, fix):
                 track = None
             elif one.span > 0.0:
-                track.push(one, fix)
+                track.push(one, fix, self._inflation)
         if track is None:
-            self._suspect, self._suspected = PoseTrack(fix), reason
+            self._suspect, self._suspected = PoseTrack(fix, self._inflation), reason
             self._agreed, self._agreed_since = 1, now
             return self._refuse(fix, reason)
         if not self._agreed:

@@ -125,17 +125,23 @@ class PoseTrack:
     up to a second ago, the anchor, has the noise of two places alone (CUSUM; Page, 1954).
     """
 
-    def __init__(self, fix: Fix) -> None:
-        """Begin at `fix`."""
+    def __init__(self, fix: Fix, inflation: float) -> None:
+        """Begin at `fix`, whose place is so many times worse than stated (ratio)."""
         self.last = fix
         self._anchor = fix
+        self._anchor_inflation = inflation
         self._east = self._north = self._spread = self._turned = 0.0
 
     def strays(self, one: Innovation, fix: Fix, inflation: float) -> float:
-        """Sum of innovations with that of `fix`, in deviations (CUSUM)."""
+        """Sum of innovations with that of `fix`, in deviations (CUSUM).
+
+        The anchor stays as bad as it was taken for, however exact its source has become since.
+        """
         spread = self._spread + sqrt(max(one.along_variance, one.across_variance))
-        noise = stated_variance(self._anchor) + stated_variance(fix)
-        deviation = sqrt(spread * spread + noise * inflation * inflation)
+        at_anchor = max(self._anchor_inflation, inflation)
+        anchored = stated_variance(self._anchor) * at_anchor * at_anchor
+        noise = anchored + stated_variance(fix) * inflation * inflation
+        deviation = sqrt(spread * spread + noise)
         return max(abs(self._east + one.east), abs(self._north + one.north)) / deviation
 
     def cornering(self, fix: Fix) -> float:
@@ -150,12 +156,12 @@ class PoseTrack:
         turned = self._turned + remainder(fix.yaw - self.last.yaw, tau)
         return min(self._anchor.speed, fix.speed) * abs(turned) * SECOND / span
 
-    def push(self, one: Innovation, fix: Fix) -> None:
+    def push(self, one: Innovation, fix: Fix, inflation: float) -> None:
         """Go on with `fix`, a newer pose, and its innovation (Kalman filter)."""
         self._turned += remainder(fix.yaw - self.last.yaw, tau)
         self.last = fix
         if fix.measured_at - self._anchor.measured_at >= BASE:
-            self._anchor = fix
+            self._anchor, self._anchor_inflation = fix, inflation
             self._east = self._north = self._spread = self._turned = 0.0
             return
         self._east += one.east

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -257,6 +257,8 @@ def test_a_new_place_is_believed_once_it_has_agreed_with_itself_for_the_time_ask
 
 
 @given(seed=st.integers(0, 1000), size=st.floats(0.01, 1000.0), share=st.floats(0.0, 1.0))
+@example(seed=182, size=4.0, share=1.0)  # a false pose, believed of a bad source, as the anchor
+@example(seed=161, size=6.554742213686828, share=1.0)
 def test_no_source_is_locked_out_whatever_it_said_before(
     seed: int, size: float, share: float
 ) -> None:
