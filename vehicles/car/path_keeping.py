@@ -84,79 +84,97 @@ class PathMotion(NamedTuple):
     steering: AlongPath
 
 
-def path_motion(
-    curvatures: Callable[[float, float, int], Sequence[float]],
-    reach: tuple[float, float],
-    speed: float,
-    p: VehicleParameters,
-) -> PathMotion:
-    """Motion that keeps to a path at constant `speed` (m/s), by the inverse of eqs. (1), (2).
-
-    `curvatures(start, step, count)` (1/m) are those at places along the path, from `start` (m)
-    ahead of the car on; the motion is told within `reach` (m ahead). Exact where the curvature is
-    linear between places.
-    """
-    v = max(speed, WALKING_PACE)
-    step = max(STEP * v, LEAST_STEP)
-    first = math.floor(reach[0] / step)
-    fading = math.ceil(max(MEMORY * v, LEAST_MEMORY * p.rear_axle_distance) / step)
-    count = fading + math.ceil(reach[1] / step) - first + 1
-    found = curvatures((first - fading) * step, step, count)
-    slip = p.steady_slip_per_curvature(v)
-    gradient = p.wheelbase + p.steer_gradient * v * v
-    longer = 0.5 * slip * slip  # 1/cos θ̃ = 1 + (l κ)²/2, to fourth order
-    kappa = found[0] + longer * found[0] ** 3
-    if found.count(found[0]) == count:  # an arc or a line, as far as it counts
-        steady = (kappa, math.atan(-slip * kappa), gradient * kappa)
-        return PathMotion(*(AlongPath(0.0, step, (value,)) for value in steady))
-    kept, answer = _off_an_arc(step, v, slip, p)
-    (keep, gain), (loss, rest) = kept
-    of_heading, of_turn = answer
-    ratio = p.rear_cornering_stiffness / p.front_cornering_stiffness
-    by_heading, by_turn = 1.0 + ratio, p.front_axle_distance - ratio * p.rear_axle_distance
-    heading = turn = 0.0  # what θ̃ and ρ are off those of an arc of the curvature there
-    kappas, headings, angles = [], [], []
-    for k, flat in enumerate(found[1:], 1):
-        following = flat + longer * flat * flat * flat
-        change = following - kappa
-        heading, turn = (
-            keep * heading + gain * turn + of_heading * change,
-            loss * heading + rest * turn + of_turn * change,
-        )
-        kappa = following
-        if k >= fading:
-            kappas.append(kappa)
-            headings.append(math.atan(heading - slip * kappa))
-            angles.append(gradient * kappa - by_heading * heading + by_turn * turn)
-    start = first * step
-    return PathMotion(
-        AlongPath(start, step, kappas),
-        AlongPath(start, step, headings),
-        AlongPath(start, step, angles),
-    )
-
-
 Pair = tuple[float, float]
 
 
-def _off_an_arc(
-    step: float, v: float, slip: float, p: VehicleParameters
-) -> tuple[tuple[Pair, Pair], Pair]:
-    """How θ̃ and ρ, less those of an arc, change over a `step` (m) of a path, by eqs. (1), (2).
+class PathKeeping:
+    """How one car moves that keeps to paths: the inverse of eqs. (1), (2) with its parameters."""
 
-    What they were off before fades by the matrix, and a curvature that changes evenly by 1 adds
-    the vector: while it changes by κ' they are off by (b l - v²/ω²) κ' and -l κ' in the end, and
-    what is short of that fades like any other motion. `slip` is l.
-    """
-    square = p.wheelbase * p.rear_cornering_stiffness / p.yaw_inertia
-    b = p.rear_axle_distance
-    (keep, gain), (loss, rest) = fading = _fading(step / v, v, square, b * square / v)
-    heading, turn = (b * slip - v * v / square) / step, -slip / step
-    answer = (
-        heading - keep * heading - gain * turn,
-        turn - loss * heading - rest * turn,
-    )
-    return fading, answer
+    def __init__(self, p: VehicleParameters) -> None:
+        """`p` are the parameters assumed of the car; what depends on them alone is kept."""
+        self._wheelbase, self._steer_gradient = p.wheelbase, p.steer_gradient
+        self._rear = p.rear_axle_distance
+        self._moment = p.mass * p.front_axle_distance
+        self._stiffness = p.wheelbase * p.rear_cornering_stiffness
+        self._square = self._stiffness / p.yaw_inertia
+        ratio = p.rear_cornering_stiffness / p.front_cornering_stiffness
+        self._by_heading, self._by_turn = 1.0 + ratio, p.front_axle_distance - ratio * self._rear
+
+    def slip(self, speed: float) -> float:
+        """Steady slip l (m) at `speed` (m/s), by eqs. (1), (2) at rest.
+
+        It is `VehicleParameters.steady_slip_per_curvature`.
+        """
+        return self._rear - self._moment * speed * speed / self._stiffness
+
+    def motion(
+        self,
+        curvatures: Callable[[float, float, int], Sequence[float]],
+        reach: tuple[float, float],
+        speed: float,
+    ) -> PathMotion:
+        """Motion that keeps to a path at constant `speed` (m/s), by the inverse of eqs. (1), (2).
+
+        `curvatures(start, step, count)` (1/m) are those at places along the path, from `start` (m)
+        ahead of the car on; the motion is told within `reach` (m ahead). Exact where the curvature
+        is linear between places.
+        """
+        v = max(speed, WALKING_PACE)
+        step = max(STEP * v, LEAST_STEP)
+        first = math.floor(reach[0] / step)
+        fading = math.ceil(max(MEMORY * v, LEAST_MEMORY * self._rear) / step)
+        count = fading + math.ceil(reach[1] / step) - first + 1
+        found = curvatures((first - fading) * step, step, count)
+        slip = self.slip(v)
+        gradient = self._wheelbase + self._steer_gradient * v * v
+        longer = 0.5 * slip * slip  # 1/cos θ̃ = 1 + (l κ)²/2, to fourth order
+        kappa = found[0] + longer * found[0] ** 3
+        if found.count(found[0]) == count:  # an arc or a line, as far as it counts
+            return PathMotion(
+                AlongPath(0.0, step, (kappa,)),
+                AlongPath(0.0, step, (math.atan(-slip * kappa),)),
+                AlongPath(0.0, step, (gradient * kappa,)),
+            )
+        (keep, gain), (loss, rest), (of_heading, of_turn) = self._off_an_arc(step, v, slip)
+        by_heading, by_turn = self._by_heading, self._by_turn
+        heading = turn = 0.0  # what θ̃ and ρ are off those of an arc of the curvature there
+        kappas, headings, angles = [], [], []
+        for k, flat in enumerate(found[1:], 1):
+            following = flat + longer * flat * flat * flat
+            change = following - kappa
+            if change or heading:  # before the first change nothing is off
+                heading, turn = (
+                    keep * heading + gain * turn + of_heading * change,
+                    loss * heading + rest * turn + of_turn * change,
+                )
+            kappa = following
+            if k >= fading:
+                kappas.append(kappa)
+                headings.append(math.atan(heading - slip * kappa))
+                angles.append(gradient * kappa - by_heading * heading + by_turn * turn)
+        start = first * step
+        return PathMotion(
+            AlongPath(start, step, kappas),
+            AlongPath(start, step, headings),
+            AlongPath(start, step, angles),
+        )
+
+    def _off_an_arc(self, step: float, v: float, slip: float) -> tuple[Pair, Pair, Pair]:
+        """How θ̃ and ρ, less those of an arc, change over a `step` (m) of a path, by eqs. (1), (2).
+
+        What they were off before fades by the matrix, whose rows come first, and a curvature that
+        changes evenly by 1 adds the vector: while it changes by κ' they are off by
+        (b l - v²/ω²) κ' and -l κ' in the end, and what is short of that fades like any other
+        motion. `slip` is l.
+        """
+        square, b = self._square, self._rear
+        (keep, gain), (loss, rest) = fading = _fading(step / v, v, square, b * square / v)
+        heading, turn = (b * slip - v * v / square) / step, -slip / step
+        answer = (
+            heading - keep * heading - gain * turn,
+            turn - loss * heading - rest * turn,
+        )
+        return *fading, answer
 
 
 def _fading(span: float, v: float, square: float, damping: float) -> tuple[Pair, Pair]:

@@ -6,7 +6,7 @@ from math import atan, atan2, cos, hypot, isfinite, sin, sqrt
 from typing import Protocol
 
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
-from vehicles.car.path_keeping import path_motion
+from vehicles.car.path_keeping import PathKeeping
 from vehicles.driver.tracking import TrackingErrors
 
 
@@ -120,25 +120,26 @@ class SlipCompensated:
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
         """`parameters` are those that the controller assumes of its car."""
-        self._parameters = parameters
         self._gains = gains
+        self.assume(parameters)
         damping, frequency = parameters.steering_damping, parameters.steering_frequency
         self._delay = self.HOLD + 2.0 * damping / frequency
         self._apart = 2.0 * sqrt(max(1.0 - 2.0 * damping * damping, 0.0)) / frequency
 
     def assume(self, parameters: VehicleParameters) -> None:
         """Take other parameters of the car for eqs. (1), (2) and (6) from now on."""
-        self._parameters = parameters
+        self._keeping = PathKeeping(parameters)
+        self._limit = parameters.steering_limit
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """Steer by eqs. (6) and (7), with θ̃ and dθ̃/dt against those of a car on the path."""
-        car, gains = self._parameters, self._gains
+        keeping, gains = self._keeping, self._gains
         delay, apart = speed * self._delay, speed * self._apart
-        slip = car.steady_slip_per_curvature(speed)
+        slip = keeping.slip(speed)
         lag = max(slip, 0.0)
         reach = -lag - apart, delay + apart
         way = errors.curvatures_driven if slip > 0.0 else errors.curvatures_ahead
-        motion = path_motion(way, reach, speed, car)
+        motion = keeping.motion(way, reach, speed)
         heading = motion.heading.mean(0.0, apart)
         curvature = motion.curvature.mean(-lag, apart)
         feedback = (
@@ -146,7 +147,7 @@ class SlipCompensated:
             - gains.heading * (errors.heading - heading)
             - gains.yaw_rate * (errors.yaw_rate + speed * (errors.curvature - curvature))
         )
-        return limited(motion.steering.mean(delay, apart), feedback, car.steering_limit)
+        return limited(motion.steering.mean(delay, apart), feedback, self._limit)
 
 
 class Stanley:

@@ -94,6 +94,8 @@ class WayBehind:
         """
         passed, newest = self.passed, len(self.passed) - 1
         first, pace = newest + (start + self.rest) / SPACING + 0.5, step / SPACING
+        if first >= 0.0 and int(first + (count - 1) * pace) <= newest:  # as mostly: all are held
+            return [passed[int(first + k * pace)] for k in range(count)]
         return [passed[min(max(int(first + k * pace), 0), newest)] for k in range(count)]
 
 

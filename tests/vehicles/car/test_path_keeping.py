@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from vehicles.car.dynamics import Actuation, Body, advance
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, VehicleParameters, loaded
-from vehicles.car.path_keeping import path_motion
+from vehicles.car.path_keeping import PathKeeping
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 
 FULL = loaded(CAR, Loading(front_passengers=1, rear_passengers=3))
@@ -38,10 +38,15 @@ def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_on_an_arc_it_is_steady_cornering(car: VehicleParameters, speed: float) -> None:
     slip, steering = steady(car, speed)
-    motion = path_motion(sampled(lambda _: -0.002), (0.0, 5.0), speed, car)
+    motion = PathKeeping(car).motion(sampled(lambda _: -0.002), (0.0, 5.0), speed)
     assert motion.curvature.at(0.0) == pytest.approx(-0.002, rel=1e-5)
     assert motion.heading.at(0.0) == pytest.approx(0.002 * slip, rel=1e-5)
     assert motion.steering.at(0.0) == pytest.approx(-0.002 * steering, rel=1e-5)
+
+
+@given(speed=st.floats(0.0, 60.0))
+def test_the_slip_is_that_of_the_parameters_to_the_bit(speed: float) -> None:
+    assert PathKeeping(FULL).slip(speed) == FULL.steady_slip_per_curvature(speed)
 
 
 @pytest.mark.parametrize("speed", [1.5, 4.0, 6.0])
@@ -50,7 +55,7 @@ def test_steering_so_the_simulated_car_drives_a_tight_arc_at_large_slip(
     speed: float, radius: float
 ) -> None:
     """Radius, slip and yaw rate are those of the car at rest in its states, angles not small."""
-    motion = path_motion(sampled(lambda _: 1.0 / radius), (0.0, 5.0), speed, CAR)
+    motion = PathKeeping(CAR).motion(sampled(lambda _: 1.0 / radius), (0.0, 5.0), speed)
     body = Body(0.0, 0.0, 0.0, speed)
     for _ in range(300):
         body = advance(body, Actuation(motion.steering.at(0.0), 0.0), 0.02, CAR)
@@ -70,7 +75,7 @@ def test_on_a_clothoid_it_lags_and_leads_by_the_terms_of_first_order(
     """Lateral force m v² κ, moment I v² κ' of a path whose curvature grows evenly by κ'."""
     rate, length = 2e-4, car.wheelbase
     slip, steering = steady(car, speed)
-    motion = path_motion(sampled(lambda distance: rate * distance), (0.0, 40.0), speed, car)
+    motion = PathKeeping(car).motion(sampled(lambda distance: rate * distance), (0.0, 40.0), speed)
     there = 35.0  # what was assumed of the path before it was seen has faded
     front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
     moment = car.yaw_inertia * speed**2 / length
@@ -85,11 +90,22 @@ def test_on_a_clothoid_it_lags_and_leads_by_the_terms_of_first_order(
 def test_at_walking_pace_the_body_turns_in_over_the_rear_axle_s_distance() -> None:
     b, motion = (
         CAR.rear_axle_distance,
-        path_motion(sampled(lambda s: 0.1 * (s > 0.0)), (0.0, 4.0), 1.0, CAR),
+        PathKeeping(CAR).motion(sampled(lambda s: 0.1 * (s > 0.0)), (0.0, 4.0), 1.0),
     )
     for distance in (1.0, 2.0, 4.0):
         turned_in = -0.1 * b * (1.0 - math.exp(-distance / b))
         assert motion.heading.at(distance) == pytest.approx(turned_in, rel=0.15)
+
+
+@given(speed=st.floats(0.0, 40.0), at=st.floats(-5.0, 5.0))
+def test_before_the_curvature_changes_it_is_that_of_an_arc(speed: float, at: float) -> None:
+    keeping, curvature = PathKeeping(CAR), 0.01
+    bend = keeping.motion(sampled(lambda s: curvature + 0.02 * (s > at)), (-6.0, 6.0), speed)
+    arc = keeping.motion(sampled(lambda _: curvature), (-6.0, 6.0), speed)
+    where = at - bend.heading.step  # the motion is linear between places
+    for changing, constant in zip(bend, arc, strict=True):
+        assert changing.at(where) == pytest.approx(constant.at(where), rel=1e-12)
+        assert changing.at(6.0) != constant.at(6.0)
 
 
 def bends(distance: float) -> float:
@@ -126,13 +142,13 @@ def test_the_simulated_car_keeps_to_the_road_by_steering_so_without_feedback(
     body, span, path = Body(0.0, 0.0, 0.0, speed), 0.005, road()
     off_road, off_slip, off_steady = [], [], []
     while body.distance < 150.0:
-        told = path_motion(seen_from(body.distance), (0.0, 2.0), speed, quick)
+        told = PathKeeping(quick).motion(seen_from(body.distance), (0.0, 2.0), speed)
         off_road.append(abs(path.project(body.east, body.north).lateral))
         slip = body.lateral_speed / speed
         off_slip.append(abs(slip + told.heading.at(0.0)))
         off_steady.append(abs(slip - steady(car, speed)[0] * told.curvature.at(0.0)))
-        halfway = path_motion(
-            seen_from(body.distance + 0.5 * span * speed), (0.0, 2.0), speed, quick
+        halfway = PathKeeping(quick).motion(
+            seen_from(body.distance + 0.5 * span * speed), (0.0, 2.0), speed
         )
         body = advance(body, Actuation(halfway.steering.at(0.0), 0.0), span, quick)
     assert max(off_slip) < 0.15 * max(off_steady)
@@ -149,7 +165,7 @@ def test_it_is_finite_and_mirrored_for_the_other_turn(
     speed: float, curvature: float, at: float
 ) -> None:
     def means(bend: float) -> list[float]:
-        told = path_motion(sampled(lambda s: bend * (s > at)), (-1.0, 6.0), speed, CAR)
+        told = PathKeeping(CAR).motion(sampled(lambda s: bend * (s > at)), (-1.0, 6.0), speed)
         return [along.mean(1.0, 2.0) for along in told]
 
     assert all(map(math.isfinite, means(curvature)))
