@@ -62,13 +62,14 @@ class FitData:
     """Samples of both sources (Section III-A) in the local frame, in order of travel.
 
     `rows` are x² + y², x, y and 1 with x along the travel, y left (m), `weighted` the same times
-    the `weight`; station (m). `total[i][j]` is the sum of weighted row i times row j.
+    the `weight`, which is None if all weigh one; station (m). `total[i][j]` is the sum of weighted
+    row i times row j.
     """
 
     rows: Floats
     weighted: Floats
     station: Floats
-    weight: Floats
+    weight: Floats | None
     total: list[list[float]]
 
 
@@ -110,11 +111,11 @@ class Graph:
         return self.misfit / (1.0 + self.slope * self.slope - 4.0 * self.half * self.offset)
 
 
-def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
+def summed(x: Floats, y: Floats, station: Floats, weight: Floats | None) -> FitData:
     """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to."""
     rows = np.empty((4, len(x)))
     rows[SQUARE], rows[X], rows[Y], rows[ONE] = x * x + y * y, x, y, 1.0
-    weighted = rows * weight
+    weighted = rows if weight is None else rows * weight
     total = np.einsum("ik,jk->ij", weighted, rows).tolist()
     return FitData(rows, weighted, station, weight, total)
 
