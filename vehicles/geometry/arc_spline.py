@@ -58,6 +58,18 @@ def on_arc(start: Place, curvature: float, station: float) -> PathPoint:
     )
 
 
+def along_arc(start: Place, kappa: float, east: float, north: float) -> float:
+    """Station (m) of `near_arc` (Section III-B), where nothing else of it is wanted."""
+    start_east, start_north, yaw = start
+    forward, left = cos(yaw), sin(yaw)
+    off_east, off_north = east - start_east, north - start_north
+    xi = off_east * forward + off_north * left
+    if not abs(kappa) > STRAIGHT:
+        return xi
+    eta = off_north * forward - off_east * left
+    return atan2(kappa * xi, 1.0 - kappa * eta) / kappa
+
+
 def near_arc(start: Place, kappa: float, east: float, north: float) -> Foot:
     """Nearest point to (east, north) of the circle that leaves `start` (Section III-B).
 
@@ -131,7 +143,7 @@ class Piece:
         """
         # The arc from the start that turns by as much as the clothoid does up to about there.
         bend = self.curvature + 0.5 * self.rate * min(max(near.station, 0.0), self.length)
-        station = near_arc((self.east, self.north, self.yaw), bend, east, north).station
+        station = along_arc((self.east, self.north, self.yaw), bend, east, north)
         for _ in range(MOST_STEPS):
             point = self.at(station)
             foot = near_arc((point.east, point.north, point.yaw), point.curvature, east, north)

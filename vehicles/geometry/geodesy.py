@@ -7,7 +7,8 @@ counter-clockwise from east. Degrees and compass courses exist only here and on 
 import math
 from dataclasses import dataclass
 
-from pymap3d.ecef import geodetic2ecef, uvw2enu
+import numpy as np
+from pymap3d.ecef import geodetic2ecef
 from pymap3d.ellipsoid import Ellipsoid
 from pymap3d.rcurve import meridian, transverse
 
@@ -28,6 +29,8 @@ MOST_CORRECTIONS = 20
 """...which takes three corrections within some kilometres of the origin."""
 
 WGS84 = Ellipsoid.from_name("wgs84")
+_MAJOR, _MINOR = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
+_FLAT = (_MINOR / _MAJOR) ** 2
 
 _FULL_TURN = 2.0 * math.pi
 
@@ -59,9 +62,11 @@ class LocalPlane:
     def __init__(self, origin: Origin) -> None:
         self.origin = origin
         latitude = math.radians(origin.latitude_deg)
-        self._centre = geodetic2ecef(
-            origin.latitude_deg, origin.longitude_deg, origin.altitude_m, WGS84
-        )
+        place = geodetic2ecef(origin.latitude_deg, origin.longitude_deg, origin.altitude_m, WGS84)
+        self._centre = tuple(float(coordinate) for coordinate in place)
+        longitude = math.radians(origin.longitude_deg)
+        self._latitude_turn = math.cos(latitude), math.sin(latitude)
+        self._longitude_turn = math.cos(longitude), math.sin(longitude)
         self._north_radius = float(meridian(origin.latitude_deg)) + origin.altitude_m
         self._east_radius = (float(transverse(origin.latitude_deg)) + origin.altitude_m) * math.cos(
             latitude
@@ -128,12 +133,23 @@ class LocalPlane:
     def _topocentric(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
     ) -> tuple[float, float, float]:
-        x, y, z = geodetic2ecef(latitude_deg, longitude_deg, altitude_m, WGS84)
+        """East, north and up (m) by EPSG method 9837: the formulas of pymap3d, in its order.
+
+        So digits are the same wherever NumPy's sine is that of the C library. Its own functions
+        take arrays and work out the origin's angles each time; every message comes by here.
+        """
+        latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
+        cos, sin = math.cos(latitude), math.sin(latitude)
+        # By NumPy's hypot, since that of the standard library rounds in its own way.
+        normal = _MAJOR**2 / float(np.hypot(_MAJOR * cos, _MINOR * sin))
         x0, y0, z0 = self._centre
-        east, north, up = uvw2enu(
-            x - x0, y - y0, z - z0, self.origin.latitude_deg, self.origin.longitude_deg
-        )
-        return float(east), float(north), float(up)
+        x = (normal + altitude_m) * cos * math.cos(longitude) - x0
+        y = (normal + altitude_m) * cos * math.sin(longitude) - y0
+        z = (normal * _FLAT + altitude_m) * sin - z0
+        cos, sin = self._longitude_turn
+        outward, east = cos * x + sin * y, -sin * x + cos * y
+        cos, sin = self._latitude_turn
+        return east, -sin * outward + cos * z, cos * outward + sin * z
 
 
 def wrap_angle(angle: float) -> float:

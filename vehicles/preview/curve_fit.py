@@ -129,9 +129,9 @@ class Curve:
 
 
 def fit_curve(
-    east: Floats, north: Floats, station: Floats, weight: Floats, settings: FitSettings
+    east: Floats, north: Floats, station: Floats, weight: Floats | None, settings: FitSettings
 ) -> Curve | None:
-    """Fit samples in order of `station` (m), world coordinates (m), any positive weights.
+    """Fit samples in order of `station` (m), world coordinates (m), any positive weights or one.
 
     The target trajectory of Section III-A, its pieces chosen as the module describes. None where
     the samples do not determine a curve: fewer than three distinct ones, or travel shorter than
@@ -153,7 +153,8 @@ def fit_curve(
     if curve is None:
         return None
     rest = offsets(curve, data)
-    rms = sqrt(float(np.add.reduce(weight * rest * rest)) / data.total[ONE][ONE])
+    weighted = rest if weight is None else weight * rest
+    rms = sqrt(float(np.add.reduce(weighted * rest)) / data.total[ONE][ONE])
     return Curve(laid(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
 
 

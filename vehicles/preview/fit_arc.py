@@ -21,8 +21,8 @@ linear-algebra library.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import atan, cos, sin, sqrt
+from dataclasses import dataclass, field
+from math import atan, cos, inf, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,13 +62,14 @@ class FitData:
     """Samples of both sources (Section III-A) in the local frame, in order of travel.
 
     `rows` are x² + y², x, y and 1 with x along the travel, y left (m), `weighted` the same times
-    the `weight`; station (m). `total[i][j]` is the sum of weighted row i times row j.
+    the `weight`, which is None if all weigh one; station (m). `total[i][j]` is the sum of weighted
+    row i times row j.
     """
 
     rows: Floats
     weighted: Floats
     station: Floats
-    weight: Floats
+    weight: Floats | None
     total: list[list[float]]
 
 
@@ -89,7 +90,8 @@ class Graph:
     """Curve y = offset + slope x + half (x² + y²) + rate t, its misfit in y (m²) and freedom.
 
     Circle of Section III-A.1 in the local frame. With t from `fit_clothoid` its curvature changes;
-    graphs may be averaged.
+    graphs may be averaged. `square` is that of the gradient of its equation, `distance` its misfit
+    in distances from it instead of in y (m²; J of eq. (5)).
     """
 
     offset: float
@@ -98,23 +100,20 @@ class Graph:
     rate: float
     misfit: float
     freedom: int
+    square: float = field(init=False)
+    distance: float = field(init=False)
 
-    @property
-    def square(self) -> float:
-        """Square of the gradient of its equation, by which its misfit is divided (eq. (5))."""
-        return 1.0 + self.slope * self.slope - 4.0 * self.half * self.offset
-
-    @property
-    def distance(self) -> float:
-        """Its misfit in distances from it instead of in y (m²; J of eq. (5))."""
-        return self.misfit / (1.0 + self.slope * self.slope - 4.0 * self.half * self.offset)
+    def __post_init__(self) -> None:
+        """Work out what is asked for several times; a graph that is no curve is at no distance."""
+        self.square = 1.0 + self.slope * self.slope - 4.0 * self.half * self.offset
+        self.distance = self.misfit / self.square if self.square > 0.0 else inf
 
 
-def summed(x: Floats, y: Floats, station: Floats, weight: Floats) -> FitData:
+def summed(x: Floats, y: Floats, station: Floats, weight: Floats | None) -> FitData:
     """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to."""
     rows = np.empty((4, len(x)))
     rows[SQUARE], rows[X], rows[Y], rows[ONE] = x * x + y * y, x, y, 1.0
-    weighted = rows * weight
+    weighted = rows if weight is None else rows * weight
     total = np.einsum("ik,jk->ij", weighted, rows).tolist()
     return FitData(rows, weighted, station, weight, total)
 

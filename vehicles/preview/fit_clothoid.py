@@ -45,7 +45,7 @@ def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
     if not abs(2.0 * arc.half) * (data.station.item(-1) - data.station.item(0)) < TURN_MOST:
         return None
     column = cubic(data.rows[X], data.rows[SQUARE], arc.half)
-    weighted: Floats = data.weight * column
+    weighted: Floats = column if data.weight is None else data.weight * column
     of_square, of_x, of_y, of_one = np.einsum("ik,k->i", data.rows, weighted).tolist()
     row = data.total[SQUARE]
     # The column about 1, x and x² + y², one after the other, each about the ones before.

@@ -31,17 +31,17 @@ class Joined:
     """Two pieces with a join between, each linear least squares for the join (Section III-A).
 
     At the `station` and the place (x, y) (m). For `AFTER`, `BEFORE` and `BOTH`: by how much they
-    lower the line's squared residuals (`gains`, m²), and half the curvatures before and after the
-    join (`halves`, 1/m). `ones` and `along` are what 1 and x, both normed, have of the columns.
+    lower the line's squared residuals (`gains`, m²). `halves` (1/m) are half the curvatures of
+    `BEFORE` and of `AFTER`, and those of `BOTH` before and after the join. `shares` are what 1 and
+    x, both normed, have of the column before the join, and of that after it.
     """
 
     station: float
     x: float
     y: float
     gains: tuple[float, float, float]
-    halves: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
-    ones: tuple[float, float]
-    along: tuple[float, float]
+    halves: tuple[float, float, float, float]
+    shares: tuple[float, float, float, float]
 
 
 class Search:
@@ -59,7 +59,8 @@ class Search:
         self._most, self._evidence = self.noise, evidence
         self._data, self._line, self._sums = data, line, cumulated(data)
         self._total = self._sums[:, -1].tolist()
-        self._norms = 1.0 / sqrt(line.weight), 1.0 / sqrt(line.xx)
+        norms = 1.0 / sqrt(line.weight), 1.0 / sqrt(line.xx)
+        self._about = line.mean_x, line.mean_y, line.slope, *norms
 
     def climb(self, places: Sequence[int]) -> tuple[list[Joined], Joined, int]:
         """Best join of Section III-A at samples, up to three around it in order, and its side.
@@ -70,7 +71,7 @@ class Search:
         tried = [self.at_sample(place) for place in places[begin:end]]
         while True:
             gains = list(zip(*[one.gains for one in tried], strict=True))
-            most = [max(of_side) for of_side in gains]
+            most = list(map(max, gains))
             side = self.side(most)
             place = gains[side].index(most[side])
             if place == 0 and begin > 0:
@@ -140,25 +141,24 @@ class Search:
             x,
             y,
             (later_half * later_cross, half * cross, both * cross + later_both * later_cross),
-            ((0.0, later_half), (half, 0.0), (both, later_both)),
-            (one, later_one),
-            (along, later_along),
+            (half, later_half, both, later_both),
+            (one, along, later_one, later_along),
         )
 
     def _column(self, sums: list[float], x: float, y: float) -> Column:
         """Sums of products of |q − P|² with 1 and x, normed, with the residual, with itself."""
-        line, (norm_one, norm_x) = self._line, self._norms
+        mean_x, mean_y, slope, norm_one, norm_x = self._about
         ss, sx, sy, s1, xx, xy, x1, yy, y1, weight = sums  # s is x² + y²
         a, b, c = -2.0 * x, -2.0 * y, x * x + y * y
         of_square = ss + a * sx + b * sy + c * s1
         of_x = sx + a * xx + b * xy + c * x1
         of_y = sy + a * xy + b * yy + c * y1
         of_one = s1 + a * x1 + b * y1 + c * weight
-        of_x_about = of_x - line.mean_x * of_one
+        of_x_about = of_x - mean_x * of_one
         return (
             of_one * norm_one,
             of_x_about * norm_x,
-            of_y - line.mean_y * of_one - line.slope * of_x_about,
+            of_y - mean_y * of_one - slope * of_x_about,
             of_square + a * of_x + b * of_y + c * of_one,
         )
 
@@ -169,11 +169,13 @@ class Search:
         is P: there the equations of both sides have one direction, and gradients that differ from
         that of the tangent by twice the half curvature times d.
         """
-        line, (norm_one, norm_x) = self._line, self._norms
-        before, after = joined.halves[side]
-        slope = line.slope - (before * joined.along[0] + after * joined.along[1]) * norm_x
-        offset = line.mean_y - slope * line.mean_x
-        offset -= (before * joined.ones[0] + after * joined.ones[1]) * norm_one
+        mean_x, mean_y, line_slope, norm_one, norm_x = self._about
+        half, later_half, both, later_both = joined.halves
+        before, after = ((0.0, later_half), (half, 0.0), (both, later_both))[side]
+        one, along, later_one, later_along = joined.shares
+        slope = line_slope - (before * along + after * later_along) * norm_x
+        offset = mean_y - slope * mean_x
+        offset -= (before * one + after * later_one) * norm_one
         norm = hypot(1.0, slope)
         away = (joined.y - offset - slope * joined.x) / norm
         return LocalCurve(
@@ -182,14 +184,15 @@ class Search:
             atan(slope),
             2.0 * before / (norm + 2.0 * before * away),
             2.0 * after / (norm + 2.0 * after * away),
-            max(line.misfit - joined.gains[side], 0.0) / (norm * norm),
+            max(self._line.misfit - joined.gains[side], 0.0) / (norm * norm),
             5 if side == BOTH else 4,
         )
 
 
 def _spread(square: float, one: float, along: float) -> float:
     """Square of what is left of a column without its parts along 1 and x."""
-    return max(square - one * one - along * along, DETERMINED * square + TINY)
+    left, least = square - one * one - along * along, DETERMINED * square + TINY
+    return least if least > left else left  # noqa: FURB136 - twice as fast as max
 
 
 def best_joined(

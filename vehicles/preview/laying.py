@@ -2,7 +2,15 @@
 
 from math import atan2, cos, sin
 
-from vehicles.geometry.arc_spline import ArcSpline, Piece, Place, clothoid_chord, near_arc, on_arc
+from vehicles.geometry.arc_spline import (
+    ArcSpline,
+    Piece,
+    Place,
+    along_arc,
+    clothoid_chord,
+    near_arc,
+    on_arc,
+)
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.fit_arc import FitData, LocalCurve, X, Y
 
@@ -23,8 +31,8 @@ def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
     )
     rate, rows = curve.rate, data.rows
     place = curve.x, curve.y, curve.angle
-    start = near_arc(place, curve.before, rows.item(X, 0), rows.item(Y, 0)).station
-    end = near_arc(place, curve.after, rows.item(X, -1), rows.item(Y, -1)).station
+    start = along_arc(place, curve.before, rows.item(X, 0), rows.item(Y, 0))
+    end = along_arc(place, curve.after, rows.item(X, -1), rows.item(Y, -1))
     begin = _on(join, curve.before, rate, start)
     bend = curve.before + rate * start
     if curve.before == curve.after:

@@ -29,17 +29,18 @@ DETERMINED = 1e-12
 
 
 def recipe_curve(
-    east: Floats, north: Floats, station: Floats, weight: Floats, settings: FitSettings
+    east: Floats, north: Floats, station: Floats, weight: Floats | None, settings: FitSettings
 ) -> Curve | None:
     """Line or circle of Section III-B through samples in order of `station` (m; world, m).
 
-    `weight` is that of each sample in J of eq. (5); `settings.tolerance` the paper's 10 cm. With
-    the trajectory `paper_prefix` the longest straight prefix of Section III-A is split off first.
-    None with fewer than three samples, travel shorter than `span_min`, or a last sample at the
-    place of the first.
+    `weight` is that of each sample in J of eq. (5), or all weigh one; `settings.tolerance` the
+    paper's 10 cm. With the trajectory `paper_prefix` the longest straight prefix of Section III-A
+    is split off first. None with fewer than three samples, travel shorter than `span_min`, or a
+    last sample at the place of the first.
     """
     if len(station) < PREFIX_LEAST or station.item(-1) - station.item(0) < settings.span_min:
         return None
+    weight = np.ones(len(station)) if weight is None else weight
     origin_east, origin_north = east.item(0), north.item(0)
     ux, uy = east.item(-1) - origin_east, north.item(-1) - origin_north
     chord = hypot(ux, uy)

@@ -47,10 +47,12 @@ class Fit:
 
 
 class _Merged(NamedTuple):
+    """Samples of both sources in order of station; without a weight each has that of one."""
+
     east: Floats
     north: Floats
     station: Floats
-    weight: Floats
+    weight: Floats | None
     source: NDArray[np.int8]
 
     def where(self, chosen: NDArray[np.bool_]) -> "_Merged":
@@ -59,7 +61,7 @@ class _Merged(NamedTuple):
             self.east[chosen],
             self.north[chosen],
             self.station[chosen],
-            self.weight[chosen],
+            None if self.weight is None else self.weight[chosen],
             self.source[chosen],
         )
 
@@ -136,6 +138,7 @@ def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Me
     """Put the samples of both sources in order of station, with weights; None without any.
 
     Weights are scaled to add up to the number of equally weighted samples of the same information.
+    With an alpha of 1/2 all are one.
     """
     leads = 0 if lead is None else len(lead.station)
     predecessors = 0 if predecessor is None else len(predecessor.station)
@@ -145,16 +148,20 @@ def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Me
         return _alone(lead, LEAD)
     total = (1.0 - alpha) * leads + alpha * predecessors
     scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
-    station = np.concatenate((lead.station, predecessor.station))
-    order = station.argsort(kind="stable")
+    of_lead, of_predecessor = scale * (1.0 - alpha), scale * alpha
+    joined = np.concatenate(
+        (
+            *(lead.east, predecessor.east),
+            *(lead.north, predecessor.north),
+            *(lead.station, predecessor.station),
+        )
+    ).reshape(3, -1)
+    order = joined[2].argsort(kind="stable")
+    ordered = joined.take(order, 1)
     source = (order >= leads).view(np.int8)  # False is LEAD, True is PREDECESSOR
-    return _Merged(
-        np.concatenate((lead.east, predecessor.east)).take(order),
-        np.concatenate((lead.north, predecessor.north)).take(order),
-        station.take(order),
-        np.array((scale * (1.0 - alpha), scale * alpha)).take(source),
-        source,
-    )
+    same = of_lead == of_predecessor == 1.0
+    weight = None if same else np.array((of_lead, of_predecessor)).take(source)
+    return _Merged(ordered[0], ordered[1], ordered[2], weight, source)
 
 
 def _alone(window: Window, source: int) -> _Merged:
@@ -163,7 +170,7 @@ def _alone(window: Window, source: int) -> _Merged:
         window.east,
         window.north,
         window.station,
-        np.ones(count),
+        None,
         np.full(count, source, dtype=np.int8),
     )
 

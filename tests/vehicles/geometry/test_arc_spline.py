@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.arc_courses import beside, course
-from vehicles.geometry.arc_spline import ArcSpline, Piece
+from vehicles.geometry.arc_spline import ArcSpline, Piece, along_arc, near_arc
 
 YAWS = st.floats(-math.pi, math.pi)
 COORDINATES = st.floats(-5e6, 5e6)
@@ -45,6 +45,14 @@ def test_projection_undoes_the_placing_of_a_point(
     assert foot.lateral == pytest.approx(left, abs=1e-9)
     assert math.remainder(foot.yaw - path.at(station).yaw, math.tau) == pytest.approx(0, abs=1e-9)
     assert foot.curvature == curvature
+
+
+@given(yaw=YAWS, curvature=CURVATURES, east=COORDINATES, north=COORDINATES)
+def test_the_station_alone_is_that_of_the_nearest_point(
+    yaw: float, curvature: float, east: float, north: float
+) -> None:
+    start, point = (2.0, -3.0, yaw), (east, north)
+    assert along_arc(start, curvature, *point) == near_arc(start, curvature, *point).station
 
 
 def test_a_hardly_bent_piece_is_a_line() -> None:

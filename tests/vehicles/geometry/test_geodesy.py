@@ -3,9 +3,11 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymap3d.enu import geodetic2enu
 
 from vehicles.geometry.geodesy import (
     REACH,
+    WGS84,
     LocalPlane,
     Origin,
     heading_from_yaw,
@@ -142,3 +144,19 @@ def test_geodetic_coordinates_are_those_of_proj(east: float, north: float) -> No
     found = PLANE.to_geodetic(east, north)
     assert found[:2] == pytest.approx((latitude, longitude), abs=1e-12)  # 0.1 micrometres
     assert found[2] == pytest.approx(altitude, abs=1e-7)
+
+
+@given(
+    latitude=st.floats(-89.5, 89.5),
+    longitude=st.floats(-180.0, 180.0),
+    altitude=st.floats(-400.0, 8000.0),
+    steps=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-2000.0, 2000.0)),
+)
+def test_the_plane_is_that_of_pymap3d(
+    latitude: float, longitude: float, altitude: float, steps: tuple[float, float, float]
+) -> None:
+    plane = LocalPlane(Origin(latitude, longitude, altitude))
+    point = latitude + steps[0], longitude + steps[1], altitude + steps[2]
+    east, north, _ = geodetic2enu(*point, latitude, longitude, altitude, ell=WGS84)
+    # The last digit of a sine may depend on the processor with NumPy, and is 1 nm on the earth.
+    assert plane.to_plane(*point) == pytest.approx((east, north), rel=0.0, abs=5e-9)
