@@ -34,14 +34,16 @@ def ddmin(
     items: Sequence[Item],
     first_that_fails: FirstThatFails[Item],
     enough: Callable[[], bool] = lambda: False,
+    chunks: int = 2,
 ) -> Smallest[Item]:
     """Leave out as many of `items`, with all of which the test fails, as it goes on failing.
 
     Chunks are left out one after another, each half as long as those before once none can be, down
-    to single items. When it is `enough` the set found so far is given. One item alone is minimal
-    if the test passes without any; so the caller has to know that.
+    to single items; `chunks` is how many there are at first. When it is `enough` the set found so
+    far is given. One item alone is minimal if the test passes without any; so the caller has to
+    know that.
     """
-    left, chunks = tuple(items), 2
+    left = tuple(items)
     while len(left) > 1:
         parts = split(left, min(chunks, len(left)))
         kept = _swept(parts, first_that_fails, enough)
@@ -69,6 +71,40 @@ def _swept(
         begin += place
         del kept[begin]
     return kept
+
+
+def trimmed(
+    items: Sequence[Item],
+    first_that_fails: FirstThatFails[Item],
+    enough: Callable[[], bool] = lambda: False,
+) -> tuple[Item, ...]:
+    """Cut off as many of `items` as it goes on failing without, at the end and at the beginning.
+
+    By bisection, two cuts at once: for causes that follow one another, of which it finds where they
+    end in a few tests. What is left fails whatever they are.
+    """
+    left = tuple(items)
+    for _ in range(2):
+        left = left[::-1][_longest_cut(left[::-1], first_that_fails, enough) :]
+    return left
+
+
+def _longest_cut(
+    items: tuple[Item, ...],
+    first_that_fails: FirstThatFails[Item],
+    enough: Callable[[], bool],
+) -> int:
+    """How many can be left out at the beginning, if with more of them gone it fails no more."""
+    fails, passes = 0, len(items)
+    while passes - fails > 1 and not enough():
+        third = max((passes - fails) // 3, 1)
+        cuts = sorted({passes - third, fails + third}, reverse=True)
+        place = first_that_fails([items[cut:] for cut in cuts])
+        if place != 0:
+            passes = cuts[-1] if place is None else cuts[place - 1]
+        if place is not None:
+            fails = cuts[place]
+    return fails
 
 
 def _joined(parts: Sequence[tuple[Item, ...]]) -> tuple[Item, ...]:

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from scenarios.studies.many.blame.ddmin import Item, Smallest, ddmin
+from scenarios.studies.many.blame.ddmin import Item, ddmin, trimmed
 from scenarios.studies.many.blame.losses import Burst, LostMessage, bursts_of
 from scenarios.studies.many.blame.ranking import Blamed, losses_of
 from scenarios.studies.many.blame.trials import Losses, Trials
@@ -30,18 +31,18 @@ def shrunk(trials: Trials, bursts: Sequence[Burst], rows: Sequence[Blamed]) -> S
     alone = [row for row in rows if row.alone is not None and trials.is_breach(row.alone)]
     start = min(alone, key=lambda row: (row.messages, row.span_s)).group if alone else bursts
     trials.doing = "the smallest set of bursts"
-    of_bursts = _smallest(trials, start, losses_of)
+    first = partial(_first_that_breaks, trials, losses_of)
+    of_bursts = ddmin(start, first, lambda: trials.are_enough)
     trials.doing = "the smallest set of messages"
     messages = sorted(losses_of(of_bursts.items))
-    of_messages = _smallest(trials, messages, frozenset)
-    # Minimal by its messages, it is so whatever became of the bursts.
-    return SmallestSet(of_messages.items, of_messages.is_minimal)
+    first_of_messages = partial(_first_that_breaks, trials, frozenset)
+    left = trimmed(messages, first_of_messages, lambda: trials.are_enough)
+    # Most of a burst is needed once its ends are gone: single messages from the start.
+    found = ddmin(left, first_of_messages, lambda: trials.are_enough, chunks=len(left))
+    return SmallestSet(found.items, found.is_minimal)
 
 
-def _smallest(
-    trials: Trials, items: Sequence[Item], losses: Callable[[Iterable[Item]], Losses]
-) -> Smallest[Item]:
-    def first_that_breaks(sets: Sequence[tuple[Item, ...]]) -> int | None:
-        return trials.first_that_breaks([losses(one) for one in sets])
-
-    return ddmin(items, first_that_breaks, lambda: trials.are_enough)
+def _first_that_breaks(
+    trials: Trials, losses: Callable[[Iterable[Item]], Losses], sets: Sequence[tuple[Item, ...]]
+) -> int | None:
+    return trials.first_that_breaks([losses(one) for one in sets])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.studies.many.blame.ddmin import Smallest, ddmin, split
+from scenarios.studies.many.blame.ddmin import Smallest, ddmin, split, trimmed
 
 Fails = Callable[[frozenset[int]], bool]
 SIZES = st.integers(1, 40)
@@ -93,6 +93,27 @@ def test_a_long_run_of_causes_costs_few_tests() -> None:
 
     assert ddmin(range(1000), first_that(fails)).items == tuple(range(411, 431))
     assert tried < 120
+
+
+@given(st.data(), SIZES)
+def test_of_causes_in_a_row_the_ends_are_cut_off(data: st.DataObject, size: int) -> None:
+    first = data.draw(st.integers(0, size - 1))
+    last = data.draw(st.integers(first, size - 1))
+    needed = set(range(first, last + 1))
+    left = trimmed(range(size), first_that(lambda items: needed <= items))
+    assert left == tuple(range(first, last + 1))
+
+
+@given(SIZES, st.integers(0, 1000))
+def test_what_is_left_between_cut_ends_fails_in_any_case(size: int, salt: int) -> None:
+    every = frozenset(range(size))
+
+    def fails(items: frozenset[int]) -> bool:
+        return items == every or (bool(items) and (sum(items) * 31 + salt) % 3 == 0)
+
+    left = trimmed(range(size), first_that(fails))
+    assert fails(frozenset(left))
+    assert left == tuple(range(left[0], left[-1] + 1))
 
 
 @pytest.mark.parametrize("chunks", [1, 2, 3, 7])

@@ -29,7 +29,7 @@ def found_again(convoy: Convoy, case: int, folder: Path, workers: int | None) ->
     return found
 
 
-@pytest.mark.campaign(2, 20)
+@pytest.mark.campaign(1, 20)
 def test_a_burst_is_found_and_shrunk_until_no_message_can_be_spared(
     case: int, tmp_path: Path
 ) -> None:
