@@ -12,6 +12,8 @@ from scenarios.studies.many.limit import Limit
 from vehicles.schedule import SECOND
 
 LANE = Limit("lane")
+SOON_S = 3.0
+"""A burst that is decisive lets somebody leave the lane until so long after its end."""
 Link = tuple[str, str]
 
 
@@ -85,8 +87,8 @@ def _scenario(convoy: Convoy, seed: int, burst: range, links: tuple[Link, ...]) 
     return scenario_from_text(tomli_w.dumps(text), label="planted")
 
 
-def _breaks(scenario: Scenario) -> bool:
-    end = round(scenario.duration_s * SECOND)
+def _breaks(scenario: Scenario, until_s: float) -> bool:
+    end = round(until_s * SECOND)
     question = BlameQuestion(figure="error", limit=LANE, until=end)
     return drive(scenario, question, ends_when_broken=True).broken_at is not None
 
@@ -105,9 +107,12 @@ def planted(convoy: Convoy, case: int) -> Planted:
         links = tuple((sender, receiver) for sender in dict.fromkeys(("v1", f"v{place}")))
         # The lead is in the first arc by then, so the follower goes on without having heard of it.
         from_s = convoy.straight_s - 0.2 + float(chance.uniform(-0.3, 0.8))
-        length_s = float(chance.uniform(*convoy.burst_s))
+        # Who drives further behind it knows more of the road, half a second for each gap.
+        length_s = float(chance.uniform(*convoy.burst_s)) + 0.5 * (place - 1)
         burst = range(round(from_s * convoy.rate_hz), round((from_s + length_s) * convoy.rate_hz))
         seed = int(chance.integers(1, 10_000))
         scenario = _scenario(convoy, seed, burst, links)
-        if _breaks(scenario) and not _breaks(_scenario(convoy, seed, range(0), ())):
+        without = _scenario(convoy, seed, range(0), ())
+        soon_s = from_s + length_s + SOON_S
+        if _breaks(scenario, soon_s) and not _breaks(without, convoy.duration_s):
             return Planted(scenario, burst, links)
