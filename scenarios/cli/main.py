@@ -19,6 +19,7 @@ from scenarios.cli.channel.commands import channel
 from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
+from scenarios.cli.many.blame import blame
 
 EXAMPLES = """\b
 Examples:
@@ -55,6 +56,7 @@ for command in (
     logs.review,
     logs.report,
     logs.explain,
+    blame,
     channel,
     control.link,
     control.cut,

@@ -14,29 +14,46 @@ Key = TypeVar("Key", bound=Hashable)
 Job = Callable[[], Any]
 
 
+RunAll = Callable[[Mapping[Any, Job]], Iterator[tuple[Any, Any]]]
+"""Does all jobs; gives the key and the result of each as it is done."""
+
+
 def run_jobs(jobs: Mapping[Key, Job], workers: int) -> Iterator[tuple[Key, Any]]:
     """Do all jobs on so many processes (0: in this one); gives each result when it is done.
 
     When one fails, or the caller stops iterating, those that have begun are waited for and no more
     are begun.
     """
+    with warm_workers(workers) as run_all:
+        yield from run_all(jobs)
+
+
+@contextmanager
+def warm_workers(workers: int) -> Iterator[RunAll]:
+    """Give what does jobs like `run_jobs`, on the same processes each time: they start once."""
     if not workers:
-        yield from ((key, job()) for key, job in jobs.items())
+        yield lambda jobs: ((key, job()) for key, job in jobs.items())
         return
     # Inherited by the workers; see the same line of the command line.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    waiting = iter(jobs.items())
     spawn = get_context("spawn")
     with ProcessPoolExecutor(workers, spawn, initializer=_end_with_parent) as pool:
-        with _deaf_to_ctrl_c():  # which the workers inherit: they end with their parent
-            under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
-        while under_way:
-            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-            for future in done:
-                key, result = under_way.pop(future), future.result()
-                for next_key, job in islice(waiting, 1):
-                    under_way[pool.submit(job)] = next_key
-                yield key, result
+        yield lambda jobs: _done_on(pool, workers, jobs)
+
+
+def _done_on(
+    pool: ProcessPoolExecutor, workers: int, jobs: Mapping[Key, Job]
+) -> Iterator[tuple[Key, Any]]:
+    waiting = iter(jobs.items())
+    with _deaf_to_ctrl_c():  # which workers inherit that start now: they end with their parent
+        under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
+    while under_way:
+        done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+        for future in done:
+            key, result = under_way.pop(future), future.result()
+            for next_key, job in islice(waiting, 1):
+                under_way[pool.submit(job)] = next_key
+            yield key, result
 
 
 @contextmanager

@@ -205,7 +205,7 @@ def _record(
         update={
             "file": None,
             "source": loss.file,
-            "delays_ns": _run_lengths(delays),
+            "delays_ns": run_lengths(delays),
             "dropped_numbers": {
                 word: str(Numbers.of((one, one) for one in numbers))
                 for word, numbers in sorted(dropped.items())
@@ -214,7 +214,8 @@ def _record(
     )
 
 
-def _run_lengths(delays: Sequence[int]) -> str:
+def run_lengths(delays: Sequence[int]) -> str:
+    """Write delays (ns) as `delays_ns` has them: each with how many messages in a row had it."""
     runs = [(delay, sum(1 for _ in some)) for delay, some in groupby(delays)]
     return ", ".join(f"{delay}x{count}" if count > 1 else f"{delay}" for delay, count in runs)
 

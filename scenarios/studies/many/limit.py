@@ -27,6 +27,11 @@ class Limit:
     def __str__(self) -> str:
         return self.word if self.word in EVENTS else f"{self.word}={self.bound:g}"
 
+    @property
+    def is_event(self) -> bool:
+        """Whether it forbids an event, rather than bounding a figure."""
+        return self.word in EVENTS
+
     def broken_by(self, summary: RunSummary) -> bool:
         """Tell whether any follower of the run broke it."""
         if self.word in EVENTS:

@@ -1,0 +1,4 @@
+"""Answers from many runs.
+
+blame   blame: which losses of a recorded run were to blame
+"""

@@ -1,0 +1,170 @@
+"""The command that finds which losses of a recorded run were to blame, and its table."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from scenarios.cli.failure import clear_errors, require
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from scenarios.studies.many.blame.losses import Burst
+    from scenarios.studies.many.blame.ranking import Blamed
+    from scenarios.studies.many.blame.study import Blame
+
+MOST_ROWS = 12
+MOST_BURSTS = 4
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy blame runs/20260101-120000-lossy_lane_change --out why
+  convoy blame run.mcap --limit error_m=0.5 --out why
+  convoy run why/smallest.toml --clock virtual       the smallest set of losses
+"""
+)
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option(
+    "--limit",
+    default="lane",
+    show_default=True,
+    metavar="lane|collision|near_miss|path_lost|error_m=M|gap_m=M",
+    help="What the smallest set of losses has to break.",
+)
+@click.option(
+    "--figure",
+    type=click.Choice(["error", "gap"]),
+    default="error",
+    show_default=True,
+    help="Rank by the largest true cross-track error, or by the smallest true gap.",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("blame"),
+    show_default=True,
+    help="Folder for blame.png, blame.json and smallest.toml.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=0),
+    help="Processes; 0 for none but this one. By default one for each core.",
+)
+@click.option(
+    "--runs",
+    "most_runs",
+    type=click.IntRange(min=10),
+    default=400,
+    show_default=True,
+    help="How many runs at most; a set that could not be shrunk to the end is said to be so.",
+)
+def blame(
+    *,
+    log: Path,
+    limit: str,
+    figure: Literal["error", "gap"],
+    out: Path,
+    workers: int | None,
+    most_runs: int,
+) -> None:
+    """Find which losses of a recorded LOG, or the one in a run's folder, were to blame.
+
+    The run is driven again in virtual time with bursts of lost messages given back, all else equal:
+    that ranks them by metres. Then the smallest set of losses that still breaks the limit is
+    sought, and written as a scenario.
+    """
+    with clear_errors():
+        require("blame", "studies", "matplotlib")
+    from rich.console import Console
+
+    from scenarios.results.log_summary import log_in
+    from scenarios.studies.many.blame import picture, report, study
+    from scenarios.studies.many.limit import parsed_limit
+
+    with clear_errors():
+        asked = parsed_limit(limit)
+        report.refuse_existing(out)
+        found = study.blame(
+            log_in(log), asked, figure, click.echo, workers=workers, most_runs=most_runs
+        )
+        written = report.write_files(found, out)
+        picture.draw(found, out / report.PICTURE)
+        print_blame(found, Console())
+        if found.smallest is not None:
+            click.echo(f"\nit breaks {asked} again: {report.command_of(out)}")
+        click.echo(f"written: {', '.join(map(str, [out / report.PICTURE, *written]))}")
+
+
+def print_blame(found: "Blame", console: "Console") -> None:
+    """Print what the run came to, the costliest bursts, and the smallest set."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    console.print(_opening(found), highlight=False)
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("lost")
+    headings = ("sent, s", "messages", "given back\nmends, m", "alone\nm", "breaks it\nalone")
+    for heading in headings:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in found.rows[:MOST_ROWS]:
+        from_s, to_s = row.span_s
+        table.add_row(
+            _which(row),
+            f"{from_s:.2f}-{to_s:.2f}",
+            f"{row.messages}",
+            f"{row.mended_m:z.3f}",
+            *_alone(row),
+        )
+    console.print(table)
+    if left := found.rows[MOST_ROWS:]:
+        console.print(f"{len(left)} more in the JSON")
+    console.print(_ending(found), highlight=False)
+
+
+def _opening(found: "Blame") -> str:
+    recorded, clean = found.recorded, found.clean
+    what = "largest true error" if found.question.figure == "error" else "smallest true gap"
+    messages = sum(len(burst.messages) for burst in found.bursts)
+    return (
+        f"{what} {recorded.figure_m:.2f} m ({recorded.vehicle}, {recorded.worst_at / 1e9:.2f} s "
+        f"after the start), without any loss {clean.figure_m:.2f} m; {messages} messages lost "
+        f"until a second later, in {len(found.bursts)} bursts"
+    )
+
+
+def _which(row: "Blamed") -> str:
+    if row.kind == "group":
+        return f"{len(row.group)} bursts, not looked into one by one"
+    lines = [burst.line for burst in row.group]
+    if len(lines) > MOST_BURSTS:
+        lines = [*lines[:MOST_BURSTS], f"and {len(row.group) - MOST_BURSTS} more"]
+    return "\n".join(lines)
+
+
+def _alone(row: "Blamed") -> tuple[str, str]:
+    if row.alone is None:
+        return "", ""
+    return f"{row.alone.figure_m:.3f}", "no" if row.alone.broken_at is None else "yes"
+
+
+def _ending(found: "Blame") -> str:
+    if found.smallest is None:
+        return f"{found.unshrunk} ({found.runs} runs, {found.seconds:.0f} s)"
+    bursts = ", ".join(_spoken(burst) for burst in found.smallest.bursts)
+    without = (
+        "without any one of them it holds"
+        if found.smallest.is_minimal
+        else "not shrunk to the end, for --runs is used up"
+    )
+    return (
+        f"smallest set that breaks {found.question.limit}: {len(found.smallest.messages)} messages "
+        f"({bursts}); {without} ({found.runs} runs, {found.seconds:.0f} s)"
+    )
+
+
+def _spoken(burst: "Burst") -> str:
+    from_s, to_s = burst.span_s
+    return f"{burst.line} at {from_s:.2f} to {to_s:.2f} s"

@@ -1,0 +1,156 @@
+"""A recorded run as a scenario that loses exactly the messages that one says, and no others.
+
+Delays, order and content stay as they are drawn, for draws are keyed by the message. Where what
+became of a message also hung on others, in a queue, or on changes of its link, its recorded delay
+takes the place of the link's laws.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from scenarios.definition.changing.links import LINK_CHANGES, links_of
+from scenarios.definition.channel.recordings import run_lengths
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.channel.content import ContentTable
+from scenarios.definition.schema.channel.loss import ListedLoss, LogLoss
+from scenarios.definition.schema.links import LinkEntry, LinkTable
+from scenarios.definition.schema.tables import LimitsTable
+from scenarios.studies.many.blame.losses import (
+    LinkEnds,
+    LostMessage,
+    RecordedRun,
+    numbers_by_link,
+)
+from scenarios.studies.many.limit import Limit
+from transport.links.laws.patterns import Numbers
+from vehicles.schedule import SECOND
+
+LOSES = {"loss", "loss_ratio", "collisions", "outages", "radio", "preset", "preset_source"}
+"""Keys of a link by which it loses messages; what is left delays or alters them."""
+RECORDED_DELAY = {"latency_ms", "jitter_ms", "rate_hz", "delay", "queue"}
+"""Keys that a recorded delay takes the place of."""
+LIMIT_KEYS = {
+    "lane": "lane_departures_max",
+    "collision": "collisions_max",
+    "near_miss": "near_misses_max",
+    "path_lost": "paths_lost_max",
+    "error_m": "cross_track_error_m_max",
+    "gap_m": "true_gap_m_min",
+}
+
+
+@dataclass(frozen=True)
+class LossFree:
+    """A scenario whose links lose nothing but what is listed in them: here nothing."""
+
+    scenario: Scenario
+
+    def losing(self, lost: Iterable[LostMessage]) -> Scenario:
+        """The scenario in which these messages are lost."""
+        numbers = numbers_by_link(lost)
+        entries = tuple(
+            _losing(entry, numbers.get((entry.sender, entry.receiver)))
+            for entry in self.scenario.tables.link
+        )
+        return Scenario(self.scenario.tables.model_copy(update={"link": entries}))
+
+    def smallest(self, lost: Iterable[LostMessage], limit: Limit, description: str) -> Scenario:
+        """The scenario with these losses that fails by `limit`, and by no other one."""
+        tables = self.losing(lost).tables
+        bound = 0 if limit.is_event else limit.bound
+        changes = {
+            "name": f"{tables.name[:20]}_blamed",
+            "description": description,
+            "limits": LimitsTable.model_validate({LIMIT_KEYS[limit.word]: bound}),
+        }
+        return Scenario(tables.model_copy(update=changes))
+
+
+def _losing(entry: LinkEntry, numbers: Numbers | None) -> LinkEntry:
+    if numbers is None:
+        return entry
+    if isinstance(entry.loss, LogLoss):
+        dropped = {**entry.loss.dropped_numbers, "pattern": str(numbers)}
+        return entry.model_copy(
+            update={"loss": entry.loss.model_copy(update={"dropped_numbers": dropped})}
+        )
+    return entry.model_copy(update={"loss": _listed(str(numbers))})
+
+
+def _listed(numbers: str) -> ListedLoss:
+    return ListedLoss(kind="listed", lost_numbers=numbers)
+
+
+def loss_free(run: RecordedRun) -> LossFree:
+    """The scenario of a recorded run in which nothing is lost."""
+    scenario = run.scenario
+    changes = [one for one in scenario.tables.change if isinstance(one, LINK_CHANGES)]
+    changed = {
+        pair for one in changes for pair in links_of(one, scenario.vehicle_names, scenario.links)
+    }
+    entries = []
+    for pair, table in scenario.links.items():
+        recorded = pair in changed or table.queue is not None or isinstance(table.loss, LogLoss)
+        entries.append(_recorded(run, pair, table) if recorded else _drawn(pair, table))
+    tables = scenario.tables.model_copy(
+        update={
+            "overrides": None,
+            "links": LinkTable(),
+            "link": tuple(entries),
+            "change": tuple(
+                one for one in scenario.tables.change if not isinstance(one, LINK_CHANGES)
+            ),
+            "vehicle": {
+                name: one.model_copy(update={"transmitter_off": (), "receiver_off": ()})
+                for name, one in scenario.tables.vehicle.items()
+            },
+        }
+    )
+    return LossFree(Scenario(tables))
+
+
+def _drawn(pair: LinkEnds, table: LinkTable) -> LinkEntry:
+    """The entry of a link whose delays are drawn again, each by its message's number."""
+    return _entry(pair, table, besides=set(), loss=_listed(""))
+
+
+def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
+    """The entry of a link whose delays were recorded.
+
+    What had not become visible when the run ended is visible a second after that.
+    """
+    fates, ends_at = run.fates[pair], round(run.scenario.duration_s * SECOND)
+    sent = run.sent[pair[0]]
+    delays = [
+        fates[number].delay
+        if number in fates
+        else max(ends_at + SECOND - sent.get(number, ends_at), 0)
+        for number in range(max([*fates, *sent, 0]) + 1)
+    ]
+    by_rate = Numbers.of((k, k) for k, fate in fates.items() if fate.reason and not fate.is_lost)
+    loss = LogLoss(
+        kind="log",
+        source=run.log.name,
+        after_end="pass",
+        delays_ns=run_lengths(delays),
+        dropped_numbers={"rate": str(by_rate)} if by_rate.ranges else {},
+    )
+    return _entry(pair, table, besides=RECORDED_DELAY, loss=loss)
+
+
+def _entry(
+    pair: LinkEnds, table: LinkTable, *, besides: set[str], loss: ListedLoss | LogLoss
+) -> LinkEntry:
+    kept: Mapping[str, object] = {
+        key: value
+        for key, value in table
+        if key not in LOSES | besides and value != LinkTable.model_fields[key].default
+    }
+    if table.content is not None:
+        kept = {**kept, "content": _uncorrupted(table.content)}
+    return LinkEntry(sender=pair[0], receiver=pair[1], loss=loss, **kept)  # type: ignore[arg-type]
+
+
+def _uncorrupted(content: ContentTable) -> ContentTable:
+    """Without the bit errors that a receiver notices: to it such a message is lost."""
+    return content.model_copy(update={"bit_error_ratio": 0.0}) if content.frame_check else content

@@ -1,0 +1,201 @@
+"""What was lost in a recorded run: bursts of each link, and what else its log says of messages."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.inquiry.session import session_of
+from transport.links.laws.patterns import Numbers
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from transport.reasons import counts_as_loss
+from vehicles.messages import GpsPose, LinkVerdict, Message, RunStart, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+LinkEnds = tuple[str, str]
+"""Sender and receiver."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class LostMessage:
+    """A message that a link lost, by when it was sent (ns after the start) and its number."""
+
+    sent_at: int
+    link: LinkEnds
+    number: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fate:
+    """What became of a message: when it was sent, and its delay from then on (ns).
+
+    `reason` is the word by which it was dropped, nothing if it was not. A dropped one has the delay
+    that it would have had. `is_lost` says that it can be given back: not what the link's own rate
+    left out, nor what is lost by its content where the receiver has no frame check.
+    """
+
+    sent_at: int
+    delay: int
+    reason: str
+    is_lost: bool
+
+
+@dataclass(slots=True)
+class RecordedRun:
+    """A run from its log, with instants in ns after its start.
+
+    `fates` are the verdicts of each link by the message's number, `sent` when each sender sent
+    which number. `truth` are the true poses (east, north, m) of each vehicle by their instants;
+    `told` is what its figures are made of, in the order of the log.
+    """
+
+    log: Path
+    scenario: Scenario
+    start_at: int = 0
+    late: int = 0
+    fates: dict[LinkEnds, dict[int, Fate]] = field(default_factory=lambda: defaultdict(dict))
+    sent: dict[str, dict[int, int]] = field(default_factory=lambda: defaultdict(dict))
+    truth: dict[tuple[str, int], tuple[float, float]] = field(default_factory=dict)
+    told: list[Message] = field(default_factory=list)
+
+    def lost(self, until: int) -> tuple[LostMessage, ...]:
+        """All that was lost and would have been heard by an instant, in order of time."""
+        return tuple(
+            sorted(
+                LostMessage(fate.sent_at, link, number)
+                for link, fates in self.fates.items()
+                for number, fate in fates.items()
+                if fate.is_lost and fate.sent_at + fate.delay <= until
+            )
+        )
+
+    def _can_be_given_back(self, link: LinkEnds, reason: str) -> bool:
+        content = self.scenario.links[link].content
+        if reason == "corrupted" and content is not None and not content.frame_check:
+            return False
+        return bool(reason) and counts_as_loss(reason)
+
+    def take(self, message: Message) -> None:
+        """Take one message of the log."""
+        match message:
+            case RunStart():
+                self.start_at = message.start_at_ns
+            case LinkVerdict():
+                link = message.sender, message.vehicle
+                self.late += message.late
+                self.fates[link][message.pose_seq] = Fate(
+                    sent_at=message.sent_at_ns - self.start_at,
+                    delay=message.visible_at_ns - message.sent_at_ns,
+                    reason=message.reason,
+                    is_lost=self._can_be_given_back(link, message.reason),
+                )
+            case GpsPose():
+                self.sent[message.vehicle][message.seq] = message.sent_at_ns - self.start_at
+            case TruePose():
+                at = message.true_at_ns - self.start_at
+                self.truth[message.vehicle, at] = message.east_m, message.north_m
+                self.told.append(message)
+            case Tracking():
+                self.told.append(message)
+
+
+def read_run(log: Path) -> RecordedRun:
+    """Read what a log says of poses and their fates; raises LogError, of a log that is not whole.
+
+    Also where there is nothing to blame: no losses, or vehicles that move as they were recorded.
+    """
+    reader = LogReader(log)
+    if reader.damage:
+        raise LogError(reader.damage)
+    if reader.truncated:
+        raise LogError(f"{log}: breaks off; blame needs the log of a run that was ended")
+    run = RecordedRun(log, session_of(log))
+    if run.scenario.replays:
+        names = ", ".join(run.scenario.replays)
+        raise LogError(f"{log}: {names} moved as recorded; blame needs vehicles that drive")
+    for _, _, message in reader.messages(("start", "gps", "verdict", "truth", "tracking")):
+        run.take(message)
+    if not run.start_at:
+        raise LogError(f"{log}: does not say when the run started")
+    if not any(fate.is_lost for fates in run.fates.values() for fate in fates.values()):
+        raise LogError(f"{log}: no message was lost; there is nothing to blame")
+    return run
+
+
+# ---- Bursts, and those that act together
+
+
+@dataclass(frozen=True, slots=True)
+class Burst:
+    """Consecutive messages that one link lost, in order."""
+
+    messages: tuple[LostMessage, ...]
+
+    @property
+    def link(self) -> LinkEnds:
+        """Sender and receiver."""
+        return self.messages[0].link
+
+    @property
+    def numbers(self) -> tuple[int, int]:
+        """The first and the last one."""
+        return self.messages[0].number, self.messages[-1].number
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """When the first and the last one were sent (s after the start)."""
+        return self.messages[0].sent_at / SECOND, self.messages[-1].sent_at / SECOND
+
+    @property
+    def line(self) -> str:
+        """The burst in words."""
+        (sender, receiver), (first, last) = self.link, self.numbers
+        return f"{sender} → {receiver} {first if first == last else f'{first}-{last}'}"
+
+
+def bursts_of(lost: Iterable[LostMessage]) -> tuple[Burst, ...]:
+    """Runs of consecutive numbers on each link, in order of time."""
+    by_link: defaultdict[LinkEnds, list[LostMessage]] = defaultdict(list)
+    for one in sorted(lost):
+        by_link[one.link].append(one)
+    return tuple(
+        sorted(
+            (Burst(run) for messages in by_link.values() for run in _runs(messages)),
+            key=lambda burst: burst.messages,
+        )
+    )
+
+
+def _runs(messages: Sequence[LostMessage]) -> Iterator[tuple[LostMessage, ...]]:
+    run: list[LostMessage] = []
+    for one in sorted(messages, key=lambda one: one.number):
+        if run and one.number != run[-1].number + 1:
+            yield tuple(run)
+            run = []
+        run.append(one)
+    yield tuple(run)
+
+
+def moments_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
+    """Bursts of several links that overlap in time, put together; in order of time.
+
+    A burst lasts from its first to its last message; chains of overlaps are one moment.
+    """
+    moments: list[list[Burst]] = []
+    until = -1
+    for burst in sorted(bursts, key=lambda burst: burst.messages):
+        if not moments or burst.messages[0].sent_at > until:
+            moments.append([])
+        moments[-1].append(burst)
+        until = max(until, burst.messages[-1].sent_at)
+    return tuple(map(tuple, moments))
+
+
+def numbers_by_link(lost: Iterable[LostMessage]) -> Mapping[LinkEnds, Numbers]:
+    """The numbers that each link lost."""
+    found: defaultdict[LinkEnds, list[int]] = defaultdict(list)
+    for one in lost:
+        found[one.link].append(one.number)
+    return {link: Numbers.of((k, k) for k in numbers) for link, numbers in found.items()}

@@ -1,0 +1,170 @@
+"""One run again with other losses: how bad it gets, and whether it breaks a limit."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import inf
+from typing import Literal
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.events import detector_of
+from scenarios.runs.node.fault import VehicleFaultError
+from scenarios.runs.rehearsal import RehearsalSink
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import VirtualConvoy
+from scenarios.studies.many.limit import EVENTS, Limit
+from vehicles.geometry.driven_path import CrossTrackError
+from vehicles.messages import Message, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+FigureName = Literal["error", "gap"]
+"""The largest true cross-track error of a follower, or the smallest true gap to who is ahead."""
+Truth = dict[tuple[str, int], tuple[float, float]]
+"""True poses (east, north, m) by vehicle and instant (ns after the start)."""
+EVER = 2**63
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlameQuestion:
+    """What is to be known of runs: by which figure and limit, and until when (ns)."""
+
+    figure: FigureName
+    limit: Limit
+    until: int = EVER
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlameAnswer:
+    """What a run came to: its worst figure (m), of whom and when, and if the limit was broken.
+
+    A gap is the worse the smaller it is, so as `badness_m` it is negative. Instants are in ns after
+    the start; `broken_at` is when the breach was known, None without one. `series` and `truth` are
+    there where they were asked for: instants (s) and figures (m) of each vehicle, true poses.
+    """
+
+    badness_m: float
+    vehicle: str
+    worst_at: int
+    broken_at: int | None
+    series: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    truth: Truth = field(default_factory=dict)
+
+    @property
+    def figure_m(self) -> float:
+        """The figure itself: the largest error, or the smallest gap."""
+        return abs(self.badness_m)
+
+
+class Watch:
+    """Takes the true poses and what is steered along of a run, live or from a log."""
+
+    def __init__(self, scenario: Scenario, question: BlameQuestion, start_at: int) -> None:
+        self._question = question
+        self._start_at = start_at
+        self._detector = detector_of(scenario)
+        self._detector.begin(start_at)
+        names = scenario.vehicle_names
+        self._path = CrossTrackError(names[0], scenario.route.start_yaw, names[1:])
+        self._series: dict[str, list[tuple[float, float]]] = {name: [] for name in names[1:]}
+        self._behind = dict(pairwise(names))
+        self._truth: Truth = {}
+        self._worst = (-inf, "", 0)
+        self.broken_at: int | None = None
+        self.now = 0
+
+    def listen(self, message: Message) -> None:
+        """Take one message; what is no figure is passed over."""
+        if isinstance(message, TruePose):
+            self.now = message.true_at_ns - self._start_at
+            if self.now > self._question.until:
+                return
+            self._truth[message.vehicle, self.now] = message.east_m, message.north_m
+            self._detector.add_truth(message)
+            for foot in self._path.add(message):
+                error = abs(foot.lateral)
+                self._note("error", foot.vehicle, foot.at_ns, error)
+                self._judge("error_m", beyond=error > self._question.limit.bound)
+            for name, at, gap in self._gaps(message):
+                self._note("gap", name, at, -gap)
+                self._judge("gap_m", beyond=gap < self._question.limit.bound)
+        elif isinstance(message, Tracking) and self.now <= self._question.until:
+            self._detector.add_tracking(message)
+        self._hear_of_events()
+
+    def _gaps(self, pose: TruePose) -> Iterator[tuple[str, int, float]]:
+        """Gaps that are known now: instant (ns) and metres, by who keeps them."""
+        gaps = self._detector.encounters.gaps
+        for name in (pose.vehicle, self._behind.get(pose.vehicle, "")):
+            gap = gaps.get(name)
+            if gap is not None and gap.now_at_ns == pose.true_at_ns:
+                yield name, gap.now_at_ns, gap.now_m
+
+    def _note(self, figure: FigureName, vehicle: str, at: int, badness: float) -> None:
+        if figure != self._question.figure:
+            return
+        after = at - self._start_at
+        self._series[vehicle].append((after / SECOND, abs(badness)))
+        if badness > self._worst[0]:
+            self._worst = badness, vehicle, after
+
+    def _judge(self, word: str, *, beyond: bool) -> None:
+        if beyond and self._question.limit.word == word and self.broken_at is None:
+            self.broken_at = self.now
+
+    def _hear_of_events(self) -> None:
+        kind = EVENTS.get(self._question.limit.word)
+        for event in self._detector.news():
+            if event.kind == kind and self.broken_at is None:
+                self.broken_at = self.now
+
+    def answer(self, *, whole: bool = False) -> BlameAnswer:
+        """What it came to; `whole` with the series and the true poses."""
+        self._detector.finish()
+        self._hear_of_events()
+        badness, vehicle, at = self._worst
+        return BlameAnswer(
+            badness_m=badness if vehicle else 0.0,
+            vehicle=vehicle,
+            worst_at=at,
+            broken_at=self.broken_at,
+            series=self._series if whole else {},
+            truth=self._truth if whole else {},
+        )
+
+
+def answer_of(
+    scenario: Scenario, question: BlameQuestion, start_at: int, told: Iterable[Message]
+) -> BlameAnswer:
+    """What a run that is over came to, by its messages."""
+    watch = Watch(scenario, question, start_at)
+    for message in told:
+        watch.listen(message)
+    return watch.answer(whole=True)
+
+
+def drive(
+    scenario: Scenario,
+    question: BlameQuestion,
+    *,
+    whole: bool = False,
+    ends_when_broken: bool = False,
+) -> BlameAnswer:
+    """Run in virtual time without a log until the question is answered."""
+    watch = Watch(scenario, question, scenario.start_at_ns)
+    stop = Stop()
+
+    def listen(message: Message) -> None:
+        watch.listen(message)
+        if watch.now > question.until or (ends_when_broken and watch.broken_at is not None):
+            stop.ask("answered", 0)
+
+    _run(scenario, listen, stop)
+    return watch.answer(whole=whole)
+
+
+def _run(scenario: Scenario, listen: Callable[[Message], None], stop: Stop) -> None:
+    convoy = VirtualConvoy(scenario)
+    convoy.build(lambda vehicle: RehearsalSink(vehicle, convoy.bus, listen))
+    with suppress(VehicleFaultError):  # what it came to until a vehicle cannot drive on counts
+        convoy.run(stop)

@@ -1,0 +1,118 @@
+"""Runs with one decisive burst of losses among harmless ones, to be found again."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import tomli_w
+
+from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.studies.many.blame.rerun import BlameQuestion, drive
+from scenarios.studies.many.limit import Limit
+from vehicles.schedule import SECOND
+
+LANE = Limit("lane")
+SOON_S = 3.0
+"""A burst that is decisive lets somebody leave the lane until so long after its end."""
+Link = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Convoy:
+    """A convoy that drives a lane change: how many vehicles, how long (s), at which rate (Hz)."""
+
+    vehicles: int
+    duration_s: float
+    rate_hz: float
+    straight_s: float
+    burst_s: tuple[float, float]
+    harmless_ratio: float
+
+
+TINY = Convoy(
+    vehicles=2, duration_s=5.0, rate_hz=5.0, straight_s=1.0, burst_s=(1.2, 1.6),
+    harmless_ratio=0.05,
+)  # fmt: skip
+SHORT = Convoy(
+    vehicles=3, duration_s=6.0, rate_hz=10.0, straight_s=2.0, burst_s=(1.2, 1.6),
+    harmless_ratio=0.03,
+)  # fmt: skip
+FULL = Convoy(
+    vehicles=4, duration_s=35.0, rate_hz=20.0, straight_s=5.0, burst_s=(1.2, 1.7),
+    harmless_ratio=0.02,
+)  # fmt: skip
+"""The double lane change of 35 s with four vehicles."""
+
+
+@dataclass(frozen=True, slots=True)
+class Planted:
+    """A scenario, and the numbers of the burst on each link that has it."""
+
+    scenario: Scenario
+    burst: range
+    links: tuple[Link, ...]
+
+    @property
+    def messages(self) -> frozenset[tuple[Link, int]]:
+        """The planted losses."""
+        return frozenset((link, number) for link in self.links for number in self.burst)
+
+
+def _scenario(convoy: Convoy, seed: int, burst: range, links: tuple[Link, ...]) -> Scenario:
+    right = {"length_m": 30.0, "radius_m": 500.0, "turn": "right"}
+    left = right | {"turn": "left"}
+    straight, middle = {"length_m": 30.0 * convoy.straight_s}, {"length_m": 30.0}
+    once = [straight, right, middle, left, {"length_m": 360.0}]
+    text = {
+        "extends": "lane_change",
+        "name": "planted",
+        "seed": seed,
+        "duration_s": convoy.duration_s,
+        "convoy": {"vehicles": convoy.vehicles},
+        "gnss": {"rate_hz": convoy.rate_hz},
+        "path": {
+            "kind": "segments",
+            "segments": [*once, left, middle, right, {"length_m": 430.0}],
+        },
+        "control": {
+            "controller": "slip_compensated",
+            "degradation": {"reaction": "extrapolate"},
+        },
+        "links": {"loss_ratio": convoy.harmless_ratio, "latency_ms": 20.0, "jitter_ms": 20.0},
+    }
+    if burst:
+        numbers = f"{burst.start}-{burst.stop - 1}"
+        loss = {"kind": "listed", "lost_numbers": numbers}
+        text["link"] = [{"sender": a, "receiver": b, "loss": loss} for a, b in links]
+    return scenario_from_text(tomli_w.dumps(text), label="planted")
+
+
+def _breaks(scenario: Scenario, until_s: float) -> bool:
+    end = round(until_s * SECOND)
+    question = BlameQuestion(figure="error", limit=LANE, until=end)
+    return drive(scenario, question, ends_when_broken=True).broken_at is not None
+
+
+@cache
+def planted(convoy: Convoy, case: int) -> Planted:
+    """Case number `case`: with its burst somebody leaves the lane, without it nobody does.
+
+    The burst is on all links to one follower, at a random instant of a lane change; drawn again
+    until it is decisive.
+    """
+    chance = np.random.Generator(np.random.PCG64([case, 14]))
+    while True:
+        place = int(chance.integers(1, convoy.vehicles))
+        receiver = f"v{place + 1}"
+        links = tuple((sender, receiver) for sender in dict.fromkeys(("v1", f"v{place}")))
+        # The lead is in the first arc by then, so the follower goes on without having heard of it.
+        from_s = convoy.straight_s - 0.2 + float(chance.uniform(-0.3, 0.8))
+        # Who drives further behind it knows more of the road, half a second for each gap.
+        length_s = float(chance.uniform(*convoy.burst_s)) + 0.5 * (place - 1)
+        burst = range(round(from_s * convoy.rate_hz), round((from_s + length_s) * convoy.rate_hz))
+        seed = int(chance.integers(1, 10_000))
+        scenario = _scenario(convoy, seed, burst, links)
+        without = _scenario(convoy, seed, range(0), ())
+        soon_s = from_s + length_s + SOON_S
+        if _breaks(scenario, soon_s) and not _breaks(without, convoy.duration_s):
+            return Planted(scenario, burst, links)

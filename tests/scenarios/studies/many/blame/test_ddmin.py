@@ -1,0 +1,124 @@
+"""Delta debugging on tests made up: what is left does what the whole does, nothing less does."""
+
+from collections.abc import Callable, Sequence
+from hashlib import blake2b
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.studies.many.blame.ddmin import Smallest, ddmin, split, trimmed
+
+Fails = Callable[[frozenset[int]], bool]
+SIZES = st.integers(1, 40)
+
+
+def first_that(fails: Fails) -> Callable[[Sequence[tuple[int, ...]]], int | None]:
+    """The places of sets in which the test fails, asked one by one."""
+    return lambda sets: next((k for k, one in enumerate(sets) if fails(frozenset(one))), None)
+
+
+def shrink(size: int, fails: Fails) -> Smallest[int]:
+    assert fails(frozenset(range(size)))
+    assert not fails(frozenset())
+    return ddmin(range(size), first_that(fails))
+
+
+@given(SIZES.flatmap(lambda n: st.tuples(st.just(n), st.sets(st.integers(0, n - 1), min_size=1))))
+def test_of_causes_that_are_all_needed_exactly_these_are_left(case: tuple[int, set[int]]) -> None:
+    size, needed = case
+    found = shrink(size, lambda items: needed <= items)
+    assert found == Smallest(tuple(sorted(needed)), is_minimal=True)
+
+
+@given(st.data(), SIZES)
+def test_of_several_causes_each_of_which_is_enough_one_is_left(
+    data: st.DataObject, size: int
+) -> None:
+    cause = st.frozensets(st.integers(0, size - 1), min_size=1, max_size=6)
+    causes = data.draw(st.sets(cause, min_size=1, max_size=4))
+    found = shrink(size, lambda items: any(one <= items for one in causes))
+    assert frozenset(found.items) in causes
+
+
+@given(SIZES, st.integers(0, 1000), st.integers(1, 9))
+def test_where_more_can_be_less_no_single_item_can_be_spared(
+    size: int, salt: int, of_ten: int
+) -> None:
+    """A test that fails or not by chance, set by set: nothing follows from a part for the whole."""
+    every = frozenset(range(size))
+
+    def fails(items: frozenset[int]) -> bool:
+        digest = blake2b(f"{salt} {sorted(items)}".encode(), digest_size=2).digest()
+        return items == every or (bool(items) and int.from_bytes(digest) % 10 < of_ten)
+
+    found = shrink(size, fails)
+    left = frozenset(found.items)
+    assert found.is_minimal
+    assert fails(left)
+    assert not any(fails(left - {one}) for one in left)
+
+
+@given(SIZES, st.integers(0, 1000), st.integers(0, 30))
+def test_what_is_found_when_it_is_enough_still_fails_and_is_not_called_minimal(
+    size: int, salt: int, most: int
+) -> None:
+    needed = {salt % size, (salt * 7 + 3) % size}
+    tried = 0
+
+    def first(sets: Sequence[tuple[int, ...]]) -> int | None:
+        nonlocal tried
+        for place, one in enumerate(sets):
+            if tried >= most:
+                return None
+            tried += 1
+            if needed <= set(one):
+                return place
+        return None
+
+    found = ddmin(range(size), first, lambda: tried >= most)
+    assert needed <= set(found.items)
+    if found.is_minimal:
+        assert set(found.items) == needed
+
+
+def test_a_long_run_of_causes_costs_few_tests() -> None:
+    """20 in a row among 1000 harmless ones: some halvings, and each of the 20 once or twice."""
+    tried = 0
+
+    def fails(items: frozenset[int]) -> bool:
+        nonlocal tried
+        tried += 1
+        return set(range(411, 431)) <= items
+
+    assert ddmin(range(1000), first_that(fails)).items == tuple(range(411, 431))
+    assert tried < 120
+
+
+@given(st.data(), SIZES)
+def test_of_causes_in_a_row_the_ends_are_cut_off(data: st.DataObject, size: int) -> None:
+    first = data.draw(st.integers(0, size - 1))
+    last = data.draw(st.integers(first, size - 1))
+    needed = set(range(first, last + 1))
+    left = trimmed(range(size), first_that(lambda items: needed <= items))
+    assert left == tuple(range(first, last + 1))
+
+
+@given(SIZES, st.integers(0, 1000))
+def test_what_is_left_between_cut_ends_fails_in_any_case(size: int, salt: int) -> None:
+    every = frozenset(range(size))
+
+    def fails(items: frozenset[int]) -> bool:
+        return items == every or (bool(items) and (sum(items) * 31 + salt) % 3 == 0)
+
+    left = trimmed(range(size), first_that(fails))
+    assert fails(frozenset(left))
+    assert left == tuple(range(left[0], left[-1] + 1))
+
+
+@pytest.mark.parametrize("chunks", [1, 2, 3, 7])
+def test_chunks_are_even_and_keep_the_order(chunks: int) -> None:
+    parts = split(tuple(range(7)), chunks)
+    assert [one for part in parts for one in part] == list(range(7))
+    assert len(parts) == chunks
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1

@@ -1,0 +1,154 @@
+"""Ranking and shrinking on convoys made up, whose error is a formula of what was lost."""
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from typing import Any, cast
+
+import pytest
+
+from scenarios.studies.many.blame.imposed import LossFree
+from scenarios.studies.many.blame.losses import Burst, LostMessage, bursts_of, moments_of
+from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_alone
+from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion
+from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
+from scenarios.studies.many.blame.trials import Losses, Trials
+from scenarios.studies.many.limit import Limit
+
+ErrorOf = Callable[[Losses], float]
+LANE_M = 0.8
+PERIOD = 50_000_000
+
+
+class NoConvoy:
+    """In place of a convoy, whose runs nobody drives here."""
+
+    def losing(self, losses: Losses) -> None:
+        """Nothing to drive."""
+
+
+def answer(error: float) -> BlameAnswer:
+    broken = 1 if error > LANE_M else None
+    return BlameAnswer(badness_m=error, vehicle="v3", worst_at=2, broken_at=broken)
+
+
+def trials_of(error_of: ErrorOf, at_once: int = 1, most_runs: int = 1000) -> Trials:
+    def run_all(jobs: Mapping[Any, Any]) -> Iterator[tuple[Any, BlameAnswer]]:
+        for losses in reversed(jobs):  # results come in any order
+            yield losses, answer(error_of(losses))
+
+    return Trials(
+        convoy=cast("LossFree", NoConvoy()),
+        question=BlameQuestion(figure="error", limit=Limit("lane"), until=2),
+        breaks_by=2,
+        run_all=run_all,
+        at_once=at_once,
+        most_runs=most_runs,
+        say=lambda _: None,
+    )
+
+
+def lost(sender: str, first: int, count: int) -> list[LostMessage]:
+    """A burst on the link to v3."""
+    numbers = range(first, first + count)
+    return [LostMessage(number * PERIOD, (sender, "v3"), number) for number in numbers]
+
+
+HARMLESS = [one for number in range(0, 600, 6) for one in lost("v2", number, 1)]
+
+
+def found(
+    error_of: ErrorOf, messages: list[LostMessage], **how: int
+) -> tuple[list[Blamed], SmallestSet, Trials]:
+    trials, bursts = trials_of(error_of, **how), bursts_of(messages)
+    whole = error_of(losses_of(bursts))
+    rows = ranked(trials, bursts, answer(whole), whole - error_of(frozenset()))
+    try_alone(trials, rows)
+    return rows, shrunk(trials, bursts, rows), trials
+
+
+def test_bursts_are_runs_of_numbers_and_moments_what_overlaps() -> None:
+    bursts = bursts_of([*lost("v1", 10, 5), *lost("v2", 13, 4), *lost("v1", 17, 1), *HARMLESS[:1]])
+    assert [one.line for one in bursts] == [
+        "v2 → v3 0",
+        "v1 → v3 10-14",
+        "v2 → v3 13-16",
+        "v1 → v3 17",
+    ]
+    moments = moments_of(bursts)
+    assert [len(one) for one in moments] == [1, 2, 1]
+    assert [one for moment in moments for one in moment] == list(bursts)
+
+
+@pytest.mark.parametrize("first", [0, 271, 580])
+def test_of_a_hundred_bursts_the_one_that_costs_is_found_in_few_runs(first: int) -> None:
+    burst = frozenset(lost("v1", first, 20))
+    rows, smallest, trials = found(
+        lambda losses: 0.1 * len(losses & burst), [*HARMLESS, *burst], at_once=2
+    )
+    assert rows[0].losses == burst
+    assert rows[0].mended_m == pytest.approx(2.0)
+    assert rows[0].alone is not None
+    assert rows[0].alone.broken_at is not None
+    assert len(smallest.messages) == 9  # with each 0.1 m, and 0.8 m allowed
+    assert smallest.is_minimal
+    assert trials.runs < 60
+
+
+def test_two_bursts_that_cost_together_are_both_found() -> None:
+    """As of the lead and the predecessor: while one of them is heard nothing happens."""
+    lead, ahead = frozenset(lost("v1", 300, 10)), frozenset(lost("v2", 302, 6))
+    rows, smallest, _ = found(
+        lambda losses: 1.5 * (lead | ahead <= losses), [*lost("v1", 100, 9), *lead, *ahead]
+    )
+    costly = {row.losses for row in rows if row.mended_m > 1.0}
+    assert {lead, ahead, lead | ahead} <= costly
+    assert set(smallest.messages) == lead | ahead
+
+
+def test_two_bursts_each_of_which_is_enough_are_both_looked_into() -> None:
+    """Giving back one of them mends nothing, for the other one is still lost."""
+    early, late = frozenset(lost("v1", 100, 8)), frozenset(lost("v1", 500, 8))
+    rows, smallest, _ = found(
+        lambda losses: 1.5 * (early <= losses or late <= losses), [*HARMLESS[:8], *early, *late]
+    )
+    alone = {row.losses for row in rows if row.alone and row.alone.broken_at is not None}
+    assert {early, late} <= alone | {row.losses for row in rows}
+    assert set(smallest.messages) in (early, late)
+
+
+@pytest.mark.parametrize("at_once", [2, 3, 8])
+def test_what_is_found_does_not_depend_on_how_many_runs_go_on_at_once(at_once: int) -> None:
+    def error_of(losses: Losses) -> float:
+        numbers = sorted(one.number for one in losses if one.link[0] == "v1")
+        return 0.3 * sum(b - a == 1 for a, b in pairwise(numbers))
+
+    messages = [*HARMLESS, *lost("v1", 50, 3), *lost("v1", 200, 9), *lost("v1", 400, 4)]
+    one_by_one, smallest, _ = found(error_of, messages)
+    rows, again, _ = found(error_of, messages, at_once=at_once)
+    assert [row.losses for row in rows] == [row.losses for row in one_by_one]
+    assert again == smallest
+
+
+def test_when_the_runs_are_used_up_the_set_is_not_called_minimal() -> None:
+    burst = frozenset(lost("v1", 271, 40))
+    _, smallest, trials = found(
+        lambda losses: 1.5 * (burst <= losses), [*HARMLESS, *burst], most_runs=30
+    )
+    assert burst <= set(smallest.messages)
+    assert not smallest.is_minimal
+    assert trials.runs <= 31
+
+
+def test_a_set_is_driven_once() -> None:
+    asked: list[Losses] = []
+
+    def error_of(losses: Losses) -> float:
+        asked.append(losses)
+        return 0.2 * len(losses)
+
+    bursts: tuple[Burst, ...] = bursts_of(lost("v1", 3, 7))
+    trials = trials_of(error_of)
+    sets = [frozenset(one.messages[:k]) for one in bursts for k in range(1, 8)]
+    trials.answers(sets)
+    assert trials.first_that_breaks([*sets, *sets]) == 4  # five messages, 1.0 m
+    assert len(asked) == len(set(asked)) == trials.runs == 7
