@@ -19,6 +19,7 @@ from scenarios.cli.channel.commands import channel
 from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
+from scenarios.cli.many.sweep import sweep
 
 EXAMPLES = """\b
 Examples:
@@ -56,6 +57,7 @@ for command in (
     logs.report,
     logs.explain,
     channel,
+    sweep,
     control.link,
     control.cut,
     control.heal,
