@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 60
 """Cells that are printed; the file has them all."""
+WIDEST = 14
+"""Letters of a value that are printed; a key may take whole tables."""
 
 
 @click.command(
@@ -101,6 +103,7 @@ Figures are the numbers of summary.json (`convoy reference fields`):
     default="",
     help="Let the workers of a running dask scheduler do it.",
 )
+@click.option("--no-pictures", is_flag=True, help="Tables only; needs no matplotlib.")
 @click.option("--parquet", is_flag=True, help="Write the tables as Parquet as well.")
 def sweep(
     *,
@@ -114,9 +117,12 @@ def sweep(
     workers: int | None,
     scheduler: str,
     parquet: bool,
+    no_pictures: bool,
 ) -> None:
     """Drive SCENARIO with many values of its keys and many seeds; tables, heat maps, intervals."""
     with clear_errors():
+        if not no_pictures:
+            require("sweep, without --no-pictures", "studies", "matplotlib")
         if parquet:
             require("--parquet", "tables", "pyarrow")
         if scheduler:
@@ -134,7 +140,9 @@ def sweep(
         )
         fleet = partial(fleet_of, workers, scheduler)
         say = partial(click.echo, err=True)
-        table, written = carry_out_sweep(plan, out, fleet, say, parquet=parquet)
+        table, written = carry_out_sweep(
+            plan, out, fleet, say, parquet=parquet, pictures=not no_pictures
+        )
         print_sweep(table, Console())
         click.echo(f"written: {', '.join(map(str, written))}")
         if table.errors:
@@ -161,18 +169,19 @@ def _table(table: "SweepTable", number: int) -> "Table":
 
     figures, limits = table.plan.figures[number:][:1], table.plan.limits[number:][:1]
     shown = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left")
-    shown.title = ", ".join(map(str, (*(figure.name for figure in figures), *limits)))
-    headings = [axis.key.replace(".", ".\n") for axis in table.plan.axes] + ["runs"]
+    names = (*(figure.name for figure in figures), *map(str, limits))
+    shown.title = f"{', '.join(names)}; {table.plan.seeds} runs a row"
+    headings = [axis.key.replace(".", ".\n") for axis in table.plan.axes]
     headings += ["errors"] if table.errors else []
     for figure in figures:
         headings += ["median", "5 %", "95 %", "least" if figure.is_worst_when_least else "largest"]
     for limit in limits:
-        headings += [f"{limit}\nbroken, %", "95 %\ninterval"]
+        headings += [str(limit).replace("=", "=\n") + "\nbroken\n%", "95 %\ninterval"]
     headings += [] if number else ["worst\nseed"]
     for heading in headings:
-        shown.add_column(heading, justify="right", no_wrap=True)
+        shown.add_column(heading, justify="right", no_wrap=True, max_width=WIDEST)
     for cell in table.cells[:MOST_ROWS]:
-        row = [*cell.values, str(len(cell.runs))]
+        row = list(cell.values)
         row += [str(cell.errors)] if table.errors else []
         for figure, spread in zip(figures, cell.figures[number:], strict=False):
             row += _spread_texts(spread, least=figure.is_worst_when_least)

@@ -12,8 +12,8 @@ from math import ceil
 from typing import Any, Generic, TypeVar
 
 from scenarios.studies.many.engine.batch import (
-    JobAnswer,
     EngineError,
+    JobAnswer,
     Work,
     carry_out_batch,
     in_one_line,

@@ -201,7 +201,8 @@ def draw_seeds(table: SweepTable, file: Path) -> None:
             if (bound := _bound_of(name, table.plan.limits)) is not None:
                 place.axvline(bound, color=RED, linewidth=0.9, linestyle=":")
             place.set(xlabel=name, ylabel="share of the runs", title=_over(table))
-            if table.plan.axes and len(table.cells) <= MOST_NAMED:
+            lines = place.get_legend_handles_labels()[0]
+            if table.plan.axes and lines and len(table.cells) <= MOST_NAMED:
                 keys = ", ".join(axis.key for axis in table.plan.axes)
                 place.legend(loc="lower right", title=keys, title_fontsize=7.5)
         _save(figure, file)

@@ -132,4 +132,15 @@ def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:
         for override in axis.overrides[1:]
     ]
     for cell in tried:
-        yield plan.variants(cell)[0].scenario.vehicle_names
+        try:
+            yield plan.variants(cell)[0].scenario.vehicle_names
+        except ScenarioError as error:
+            raise ScenarioError(_as_varied(line, plan.axes) for line in error.lines) from error
+
+
+def _as_varied(line: str, axes: Sequence[SweepAxis]) -> str:
+    """Say of a refused value by which option it came."""
+    by_set = "--set: "
+    if any(line.startswith(f"{by_set}{axis.key}") for axis in axes):
+        return line.replace(by_set, "--vary: ", 1)
+    return line

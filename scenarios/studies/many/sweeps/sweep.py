@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from importlib.util import find_spec
 from pathlib import Path
 
 from scenarios.definition.errors import ScenarioError
@@ -26,6 +25,7 @@ def carry_out_sweep(
     say: Callable[[str], None],
     *,
     parquet: bool = False,
+    pictures: bool = True,
 ) -> tuple[SweepTable, list[Path]]:
     """Do all runs that the journal in `out` does not have yet; the table, and the files written.
 
@@ -38,17 +38,18 @@ def carry_out_sweep(
         _complete(plan, journal, fleet, say)
         table = table_of(plan, journal.entries)
         written = write_tables(table, out, parquet=parquet)
-        if find_spec("matplotlib") is None:
-            say("no pictures: matplotlib is not installed: pip install 'convoy-emulator[studies]'")
-            return table, written
-        from scenarios.studies.many.sweeps.pictures import draw_seeds, draw_sweep  # noqa: PLC0415
+        return table, [*written, *(_draw(table, out, say) if pictures else ())]
 
-        if why_not := draw_sweep(table, out / HEAT_MAP):
-            say(why_not)
-        else:
-            written.append(out / HEAT_MAP)
-        draw_seeds(table, out / SEEDS)
-        return table, [*written, out / SEEDS]
+
+def _draw(table: SweepTable, out: Path, say: Callable[[str], None]) -> list[Path]:
+    """Draw what can be drawn; the files."""
+    from scenarios.studies.many.sweeps.pictures import draw_seeds, draw_sweep  # noqa: PLC0415
+
+    draw_seeds(table, out / SEEDS)
+    if why_not := draw_sweep(table, out / HEAT_MAP):
+        say(why_not)
+        return [out / SEEDS]
+    return [out / HEAT_MAP, out / SEEDS]
 
 
 def _refuse_used(out: Path) -> None:
