@@ -20,6 +20,7 @@ from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
 from scenarios.cli.many.blame import blame
+from scenarios.cli.many.sweep import sweep
 
 EXAMPLES = """\b
 Examples:
@@ -58,6 +59,7 @@ for command in (
     logs.explain,
     blame,
     channel,
+    sweep,
     control.link,
     control.cut,
     control.heal,

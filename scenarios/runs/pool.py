@@ -3,15 +3,60 @@
 import os
 import signal
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from threading import Thread
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 Key = TypeVar("Key", bound=Hashable)
 Job = Callable[[], Any]
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+class WorkerPool(Executor):
+    """So many worker processes, each of which imports the project once.
+
+    What a worker does that dies ends with `BrokenProcessPool`; the others do not notice, and the
+    next call of `submit` puts a new one in its place. They are spawned, as threads and a fork do
+    not go together, and end with this process, even if it is killed outright.
+    """
+
+    def __init__(self, workers: int) -> None:
+        """Start nothing yet: each worker comes with the first thing that it is to do."""
+        # Inherited by the workers; see the same line of the command line.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        self._processes = [_one_process() for _ in range(workers)]
+        self._futures: list[list[Future[Any]]] = [[] for _ in range(workers)]
+
+    def submit(
+        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Result]:
+        """Give it to the worker that has least to do."""
+        self._futures = [[one for one in of if not one.done()] for of in self._futures]
+        place = min(range(len(self._futures)), key=lambda number: len(self._futures[number]))
+        with _deaf_to_ctrl_c():  # which the workers inherit: they end with their parent
+            try:
+                future = self._processes[place].submit(fn, *args, **kwargs)
+            except BrokenProcessPool:
+                self._processes[place] = _one_process()
+                future = self._processes[place].submit(fn, *args, **kwargs)
+        self._futures[place].append(future)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Let the workers end, once they have done what is not cancelled."""
+        for process in self._processes:
+            process.shutdown(wait=False, cancel_futures=cancel_futures)
+        for process in self._processes if wait else ():
+            process.shutdown()
+
+
+def _one_process() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, get_context("spawn"), initializer=_end_with_parent)
 
 
 RunAll = Callable[[Mapping[Any, Job]], Iterator[tuple[Any, Any]]]
@@ -34,19 +79,15 @@ def warm_workers(workers: int) -> Iterator[RunAll]:
     if not workers:
         yield lambda jobs: ((key, job()) for key, job in jobs.items())
         return
-    # Inherited by the workers; see the same line of the command line.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    spawn = get_context("spawn")
-    with ProcessPoolExecutor(workers, spawn, initializer=_end_with_parent) as pool:
+    with WorkerPool(workers) as pool:
         yield lambda jobs: _done_on(pool, workers, jobs)
 
 
 def _done_on(
-    pool: ProcessPoolExecutor, workers: int, jobs: Mapping[Key, Job]
+    pool: WorkerPool, workers: int, jobs: Mapping[Key, Job]
 ) -> Iterator[tuple[Key, Any]]:
     waiting = iter(jobs.items())
-    with _deaf_to_ctrl_c():  # which workers inherit that start now: they end with their parent
-        under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
+    under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
     while under_way:
         done, _ = wait(under_way, return_when=FIRST_COMPLETED)
         for future in done:

@@ -1,4 +1,5 @@
-"""Answers from many runs.
+"""Commands that answer from many runs.
 
-blame   blame: which losses of a recorded run were to blame
+blame      which losses of a recorded run were to blame
+sweep      many values of some keys, many seeds: tables and heat maps
 """

@@ -3,4 +3,7 @@
 blame/     which losses of a recorded run were to blame
 variant    one run: a scenario, overrides and a seed, and the command that repeats it
 limit      what a run must hold: a lane, a gap, an error, no collision
+intervals  of what is estimated from a number of runs
+engine/    who does hundreds of runs, and how they survive kills
+sweeps/    `convoy sweep`: many values of some keys
 """

@@ -1,0 +1,62 @@
+"""What one worker does in one go: several jobs, one after the other."""
+
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.studies.many.engine.stamp import ProgramStamp, stamp_of_this_process
+from transport.texts import printable
+
+Work = Callable[[], Any]
+"""What can be pickled and called, and gives what can be pickled."""
+
+ONE_AT_A_TIME = Lock()
+"""Runs are Python: threads of one worker would not make them faster, but take their memory."""
+
+
+class EngineError(ScenarioError):
+    """Work cannot go on here at all, in one line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobAnswer:
+    """What came of one job: a result, or the error that it raised in one line; and how long."""
+
+    result: Any = None
+    error: str = ""
+    took_s: float = 0.0
+
+
+def carry_out_batch(stamp: ProgramStamp, jobs: Sequence[Work]) -> list[JobAnswer]:
+    """Do the jobs in this process, whose programs must be those of `stamp`.
+
+    A job that raises is an answer with its error. Raises EngineError if the programs differ.
+    """
+    here = stamp_of_this_process()
+    if here != stamp:
+        why = "; ".join(stamp.differences(here))
+        raise EngineError([f"a worker has other programs: {why}; install the same on all"])
+    with ONE_AT_A_TIME:
+        return [_answer(job) for job in jobs]
+
+
+def _answer(job: Work) -> JobAnswer:
+    began = time.perf_counter()
+    try:
+        return JobAnswer(result=job(), took_s=time.perf_counter() - began)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever it is, others go on
+        return JobAnswer(error=in_one_line(error), took_s=time.perf_counter() - began)
+
+
+def in_one_line(error: BaseException) -> str:
+    """Say what was raised; where, if it is nobody's wording but Python's."""
+    if isinstance(error, ScenarioError):
+        return printable("; ".join(error.lines))
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+    return printable(" ".join(f"{type(error).__name__}: {error}{where}".split()))

@@ -1,0 +1,63 @@
+"""Which programs a process has: results of different ones are not mixed."""
+
+import hashlib
+import platform
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+import scenarios
+import transport
+import vehicles
+
+COUNTED = {".py", ".toml", ".csv"}
+"""Files that a run depends on: programs, and what the library has of scenarios and traces."""
+DIGITS = 12
+"""Of the digest: 48 bits, against mistakes and not against malice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramStamp:
+    """Versions that a run's figures may depend on; `sources` is a digest of the three packages."""
+
+    convoy: str
+    sources: str
+    python: str
+    numpy: str
+
+    def differences(self, there: "ProgramStamp") -> list[str]:
+        """What another process has otherwise, each in words."""
+        ours = asdict(self)
+        return [
+            f"{name} is {value} there and {ours[name]} here"
+            for name, value in asdict(there).items()
+            if value != ours[name]
+        ]
+
+
+@cache
+def stamp_of_this_process() -> ProgramStamp:
+    """The stamp of the programs that this process has; read once."""
+    return ProgramStamp(
+        convoy=version("convoy-emulator"),
+        sources=digest_of(*(Path(package.__path__[0]) for package in PACKAGES)),
+        python=platform.python_version(),
+        numpy=np.__version__,
+    )
+
+
+PACKAGES = (vehicles, transport, scenarios)
+
+
+def digest_of(*packages: Path) -> str:
+    """A digest of what the packages' folders hold, wherever they are installed."""
+    digest = hashlib.sha256()
+    for package in packages:
+        files = (path for path in package.rglob("*") if path.suffix in COUNTED and path.is_file())
+        for name, path in sorted((path.relative_to(package).as_posix(), path) for path in files):
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            digest.update(f"{package.name}/{name} {content}\n".encode())
+    return digest.hexdigest()[:DIGITS]

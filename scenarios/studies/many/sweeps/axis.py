@@ -1,0 +1,118 @@
+"""A key of a scenario and the values that it takes, as they are given on the command line."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from itertools import product
+from typing import Any
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.overrides import OverrideError, parse_override
+
+MOST_VALUES = 1000
+"""Of one key."""
+ALLOWED = "KEY=START:STOP:STEP or KEY=a,b,c, such as links.loss_ratio=0:0.9:0.1"
+NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?"
+RANGE = re.compile(rf"\s*({NUMBER})\s*:\s*({NUMBER})\s*:\s*({NUMBER})\s*")
+BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepAxis:
+    """One key and its values, as texts that `--set` takes."""
+
+    key: str
+    texts: tuple[str, ...]
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """Each value as `key=value`."""
+        return tuple(f"{self.key}={text}" for text in self.texts)
+
+    @property
+    def values(self) -> tuple[Any, ...]:
+        """Each value as the scenario gets it."""
+        return tuple(parse_override(one)[1] for one in self.overrides)
+
+    @property
+    def numbers(self) -> tuple[float, ...] | None:
+        """The values, if all are numbers."""
+        values = self.values
+        if all(isinstance(one, int | float) and not isinstance(one, bool) for one in values):
+            return tuple(map(float, values))
+        return None
+
+
+def parsed_axis(text: str) -> SweepAxis:
+    """Read `KEY=START:STOP:STEP`, both ends included, or `KEY=a,b,c`; raises ScenarioError."""
+    key, _, given = text.partition("=")
+    key = key.strip()
+    try:
+        parse_override(f"{key}=0")
+        texts = _texts(given)
+        axis = SweepAxis(key=key, texts=texts)
+        seen = [repr(one) if isinstance(one, str) else str(one) for one in axis.values]
+    except ValueError as error:  # OverrideError among them
+        why = ALLOWED if isinstance(error, OverrideError) else error
+        raise ScenarioError([f"--vary: given {text!r}, allowed {why}"]) from error
+    if key == "seed":
+        raise ScenarioError(["--vary: seed: given by --seeds, which count from 1"])
+    if twice := [one for place, one in enumerate(seen) if one in seen[:place]]:
+        raise ScenarioError([f"--vary: {key}: given {twice[0]} twice"])
+    return axis
+
+
+def _texts(given: str) -> tuple[str, ...]:
+    """Texts of the values; raises ValueError with what would be right."""
+    ends = RANGE.fullmatch(given)
+    texts = tuple(_range(*map(Decimal, ends.groups()))) if ends else tuple(_split(given))
+    if not all(texts):
+        raise ValueError(ALLOWED)
+    if len(texts) > MOST_VALUES:
+        raise ValueError(f"at most {MOST_VALUES} values of a key")
+    return texts
+
+
+def _range(start: Decimal, stop: Decimal, step: Decimal) -> list[str]:
+    """Decimal numbers from start to stop, both included: no sum of binary tenths."""
+    if not step or (stop - start) * step < 0:
+        raise ValueError("a STEP that leads from START to STOP")
+    count, rest = divmod(stop - start, step)
+    if rest:
+        last = start + count * step
+        raise ValueError(f"a STEP that reaches STOP, as in {start}:{last}:{step}")
+    if count >= MOST_VALUES:
+        raise ValueError(f"at most {MOST_VALUES} values of a key")
+    return [f"{(start + number * step).normalize() + 0:f}" for number in range(int(count) + 1)]
+
+
+def _split(given: str) -> Iterator[str]:
+    """Give what stands between commas, but those within brackets or quotes."""
+    depth, quote, word = 0, "", ""
+    for letter in given:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        depth += 0 if quote else BRACKETS.get(letter, 0)
+        if letter == "," and not depth and not quote:
+            yield word.strip()
+            word = ""
+        else:
+            word += letter
+    yield word.strip()
+
+
+def parsed_axes(texts: Sequence[str]) -> tuple[SweepAxis, ...]:
+    """Read all `--vary`; raises ScenarioError, also for a key that is given twice."""
+    axes = tuple(map(parsed_axis, texts))
+    keys = [axis.key for axis in axes]
+    if twice := [key for place, key in enumerate(keys) if key in keys[:place]]:
+        raise ScenarioError([f"--vary: given {twice[0]} twice, allowed once, with all its values"])
+    return axes
+
+
+def cells(axes: Sequence[SweepAxis]) -> list[tuple[str, ...]]:
+    """Every combination of values, as overrides; the last key changes fastest."""
+    return list(product(*(axis.overrides for axis in axes)))

@@ -1,0 +1,119 @@
+"""A figure of a run's summary by its name: of the worst follower, of a vehicle, of a link."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from difflib import get_close_matches
+from math import isfinite
+from types import NoneType
+from typing import Any, get_args
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.links import directed_links
+from scenarios.results.channel.account import SAFE_AGES_MS, LinkSummary
+from scenarios.results.encounters import EventKind
+from scenarios.results.summary import RunSummary, VehicleSummary
+from transport.reasons import DropReason
+from vehicles.messages import Mode
+
+WORDS: Mapping[str, Sequence[str]] = {
+    "ticks_by_mode": get_args(Mode),
+    "dropped": get_args(DropReason),
+    "safe_time_ratio": tuple(map(str, SAFE_AGES_MS)),
+}
+"""Fields that are tables, and the keys that they may have."""
+OF_RUN = ("ran_s",)
+NEAR = 4
+"""So many names are offered for one that is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class AskedFigure:
+    """A figure by its name.
+
+    `FIELD` is that of the worst follower: the largest, but the smallest of what ends with `_min`
+    and of `safe_time_ratio`. `v3.FIELD` is that of one vehicle, `links.FIELD` that of the worst
+    link, `v1:v2.FIELD` that of one. `events.KIND` is a count. Fields within fields have dots.
+    """
+
+    name: str
+
+    @property
+    def is_worst_when_least(self) -> bool:
+        """Whether small values are bad ones."""
+        return self.name.endswith("_min") or "safe_time_ratio" in self.name.split(".")
+
+    def of(self, summary: RunSummary) -> float | None:
+        """Its value in a run; None where there was nothing to measure, or nobody."""
+        scope, _, rest = self.name.partition(".")
+        if scope == "events":
+            return float(sum(event.kind == rest for event in summary.events))
+        if self.name in OF_RUN:
+            return float(getattr(summary, self.name))
+        rows, path = self._rows(summary, scope, rest)
+        values = [_value(row, path.split(".")) for row in rows]
+        known = [float(one) for one in values if one is not None and isfinite(one)]
+        if not known:
+            return None
+        return min(known) if self.is_worst_when_least else max(known)
+
+    def _rows(self, summary: RunSummary, scope: str, rest: str) -> tuple[Iterable[Any], str]:
+        """What has the field, and the field's name."""
+        if scope == "links":
+            return summary.links, rest
+        if ":" in scope:
+            ends = tuple(scope.split(":"))
+            return [row for row in summary.links if (row.sender, row.receiver) == ends], rest
+        if scope in FIRST_OF_VEHICLE:
+            return [row for row in summary.vehicles if row.role == "follower"], self.name
+        return [row for row in summary.vehicles if row.name == scope], rest
+
+
+def _value(row: Any, path: Sequence[str]) -> float | None:
+    for part in path:
+        if isinstance(row, Mapping):
+            # What was not counted is 0; a share of no commands is not known.
+            row = row.get(part, None if "safe_time_ratio" in path else 0)
+        else:
+            row = getattr(row, part)
+    return None if row is None else float(row)
+
+
+def _paths(kind: type) -> Iterator[str]:
+    """Names of all numbers of a summary's class."""
+    for one in fields(kind):
+        types = set(get_args(one.type) or (one.type,)) - {NoneType}
+        if types <= {int, float}:
+            yield one.name
+        elif one.name in WORDS:
+            yield from (f"{one.name}.{word}" for word in WORDS[one.name])
+        elif isinstance(one.type, type) and is_dataclass(one.type):
+            yield from (f"{one.name}.{path}" for path in _paths(one.type))
+
+
+OF_VEHICLE = tuple(_paths(VehicleSummary))
+OF_LINK = tuple(_paths(LinkSummary))
+FIRST_OF_VEHICLE = frozenset(path.split(".")[0] for path in OF_VEHICLE)
+
+
+def parsed_figure(text: str, vehicles: Sequence[str]) -> AskedFigure:
+    """Read a figure's name in a convoy of `vehicles`; raises ScenarioError with near names."""
+    links = ("links", *(f"{sender}:{receiver}" for sender, receiver in directed_links(vehicles)))
+    scope, dot, _ = text.partition(".")
+    if scope in vehicles and dot:
+        known = [f"{scope}.{path}" for path in OF_VEHICLE]
+    elif scope in links and dot:
+        known = [f"{scope}.{path}" for path in OF_LINK]
+    else:
+        known = [*OF_VEHICLE, *OF_RUN, *(f"events.{kind}" for kind in get_args(EventKind))]
+        known += [f"links.{path}" for path in OF_LINK]
+    if text in known:
+        return AskedFigure(text)
+    near = _near(text, known)
+    allowed = ", ".join(near) if near else "the numbers that `convoy reference fields` lists"
+    raise ScenarioError([f"--figure: unknown figure {text!r}, near it: {allowed}"])
+
+
+def _near(text: str, known: Sequence[str]) -> list[str]:
+    """Names that look alike or contain what was given."""
+    inside = [name for name in known if len(text) > 2 and text in name]
+    return list(dict.fromkeys([*get_close_matches(text, known, n=NEAR), *inside]))[:NEAR]

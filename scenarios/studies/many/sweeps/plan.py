@@ -1,0 +1,146 @@
+"""Which runs a sweep has, and what is asked of each."""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import load_scenario
+from scenarios.studies.many.engine.batch import Work
+from scenarios.studies.many.engine.stamp import stamp_of_this_process
+from scenarios.studies.many.limit import Limit, parsed_limit
+from scenarios.studies.many.sweeps.axis import SweepAxis, cells, parsed_axes
+from scenarios.studies.many.sweeps.figure import AskedFigure, parsed_figure
+from scenarios.studies.many.variant import Variant, variants_of
+
+DEFAULT_FIGURE = "cross_track_error_m_max"
+MOST_RUNS = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepPlan:
+    """A scenario, the keys that vary, the seeds 1 to `seeds`, and what is asked of each run.
+
+    Seed k is the same noise in every cell, as draws are keyed by it. `text` is the scenario without
+    overrides, `sets` are those that all runs have.
+    """
+
+    name: str
+    text: str
+    sets: tuple[str, ...]
+    axes: tuple[SweepAxis, ...]
+    seeds: int
+    figures: tuple[AskedFigure, ...]
+    limits: tuple[Limit, ...]
+
+    @property
+    def cells(self) -> list[tuple[str, ...]]:
+        """What is laid over the scenario in each cell, as overrides, one for each axis."""
+        return cells(self.axes)
+
+    @property
+    def runs(self) -> int:
+        """How many runs it has."""
+        return len(self.cells) * self.seeds
+
+    def variants(self, cell: Sequence[str]) -> list[Variant]:
+        """The runs of a cell, in the order of their seeds."""
+        return variants_of(self.name, self.text, [*self.sets, *cell], range(1, self.seeds + 1))
+
+    def jobs(self) -> dict[str, Work]:
+        """Every run by its key in the journal, as work for an engine."""
+        return {
+            run_key(place, variant.seed): partial(asked_of, variant, self.figures, self.limits)
+            for place, cell in enumerate(self.cells)
+            for variant in self.variants(cell)
+        }
+
+    def asked(self) -> dict[str, Any]:
+        """All that its results depend on, by the words of the command line."""
+        return {
+            "SCENARIO": self.name,
+            "its content": hashlib.sha256(self.text.encode()).hexdigest()[:12],
+            "--set": list(self.sets),
+            "--vary": [f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
+            "--seeds": self.seeds,
+            "--figure": [figure.name for figure in self.figures],
+            "--limit": [str(limit) for limit in self.limits],
+            **asdict(stamp_of_this_process()),
+        }
+
+
+def run_key(cell: int, seed: int) -> str:
+    """A run's name in the journal."""
+    return f"{cell}/{seed}"
+
+
+def asked_of(
+    variant: Variant, figures: Sequence[AskedFigure], limits: Sequence[Limit]
+) -> dict[str, Any]:
+    """Drive a run; what is kept of it, in the order of the figures and limits."""
+    summary = variant.run()
+    return {
+        "outcome": summary.outcome,
+        "reason": summary.reason,
+        "figures": [figure.of(summary) for figure in figures],
+        "broken": [limit.broken_by(summary) for limit in limits],
+    }
+
+
+def planned(
+    name: str,
+    *,
+    vary: Sequence[str],
+    seeds: int,
+    sets: Sequence[str] = (),
+    figures: Sequence[str] = (),
+    limits: Sequence[str] = (),
+) -> SweepPlan:
+    """Put a sweep together from the texts of the command line.
+
+    Raises ScenarioError, in a line for each problem, before anything runs: every value of every key
+    is tried once with the first values of the others.
+    """
+    axes = parsed_axes(vary)
+    fixed = {text.partition("=")[0].strip() for text in sets}
+    if both := [axis.key for axis in axes if axis.key in fixed]:
+        raise ScenarioError([f"--vary: {both[0]}: given by --set as well, allowed one of them"])
+    plan = SweepPlan(
+        name=name,
+        text=load_scenario(name).text,
+        sets=tuple(sets),
+        axes=axes,
+        seeds=seeds,
+        figures=(),
+        limits=tuple(dict.fromkeys(map(parsed_limit, limits))),
+    )
+    if plan.runs > MOST_RUNS:
+        raise ScenarioError([f"{name}: given {plan.runs} runs, allowed {MOST_RUNS}"])
+    vehicles = max(_vehicles(plan), key=len)
+    asked = dict.fromkeys(figures or [DEFAULT_FIGURE])
+    return replace(plan, figures=tuple(parsed_figure(text, vehicles) for text in asked))
+
+
+def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:
+    """Load the first run of each value; gives the names of its vehicles."""
+    first = [axis.overrides[0] for axis in plan.axes]
+    tried = [first] + [
+        [*first[:place], override, *first[place + 1 :]]
+        for place, axis in enumerate(plan.axes)
+        for override in axis.overrides[1:]
+    ]
+    for cell in tried:
+        try:
+            yield plan.variants(cell)[0].scenario.vehicle_names
+        except ScenarioError as error:
+            raise ScenarioError(_as_varied(line, plan.axes) for line in error.lines) from error
+
+
+def _as_varied(line: str, axes: Sequence[SweepAxis]) -> str:
+    """Say of a refused value by which option it came."""
+    by_set = "--set: "
+    if any(line.startswith(f"{by_set}{axis.key}") for axis in axes):
+        return line.replace(by_set, "--vary: ", 1)
+    return line

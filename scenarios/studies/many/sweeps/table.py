@@ -1,0 +1,204 @@
+"""What the runs of each cell of a sweep say together. It depends on what the runs gave alone."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenarios.studies.many.engine.journal import Entry
+from scenarios.studies.many.intervals import wilson
+from scenarios.studies.many.limit import Limit
+from scenarios.studies.many.sweeps.figure import AskedFigure
+from scenarios.studies.many.sweeps.plan import SweepPlan, run_key
+
+Row = dict[str, Any]
+"""A row of a table: texts and numbers by column, None where there is nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweptRun:
+    """One run: what it gave, or the error that it raised."""
+
+    values: tuple[str, ...]
+    seed: int
+    command: str
+    outcome: str = ""
+    reason: str = ""
+    error: str = ""
+    figures: tuple[float | None, ...] = ()
+    broken: tuple[bool, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureSpread:
+    """A figure over the seeds of a cell, of as many runs as know it; None without any."""
+
+    known: int
+    median: float | None = None
+    p5: float | None = None
+    p95: float | None = None
+    least: float | None = None
+    largest: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitShare:
+    """How many runs of a cell broke a limit, with Wilson's interval of 95 % of the share."""
+
+    broken: int
+    ratio: float | None
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweptCell:
+    """The runs of one cell; those that raised an error count nowhere but in `errors`.
+
+    `failed` are those that did not end as planned, by limits in the scenario or by a fault. `worst`
+    is the run with the worst first figure.
+    """
+
+    values: tuple[str, ...]
+    runs: tuple[SweptRun, ...]
+    failed: int
+    errors: int
+    figures: tuple[FigureSpread, ...]
+    limits: tuple[LimitShare, ...]
+    worst: SweptRun
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepTable:
+    """All cells of a sweep, in the order of its axes."""
+
+    plan: SweepPlan
+    cells: tuple[SweptCell, ...]
+
+    @property
+    def errors(self) -> int:
+        """How many runs raised an error."""
+        return sum(cell.errors for cell in self.cells)
+
+    @property
+    def worst(self) -> SweptRun:
+        """The run with the worst first figure of all."""
+        return max((cell.worst for cell in self.cells), key=_badness(self.plan.figures[0]))
+
+    def rows(self) -> list[Row]:
+        """A row for each cell."""
+        return [self._row(cell) for cell in self.cells]
+
+    def run_rows(self) -> list[Row]:
+        """A row for each run."""
+        return [self._run_row(run) for cell in self.cells for run in cell.runs]
+
+    def _keys(self, values: Sequence[str]) -> Row:
+        return {axis.key: value for axis, value in zip(self.plan.axes, values, strict=True)}
+
+    def _row(self, cell: SweptCell) -> Row:
+        row = self._keys(cell.values)
+        row |= {"runs": len(cell.runs), "failed": cell.failed, "errors": cell.errors}
+        for figure, spread in zip(self.plan.figures, cell.figures, strict=True):
+            row |= {
+                f"{figure.name}.known": spread.known,
+                f"{figure.name}.median": spread.median,
+                f"{figure.name}.p5": spread.p5,
+                f"{figure.name}.p95": spread.p95,
+                f"{figure.name}.least": spread.least,
+                f"{figure.name}.largest": spread.largest,
+            }
+        for limit, share in zip(self.plan.limits, cell.limits, strict=True):
+            row |= {
+                f"{limit}.broken": share.broken,
+                f"{limit}.broken_ratio": share.ratio,
+                f"{limit}.broken_ratio_low": share.low,
+                f"{limit}.broken_ratio_high": share.high,
+            }
+        return row | {"worst_seed": cell.worst.seed, "worst_command": cell.worst.command}
+
+    def _run_row(self, run: SweptRun) -> Row:
+        row = self._keys(run.values) | {"seed": run.seed, "outcome": run.outcome}
+        row |= {"reason": run.reason, "error": run.error}
+        figures = run.figures or (None,) * len(self.plan.figures)
+        broken = run.broken or (None,) * len(self.plan.limits)
+        for figure, value in zip(self.plan.figures, figures, strict=True):
+            row[figure.name] = value
+        for limit, is_broken in zip(self.plan.limits, broken, strict=True):
+            row[f"{limit}.broken"] = None if is_broken is None else int(is_broken)
+        return row | {"command": run.command}
+
+
+def table_of(plan: SweepPlan, entries: Mapping[str, Entry]) -> SweepTable:
+    """Sum up what the journal has of all runs; their order there does not matter."""
+    found = []
+    for place, cell in enumerate(plan.cells):
+        values = tuple(override.partition("=")[2] for override in cell)
+        runs = [
+            _run(values, one.seed, one.command, entries[run_key(place, one.seed)])
+            for one in plan.variants(cell)
+        ]
+        found.append(_cell(values, runs, plan.figures, plan.limits))
+    return SweepTable(plan=plan, cells=tuple(found))
+
+
+def _run(values: tuple[str, ...], seed: int, command: str, entry: Entry) -> SweptRun:
+    return SweptRun(
+        values=values,
+        seed=seed,
+        command=command,
+        outcome=entry.get("outcome", ""),
+        reason=entry.get("reason", ""),
+        error=entry.get("error", ""),
+        figures=tuple(entry.get("figures", ())),
+        broken=tuple(entry.get("broken", ())),
+    )
+
+
+def _cell(
+    values: tuple[str, ...],
+    runs: Sequence[SweptRun],
+    figures: Sequence[AskedFigure],
+    limits: Sequence[Limit],
+) -> SweptCell:
+    sound = [run for run in runs if not run.error]
+    return SweptCell(
+        values=values,
+        runs=tuple(runs),
+        failed=sum(run.outcome == "failed" for run in sound),
+        errors=len(runs) - len(sound),
+        figures=tuple(_spread([run.figures[n] for run in sound]) for n in range(len(figures))),
+        limits=tuple(_share([run.broken[n] for run in sound]) for n in range(len(limits))),
+        worst=max(sound or runs, key=_badness(figures[0])),
+    )
+
+
+def _badness(figure: AskedFigure) -> Callable[[SweptRun], float]:
+    """How bad a run is by a figure; of equal ones `max` takes the one with the smallest seed."""
+    sign = -1.0 if figure.is_worst_when_least else 1.0
+
+    def bad(run: SweptRun) -> float:
+        value = run.figures[0] if run.figures else None
+        return -np.inf if value is None else sign * value
+
+    return bad
+
+
+def _spread(values: Sequence[float | None]) -> FigureSpread:
+    """Quantiles between the values where none is at their place, as numpy's by default."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return FigureSpread(known=0)
+    p5, median, p95 = map(float, np.quantile(known, (0.05, 0.5, 0.95)))
+    least, largest = min(known), max(known)
+    return FigureSpread(
+        known=len(known), median=median, p5=p5, p95=p95, least=least, largest=largest
+    )
+
+
+def _share(broken: Sequence[bool]) -> LimitShare:
+    count = sum(broken)
+    low, high = wilson(count, len(broken))
+    ratio = count / len(broken) if broken else None
+    return LimitShare(broken=count, ratio=ratio, low=low, high=high)

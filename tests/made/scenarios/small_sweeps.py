@@ -1,0 +1,32 @@
+"""Sweeps that take a moment: two vehicles, half a second, in this process."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from scenarios.studies.many.engine.fleet import fleet_of
+from scenarios.studies.many.sweeps.plan import SweepPlan, planned
+from scenarios.studies.many.sweeps.sweep import carry_out_sweep
+from scenarios.studies.many.sweeps.table import SweepTable
+
+SETS = ("duration_s=0.5", "convoy.vehicles=2")
+VARY = ("links.loss_ratio=0:0.8:0.8", "convoy.gap_m=8,15")
+FIGURES = ("cross_track_error_m_max", "true_gap_m_min")
+LIMITS = ("lane", "error_m=0.02")
+TABLES = ("sweep.csv", "runs.csv", "sweep.json")
+
+
+def small_plan(vary: Sequence[str] = VARY, seeds: int = 2) -> SweepPlan:
+    """A sweep of eight runs by default."""
+    return planned("lane_change", vary=vary, seeds=seeds, sets=SETS, figures=FIGURES, limits=LIMITS)
+
+
+def driven_here(plan: SweepPlan, out: Path) -> SweepTable:
+    """Carry a sweep out in this process, without pictures."""
+    said: list[str] = []
+    return carry_out_sweep(plan, out, partial(fleet_of, 0), said.append, pictures=False)[0]
+
+
+def tables(out: Path) -> dict[str, bytes]:
+    """The content of a sweep's tables, by name."""
+    return {name: (out / name).read_bytes() for name in TABLES}

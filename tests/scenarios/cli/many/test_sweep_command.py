@@ -1,0 +1,192 @@
+"""`convoy sweep` as a user has it: killed and started again, a run repeated, refusals in a line."""
+
+import csv
+import random
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import psutil
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
+from scenarios.results.summary import to_json
+from scenarios.studies.many.engine.journal import JOURNAL
+from tests.made.scenarios.small_sweeps import (
+    FIGURES,
+    LIMITS,
+    SETS,
+    VARY,
+    driven_here,
+    small_plan,
+    tables,
+)
+
+SEEDS = 4
+LINES = 4 * SEEDS + 1
+"""Of the journal, when all is done."""
+ASKED = [
+    "lane_change",
+    *(f"--set={text}" for text in SETS),
+    *(f"--vary={text}" for text in VARY),
+    *(f"--figure={text}" for text in FIGURES),
+    *(f"--limit={text}" for text in LIMITS),
+    f"--seeds={SEEDS}",
+    "--no-pictures",
+]
+
+
+def convoy(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli, list(map(str, arguments)))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sweep that was carried out in this process, undisturbed."""
+    out = tmp_path_factory.mktemp("whole")
+    driven_here(small_plan(seeds=SEEDS), out)
+    return out
+
+
+def started(out: Path) -> "subprocess.Popen[bytes]":
+    command = [sys.executable, "-m", "scenarios.cli", "sweep", *ASKED, f"--out={out}"]
+    return subprocess.Popen(
+        [*command, "--workers=1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+
+
+def lines(out: Path) -> int:
+    journal = out / JOURNAL
+    return journal.read_bytes().count(b"\n") if journal.exists() else 0
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 120.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def ended(processes: Sequence[psutil.Process]) -> bool:
+    return all(not one.is_running() or one.status() == psutil.STATUS_ZOMBIE for one in processes)
+
+
+@pytest.mark.long
+@pytest.mark.campaign(1, 10)
+def test_driver_and_worker_killed_at_random_instants_cost_time_only(
+    whole: Path, campaign: int, tmp_path: Path
+) -> None:
+    noise = random.Random(17)
+    for _ in range(campaign):
+        wanted = min(LINES - 2, max(lines(tmp_path), 1) + noise.randrange(max(2, 16 // campaign)))
+        driver = started(tmp_path)
+        wait_for(lambda least=wanted: lines(tmp_path) >= least)  # type: ignore[misc]
+        time.sleep(noise.uniform(0.0, 0.02))
+        workers = psutil.Process(driver.pid).children(recursive=True)
+        driver.send_signal(signal.SIGKILL)
+        driver.wait()
+        wait_for(lambda them=workers: ended(them))  # type: ignore[misc]
+    assert not (tmp_path / "sweep.csv").exists(), "killed too late to show anything"
+    before = lines(tmp_path)
+    driver = started(tmp_path)
+    wait_for(lambda: lines(tmp_path) > before)
+    for child in psutil.Process(driver.pid).children():
+        if "spawn_main" in " ".join(child.cmdline()):
+            child.kill()
+    assert driver.wait(120.0) == 0
+    assert tables(tmp_path) == tables(whole)
+    assert lines(tmp_path) == LINES
+
+
+def test_the_command_of_a_run_repeats_it_bit_for_bit(whole: Path, tmp_path: Path) -> None:
+    with (whole / "runs.csv").open(newline="") as file:
+        row = list(csv.DictReader(file))[-1]
+    program, *words = shlex.split(row["command"])
+    assert program == "convoy"
+    done = convoy(*words, "--out", tmp_path, "--quiet")
+    assert done.exit_code == 0, done.output
+    plan = small_plan(seeds=SEEDS)
+    summary = plan.variants(plan.cells[-1])[-1].run()
+    assert (tmp_path / "summary.json").read_text() == to_json(summary)
+    for figure in plan.figures:
+        assert row[figure.name] == repr(figure.of(summary))
+
+
+def test_done_already_it_prints_the_same_again(whole: Path) -> None:
+    before = tables(whole)
+    done = convoy("sweep", *ASKED, "--out", whole, "--workers", "0")
+    assert done.exit_code == 0, done.output
+    assert f"{4 * SEEDS} of {4 * SEEDS} runs are there already, 0 are left" in done.stderr
+    assert "cross_track_error_m_max, lane; 4 runs a row" in done.stdout
+    with (whole / "sweep.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    worst = max(rows, key=lambda row: float(row["cross_track_error_m_max.largest"]))
+    assert f"the worst of all again: {worst['worst_command']}" in done.stdout
+    for row in rows:
+        assert f"{float(row['cross_track_error_m_max.median']):.3g}" in done.stdout
+    assert tables(whole) == before
+
+
+def test_another_command_into_the_folder_is_refused(whole: Path) -> None:
+    before = tables(whole)
+    done = convoy("sweep", *ASKED, "--seeds", "5", "--out", whole)
+    assert done.exit_code == 2
+    assert done.stderr == (
+        f"{whole}: holds the answers to another command: --seeds: 4 there, 5 now; give another"
+        " folder by --out\n"
+    )
+    assert tables(whole) == before
+
+
+def test_a_run_that_raises_gives_exit_code_1_and_its_command(tmp_path: Path) -> None:
+    vary = ["--vary=convoy.vehicles=3,2", "--vary=vehicle={},{v3={clock={offset_ms=3.0}}}"]
+    given = ["sweep", "lane_change", *vary, "--set=duration_s=0.5", "--seeds=1", "--no-pictures"]
+    done = convoy(*given, "--workers=0", "--out", tmp_path)
+    assert done.exit_code == 1
+    said = done.stderr.splitlines()[-2:]
+    assert said[0] == "1 of 4 runs raised an error"
+    assert said[1].startswith("convoy run lane_change --set=duration_s=0.5 --set=convoy.vehicles=2")
+    assert said[1].endswith("vehicle.v3: no such vehicle, allowed v1, v2")
+    assert "errors" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["nowhere"], "nowhere"),
+        (["lane_change", "--vary", "links.loss_ratio=0:1:0.3"], "a STEP that reaches STOP"),
+        (["lane_change", "--vary", "links.los=0,1"], "unknown key"),
+        (["lane_change", "--figure", "errors"], "--figure: unknown figure 'errors', near it: "),
+        (["lane_change", "--limit", "error_m"], "--limit: given 'error_m', allowed"),
+    ],
+)
+def test_bad_input_is_one_line(given: list[str], said: str, tmp_path: Path) -> None:
+    done = convoy("sweep", *given, "--out", tmp_path / "sweep")
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert said in line
+    assert not (tmp_path / "sweep").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "package", "extra"),
+    [
+        (["--parquet", "--no-pictures"], "pyarrow", "tables"),
+        (["--scheduler=tcp://127.0.0.1:1", "--no-pictures"], "distributed", "dask"),
+        ([], "matplotlib", "studies"),
+    ],
+)
+def test_a_package_that_is_missing_is_one_line(
+    option: list[str], package: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scenarios.cli.failure.find_spec", lambda name: name != package or None)
+    done = convoy("sweep", "lane_change", *option)
+    assert done.exit_code == 2
+    (line,) = done.stderr.splitlines()
+    assert line.endswith(f"not installed here: pip install 'convoy-emulator[{extra}]'")

@@ -1,0 +1,56 @@
+"""The stamp of programs: the same wherever they are installed, another one for other programs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.studies.many.engine.batch import carry_out_batch
+from scenarios.studies.many.engine.stamp import digest_of, stamp_of_this_process
+
+
+def package(folder: Path, **files: str) -> Path:
+    for name, text in files.items():
+        path = folder / "cars" / name.replace("__", "/").replace("_", ".")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return folder / "cars"
+
+
+FILES = {"a_py": "x = 1\n", "b__c_toml": "y = 2\n"}
+
+
+def test_a_digest_is_that_of_the_content_and_not_of_the_place(tmp_path: Path) -> None:
+    one = package(tmp_path / "one", **FILES)
+    other = package(tmp_path / "other", **FILES, notes_txt="not counted")
+    (other / "__pycache__").mkdir()
+    (other / "__pycache__" / "a.pyc").write_bytes(b"compiled")
+    assert digest_of(one) == digest_of(other)
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"a_py": "x = 2\n", "b__c_toml": "y = 2\n"},
+        {"a_py": "x = 1\n", "b__d_toml": "y = 2\n"},
+        {"a_py": "x = 1\n"},
+        FILES | {"more_csv": ""},
+    ],
+)
+def test_another_content_or_name_has_another_digest(files: dict[str, str], tmp_path: Path) -> None:
+    assert digest_of(package(tmp_path / "one", **files)) != digest_of(
+        package(tmp_path / "other", **FILES)
+    )
+
+
+def test_a_worker_with_other_programs_does_nothing_and_says_what_differs() -> None:
+    done: list[int] = []
+    here = stamp_of_this_process()
+    driver = replace(here, numpy="1.0", sources="0" * 12)
+    with pytest.raises(ScenarioError) as refused:
+        carry_out_batch(driver, [lambda: done.append(1)])
+    (line,) = refused.value.lines
+    assert f"numpy is {here.numpy} there and 1.0 here" in line
+    assert f"sources is {here.sources} there" in line
+    assert not done

@@ -1,0 +1,84 @@
+"""A figure has the value that summary.json has, found there by other means."""
+
+import json
+from functools import cache
+from typing import Any
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.summary import RunSummary, to_json
+from scenarios.runs.unlogged import run_unlogged
+from scenarios.studies.many.sweeps.figure import OF_LINK, OF_VEHICLE, parsed_figure
+
+NAMES = ("v1", "v2", "v3")
+
+
+@cache
+def run() -> RunSummary:
+    """A short run with losses and an event: v3 does not hear anybody for a while."""
+    overrides = ["duration_s=4", "convoy.vehicles=3", "links.loss_ratio=0.9", "convoy.gap_m=6"]
+    return run_unlogged(load_scenario("lane_change", overrides))
+
+
+def of(name: str) -> float | None:
+    return parsed_figure(name, NAMES).of(run())
+
+
+def test_figures_are_those_of_the_summary() -> None:
+    whole: dict[str, Any] = json.loads(to_json(run()))
+    _, v2, v3 = whole["vehicles"]
+    errors = [row["cross_track_error_m_max"] for row in (v2, v3)]
+    gaps = [row["true_gap_m_min"] for row in (v2, v3)]
+    assert of("cross_track_error_m_max") == max(errors)
+    assert of("true_gap_m_min") == min(gaps) < max(gaps)
+    assert of("v2.cross_track_error_m_max") == errors[0]
+    assert of("v1.cross_track_error_m_max") is None
+    assert of("v3.reaction.mode_changes") == v3["reaction"]["mode_changes"] > 0
+    assert of("v3.ticks_by_mode.composite") == v3["ticks_by_mode"].get("composite", 0)
+    assert of("ran_s") == whole["ran_s"]
+    links = {(row["sender"], row["receiver"]): row for row in whole["links"]}
+    assert of("v1:v3.heard") == links["v1", "v3"]["heard"]
+    assert of("links.age_ms_max") == max(row["age_ms_max"] for row in links.values())
+    assert of("v1:v2.dropped.loss") == links["v1", "v2"]["dropped"]["loss"]
+    assert of("v1:v2.dropped.cut") == 0
+    assert of("links.safe_time_ratio.500") == min(
+        row["safe_time_ratio"]["500"] for row in links.values()
+    )
+    kinds = [event["kind"] for event in whole["events"]]
+    assert kinds, "the run is meant to have events"
+    for kind in ("path_lost", "collision", "stop"):
+        assert of(f"events.{kind}") == kinds.count(kind)
+
+
+def test_every_name_that_is_allowed_has_a_value_or_none() -> None:
+    for name in (*OF_VEHICLE, *(f"links.{path}" for path in OF_LINK)):
+        value = of(name)
+        assert value is None or isinstance(value, float), name
+
+
+def test_a_vehicle_that_a_cell_lacks_has_no_figure() -> None:
+    assert parsed_figure("v9.distance_m", [*NAMES, "v9"]).of(run()) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "near"),
+    [
+        ("cross_track_eror_m_max", "cross_track_error_m_max"),
+        ("v3.distance", "v3.distance_m"),
+        ("events.colision", "events.collision"),
+        ("links.age_max", "links.age_ms_max"),
+        ("v1:v2.los_ratio", "v1:v2.loss_ratio"),
+        ("gap", "true_gap_m_min"),
+        ("v7.distance_m", "distance_m"),
+        ("xyz", "numbers that `convoy reference fields` lists"),
+        ("", "numbers that"),
+    ],
+)
+def test_an_unknown_name_is_refused_with_near_ones(text: str, near: str) -> None:
+    with pytest.raises(ScenarioError) as error:
+        parsed_figure(text, NAMES)
+    (line,) = error.value.lines
+    assert line.startswith(f"--figure: unknown figure {text!r}, near it: ")
+    assert near in line

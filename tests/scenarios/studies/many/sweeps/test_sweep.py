@@ -1,0 +1,131 @@
+"""Sweeps of small runs: resumed, on several executors, with runs that raise; all to the byte."""
+
+import json
+import random
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.studies.many.engine.fleet import Fleet
+from scenarios.studies.many.engine.journal import JOURNAL
+from scenarios.studies.many.sweeps.plan import DEFAULT_FIGURE, planned
+from scenarios.studies.many.sweeps.sweep import carry_out_sweep
+from tests.made.scenarios.small_sweeps import SETS, driven_here, small_plan, tables
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a sweep that was not disturbed."""
+    out = tmp_path_factory.mktemp("sweep")
+    driven_here(small_plan(), out)
+    return out
+
+
+def test_each_run_is_that_of_its_variant(whole: Path) -> None:
+    plan = small_plan()
+    cells = json.loads((whole / "sweep.json").read_text())["cells"]
+    for place, seed in ((0, 1), (3, 2)):
+        variant = plan.variants(plan.cells[place])[seed - 1]
+        summary = variant.run()
+        run = cells[place]["runs"][seed - 1]
+        assert run["command"] == variant.command
+        errors = [row.cross_track_error_m_max for row in summary.vehicles[1:]]
+        assert run["figures"]["cross_track_error_m_max"] == max(filter(None, errors))
+    figures = {run["figures"][DEFAULT_FIGURE] for cell in cells for run in cell["runs"]}
+    assert len(figures) == plan.runs, "every run is another one"
+
+
+def test_seeds_are_shared_between_cells() -> None:
+    plan = small_plan()
+    seeds = [[one.seed for one in plan.variants(cell)] for cell in plan.cells]
+    assert seeds == [[1, 2]] * 4
+
+
+@pytest.mark.campaign(2, 20)
+def test_cut_anywhere_and_resumed_the_tables_are_the_same(
+    whole: Path, campaign: int, tmp_path: Path
+) -> None:
+    journal = (whole / JOURNAL).read_bytes()
+    noise = random.Random(11)
+    for cut in (len(journal), *(noise.randrange(len(journal)) for _ in range(campaign))):
+        (tmp_path / JOURNAL).write_bytes(journal[:cut])
+        driven_here(small_plan(), tmp_path)
+        assert tables(tmp_path) == tables(whole)
+        assert (tmp_path / JOURNAL).read_bytes().count(b"\n") == journal.count(b"\n")
+
+
+@contextmanager
+def three_threads() -> Iterator[Fleet]:
+    with ThreadPoolExecutor(3) as pool:
+        yield Fleet(executor=pool, slots=lambda: 5)
+
+
+def test_another_executor_gives_the_same_tables(whole: Path, tmp_path: Path) -> None:
+    """That a process pool does is shown by the command, which is killed meanwhile."""
+    carry_out_sweep(small_plan(), tmp_path, three_threads, lambda _: None, pictures=False)
+    assert tables(tmp_path) == tables(whole)
+
+
+def test_a_run_that_raises_stands_in_its_cell(tmp_path: Path) -> None:
+    """Two vehicles are allowed, and a third one's clock, but not both: no value shows it alone."""
+    vary = ("convoy.vehicles=3,2", "vehicle={},{v3={clock={offset_ms=3.0}}}")
+    plan = planned("lane_change", vary=vary, seeds=1, sets=SETS[:1], limits=["lane"])
+    table = driven_here(plan, tmp_path)
+    assert [cell.errors for cell in table.cells] == [0, 0, 0, 1]
+    run = table.cells[3].runs[0]
+    assert "vehicle.v3: no such vehicle, allowed v1, v2" in run.error
+    assert run.figures == ()
+    assert "vehicle.v3: no such vehicle" in (tmp_path / "runs.csv").read_text()
+    before = tables(tmp_path)
+    driven_here(plan, tmp_path)
+    assert tables(tmp_path) == before
+
+
+def test_a_run_whose_worker_died_is_tried_again_next_time(whole: Path, tmp_path: Path) -> None:
+    lines = (whole / JOURNAL).read_text().splitlines(keepends=True)
+    died = [
+        json.dumps({"run": json.loads(line)["run"], "error": "died", "given_up": True}) + "\n"
+        for line in lines[1:3]
+    ]
+    (tmp_path / JOURNAL).write_text("".join([lines[0], *died, *lines[3:]]))
+    driven_here(small_plan(), tmp_path)
+    assert tables(tmp_path) == tables(whole)
+
+
+def test_files_of_somebody_else_are_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "runs.csv").write_text("mine")
+    with pytest.raises(ScenarioError, match=r"runs.csv: exists; give another folder by --out$"):
+        driven_here(small_plan(), tmp_path)
+    assert (tmp_path / "runs.csv").read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"vary": ["links.loss_ratio=0:1.2:0.3"]}, "--vary: links.loss_ratio: given 1.2, allowed"),
+        ({"vary": ["links.los_ratio=0,1"]}, "unknown key, did you mean links.loss_ratio?"),
+        ({"vary": ["convoy.gap_m=8,15", "convoy.vehicles=2,none"]}, "--vary: convoy.vehicles: giv"),
+        ({"vary": ["convoy.gap_m=8,15"], "sets": ["convoy.gap_m=9"]}, "given by --set as well"),
+        ({"vary": [], "sets": ["convoy.gap_m=no"]}, "--set: convoy.gap_m: given"),
+        ({"vary": [], "limits": ["lanes"]}, "--limit: given 'lanes', allowed lane"),
+        ({"vary": [], "figures": ["v9.distance_m"]}, "--figure: unknown figure 'v9.distance_m'"),
+        ({"vary": ["convoy.gap_m=6:900:1"], "seeds": 1000}, "given 895000 runs, allowed 100000"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused_before_anything_runs(
+    given: dict[str, list[str]], said: str
+) -> None:
+    with pytest.raises(ScenarioError) as error:
+        planned("lane_change", **({"seeds": 2} | given))  # type: ignore[arg-type]
+    (line,) = error.value.lines
+    assert said in line
+
+
+def test_vehicles_of_any_cell_have_figures() -> None:
+    plan = planned("lane_change", vary=["convoy.vehicles=2,5"], seeds=1, figures=["v5.distance_m"])
+    assert [figure.name for figure in plan.figures] == ["v5.distance_m"]

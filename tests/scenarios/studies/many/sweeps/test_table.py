@@ -1,0 +1,184 @@
+"""What a table says is what its runs say: checked with scipy, and in any order of the journal."""
+
+import csv
+import json
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+
+from scenarios.studies.many.intervals import wilson
+from scenarios.studies.many.sweeps.files import write_tables
+from scenarios.studies.many.sweeps.pictures import draw_seeds, draw_sweep
+from scenarios.studies.many.sweeps.plan import SweepPlan
+from scenarios.studies.many.sweeps.table import SweepTable, table_of
+from tests.made.scenarios.small_sweeps import TABLES, small_plan
+
+SEEDS = 7
+
+
+@pytest.fixture(scope="module")
+def plan() -> SweepPlan:
+    return small_plan(seeds=SEEDS)
+
+
+def made_up(plan: SweepPlan) -> dict[str, Any]:
+    """Entries of a journal: a figure that grows with the cell, another that is often unknown."""
+    noise = random.Random(5)
+    entries: dict[str, Any] = {}
+    for place in range(len(plan.cells)):
+        for seed in range(1, SEEDS + 1):
+            error = 0.01 * place + noise.random()
+            figures = [error, None if seed % 2 else 10.0 - error]
+            broken = [error > 1.0, error > 0.5]
+            outcome = "failed" if error > 0.9 else "completed"
+            entries[f"{place}/{seed}"] = {
+                "outcome": outcome, "reason": "", "figures": figures, "broken": broken,
+            }  # fmt: skip
+    entries["1/3"] = {"error": "ValueError: bad, really"}
+    entries |= {f"2/{seed}": {"error": "bad"} for seed in range(1, SEEDS + 1)}
+    return entries
+
+
+def values(entries: dict[str, Any], cell: int, number: int) -> list[float]:
+    rows = [entry for key, entry in entries.items() if key.startswith(f"{cell}/")]
+    return [row["figures"][number] for row in rows if "error" not in row and row["figures"][number]]
+
+
+def test_a_row_sums_up_the_runs_of_its_cell(plan: SweepPlan) -> None:
+    entries = made_up(plan)
+    table = table_of(plan, entries)
+    rows = table.rows()
+    assert [row["links.loss_ratio"] for row in rows] == ["0", "0", "0.8", "0.8"]
+    assert [row["convoy.gap_m"] for row in rows] == ["8", "15"] * 2
+    for cell in (0, 1, 3):
+        row, known = rows[cell], values(entries, cell, 0)
+        assert row["runs"] == SEEDS
+        assert row["errors"] == (cell == 1)
+        assert row["failed"] == sum(value > 0.9 for value in known)
+        assert row["cross_track_error_m_max.known"] == len(known)
+        assert row["cross_track_error_m_max.median"] == pytest.approx(np.median(known))
+        assert row["cross_track_error_m_max.p95"] == pytest.approx(np.percentile(known, 95))
+        assert row["cross_track_error_m_max.largest"] == max(known)
+        assert row["true_gap_m_min.known"] == len(values(entries, cell, 1)) == 3
+        assert row["true_gap_m_min.least"] == min(values(entries, cell, 1))
+        broken = sum(value > 0.5 for value in known)
+        assert row["error_m=0.02.broken"] == broken
+        interval = binomtest(broken, len(known)).proportion_ci(method="wilson")
+        assert row["error_m=0.02.broken_ratio_low"] == pytest.approx(interval.low)
+        assert row["error_m=0.02.broken_ratio_high"] == pytest.approx(interval.high)
+        worst = entries[f"{cell}/{row['worst_seed']}"]["figures"][0]
+        assert worst == max(known)
+        assert row["worst_command"].endswith(f"--seed {row['worst_seed']} --clock virtual")
+    assert table.errors == SEEDS + 1
+
+
+def test_a_cell_whose_runs_all_raised_says_nothing_but_that(plan: SweepPlan) -> None:
+    row = table_of(plan, made_up(plan)).rows()[2]
+    assert row["errors"] == SEEDS
+    assert row["cross_track_error_m_max.median"] is None
+    assert (row["lane.broken_ratio"], row["lane.broken_ratio_low"]) == (None, 0.0)
+    assert row["lane.broken_ratio_high"] == 1.0
+
+
+def test_the_order_of_the_journal_does_not_matter(plan: SweepPlan, tmp_path: Path) -> None:
+    entries = made_up(plan)
+    shuffled = list(entries.items())
+    random.Random(7).shuffle(shuffled)
+    for name, of in (("one", entries), ("other", dict(shuffled))):
+        (tmp_path / name).mkdir()
+        write_tables(table_of(plan, of), tmp_path / name)
+    for name in TABLES:
+        one, other = ((tmp_path / folder / name).read_bytes() for folder in ("one", "other"))
+        assert one == other
+
+
+def test_files_say_the_same_as_one_another(plan: SweepPlan, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = table_of(plan, made_up(plan))
+    write_tables(table, tmp_path, parquet=True)
+    whole = json.loads((tmp_path / "sweep.json").read_text())
+    assert whole["schema"] == "convoy.sweep/1"
+    with (tmp_path / "runs.csv").open(newline="") as file:
+        runs = list(csv.DictReader(file))
+    assert len(runs) == plan.runs == parquet.read_table(tmp_path / "runs.parquet").num_rows
+    columns = parquet.read_table(tmp_path / "runs.parquet").to_pydict()
+    in_json = [run for cell in whole["cells"] for run in cell["runs"]]
+    for place, (text, run) in enumerate(zip(runs, in_json, strict=True)):
+        assert text["command"] == run["command"] == columns["command"][place]
+        assert text["error"] == run["error"] == columns["error"][place]
+        assert float(text["convoy.gap_m"]) == columns["convoy.gap_m"][place]
+        if not run["error"]:
+            for name, value in run["figures"].items():
+                assert text[name] == ("" if value is None else repr(value))
+                assert columns[name][place] == value
+    cells = parquet.read_table(tmp_path / "sweep.parquet").to_pylist()
+    for row, wanted in zip(cells, table.rows(), strict=True):
+        assert row["cross_track_error_m_max.median"] == wanted["cross_track_error_m_max.median"]
+        assert row["lane.broken"] == wanted["lane.broken"]
+
+
+@given(count=st.integers(1, 300), data=st.data(), confidence=st.floats(0.5, 0.999))
+def test_wilson_is_that_of_scipy(count: int, data: st.DataObject, confidence: float) -> None:
+    successes = data.draw(st.integers(0, count))
+    wanted = binomtest(successes, count).proportion_ci(confidence, method="wilson")
+    assert wilson(successes, count, confidence) == pytest.approx(
+        (wanted.low, wanted.high), abs=1e-9
+    )
+
+
+def test_without_runs_every_share_is_possible() -> None:
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+THREE = ("links.loss_ratio=0,0.5", "convoy.gap_m=8,15", "gnss.rate_hz=5,10")
+PNG = b"\x89PNG"
+
+
+def of(vary: tuple[str, ...]) -> SweepTable:
+    plan = small_plan(vary, seeds=3)
+    entries = {
+        f"{cell}/{seed}": {
+            "outcome": "completed",
+            "reason": "",
+            "figures": [0.01 * cell * seed, None],
+            "broken": [cell > 1, cell * seed > 2],
+        }
+        for cell in range(len(plan.cells))
+        for seed in (1, 2, 3)
+    }
+    return table_of(plan, entries)
+
+
+@pytest.mark.parametrize("vary", [THREE[:1], THREE, ("links.preset=clear,lossy",)])
+def test_up_to_three_keys_are_drawn(vary: tuple[str, ...], tmp_path: Path) -> None:
+    assert draw_sweep(of(vary), tmp_path / "sweep.png") == ""
+    assert (tmp_path / "sweep.png").read_bytes()[:4] == PNG
+
+
+def test_pictures_of_the_same_runs_are_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        assert draw_sweep(of(THREE[:2]), tmp_path / name / "sweep.png") == ""
+        draw_seeds(of(THREE[:2]), tmp_path / name / "seeds.png")
+    for name in ("sweep.png", "seeds.png"):
+        one, other = ((tmp_path / folder / name).read_bytes() for folder in ("one", "other"))
+        assert one == other
+
+
+@pytest.mark.parametrize(
+    ("vary", "why"),
+    [
+        ((), "no heat map: no key varies"),
+        ((*THREE, "control.rate_hz=20,50"), "no heat map: 4 keys vary, three can be drawn"),
+        (("gnss.rate_hz=1:13:1", *THREE[:2]), "no heat map: gnss.rate_hz has 13 values, 12 can"),
+    ],
+)
+def test_what_cannot_be_drawn_is_said(vary: tuple[str, ...], why: str, tmp_path: Path) -> None:
+    assert draw_sweep(of(vary), tmp_path / "sweep.png").startswith(why)
+    assert not (tmp_path / "sweep.png").exists()
