@@ -19,6 +19,7 @@ from scenarios.cli.channel.commands import channel
 from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
+from scenarios.cli.many import drill, worst
 
 EXAMPLES = """\b
 Examples:
@@ -65,6 +66,8 @@ for command in (
     control.speed,
     control.status,
     control.scenario_from,
+    drill.drill,
+    worst.worst,
     study.reproduce,
     reference,
 ):

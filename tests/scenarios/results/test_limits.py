@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.tables import LimitsTable
+from scenarios.definition.schema.limits import LimitsTable
 from scenarios.results.events import RunEvent
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
 from scenarios.results.metrics import Metrics
