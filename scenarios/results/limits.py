@@ -17,6 +17,14 @@ COUNTED: dict[str, EventKind] = {
     "distrusts_max": "distrust",
 }
 """Limits on the number of events of a kind."""
+OF_VEHICLES = (
+    "cross_track_error_m_max",
+    "true_gap_m_min",
+    "believed_minus_true_error_m_max",
+    "blind_m_max",
+    "friction_ratio_max",
+)
+"""Limits on figures of vehicles."""
 
 
 def collision_ends_run(limits: LimitsTable, collisions: int) -> bool:
@@ -35,7 +43,8 @@ def limit_figures(
 ) -> tuple[LimitFigure, ...]:
     """Say how each limit was kept or broken; `events` are in order of time.
 
-    A limit on a figure of vehicles is there once for each of them that has that figure.
+    A limit on a figure of vehicles is there once for each of them that has that figure, or without
+    one where nobody has.
     """
     return (
         *_counts(limits, events),
@@ -74,6 +83,8 @@ def _counts(limits: LimitsTable, events: Sequence[RunEvent]) -> Iterator[LimitFi
 
 
 def _figures(limits: LimitsTable, vehicles: Sequence[VehicleSummary]) -> Iterator[LimitFigure]:
+    """Give each limit on a figure of vehicles; one without a figure where nobody has it."""
+    found: dict[str, list[LimitFigure]] = {}
     for row in vehicles:
         for key, figure, said in _of_vehicle(row):
             bound = getattr(limits, key)
@@ -81,7 +92,12 @@ def _figures(limits: LimitsTable, vehicles: Sequence[VehicleSummary]) -> Iterato
                 continue
             broken = figure < bound if key.endswith("_min") else figure > bound
             line = f"limits.{key} = {bound:g}: {row.name} {said}" if broken else ""
-            yield LimitFigure(limit=key, bound=bound, figure=figure, vehicle=row.name, line=line)
+            one = LimitFigure(limit=key, bound=bound, figure=figure, vehicle=row.name, line=line)
+            found.setdefault(key, []).append(one)
+    for key in OF_VEHICLES:
+        bound = getattr(limits, key)
+        if bound is not None:
+            yield from found.get(key, [LimitFigure(limit=key, bound=bound, figure=None)])
 
 
 def _of_vehicle(row: VehicleSummary) -> Iterator[tuple[str, float | None, str]]:

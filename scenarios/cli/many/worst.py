@@ -82,7 +82,14 @@ def worst(
         asked = burst_of(links, burst, loaded)
         span = span_of(loaded, asked, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
         cores = len(os.sched_getaffinity(0)) if workers is None else workers
-        search = WorstSearch(base, asked, figure, lambda line: click.echo(line, err=True), cores)
+        search = WorstSearch(
+            base,
+            asked,
+            figure,
+            lambda line: click.echo(line, err=True),
+            cores,
+            changes=len(loaded.tables.change),
+        )
         found = search.look(span)
         click.echo(
             f"worst at {found.at_s:g} s: {figure} {found.figure:.3f}, of {len(found.figures)} "

@@ -4,10 +4,12 @@ from collections.abc import Iterator, Sequence
 
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.limits import DeadlineTable, SourceLimit
+from scenarios.definition.schema.limits import DeadlineTable, ModeLimit, SourceLimit
 from scenarios.definition.schema.tables import ScenarioTables
 
 SLACK_S = 1e-9
+OF_TWO = {"composite", "predecessor"}
+"""Modes of a follower that hears somebody besides the lead."""
 
 Problem = tuple[str, str]
 """Key, and what is wrong with it."""
@@ -39,6 +41,12 @@ def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[P
         yield (
             f"{key}.vehicle",
             f"given {shown(limit.vehicle)}, which moves as it was recorded and listens to nobody",
+        )
+    if isinstance(limit, ModeLimit) and limit.vehicle == names[1] and limit.mode in OF_TWO:
+        yield (
+            f"{key}.mode",
+            f"given {shown(limit.mode)}, but {limit.vehicle} hears the lead alone: allowed "
+            '"lead", "coast", "stop" or "straight"',
         )
     if isinstance(limit, SourceLimit):
         yield from _source(names, key, limit)

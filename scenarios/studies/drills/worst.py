@@ -5,7 +5,7 @@ What is lost follows from when it was sent, so an instant matters as finely as m
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -141,7 +141,7 @@ class WorstSearch:
     """A search for the instant at which `burst` makes a figure of `base` worst.
 
     `word` names the figure, "error_m" (the largest true error) or "gap_m" (the smallest true gap).
-    All runs share the seed of `base`.
+    All runs share the seed of `base`, which has so many `changes` of its own.
     """
 
     base: Variant
@@ -150,6 +150,7 @@ class WorstSearch:
     progress: Callable[[str], None]
     workers: int
     run_all: RunAll = run_jobs
+    changes: int = 0
     _found: dict[float, float] = field(default_factory=dict)
     _began: float = field(default_factory=time.monotonic)
     _said: float = 0.0
@@ -160,7 +161,7 @@ class WorstSearch:
         step = span.step_s
         while step > span.finest_s:
             step *= 0.5
-            near = {at for peak in self._worst()[:PEAKS] for at in span.beside(peak, step)}
+            near = {at for peak in self._peaks(2.0 * step) for at in span.beside(peak, step)}
             self._try(sorted(near - self._found.keys()))
         at = self._worst()[0]
         return WorstInstant(
@@ -173,14 +174,18 @@ class WorstSearch:
 
     def variant(self, at_s: float) -> Variant:
         """The run with the burst at an instant."""
-        base = self.base
-        first = len(base.scenario.tables.change)
-        return Variant(
-            text=base.text,
-            name=base.name,
-            overrides=(*base.overrides, *self.burst.overrides(at_s, first)),
-            seed=base.seed,
+        return replace(
+            self.base,
+            overrides=(*self.base.overrides, *self.burst.overrides(at_s, self.changes)),
         )
+
+    def _peaks(self, apart_s: float) -> list[float]:
+        """The worst instants that are further apart, for those beside a peak are as bad."""
+        peaks: list[float] = []
+        for at in self._worst():
+            if len(peaks) < PEAKS and all(abs(at - one) > apart_s + 1e-6 for one in peaks):
+                peaks.append(at)
+        return peaks
 
     def _worst(self) -> list[float]:
         """Instants, the worst first; of equal ones the earliest."""
