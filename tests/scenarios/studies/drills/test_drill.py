@@ -51,7 +51,8 @@ def test_the_figure_is_the_worst_of_all_vehicles_and_seeds() -> None:
 def test_of_a_least_value_the_smallest_is_the_worst() -> None:
     name = "true_gap_m_min"
     row = only_row(run(limit(0.8, name)), run(limit(0.6, name), seed=2))
-    assert (row.figure, row.margin_ratio) == (0.6, pytest.approx(0.2))
+    assert row.figure == 0.6
+    assert row.margin_ratio == pytest.approx(0.2)
 
 
 def test_a_broken_limit_has_no_margin_left_and_says_how() -> None:
