@@ -120,6 +120,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     A run that was stopped by hand ends all.
     """
     import time
+    from dataclasses import replace
 
     from scenarios.cli.running import run_scenario
     from scenarios.definition.errors import ScenarioError
@@ -146,7 +147,8 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
         )
         if exit_code not in {0, EXIT_FAILED}:
             sys.exit(exit_code)
-        runs.append(drill_run(one, summary_of(folder / LOG_NAME), time.perf_counter() - began))
+        run = drill_run(one, summary_of(folder / LOG_NAME), time.perf_counter() - began)
+        runs.append(replace(run, command=run.command.removesuffix(" --clock virtual")))
     return runs
 
 
@@ -168,7 +170,7 @@ def print_drills(
     before = ""
     for row in rows:
         table.add_row(
-            row.drill if row.drill != before else "",
+            Path(row.drill).stem if row.drill != before else "",
             row.said,
             "-" if row.figure is None else f"{row.figure:.3g}",
             "-" if row.margin_ratio is None else f"{100.0 * row.margin_ratio:.0f} %",
