@@ -21,6 +21,7 @@ from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
 from scenarios.cli.many.blame import blame
 from scenarios.cli.many.sweep import sweep
+from scenarios.cli.many import drill, worst
 
 EXAMPLES = """\b
 Examples:
@@ -69,6 +70,8 @@ for command in (
     control.speed,
     control.status,
     control.scenario_from,
+    drill.drill,
+    worst.worst,
     study.reproduce,
     reference,
 ):

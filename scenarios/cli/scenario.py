@@ -15,27 +15,36 @@ if TYPE_CHECKING:
 @click.command(name="list", epilog="Example: convoy list")
 @click.option("--json", "as_json", is_flag=True, help="Names and descriptions as JSON.")
 def list_scenarios(*, as_json: bool) -> None:
-    """List the scenarios that ship, and the channels for `links.preset`."""
+    """List the scenarios that ship, the channels for `links.preset`, and the drills."""
     import json
 
     from scenarios.definition.channel.presets import presets, read_preset
-    from scenarios.definition.scenario import library, load_scenario
+    from scenarios.definition.scenario import drills, library, load_scenario
 
     shipped = {name: load_scenario(name).tables.description for name in library()}
+    failures = {name: load_scenario(name).tables.description for name in drills()}
     channels = {name: read_preset(name).description for name in presets()}
     if as_json:
         found = [
             {"kind": kind, "name": name, "description": description}
-            for kind, some in (("scenario", shipped), ("channel", channels))
+            for kind, some in (
+                ("scenario", shipped),
+                ("channel", channels),
+                ("drill", failures),
+            )
             for name, description in some.items()
         ]
         click.echo(json.dumps(found, indent=2))
         return
     for name, description in shipped.items():
         click.echo(f"{name:20} {description}")
-    click.echo("\nchannels, for links.preset:")
-    for name, description in channels.items():
-        click.echo(f"{name:20} {description}")
+    for heading, some in (
+        ("channels, for links.preset:", channels),
+        ("drills, for convoy drill:", failures),
+    ):
+        click.echo(f"\n{heading}")
+        for name, description in some.items():
+            click.echo(f"{name:20} {description}")
 
 
 @click.command(

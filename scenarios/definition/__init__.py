@@ -12,6 +12,7 @@ links            who listens to whom
 receivers        the errors of a vehicle's receiver
 sending          how often a vehicle sends
 channel/         what is asked of each directed link, and the effects that follow
+limits/          what followers have to have done by an instant, checked
 changing/        changes to a running convoy, scheduled and by hand
 traces/          the lead's recorded drive
 road/            the lead's path and speed, and where each vehicle starts

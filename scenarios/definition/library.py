@@ -13,6 +13,9 @@ TRACES = LIBRARY / "traces"
 PRESETS = LIBRARY / "presets"
 """Folder of the shipped channels."""
 
+DRILLS = LIBRARY / "drills"
+"""Folder of the shipped drills: scenarios in which something fails, with limits."""
+
 ATTACHED_AS = "scenario.toml"
 """Name of the scenario of a run among the attachments of its log."""
 
@@ -35,12 +38,17 @@ class ScenarioFile:
 
 
 def library() -> tuple[str, ...]:
-    """Names of the shipped scenarios."""
-    return tuple(sorted(_shipped()))
+    """Names of the shipped scenarios, drills apart."""
+    return tuple(sorted(name for name, path in _shipped().items() if path.parent != DRILLS))
+
+
+def drills() -> tuple[str, ...]:
+    """Names of the shipped drills."""
+    return tuple(sorted(name for name, path in _shipped().items() if path.parent == DRILLS))
 
 
 def _shipped() -> dict[str, Path]:
-    """File of each shipped scenario, by name."""
+    """File of each shipped scenario and drill, by name."""
     found = (path for path in LIBRARY.rglob("*.toml") if path.parent != PRESETS)
     return {path.stem: path for path in found if path.stem != TEMPLATE}
 
@@ -98,4 +106,4 @@ def _text(path: Path) -> str:
 def _hint(path: Path) -> str:
     """Question that offers a file beside `path` or a shipped scenario of a similar name."""
     beside = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-    return near(path.name, beside) or near(path.stem, library())
+    return near(path.name, beside) or near(path.stem, (*library(), *drills()))

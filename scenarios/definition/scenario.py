@@ -21,7 +21,8 @@ from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
 from scenarios.definition.extends import merged
-from scenarios.definition.library import ScenarioFile, library, read_file, template
+from scenarios.definition.library import ScenarioFile, drills, library, read_file, template
+from scenarios.definition.limits.problems import limit_problems
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.replayed import ReplayedDrive, plan_replay, replay_problems
@@ -41,7 +42,7 @@ from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.schedule import MILLISECOND, SECOND
 
-__all__ = ["Scenario", "library", "load_scenario", "scenario_from_text", "template"]
+__all__ = ["Scenario", "drills", "library", "load_scenario", "scenario_from_text", "template"]
 
 
 FOLLOWERS_LATERAL = 1.25
@@ -90,7 +91,7 @@ class Scenario:
 
         Two files of the user may have the same name, or that of a shipped scenario.
         """
-        if self.name in library():
+        if self.name in (*library(), *drills()):
             try:
                 if self.text == load_scenario(self.name, self.overrides).text:
                     return ""
@@ -336,6 +337,7 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
         for name, drive in () if problems else scenario.replays.items():
             problems += replay_problems(scenario.tables, name, drive, scenario.duration_s)
         problems = problems or list(change_problems(scenario.tables, scenario.duration_s))
+        problems = problems or list(limit_problems(scenario.tables, scenario.duration_s))
     except Refused as error:
         raise refuse([(error.key, error.why)]) from error
     if problems:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.limits import broken_limits, why_failed
+from scenarios.results.limits import limit_figures, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
 from transport.log.reader import LogReader
@@ -53,7 +53,9 @@ def summarise(
     metrics.events.finish()
     ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))
     vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
-    reason = why_failed(reason, broken_limits(scenario.tables.limits, events, vehicles))
+    deadlines = metrics.deadlines.figures(ran_ns)
+    limits = limit_figures(scenario.tables.limits, events, vehicles, deadlines)
+    reason = why_failed(reason, [one.line for one in limits if one.broken])
     return RunSummary(
         identity=identity,
         outcome="failed" if reason else "completed",
@@ -65,6 +67,7 @@ def summarise(
         links=metrics.link_summaries(),
         events=events,
         holes=metrics.holes(ran_ns),
+        limits=limits,
         warnings=(*metrics.warnings, *metrics.out_of_linear.values(), *metrics.link_misses()),
     )
 

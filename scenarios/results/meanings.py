@@ -136,4 +136,12 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "poses": "how many",
         "kind": "pose, or true pose where poses were recorded meanwhile",
     },
+    "limits": {
+        "limit": "its key in [limits] of the scenario",
+        "bound": "what was allowed",
+        "figure": "what came of it; null where what had to be done by an instant was not",
+        "vehicle": "whose figure it is; empty for a count of events",
+        "what": "what had to be done by an instant; else empty",
+        "line": "how it was broken; empty if it was kept",
+    },
 }

@@ -17,6 +17,7 @@ from scenarios.results.bodies import BodySize
 from scenarios.results.channel.account import LinkSummary, link_summary, misses
 from scenarios.results.channel.alarms import AlarmSummary, AlarmTally, alarm_miss, alarm_summary
 from scenarios.results.channel.tally import LinkTally
+from scenarios.results.degradation.deadlines import Deadlines
 from scenarios.results.deviations import Deviations
 from scenarios.results.events import EventDetector, detector_of
 from scenarios.results.figures import VehicleFigures
@@ -63,6 +64,7 @@ class Metrics:
         duration_ns: int = 0,
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
         alarms_of: Callable[[tuple[str, str]], FalseAlarms | None] = lambda _: None,
+        deadlines: Deadlines | None = None,
     ) -> None:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
 
@@ -70,8 +72,8 @@ class Metrics:
         those at which poses are sent from the start on, None for a vehicle whose poses come by no
         such schedule; `duration_ns` is as planned; `linear_slips` are the slip angles
         (rad) of front and rear axle up to which each vehicle's tyres are linear; `alarms_of` says
-        what a link's laws say of false alarms. Without a detector of events, usual cars and
-        thresholds.
+        what a link's laws say of false alarms; `deadlines` are what followers have to have done by
+        an instant. Without a detector of events, usual cars and thresholds.
         """
         self._names = list(vehicles)
         self._requested = requested
@@ -93,6 +95,7 @@ class Metrics:
         self._changed: set[str] = set()
         self._cross_track_error = CrossTrackError(self._names[0], road_yaw, self._names[1:])
         self.deviations = Deviations(self._names[1:])
+        self.deadlines = deadlines or Deadlines()
         self._behind = dict(pairwise(self._names))
         self._ahead = {behind: ahead for ahead, behind in self._behind.items()}
         self._take: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
@@ -120,6 +123,7 @@ class Metrics:
                 for name in scenario.vehicle_names
             },
             alarms_of=partial(false_alarms, scenario),
+            deadlines=Deadlines(scenario.tables.limits, scenario.lead),
         )
 
     @property
@@ -139,6 +143,7 @@ class Metrics:
         elif isinstance(message, RunStart):
             self._start_at = message.start_at_ns
             self.events.begin(message.start_at_ns)
+            self.deadlines.begin(message.start_at_ns)
 
     def _add_text(self, text: LogText) -> None:
         if text.text.endswith(CLOCKS_DIFFER) and len(self.warnings) < MOST_WARNINGS:
@@ -186,6 +191,8 @@ class Metrics:
         figures.cross_track_error.add(foot.lateral, foot.at_ns)
         self.deviations.add_error(foot.vehicle, foot.at_ns, foot.lateral)
         figures.belief.add_true(foot.at_ns, foot.lateral)
+        if self.deadlines:
+            self.deadlines.add_error(foot.vehicle, foot.at_ns, foot.lateral)
 
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking) -> None:
         if tracking.mode not in {"path", "straight"}:  # it has nothing to be off from
@@ -194,6 +201,8 @@ class Metrics:
             self.events.add_tracking(tracking)
             self._add_sources(tracking)
             figures.reaction.add_tracking(tracking)
+            if self.deadlines:
+                self.deadlines.add_tracking(tracking)
         figures.lateral_error.add(tracking.lateral_error_m)
         figures.heading_error.add(tracking.heading_error_rad)
         figures.mode = tracking.mode

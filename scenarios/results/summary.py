@@ -125,6 +125,27 @@ class VehicleSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LimitFigure:
+    """What came of a limit: its bound, the figure, and how it was broken; nothing if it was kept.
+
+    `limit` is its key in `[limits]`. Of a limit on vehicles there is one for each, of what had to
+    be done by an instant `what` says what; such a figure is None where it was not done.
+    """
+
+    limit: str
+    bound: float
+    figure: float | None
+    vehicle: str = ""
+    what: str = ""
+    line: str = ""
+
+    @property
+    def broken(self) -> bool:
+        """Whether the run broke it."""
+        return bool(self.line)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
     """A run in figures; an empty `reason` says that it was completed."""
 
@@ -138,6 +159,7 @@ class RunSummary:
     links: tuple[LinkSummary, ...] = field(default=())
     events: tuple[RunEvent, ...] = field(default=())
     holes: tuple[RecordHole, ...] = field(default=())
+    limits: tuple[LimitFigure, ...] = field(default=())
     warnings: tuple[str, ...] = field(default=())
 
 

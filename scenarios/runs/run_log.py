@@ -128,7 +128,8 @@ class RunLog:
 
     def _broken(self) -> list[str]:
         vehicles = self.metrics.vehicle_summaries(self._ran_ns)
-        return broken_limits(self._limits, self.metrics.events.events(), vehicles)
+        deadlines = self.metrics.deadlines.figures(self._ran_ns)
+        return broken_limits(self._limits, self.metrics.events.events(), vehicles, deadlines)
 
     @property
     def _ran_ns(self) -> int:

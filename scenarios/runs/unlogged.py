@@ -83,7 +83,9 @@ class UnloggedRun:
 
     def _broken(self) -> list[str]:
         vehicles = self._metrics.vehicle_summaries(self._ran_ns)
-        return broken_limits(self._scenario.tables.limits, self._metrics.events.events(), vehicles)
+        deadlines = self._metrics.deadlines.figures(self._ran_ns)
+        events = self._metrics.events.events()
+        return broken_limits(self._scenario.tables.limits, events, vehicles, deadlines)
 
 
 def run_unlogged(scenario: Scenario) -> RunSummary:

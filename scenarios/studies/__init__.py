@@ -2,6 +2,7 @@
 
 channel/        `convoy channel`: what a log says of its links
 cuts/           `convoy channel cuts`: all messages stop, and what followers make of it
+drills/         `convoy drill`: what must hold when something fails
 gains/          `convoy gains`: stabilising gain sets, margins, certificates
 many/           answers from many runs: sweeps, drills, boundaries, risk, blame
 paper/          `convoy reproduce`: the paper's experiments run, its claims judged

@@ -147,9 +147,20 @@ def _ends(report: CheckReport) -> Iterator[Row]:
     near = f"below {events['near_miss_gap_m']:g} m or {events['near_miss_time_s']:g} s"
     yield "near miss", f"{near} to a collision"
     yield "path lost", f"after {events['path_lost_s']:g} s without one"
-    limits = {name: value for name, value in report.limits.items() if value is not None}
-    said = ", ".join(f"{name} = {value}" for name, value in limits.items())
-    yield "limits that fail the run", said or "none"
+    yield "limits that fail the run", ", ".join(_limits(report.limits)) or "none"
+
+
+def _limits(asked: Mapping[str, Any]) -> Iterator[str]:
+    """Give each limit that there is; what followers have to do by an instant in words."""
+    for name, value in asked.items():
+        if isinstance(value, list | tuple):
+            for one in value:
+                what = one.get("mode") or one.get("status") or f"within {one['error_m']:g} m"
+                about = f" of {one['source']}" if "source" in one else ""
+                span = f"within {one['within_s']:g} s after {one['after_s']:g} s"
+                yield f"{one['vehicle']} {what}{about} {span}"
+        elif value is not None:
+            yield f"{name} = {value}"
 
 
 def _of_some(

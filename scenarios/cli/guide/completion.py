@@ -64,6 +64,14 @@ def scenarios(_context: Context, _parameter: Parameter, begun: str) -> list[Comp
     return _matching(known, begun) or [CompletionItem(begun, type="file")]
 
 
+def drills(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+    """Offer shipped drills and the TOML files here; elsewhere the shell's own files."""
+    from scenarios.definition.library import drills as shipped
+
+    known = [*shipped(), *sorted(path.name for path in Path().glob("*.toml"))]
+    return _matching(known, begun) or [CompletionItem(begun, type="file")]
+
+
 def channels(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
     """Offer shipped channels and scenarios and the TOML files here; else the shell's own files."""
     from scenarios.definition.library import library

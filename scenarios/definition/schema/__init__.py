@@ -8,5 +8,6 @@ links        what directed links do to messages
 channel/     the tables of a link
 degradation  what followers do when messages fail
 changes      what is done to a running convoy
+limits       what a run has to hold
 tables       all others, and the file as a whole
 """

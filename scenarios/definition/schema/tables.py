@@ -14,6 +14,7 @@ from scenarios.definition.schema.changes import Changes
 from scenarios.definition.schema.channel.outages import Spans
 from scenarios.definition.schema.degradation import DegradationTable
 from scenarios.definition.schema.gnss import GnssTable
+from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.sending import EveryFixSending, SendingTable
@@ -198,26 +199,6 @@ class EventsTable(Table):
     near_miss_gap_m: NotNegative = 1.0
     near_miss_time_s: NotNegative = 1.5
     path_lost_s: NotNegative = 1.0
-
-
-Count = Annotated[int, Field(ge=0)]
-
-
-class LimitsTable(Table):
-    """Limits whose breach makes a run fail; one that is left out is none.
-
-    The first four are counts of events. `after_collision` says whether the run ends when a
-    collision breaks the limit, or with "end" and without that limit, at the first one. Left out,
-    it ends if there is a limit.
-    """
-
-    collisions_max: Count | None = None
-    lane_departures_max: Count | None = None
-    near_misses_max: Count | None = None
-    paths_lost_max: Count | None = None
-    cross_track_error_m_max: NotNegative | None = None
-    true_gap_m_min: NotNegative | None = None
-    after_collision: Literal["end", "go_on"] | None = None
 
 
 class ClockTable(Table):

@@ -1,5 +1,6 @@
 """What followers did about messages that did not come, or that could not be true.
 
-reaction  modes, recoveries, stops and metres driven blind of one follower
-watches   events: stops, and sources that are not believed
+deadlines  what they had to have done by an instant
+reaction   modes, recoveries, stops and metres driven blind of one follower
+watches    events: stops, and sources that are not believed
 """

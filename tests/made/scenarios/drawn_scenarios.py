@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import tomli_w
 
 from scenarios.definition.schema.gnss import DriftTable, GnssTable, StateErrorsTable
+from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.sending import CAM_SHARES
 from scenarios.definition.schema.table import Table
@@ -27,7 +28,6 @@ from scenarios.definition.schema.tables import (
     EventsTable,
     GapTable,
     ImuTable,
-    LimitsTable,
     LoadingTable,
     OriginTable,
     ParametersTable,

@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets, read_preset
-from scenarios.definition.scenario import library, load_scenario, template
+from scenarios.definition.scenario import drills, library, load_scenario, template
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
 from transport.log.reader import LogReader
@@ -133,7 +133,7 @@ def test_help_of_a_process_comes_without_loading_what_is_not_needed() -> None:
 def test_list_names_the_scenarios_that_ship() -> None:
     result = convoy("list")
     assert result.exit_code == 0
-    scenarios, channels = (part.splitlines() for part in result.stdout.split("\n\n"))
+    scenarios, channels, failures = (part.splitlines() for part in result.stdout.split("\n\n"))
     assert [line.split()[0] for line in scenarios] == list(library())
     for line, name in zip(scenarios, library(), strict=True):
         assert line.endswith(load_scenario(name).tables.description)
@@ -141,6 +141,8 @@ def test_list_names_the_scenarios_that_ship() -> None:
     assert [line.split()[0] for line in channels[1:]] == list(presets())
     for line, name in zip(channels[1:], presets(), strict=True):
         assert line.endswith(read_preset(name).description)
+    assert failures[0] == "drills, for convoy drill:"
+    assert [line.split()[0] for line in failures[1:]] == list(drills())
 
 
 def test_list_as_json_holds_names_and_descriptions() -> None:
@@ -148,6 +150,7 @@ def test_list_as_json_holds_names_and_descriptions() -> None:
     assert [(row["kind"], row["name"]) for row in listed] == [
         *(("scenario", name) for name in library()),
         *(("channel", name) for name in presets()),
+        *(("drill", name) for name in drills()),
     ]
     assert all(row["description"] for row in listed)
 

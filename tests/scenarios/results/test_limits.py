@@ -1,12 +1,16 @@
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.tables import LimitsTable
+from scenarios.results.degradation.deadlines import DeadlineFigure
+from scenarios.results.degradation.reaction import ReactionSummary
 from scenarios.results.events import RunEvent
-from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
+from scenarios.results.limits import broken_limits, collision_ends_run, limit_figures, why_failed
 from scenarios.results.metrics import Metrics
+from scenarios.results.summary import LimitFigure, VehicleSummary
 from tests.made.scenarios.messages import start, truth
 
 EVENTS = (
@@ -23,6 +27,12 @@ def broken(**limits: Any) -> list[str]:
         metrics.add(truth("v1", seq, 0.6 * seq, 0.0))
         metrics.add(truth("v2", seq, 0.6 * seq - (11.93 if seq == 50 else 14.93), 0.004 * seq))
     return broken_limits(LimitsTable(**limits), EVENTS, metrics.vehicle_summaries())
+
+
+def row(name: str, **figures: Any) -> VehicleSummary:
+    """The summary of a vehicle with other figures than those of one that never moved."""
+    metrics = Metrics((name, "v9"), {})
+    return replace(metrics.vehicle_summaries()[0], name=name, **figures)
 
 
 def test_without_limits_nothing_is_broken() -> None:
@@ -94,6 +104,92 @@ def test_a_run_ends_at_the_collision_that_breaks_its_limit(
 ) -> None:
     ends = [count for count in range(5) if collision_ends_run(LimitsTable(**limits), count)]
     assert ends == ([] if ends_at is None else list(range(ends_at, 5)))
+
+
+FOLLOWER = row(
+    "v3",
+    role="follower",
+    believed_minus_true_error_m_max=0.4,
+    friction_ratio_max=0.7,
+    reaction=ReactionSummary(blind_m=6.0),
+    cross_track_error_m_max=0.2,
+    cross_track_error_max_at_s=1.5,
+    true_gap_m_min=4.0,
+    true_gap_min_at_s=2.5,
+)
+LEAD = row("v1", friction_ratio_max=0.8, cross_track_error_m_max=None, true_gap_m_min=None)
+FIGURES = {
+    "believed_minus_true_error_m_max": (0.4, 0.39, "v3 was 0.40 m wrong about its error"),
+    "blind_m_max": (6.0, 5.9, "v3 drove 6.00 m beyond the road that it knew"),
+    "cross_track_error_m_max": (
+        0.2,
+        0.19,
+        "v3 was 0.20 m off the lead's path, 1.50 s after the start",
+    ),
+    "true_gap_m_min": (4.0, 4.1, "v3 was 4.00 m from the vehicle ahead, 2.50 s after the start"),
+}
+
+
+@pytest.mark.parametrize("key", FIGURES)
+def test_a_figure_at_its_bound_keeps_the_limit_and_one_beyond_breaks_it(key: str) -> None:
+    at_bound, beyond, said = FIGURES[key]
+    for bound, line in ((at_bound, ""), (beyond, f"limits.{key} = {beyond:g}: {said}")):
+        (found,) = limit_figures(LimitsTable.model_validate({key: bound}), (), (LEAD, FOLLOWER))
+        assert found == LimitFigure(
+            limit=key, bound=bound, figure=at_bound, vehicle="v3", line=line
+        )
+
+
+def test_a_figure_that_nobody_has_is_no_breach_but_is_said() -> None:
+    limits = LimitsTable(cross_track_error_m_max=0.0, true_gap_m_min=1.0)
+    found = limit_figures(limits, (), (LEAD,))
+    assert [(one.limit, one.figure, one.broken) for one in found] == [
+        ("cross_track_error_m_max", None, False),
+        ("true_gap_m_min", None, False),
+    ]
+
+
+def test_friction_is_that_of_each_vehicle() -> None:
+    found = limit_figures(LimitsTable(friction_ratio_max=0.75), (), (LEAD, FOLLOWER))
+    assert [(one.vehicle, one.figure, one.broken) for one in found] == [
+        ("v1", 0.8, True),
+        ("v3", 0.7, False),
+    ]
+    assert found[0].line == "limits.friction_ratio_max = 0.75: v1 used 0.80 of the friction"
+
+
+def test_counts_are_figures_too() -> None:
+    found = limit_figures(LimitsTable(paths_lost_max=1, collisions_max=1, stops_max=0), EVENTS, ())
+    assert [(one.limit, one.bound, one.figure, one.broken) for one in found] == [
+        ("collisions_max", 1, 1, False),
+        ("paths_lost_max", 1, 2, True),
+        ("stops_max", 0, 0, False),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("took_s", "is_over", "line"),
+    [
+        (0.6, True, ""),
+        (0.7, True, "limits.modes[0].within_s = 0.6: v3: in mode lead: 0.70 s after it"),
+        (None, True, "limits.modes[0].within_s = 0.6: v3: in mode lead: not"),
+        (None, False, ""),
+    ],
+)
+def test_deadlines_are_kept_or_broken(took_s: float | None, is_over: bool, line: str) -> None:
+    deadline = DeadlineFigure(
+        key="modes[0]",
+        vehicle="v3",
+        what="in mode lead",
+        within_s=0.6,
+        took_s=took_s,
+        is_over=is_over,
+    )
+    (found,) = limit_figures(LimitsTable(), (), (), [deadline])
+    assert found == LimitFigure(
+        limit="modes[0]", bound=0.6, figure=took_s, vehicle="v3", what="in mode lead", line=line
+    )
+    assert broken_limits(LimitsTable(), (), (), [deadline]) == ([line] if line else [])
 
 
 def test_why_a_run_ended_comes_first_and_nothing_twice() -> None:

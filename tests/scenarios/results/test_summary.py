@@ -20,6 +20,7 @@ from scenarios.results.meanings import MEANINGS
 from scenarios.results.summary import (
     PACKAGES,
     SCHEMA,
+    LimitFigure,
     RunIdentity,
     RunSummary,
     VehicleSummary,
@@ -185,6 +186,7 @@ def test_each_field_has_its_meaning() -> None:
     identity = RunIdentity.here(load_scenario("lane_change"), "wall", "today").values()
     lists = {
         "vehicles": VehicleSummary, "links": LinkSummary, "events": RunEvent, "holes": RecordHole,
+        "limits": LimitFigure,
     }  # fmt: skip
     own = {one.name for one in fields(RunSummary)} - {"identity", *lists}
     expected = {"": {*identity, *own}}

@@ -57,6 +57,18 @@ ASKED = {
     "events.near_miss_time_s=0.8": ("near miss", "0.8 s"),
     "events.path_lost_s=0.6": ("path lost", "0.6 s"),
     "limits.collisions_max=2": ("limits that fail the run", "collisions_max = 2"),
+    'limits.modes=[{vehicle="v3", mode="lead", after_s=7.0, within_s=0.6}]': (
+        "limits that fail the run",
+        "v3 lead within 0.6 s after 7 s",
+    ),
+    'limits.sources=[{vehicle="v3", source="v2", status="lost", within_s=0.6}]': (
+        "limits that fail the run",
+        "v3 lost of v2 within 0.6 s after 0 s",
+    ),
+    'limits.recovery=[{vehicle="v3", error_m=0.3, after_s=7.0, within_s=0.6}]': (
+        "limits that fail the run",
+        "v3 within 0.3 m within 0.6 s after 7 s",
+    ),
     "limits.after_collision=go_on": ("limits that fail the run", "after_collision = go_on"),
     "control.estimate_slip=true": ("controller", "learns the load"),
     "parameters.tyres=linear": ("tyres", "linear; steering up to 1.18 rad/s"),

@@ -1,0 +1,192 @@
+"""The command that carries out drills, and its table."""
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scenarios.cli.failure import clear_errors
+from scenarios.cli.guide import completion
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from scenarios.studies.drills.drill import DrillRow, DrillRun
+    from scenarios.studies.many.variant import Variant
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy drill                                   all that ship, on all cores
+  convoy drill lead_lost tunnel --seeds 20
+  convoy drill mine.toml --junit drills.xml --out drills
+  convoy drill lead_lost --set control.degradation.reaction=hold
+  convoy drill restarted_follower --clock wall --out drills
+"""
+)
+@click.argument("names", nargs=-1, metavar="[NAME|FILE]…", shell_complete=completion.drills)
+@click.option("--list", "as_list", is_flag=True, help="Name the drills that ship; drive none.")
+@click.option(
+    "--set", "overrides", multiple=True, metavar="KEY=VALUE", shell_complete=completion.settings,
+    help="Override a value of each drill. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--seeds", type=click.IntRange(1, 100_000), metavar="N",
+    help="Drive each with the seeds 1 to N; its figure is the worst. By default its own seed.",
+)  # fmt: skip
+@click.option(
+    "--clock", type=click.Choice(["virtual", "wall"]), default="virtual", show_default=True,
+    help="As fast as it goes on all cores, or as processes in real time, one after the other.",
+)  # fmt: skip
+@click.option(
+    "--workers", type=click.IntRange(min=0), metavar="N",
+    help="Processes in virtual time; by default one for each core, 0: this one.",
+)  # fmt: skip
+@click.option(
+    "--junit", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+    help="Write JUnit XML, a case for each limit.",
+)  # fmt: skip
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for drills.json, and with --clock wall for the logs.",
+)  # fmt: skip
+def drill(
+    *,
+    names: tuple[str, ...],
+    as_list: bool,
+    overrides: tuple[str, ...],
+    seeds: int | None,
+    clock: str,
+    workers: int | None,
+    junit: Path | None,
+    out: Path | None,
+) -> None:
+    """Carry out failure drills: scenarios in which something fails, and what must hold.
+
+    By default all that ship. The exit code is 1 if a limit was broken.
+    """
+    from rich.console import Console
+
+    from scenarios.definition.scenario import drills, load_scenario
+    from scenarios.studies.drills.campaign import (
+        TWIN,
+        carry_out_drills,
+        drill_rows,
+        refuse_existing,
+        write_twin,
+    )
+    from scenarios.studies.drills.drill import drill_variants
+    from scenarios.studies.drills.junit import write_junit
+
+    with clear_errors():
+        if as_list:
+            for name in drills():
+                click.echo(f"{name:20} {load_scenario(name).tables.description}")
+            return
+        refuse_existing(junit, out / TWIN if out else None)
+        chosen = range(1, seeds + 1) if seeds else ()
+        variants = [
+            one
+            for name in dict.fromkeys(names or drills())
+            for one in drill_variants(name, overrides, chosen)
+        ]
+        if clock == "wall":
+            runs = _as_processes(variants, out)
+        else:
+            cores = len(os.sched_getaffinity(0)) if workers is None else workers
+            runs = carry_out_drills(variants, _say, cores)
+        rows = drill_rows(runs)
+        print_drills(rows, Console(), several_seeds=bool(seeds))
+        if out is not None:
+            click.echo(f"written: {write_twin(rows, runs, out)}")
+        if junit is not None:
+            write_junit(rows, runs, junit)
+            click.echo(f"written: {junit}")
+        sys.exit(0 if all(row.passed for row in rows) else 1)
+
+
+def _say(line: str) -> None:
+    click.echo(line, err=True)
+
+
+def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[DrillRun]":
+    """Drive them as `convoy run` does, one after the other; raises what its input may be wrong in.
+
+    A run that was stopped by hand ends all.
+    """
+    import time
+    from dataclasses import replace
+
+    from scenarios.cli.running import run_scenario
+    from scenarios.definition.errors import ScenarioError
+    from scenarios.results.log_summary import LOG_NAME, summary_of
+    from scenarios.runs.stop import EXIT_FAILED
+    from scenarios.studies.drills.drill import drill_run
+
+    if out is None:
+        raise ScenarioError(["--clock wall: needs --out, a folder for the logs"])
+    runs = []
+    for number, one in enumerate(variants, 1):
+        folder = out / f"{Path(one.name).stem}-{one.seed}"
+        _say(f"{number} of {len(variants)}: {one.name}, seed {one.seed}, into {folder}")
+        began = time.perf_counter()
+        exit_code = run_scenario(
+            one.name,
+            one.overrides,
+            one.seed,
+            clock="wall",
+            run_name=None,
+            out=folder,
+            rerun="off",
+            quiet=True,
+        )
+        if exit_code not in {0, EXIT_FAILED}:
+            sys.exit(exit_code)
+        run = drill_run(one, summary_of(folder / LOG_NAME), time.perf_counter() - began)
+        runs.append(replace(run, command=run.command.removesuffix(" --clock virtual")))
+    return runs
+
+
+def print_drills(
+    rows: "Sequence[DrillRow]", console: "Console", *, several_seeds: bool = False
+) -> None:
+    """Print a row for each limit, and below it what was broken and how to see it again."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("drill", "limit"):
+        table.add_column(heading)
+    for heading in ("figure", "margin"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("of")
+    table.add_column("")
+    before = ""
+    for row in rows:
+        table.add_row(
+            Path(row.drill).stem if row.drill != before else "",
+            row.said,
+            "-" if row.figure is None else f"{row.figure:.3g}",
+            "-" if row.margin_ratio is None else f"{100.0 * row.margin_ratio:.0f} %",
+            row.vehicle + (f", seed {row.seed}" if several_seeds else ""),
+            Text("pass") if row.passed else Text("FAIL", "bold red"),
+        )
+        before = row.drill
+    console.print(table)
+    broken = [row for row in rows if not row.passed]
+    for row in broken:
+        text = Text.assemble((row.drill, "bold red"), f": {row.line}\n    {row.command}")
+        console.print(text, highlight=False, soft_wrap=True)
+    names = {row.drill for row in rows}
+    failed = {row.drill for row in broken}
+    console.print(
+        f"{len(names) - len(failed)} of {len(names)} drills passed, "
+        f"{len(rows) - len(broken)} of {len(rows)} limits kept",
+        highlight=False,
+    )

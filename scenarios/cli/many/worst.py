@@ -1,0 +1,104 @@
+"""The command that searches for the instant at which a burst does most harm."""
+
+import os
+from pathlib import Path
+
+import click
+
+from scenarios.cli.control.options import TimeSpan
+from scenarios.cli.failure import clear_errors
+from scenarios.cli.guide import completion
+from scenarios.cli.options import scenario_options
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy worst lane_change --burst 1.5s
+  convoy worst lane_change --burst 800ms --link lead:* --link v2:v3 --from 4s --to 9s
+  convoy worst my.toml --burst 2s --figure gap_m --write worst.toml
+"""
+)
+@scenario_options
+@click.option("--burst", type=TimeSpan(), required=True, metavar="TIME", help="How long it lasts.")
+@click.option(
+    "--link", "links", multiple=True, metavar="SENDER:RECEIVER", shell_complete=completion.links,
+    help="What it hits: names, lead, predecessor, follower or *; by default all. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--figure", type=click.Choice(["error_m", "gap_m"]), default="error_m", show_default=True,
+    help="What to make worst: the largest true error, or the smallest true gap.",
+)  # fmt: skip
+@click.option("--from", "from_s", type=TimeSpan(), metavar="TIME", help="Not earlier; 1 s.")
+@click.option(
+    "--to", "to_s", type=TimeSpan(), metavar="TIME", help="Not later; where it ends with the run."
+)
+@click.option(
+    "--step", "step_s", type=TimeSpan(), default=0.5, show_default="500ms", metavar="TIME",
+    help="Distance of the instants tried first.",
+)  # fmt: skip
+@click.option(
+    "--finest", "finest_s", type=TimeSpan(), default=0.05, show_default="50ms", metavar="TIME",
+    help="Distance of those tried last; messages are 50 ms apart.",
+)  # fmt: skip
+@click.option("--workers", type=click.IntRange(min=0), metavar="N", help="By default all cores.")
+@click.option(
+    "--write", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+    help="Write the worst run as a drill, with a limit.",
+)  # fmt: skip
+@click.option(
+    "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+    help="Write all instants tried, with their figures.",
+)  # fmt: skip
+def worst(
+    *,
+    scenario: str,
+    overrides: tuple[str, ...],
+    seed: int | None,
+    burst: float,
+    links: tuple[str, ...],
+    figure: str,
+    from_s: float | None,
+    to_s: float | None,
+    step_s: float,
+    finest_s: float,
+    workers: int | None,
+    file: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Find the instant at which a burst of losses does most harm in SCENARIO.
+
+    It is put at a grid of instants, then closer and closer around the three worst. All runs have
+    the same seed, which is the same noise.
+    """
+    from scenarios.studies.drills.campaign import refuse_existing
+    from scenarios.studies.drills.worst import WorstSearch, base_of, burst_of, span_of
+    from scenarios.studies.drills.written import as_json, write_drill
+
+    with clear_errors():
+        refuse_existing(file, json_file)
+        base = base_of(scenario, overrides, seed)
+        loaded = base.scenario
+        asked = burst_of(links, burst, loaded)
+        span = span_of(loaded, asked, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
+        cores = len(os.sched_getaffinity(0)) if workers is None else workers
+        search = WorstSearch(
+            base,
+            asked,
+            figure,
+            lambda line: click.echo(line, err=True),
+            cores,
+            changes=len(loaded.tables.change),
+        )
+        found = search.look(span)
+        click.echo(
+            f"worst at {found.at_s:g} s: {figure} {found.figure:.3f}, of {len(found.figures)} "
+            f"instants\n{found.variant.command}"
+        )
+        if file is not None:
+            write_drill(found, file)
+            click.echo(f"written: {file}")
+        if json_file is not None:
+            with json_file.open("x", encoding="utf-8") as target:
+                target.write(as_json(found, asked))
+            click.echo(f"written: {json_file}")

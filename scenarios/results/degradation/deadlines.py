@@ -1,0 +1,193 @@
+"""What followers had to have done by an instant, gathered message by message.
+
+Each `[[limits.modes]]`, `[[limits.sources]]` and `[[limits.recovery]]` of a scenario has a watch of
+its own. Messages of different vehicles may come in any order; those of one come in order of time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from scenarios.definition.schema.limits import (
+    LimitsTable,
+    ModeLimit,
+    RecoveryLimit,
+    SourceLimit,
+)
+from scenarios.results.degradation.reaction import is_degraded
+from vehicles.messages import Tracking
+from vehicles.schedule import SECOND, nanoseconds
+
+UNHEARD_NS = SECOND
+"""One that was silent for so long before the end has not recovered, however it was before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeadlineFigure:
+    """How long (s) something took that had to be done `within_s`; None if it was not done.
+
+    `key` is that of its table, `vehicle` the follower, `what` it had to do. `is_over` says whether
+    the run has come to the deadline.
+    """
+
+    key: str
+    vehicle: str
+    what: str
+    within_s: float
+    took_s: float | None
+    is_over: bool
+
+    @property
+    def broken(self) -> bool:
+        """Whether it was late, or was not done though there was time."""
+        return self.is_over if self.took_s is None else self.took_s > self.within_s
+
+
+class DeadlineWatch(Protocol):
+    """Watches one follower for one limit; instants are ns since the start of the run."""
+
+    what: str
+
+    def add_tracking(self, at: int, tracking: Tracking) -> None:
+        """Take what it knew at a command."""
+        ...
+
+    def add_error(self, at: int, error: float) -> None:
+        """Take its true distance (m) from the lead's path."""
+        ...
+
+    def took(self, ran: int) -> int | None:
+        """How long (ns) after the limit's instant it was done, in a run of `ran` ns."""
+        ...
+
+
+class ModeWatch:
+    """When a follower was first seen in a mode."""
+
+    def __init__(self, limit: ModeLimit) -> None:
+        self._after, self._mode = nanoseconds(limit.after_s), limit.mode
+        self.what = f"in mode {limit.mode}, from {limit.after_s:g} s on"
+        self._first: int | None = None
+
+    def add_tracking(self, at: int, tracking: Tracking) -> None:
+        """Take what it knew at a command."""
+        if self._first is None and at >= self._after and tracking.mode == self._mode:
+            self._first = at
+
+    def add_error(self, at: int, error: float) -> None:
+        """Pass over."""
+
+    def took(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
+        """How long (ns) it took until it was seen in the mode."""
+        return None if self._first is None else self._first - self._after
+
+
+class SourceWatch:
+    """When a follower first made something of a source."""
+
+    def __init__(self, limit: SourceLimit, lead: str) -> None:
+        self._after, self._status = nanoseconds(limit.after_s), limit.status
+        self.what = f"{limit.source} is {limit.status} to it, from {limit.after_s:g} s on"
+        self._is_lead = limit.source == lead
+        self._first: int | None = None
+
+    def add_tracking(self, at: int, tracking: Tracking) -> None:
+        """Take what it knew at a command."""
+        status = tracking.lead_status if self._is_lead else tracking.predecessor_status
+        if self._first is None and at >= self._after and status == self._status:
+            self._first = at
+
+    def add_error(self, at: int, error: float) -> None:
+        """Pass over."""
+
+    def took(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
+        """How long (ns) it took until the source had the status."""
+        return None if self._first is None else self._first - self._after
+
+
+class RecoveryWatch:
+    """When a follower was last degraded, or too far off the path."""
+
+    def __init__(self, limit: RecoveryLimit) -> None:
+        self._after, self._error = nanoseconds(limit.after_s), limit.error_m
+        self.what = f"recovered to {limit.error_m:g} m, from {limit.after_s:g} s on"
+        self._seen = self._degraded = -1
+        self._measured = self._off = -1
+
+    def add_tracking(self, at: int, tracking: Tracking) -> None:
+        """Take what it knew at a command."""
+        self._seen = at
+        if at >= self._after and is_degraded(tracking):
+            self._degraded = at
+
+    def add_error(self, at: int, error: float) -> None:
+        """Take its true distance (m) from the lead's path."""
+        self._measured = at
+        if at >= self._after and abs(error) > self._error:
+            self._off = at
+
+    def took(self, ran: int) -> int | None:
+        """How long (ns) it was last not recovered; None if it was not at the end, or is silent."""
+        is_silent = min(self._seen, self._measured) < max(self._after, ran - UNHEARD_NS)
+        if is_silent or self._degraded == self._seen or self._off == self._measured:
+            return None
+        return max(self._degraded, self._off, self._after) - self._after
+
+
+class Deadlines:
+    """All deadlines of a scenario; false if it has none."""
+
+    def __init__(self, limits: LimitsTable | None = None, lead: str = "") -> None:
+        """Take the limits, and who is the lead."""
+        table = limits or LimitsTable()
+        self._start_at = 0
+        self._limits: list[tuple[str, ModeLimit | SourceLimit | RecoveryLimit, DeadlineWatch]] = [
+            *((f"modes[{k}]", one, ModeWatch(one)) for k, one in enumerate(table.modes)),
+            *(
+                (f"sources[{k}]", one, SourceWatch(one, lead))
+                for k, one in enumerate(table.sources)
+            ),
+            *((f"recovery[{k}]", one, RecoveryWatch(one)) for k, one in enumerate(table.recovery)),
+        ]
+        self._of: Mapping[str, Sequence[DeadlineWatch]] = {
+            name: [watch for _, one, watch in self._limits if one.vehicle == name]
+            for name in {one.vehicle for _, one, _ in self._limits}
+        }
+
+    def __bool__(self) -> bool:
+        return bool(self._limits)
+
+    def begin(self, start_at: int) -> None:
+        """Take the start of the run (ns), from which instants are counted."""
+        self._start_at = start_at
+
+    def add_tracking(self, tracking: Tracking) -> None:
+        """Take what a vehicle knew at a command."""
+        for watch in self._of.get(tracking.vehicle, ()):
+            watch.add_tracking(tracking.decided_at_ns - self._start_at, tracking)
+
+    def add_error(self, vehicle: str, at: int, error: float) -> None:
+        """Take the true distance (m) of a vehicle from the lead's path at an instant (ns)."""
+        for watch in self._of.get(vehicle, ()):
+            watch.add_error(at - self._start_at, error)
+
+    def figures(self, ran_ns: int) -> tuple[DeadlineFigure, ...]:
+        """How each was met in a run of `ran_ns`."""
+        return tuple(self._figure(key, one, watch, ran_ns) for key, one, watch in self._limits)
+
+    def _figure(
+        self,
+        key: str,
+        limit: ModeLimit | SourceLimit | RecoveryLimit,
+        watch: DeadlineWatch,
+        ran_ns: int,
+    ) -> DeadlineFigure:
+        took = watch.took(ran_ns)
+        return DeadlineFigure(
+            key=key,
+            vehicle=limit.vehicle,
+            what=watch.what,
+            within_s=limit.within_s,
+            took_s=None if took is None else took / SECOND,
+            is_over=ran_ns >= nanoseconds(limit.after_s + limit.within_s),
+        )

@@ -1,0 +1,163 @@
+"""One drill: a scenario with limits, driven with one or more seeds, and how each limit was kept."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import inf
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.summary import LimitFigure, RunSummary
+from scenarios.studies.many.variant import Variant
+
+RUN = "run"
+"""In place of a limit: the run itself, which failed for another reason."""
+UNMEASURED = "was not measured: nobody had such a figure, or the run ended before"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrillRun:
+    """What came of a drill with one seed; `other_reason` is why it failed besides its limits.
+
+    `drill` is how the user called it, `command` repeats the run; it took `took_s`.
+    """
+
+    drill: str
+    seed: int
+    limits: tuple[LimitFigure, ...]
+    other_reason: str
+    command: str
+    took_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrillRow:
+    """How a limit of a drill was kept over all seeds: the worst figure, and whose it was.
+
+    `margin_ratio` is the share of the bound that was left, negative where it was broken; None where
+    there is no such share, as of a count that has to be 0. `line` says how it was broken.
+    """
+
+    drill: str
+    limit: str
+    what: str
+    bound: float | None
+    figure: float | None
+    vehicle: str
+    seed: int
+    margin_ratio: float | None
+    passed: bool
+    line: str
+    command: str
+
+    @property
+    def said(self) -> str:
+        """The limit in words: its key and bound, or what had to be done, and how soon."""
+        if self.bound is None:
+            return self.limit
+        if self.what:
+            return f"{self.vehicle} {self.what}, within {self.bound:g} s"
+        return f"{self.limit} = {self.bound:g}"
+
+
+def drill_variants(
+    name: str, overrides: Sequence[str] = (), seeds: Sequence[int] = ()
+) -> list[Variant]:
+    """The runs of a drill, by default one with its own seed; raises ScenarioError.
+
+    `name` is that of a shipped drill or scenario, or a file.
+    """
+    whole = load_scenario(name, overrides)
+    limits = whole.tables.limits
+    if not limits.model_fields_set - {"after_collision"}:
+        raise ScenarioError(
+            [f"{name}: limits: missing, a drill says what must hold, such as collisions_max = 0"]
+        )
+    text = load_scenario(name).text
+    return [
+        Variant(text=text, name=name, overrides=tuple(overrides), seed=seed)
+        for seed in seeds or (whole.seed,)
+    ]
+
+
+def carry_out_drill(variant: Variant) -> DrillRun:
+    """Drive one run of a drill in virtual time, without a log."""
+    began = time.perf_counter()
+    summary = variant.run()
+    return drill_run(variant, summary, time.perf_counter() - began)
+
+
+def drill_run(variant: Variant, summary: RunSummary, took_s: float) -> DrillRun:
+    """What the summary of a run says of its limits."""
+    return DrillRun(
+        drill=variant.name,
+        seed=variant.seed,
+        limits=summary.limits,
+        other_reason=_besides(summary),
+        command=variant.command,
+        took_s=took_s,
+    )
+
+
+def _besides(summary: RunSummary) -> str:
+    """Why a run failed, without the limits that it broke."""
+    reason = summary.reason
+    for one in summary.limits:
+        if one.line:
+            reason = reason.replace(one.line, "")
+    return "; ".join(part for part in reason.split("; ") if part.strip())
+
+
+def rows_of(runs: Sequence[DrillRun]) -> Iterator[DrillRow]:
+    """Give a row for each limit of a drill, from its runs with all seeds.
+
+    Where a run failed for another reason there is a row for that, the first.
+    """
+    for run in (run for run in runs if run.other_reason):
+        yield DrillRow(
+            drill=run.drill,
+            limit=RUN,
+            what="",
+            bound=None,
+            figure=None,
+            vehicle="",
+            seed=run.seed,
+            margin_ratio=None,
+            passed=False,
+            line=run.other_reason,
+            command=run.command,
+        )
+        break
+    for limit in dict.fromkeys(one.limit for run in runs for one in run.limits):
+        found = [(run, one) for run in runs for one in run.limits if one.limit == limit]
+        yield _row(*max(found, key=lambda pair: beyond(pair[1])))
+
+
+def _row(run: DrillRun, one: LimitFigure) -> DrillRow:
+    unmeasured = one.figure is None and not one.broken
+    return DrillRow(
+        drill=run.drill,
+        limit=one.limit,
+        what=one.what,
+        bound=one.bound,
+        figure=one.figure,
+        vehicle=one.vehicle,
+        seed=run.seed,
+        margin_ratio=_margin(one),
+        passed=not one.broken and not unmeasured,
+        line=f"limits.{one.limit} {UNMEASURED}" if unmeasured else one.line,
+        command=run.command,
+    )
+
+
+def beyond(one: LimitFigure) -> float:
+    """How far a figure is beyond its bound, in the limit's unit; negative while it is kept."""
+    if one.figure is None:
+        return inf
+    return one.bound - one.figure if one.limit.endswith("_min") else one.figure - one.bound
+
+
+def _margin(one: LimitFigure) -> float | None:
+    if one.figure is None or not one.bound:
+        return None
+    return -beyond(one) / one.bound

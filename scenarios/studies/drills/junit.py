@@ -1,0 +1,52 @@
+"""Drills as JUnit XML, which test servers read: a suite for each drill, a case for each limit."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree as Xml
+
+from scenarios.studies.drills.drill import DrillRow, DrillRun
+
+
+def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillRun], file: Path) -> None:
+    """Write all rows into a new file; raises FileExistsError."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    tree = Xml.ElementTree(as_xml(rows, runs))
+    Xml.indent(tree)
+    with file.open("xb") as target:
+        tree.write(target, encoding="utf-8", xml_declaration=True)
+
+
+def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillRun]) -> Xml.Element:
+    """Put all rows as a tree; the time of a suite is that of the drill's runs together."""
+    failed = sum(not row.passed for row in rows)
+    took = sum(run.took_s for run in runs)
+    root = Xml.Element("testsuites", _counts("convoy drill", len(rows), failed, took))
+    for name in dict.fromkeys(row.drill for row in rows):
+        own = [row for row in rows if row.drill == name]
+        took = sum(run.took_s for run in runs if run.drill == name)
+        failed = sum(not row.passed for row in own)
+        suite = Xml.SubElement(root, "testsuite", _counts(name, len(own), failed, took))
+        for row in own:
+            _case(suite, row)
+    return root
+
+
+def _counts(name: str, tests: int, failures: int, took_s: float) -> dict[str, str]:
+    return {
+        "name": name,
+        "tests": str(tests),
+        "failures": str(failures),
+        "errors": "0",
+        "time": f"{took_s:.3f}",
+    }
+
+
+def _case(suite: Xml.Element, row: DrillRow) -> None:
+    case = Xml.SubElement(suite, "testcase", {"classname": row.drill, "name": row.said})
+    if not row.passed:
+        failure = Xml.SubElement(case, "failure", {"type": "limit", "message": row.line})
+        failure.text = f"{row.line}\nrepeat: {row.command}"
+    figure = "none" if row.figure is None else f"{row.figure:.6g}"
+    margin = "none" if row.margin_ratio is None else f"{row.margin_ratio:.3f}"
+    out = Xml.SubElement(case, "system-out")
+    out.text = f"figure {figure}, margin {margin} of the bound, seed {row.seed}"

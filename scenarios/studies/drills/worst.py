@@ -1,0 +1,224 @@
+"""The instant at which a burst of losses does most harm: a grid over the run, then ever closer.
+
+What is lost follows from when it was sent, so an instant matters as finely as messages are apart.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+from scenarios.definition.channel.rules import ANY, ROLES
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.refusal import shown
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.pool import run_jobs
+from scenarios.studies.many.limit import Limit
+from scenarios.studies.many.variant import Variant
+
+PEAKS = 3
+"""So many of the worst instants are looked at closer, for the highest peak may be narrow."""
+EARLIEST_S = 1.0
+"""By default no burst is earlier: a convoy has formed by then."""
+FINEST_S = 0.001
+"""Instants are whole milliseconds."""
+SAY_EVERY_S = 3.0
+
+RunAll = Callable[[Mapping[float, Callable[[], Any]], int], Iterator[tuple[float, Any]]]
+"""Does all jobs on so many workers (0: in this process); gives results as they come."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Burst:
+    """Everything that is sent on `links` is lost for `for_s`; each is a sender and a receiver.
+
+    Ends are names, roles or "*", as in `[[change]]`.
+    """
+
+    for_s: float
+    links: tuple[tuple[str, str], ...] = ((ANY, ANY),)
+
+    def overrides(self, at_s: float, first: int) -> tuple[str, ...]:
+        """Overrides that put it at an instant of a scenario with `first` changes of its own."""
+        return tuple(
+            f'change.{first + place}={{kind="cut", at_s={at_s!r}, for_s={self.for_s!r}, '
+            f'sender="{sender}", receiver="{receiver}"}}'
+            for place, (sender, receiver) in enumerate(self.links)
+        )
+
+
+def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> Burst:
+    """Read links as they are given on the command line, SENDER:RECEIVER; raises ScenarioError."""
+    known = (*scenario.vehicle_names, *ROLES, ANY)
+    links = []
+    for text in texts or (f"{ANY}:{ANY}",):
+        sender, colon, receiver = text.partition(":")
+        if not colon or sender not in known or receiver not in known:
+            ends = ", ".join(known)
+            raise ScenarioError(
+                [f"--link: given {shown(text)}, allowed SENDER:RECEIVER, each of {ends}"]
+            )
+        links.append((sender, receiver))
+    return Burst(for_s=for_s, links=tuple(links))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """Where to look: from one instant to another (s), first every `step_s`, at last `finest_s`."""
+
+    from_s: float
+    to_s: float
+    step_s: float
+    finest_s: float
+
+    def grid(self) -> list[float]:
+        """The first instants, both ends among them."""
+        count = int((self.to_s - self.from_s) / self.step_s + 1e-9)
+        inner = [round(self.from_s + place * self.step_s, 3) for place in range(count + 1)]
+        return sorted({*inner, self.to_s})
+
+    def beside(self, at_s: float, step_s: float) -> list[float]:
+        """Instants a step to both sides of one, inside of the span."""
+        sides = (round(at_s - step_s, 3), round(at_s + step_s, 3))
+        return [one for one in sides if self.from_s <= one <= self.to_s]
+
+
+def span_of(
+    scenario: Scenario,
+    burst: Burst,
+    *,
+    from_s: float | None,
+    to_s: float | None,
+    step_s: float,
+    finest_s: float,
+) -> Span:
+    """Where to look for the worst instant of a burst; by default all of the run that it fits in.
+
+    Raises ScenarioError where there is nothing to look at.
+    """
+    last = round(scenario.duration_s - burst.for_s, 3)
+    first = min(EARLIEST_S, max(last, 0.0)) if from_s is None else from_s
+    end = last if to_s is None else to_s
+    runs_s = f"the run's {scenario.duration_s:g}"
+    if not 0.0 < burst.for_s < scenario.duration_s:
+        raise ScenarioError(
+            [f"--burst: given {burst.for_s:g} s, allowed more than 0, less than {runs_s}"]
+        )
+    if not FINEST_S <= finest_s <= step_s:
+        raise ScenarioError(
+            [
+                f"--step, --finest: given {step_s:g} and {finest_s:g} s, allowed the first at "
+                f"least the second, and that at least {FINEST_S:g}"
+            ]
+        )
+    if not first <= end <= last:
+        raise ScenarioError(
+            [
+                f"--from, --to: given {first:g} to {end:g} s, allowed in order and at most "
+                f"{last:g}, where the burst ends with the run"
+            ]
+        )
+    return Span(from_s=first, to_s=end, step_s=step_s, finest_s=finest_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstInstant:
+    """What a search has found: the instant, the figure there, and all that was tried.
+
+    `figures` are by instant (s), in order of time.
+    """
+
+    word: str
+    at_s: float
+    figure: float
+    figures: Mapping[float, float]
+    variant: Variant
+
+
+@dataclass(slots=True)
+class WorstSearch:
+    """A search for the instant at which `burst` makes a figure of `base` worst.
+
+    `word` names the figure, "error_m" (the largest true error) or "gap_m" (the smallest true gap).
+    All runs share the seed of `base`, which has so many `changes` of its own.
+    """
+
+    base: Variant
+    burst: Burst
+    word: str
+    progress: Callable[[str], None]
+    workers: int
+    run_all: RunAll = run_jobs
+    changes: int = 0
+    _found: dict[float, float] = field(default_factory=dict)
+    _began: float = field(default_factory=time.monotonic)
+    _said: float = 0.0
+
+    def look(self, span: Span) -> WorstInstant:
+        """Look at a grid, and then closer and closer at its worst instants."""
+        self._try(span.grid())
+        step = span.step_s
+        while step > span.finest_s:
+            step *= 0.5
+            near = {at for peak in self._peaks(2.0 * step) for at in span.beside(peak, step)}
+            self._try(sorted(near - self._found.keys()))
+        at = self._worst()[0]
+        return WorstInstant(
+            word=self.word,
+            at_s=at,
+            figure=self._figure(at),
+            figures={one: self._figure(one) for one in sorted(self._found)},
+            variant=self.variant(at),
+        )
+
+    def variant(self, at_s: float) -> Variant:
+        """The run with the burst at an instant."""
+        return replace(
+            self.base,
+            overrides=(*self.base.overrides, *self.burst.overrides(at_s, self.changes)),
+        )
+
+    def _peaks(self, apart_s: float) -> list[float]:
+        """The worst instants that are further apart, for those beside a peak are as bad."""
+        peaks: list[float] = []
+        for at in self._worst():
+            if len(peaks) < PEAKS and all(abs(at - one) > apart_s + 1e-6 for one in peaks):
+                peaks.append(at)
+        return peaks
+
+    def _worst(self) -> list[float]:
+        """Instants, the worst first; of equal ones the earliest."""
+        return sorted(self._found, key=lambda at: (-self._found[at], at))
+
+    def _figure(self, at: float) -> float:
+        return -self._found[at] if self.word == "gap_m" else self._found[at]
+
+    def _try(self, instants: Sequence[float]) -> None:
+        jobs = {at: partial(_severity, self.variant(at), self.word) for at in instants}
+        for at, severity in self.run_all(jobs, self.workers):
+            self._found[at] = severity
+            now = time.monotonic()
+            if now - self._said > SAY_EVERY_S:
+                self._said = now
+                worst = self._worst()[0]
+                self.progress(
+                    f"{now - self._began:5.1f} s  {len(self._found)} instants, the worst at "
+                    f"{worst:g} s: {self.word} {self._figure(worst):.3f}"
+                )
+
+
+def _severity(variant: Variant, word: str) -> float:
+    """How bad a run was: its largest true error, or its smallest gap with the sign changed (m)."""
+    return Limit(word, 0.0).severity(variant.run())
+
+
+def base_of(name: str, overrides: Sequence[str], seed: int | None) -> Variant:
+    """The run in which a burst is put at many instants; raises ScenarioError."""
+    whole = load_scenario(name, overrides, seed)
+    return Variant(
+        text=load_scenario(name).text,
+        name=name,
+        overrides=tuple(overrides),
+        seed=whole.seed,
+    )

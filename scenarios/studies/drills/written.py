@@ -1,0 +1,92 @@
+"""A drill made of what a search has found: a short file that extends the scenario."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.extends import merged
+from scenarios.definition.library import drills, library, read_file
+from scenarios.definition.overrides import Raw, parse_override
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.studies.drills.worst import Burst, WorstInstant
+
+SCHEMA = "convoy.worst/1"
+MARGIN = 1.5
+"""The limit written is so many times as wide as the figure found."""
+LIMITS = {"error_m": "cross_track_error_m_max", "gap_m": "true_gap_m_min"}
+
+
+def write_drill(found: WorstInstant, file: Path) -> None:
+    """Write the worst run as a drill into a new file; raises ScenarioError.
+
+    It extends the scenario that was searched, and holds what was laid over that, the burst, and a
+    limit 1.5 times as wide as the figure found.
+    """
+    text = drill_text(found, file)
+    try:
+        with file.open("x", encoding="utf-8") as target:
+            target.write(text)
+    except FileExistsError as error:
+        raise ScenarioError([f"{file}: exists; give another place"]) from error
+
+
+def drill_text(found: WorstInstant, file: Path) -> str:
+    """Text of the drill, as it would stand in `file`; raises ScenarioError if it is none."""
+    one = found.variant
+    base = one.name
+    if base not in (*library(), *drills()):
+        base = os.path.relpath(Path(base).resolve(), file.resolve().parent)
+    tables: Raw = {
+        "extends": base,
+        "name": file.stem,
+        "description": f"a burst at the worst instant of {Path(one.name).stem}",
+        "seed": one.seed,
+    }
+    whole = merged(read_file(one.name), one.overrides).raw
+    for override in one.overrides:
+        _take(whole, tables, parse_override(override)[0])
+    bound = found.figure * MARGIN if found.word == "error_m" else found.figure / MARGIN
+    limits = dict(tables.get("limits", {}))
+    tables["limits"] = limits | {LIMITS[found.word]: round(bound, 2)}
+    text = (
+        f"# A burst at {found.at_s:g} s, the worst instant that convoy worst has found: "
+        f"{found.word} {found.figure:.3f}\n"
+        f"# (with seed {one.seed}, of {len(found.figures)} instants tried).\n\n"
+        + tomli_w.dumps(tables)
+    )
+    scenario_from_text(text, label=str(file), folder=file.resolve().parent)
+    return text
+
+
+def as_json(found: WorstInstant, burst: Burst) -> str:
+    """Everything that was tried, for machines."""
+    tried = [{"at_s": at, found.word: figure} for at, figure in found.figures.items()]
+    whole = {
+        "schema": SCHEMA,
+        "scenario": found.variant.name,
+        "seed": found.variant.seed,
+        "burst_s": burst.for_s,
+        "links": [list(pair) for pair in burst.links],
+        "figure": found.word,
+        "at_s": found.at_s,
+        found.word: found.figure,
+        "command": found.variant.command,
+        "tried": tried,
+    }
+    return json.dumps(whole, indent=1) + "\n"
+
+
+def _take(whole: Raw, tables: Raw, parts: tuple[str, ...]) -> None:
+    """Copy what an override changed from the whole scenario; of an array all of it."""
+    source: Any = whole
+    target: Any = tables
+    for depth, part in enumerate(parts):
+        source = source[part]
+        if depth == len(parts) - 1 or not isinstance(source, dict):
+            target[part] = source
+            return
+        target = target.setdefault(part, {})

@@ -1,0 +1,136 @@
+"""What breaks the limits of the shipped drills: other behaviour, or a fault in one function.
+
+Every limit of every drill is broken by one of these at least: none is so loose that all passes.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Any
+
+from vehicles.car.gnss import Fix
+from vehicles.driver.degradation.trust.gate import Belief, InnovationGate
+from vehicles.driver.steering import SteeringCommand
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Another function in the place of one of `vehicles/`, named with dots."""
+
+    place: str
+    by: Callable[..., Any]
+
+
+def _wheels_straight(
+    _reaction: str, mode: str, asked: SteeringCommand, _last: SteeringCommand
+) -> SteeringCommand:
+    if mode not in {"coast", "stop"}:
+        return asked
+    return replace(asked, steering=0.0, feedforward=0.0, feedback=0.0)
+
+
+def _believe(_gate: InnovationGate, _now: int, fix: Fix) -> Belief:
+    return Belief(True, "", fix.accuracy)
+
+
+WHEELS_STRAIGHT = Fault("vehicles.driver.follower.without_hearing", _wheels_straight)
+"""Who hears nobody lets go of the wheel."""
+BELIEVES_ALL = Fault("vehicles.driver.degradation.trust.gate.InnovationGate.judge", _believe)
+"""Whatever is heard is believed."""
+KEEPS_NO_DISTANCE = Fault(
+    "vehicles.driver.degradation.slowing.longitudinal.SpeedGuard._guarded",
+    lambda *_: inf,
+)
+"""No safe distance is kept."""
+ALL_EXACT = Fault("vehicles.driver.ego.pose_estimator._Model.position", lambda *_: 0.01)
+"""The car takes each of its fixes for exact to the centimetre."""
+NEEDS_MANY = Fault(
+    "vehicles.driver.degradation.sources.reaches_ahead",
+    lambda window: len(window.station) >= 60,
+)
+"""A trajectory is made of three seconds of messages, or not at all."""
+
+EXTRAPOLATE = "control.degradation.reaction=extrapolate"
+LATE = "control.degradation.lost_s=1.0"
+HASTY = "control.degradation.lost_s=0.2", "control.degradation.lost_periods=2.0"
+SOFT = "speed.gap.braking_mps2_max=2.0", EXTRAPOLATE
+SLOW = "control.degradation.probation_s=4.0"
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What is planted into a drill, and the limits that it has to break."""
+
+    drill: str
+    breaks: tuple[str, ...]
+    overrides: tuple[str, ...] = ()
+    fault: Fault | None = None
+
+    def __str__(self) -> str:
+        planted = self.overrides or (self.fault.place.rpartition(".")[2] if self.fault else "",)
+        return f"{self.drill}: {', '.join(self.breaks)} by {' '.join(planted)}"
+
+
+ERROR, GAP = "cross_track_error_m_max", "true_gap_m_min"
+BELIEF = "believed_minus_true_error_m_max"
+
+
+def _alone(vehicle: str) -> str:
+    """A vehicle that does not slow down, among those that do."""
+    return f"vehicle.{vehicle}.control.degradation.reaction=extrapolate"
+
+
+PLANTS = (
+    Plant("lead_lost", (ERROR,), fault=WHEELS_STRAIGHT),
+    Plant("lead_lost", (GAP,), (_alone("v3"),)),
+    Plant("lead_lost", ("modes[0]", "modes[1]"), (EXTRAPOLATE,)),
+    Plant("lead_lost", ("modes[0]", "modes[1]"), (LATE,)),
+    Plant("lead_lost", ("recovery[0]",), (SLOW,)),
+    Plant("predecessor_lost", (ERROR,), ("control.fusion=predecessor",)),
+    Plant("predecessor_lost", ("modes[0]",), (LATE,)),
+    Plant("predecessor_lost", ("recovery[0]",), (SLOW,)),
+    Plant("both_lost", (ERROR,), fault=WHEELS_STRAIGHT),
+    Plant("both_lost", ("modes[0]",), (EXTRAPOLATE,)),
+    Plant("both_lost", ("recovery[0]",), (SLOW,)),
+    Plant("burst_worst", (ERROR,), fault=WHEELS_STRAIGHT),
+    Plant("burst_worst", ("recovery[0]",), (SLOW,)),
+    Plant("tunnel", (ERROR,), ("imu.yaw_rate_bias_radps=0.05",)),
+    Plant("tunnel", (ERROR,), ("control.degradation.reaction=hold",)),
+    Plant("tunnel", (GAP,), (_alone("v3"),)),
+    Plant("tunnel", ("recovery[0]",), (SLOW,)),
+    Plant("frozen_transmitter", (ERROR, "sources[0]"), fault=BELIEVES_ALL),
+    Plant("frozen_transmitter", ("sources[0]",), (EXTRAPOLATE,)),
+    Plant("frozen_transmitter", ("recovery[0]",), (SLOW,)),
+    Plant("ghost_vehicle", (ERROR,), fault=BELIEVES_ALL),
+    Plant("overconfident_gnss", (ERROR, BELIEF), fault=ALL_EXACT),
+    Plant("overconfident_gnss", (ERROR, BELIEF), ("imu.yaw_rate_bias_radps=0.05",)),
+    Plant("rtk_lost", (ERROR, BELIEF), fault=ALL_EXACT),
+    Plant("clock_off", (ERROR,), fault=BELIEVES_ALL),
+    Plant("clock_off", (ERROR,), ("control.fusion=blend",)),
+    Plant("clock_off", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
+    Plant("clock_off", (GAP,), fault=KEEPS_NO_DISTANCE),
+    Plant("clock_off", (GAP,), ("speed.gap.headway_s=0.3",)),
+    Plant("restarted_follower", ("collisions_max", GAP), (EXTRAPOLATE,)),
+    Plant("restarted_follower", (ERROR,), ("change.0.for_s=2.5",)),
+    Plant("restarted_follower", ("recovery[0]",), (SLOW,)),
+    Plant("late_joiner", (ERROR, "modes[0]"), fault=NEEDS_MANY),
+    Plant(
+        "congested_channel",
+        ("stops_max",),
+        HASTY,
+    ),
+    Plant("congested_channel", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
+    Plant("congested_channel", (ERROR,), (EXTRAPOLATE,)),
+    Plant("congested_channel", (GAP,), (_alone("v4"),)),
+    Plant("persistent_collisions", (ERROR,), fault=WHEELS_STRAIGHT),
+    Plant("persistent_collisions", (GAP,), (_alone("v4"),)),
+    Plant("router_restarted", (ERROR,), fault=WHEELS_STRAIGHT),
+    Plant("router_restarted", ("modes[0]",), (EXTRAPOLATE,)),
+    Plant("router_restarted", ("recovery[0]",), (SLOW,)),
+    Plant(
+        "emergency_braking",
+        ("collisions_max", GAP),
+        SOFT,
+    ),
+    Plant("emergency_braking", ("collisions_max", GAP), fault=KEEPS_NO_DISTANCE),
+)

@@ -1,0 +1,164 @@
+"""`convoy drill` and `convoy worst`: their tables, files, exit codes and refusals."""
+
+import json
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree as Xml
+
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
+from scenarios.definition.scenario import drills, load_scenario
+from scenarios.results.limits import limit_figures
+from scenarios.results.log_summary import scenario_in, summary_of
+from scenarios.results.metrics import Metrics
+from scenarios.results.summary import to_json
+from scenarios.runs.unlogged import run_unlogged
+from transport.log.reader import LogReader
+from vehicles.schedule import SECOND
+
+SHORT = """
+extends = "lane_change"
+name = "short"
+description = "two seconds"
+duration_s = 2.0
+convoy.vehicles = 2
+
+[limits]
+collisions_max = 0
+cross_track_error_m_max = {error}
+
+[[limits.modes]]
+vehicle = "v2"
+mode = "lead"
+within_s = 0.5
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_signals() -> Iterator[None]:
+    """Commands set signal handlers; the test run keeps its own."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def convoy(*arguments: str | int | Path) -> Result:
+    return CliRunner().invoke(cli, list(map(str, arguments)), env={"COLUMNS": "120"})
+
+
+def short(folder: Path, name: str = "short", error: float = 0.5) -> Path:
+    file = folder / f"{name}.toml"
+    file.write_text(SHORT.format(error=error))
+    return file
+
+
+def test_drills_are_listed_with_what_fails() -> None:
+    lines = convoy("drill", "--list").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(drills())
+    for line, name in zip(lines, drills(), strict=True):
+        assert line.endswith(load_scenario(name).tables.description)
+
+
+def test_a_drill_that_passes_is_a_table_two_files_and_exit_code_0(tmp_path: Path) -> None:
+    file, xml = short(tmp_path), tmp_path / "reports" / "drills.xml"
+    done = convoy("drill", file, "--workers", 0, "--out", tmp_path / "out", "--junit", xml)
+    assert done.exit_code == 0, done.output
+    assert "v2 in mode lead" in done.stdout
+    assert "1 of 1 drills passed, 3 of 3 limits kept" in done.stdout
+    table = json.loads((tmp_path / "out" / "drills.json").read_text())
+    assert [row["limit"] for row in table["rows"]] == [
+        "collisions_max",
+        "cross_track_error_m_max",
+        "modes[0]",
+    ]
+    assert all(row["passed"] for row in table["rows"])
+    assert Xml.parse(xml).getroot().get("tests") == "3"
+    again = convoy("drill", file, "--workers", 0, "--junit", xml)
+    assert (again.exit_code, again.stderr) == (2, f"{xml}: exists; give another place\n")
+
+
+def test_a_drill_that_fails_names_the_command_that_repeats_it(tmp_path: Path) -> None:
+    file = short(tmp_path, error=0.001)
+    done = convoy("drill", file, "--workers", 0, "--seeds", 2)
+    assert done.exit_code == 1
+    assert "0 of 1 drills passed, 2 of 3 limits kept" in done.stdout
+    (line,) = (one.strip() for one in done.stdout.splitlines() if one.startswith("    convoy run"))
+    assert line.startswith(f"convoy run {file} --seed ")
+    repeated = convoy(*line.split()[1:], "--out", tmp_path / "run")
+    assert repeated.exit_code == 1
+    assert "limits.cross_track_error_m_max = 0.001" in repeated.output
+
+
+def test_a_run_and_its_log_say_the_same_of_limits_as_the_drill(tmp_path: Path) -> None:
+    """Also where the figures are worked out from the messages of the log."""
+    file = short(tmp_path, error=0.001)
+    convoy("run", file, "--clock", "virtual", "--quiet", "--out", tmp_path / "run")
+    log = tmp_path / "run" / "run.mcap"
+    told = summary_of(log)
+    assert [one.limit for one in told.limits if one.broken] == ["cross_track_error_m_max"]
+    assert to_json(run_unlogged(load_scenario(file))) == to_json(told)
+    scenario = scenario_in(log, LogReader(log).attachments())
+    metrics = Metrics.of(scenario)
+    for _, _, message in LogReader(log).messages(metrics.topics):
+        metrics.add(message)
+    ran_ns = round(told.ran_s * SECOND)
+    found = limit_figures(
+        scenario.tables.limits,
+        metrics.events.events(),
+        metrics.vehicle_summaries(ran_ns),
+        metrics.deadlines.figures(ran_ns),
+    )
+    assert found == told.limits
+    assert told.limits[2].figure == 0.02  # its second command
+
+
+def test_the_settings_are_those_of_each_drill(tmp_path: Path) -> None:
+    file = short(tmp_path)
+    done = convoy("drill", file, "--workers", 0, "--set", "limits.cross_track_error_m_max=0.001")
+    assert done.exit_code == 1
+    assert "--set=limits.cross_track_error_m_max=0.001" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("nowhere",), "nowhere: no such file"),
+        (("lane_change",), "lane_change: limits: missing, a drill says what must hold"),
+        (("tunnel", "--set", "links.loss=1"), "--set: links.loss: given 1"),
+        (("tunnel", "--clock", "wall"), "--clock wall: needs --out, a folder for the logs"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_a_line(arguments: tuple[str, ...], line: str) -> None:
+    refused = convoy("drill", *arguments, "--workers", "0")
+    assert refused.exit_code == 2
+    assert refused.stderr.startswith(line)
+    assert refused.stderr.count("\n") == 1
+
+
+def test_the_worst_instant_is_said_and_can_be_repeated_and_written(tmp_path: Path) -> None:
+    file, table = tmp_path / "worst.toml", tmp_path / "worst.json"
+    done = convoy(
+        "worst", short(tmp_path), "--burst", "500ms", "--from", "500ms", "--to", "1s",
+        "--step", "500ms", "--finest", "500ms", "--workers", 0, "--write", file, "--json", table,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    found = json.loads(table.read_text())
+    assert [one["at_s"] for one in found["tried"]] == [0.5, 1.0]
+    assert done.stdout.startswith(f"worst at {found['at_s']:g} s: error_m {found['error_m']:.3f}")
+    assert found["command"] in done.stdout
+    written = load_scenario(file)
+    (worst,) = [one for one in run_unlogged(written).vehicles if one.role == "follower"]
+    assert worst.cross_track_error_m_max == found["error_m"]
+    refused = convoy("worst", "lane_change", "--burst", "1s", "--write", file)
+    assert (refused.exit_code, refused.stderr) == (2, f"{file}: exists; give another place\n")
+
+
+def test_a_search_that_makes_no_sense_is_refused() -> None:
+    refused = convoy("worst", "lane_change", "--burst", "40s")
+    assert refused.exit_code == 2
+    assert refused.stderr == ("--burst: given 40 s, allowed more than 0, less than the run's 35\n")
+    assert convoy("worst", "lane_change", "--burst", "soon").exit_code == 2

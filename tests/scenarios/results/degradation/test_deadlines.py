@@ -1,0 +1,167 @@
+"""What followers had to have done by an instant: found from messages in any order."""
+
+from collections.abc import Mapping
+from random import Random
+
+import pytest
+
+from scenarios.definition.schema.limits import (
+    LimitsTable,
+    ModeLimit,
+    RecoveryLimit,
+    SourceLimit,
+)
+from scenarios.results.degradation.deadlines import DeadlineFigure, Deadlines
+from tests.made.scenarios.messages import START, at, tracking
+from vehicles.messages import Tracking
+from vehicles.schedule import SECOND
+
+PREDECESSOR = ModeLimit(vehicle="v3", mode="predecessor", after_s=2.0, within_s=0.6)
+DISTRUST = SourceLimit(vehicle="v3", source="v2", status="distrusted", after_s=2.0, within_s=0.6)
+RECOVERY = RecoveryLimit(vehicle="v3", error_m=0.3, after_s=2.0, within_s=1.0)
+RAN = 8 * SECOND
+
+
+Episode = tuple[str, float, float]
+"""The value of a field of Tracking, from when to when (s)."""
+
+
+def heard_of(vehicle: str, episodes: Mapping[str, Episode], until_s: float = 8.0) -> list[Tracking]:
+    """Tracking of a vehicle at 50 Hz."""
+    return [
+        tracking(
+            vehicle,
+            seq,
+            **{
+                name: value
+                for name, (value, from_s, to_s) in episodes.items()
+                if from_s <= seq / 50 < to_s
+            },
+        )
+        for seq in range(round(50 * until_s))
+    ]
+
+
+def messages(until_s: float = 8.0, **episodes: Episode) -> list[Tracking]:
+    return heard_of("v3", episodes, until_s)
+
+
+def figure(
+    limit: ModeLimit | SourceLimit | RecoveryLimit,
+    heard: list[Tracking],
+    errors: dict[float, float] | None = None,
+    ran_ns: int = RAN,
+) -> DeadlineFigure:
+    """The figure of one limit; without `errors` the vehicle is on the path all the time."""
+    kind = {ModeLimit: "modes", SourceLimit: "sources", RecoveryLimit: "recovery"}[type(limit)]
+    deadlines = Deadlines(LimitsTable.model_validate({kind: (limit,)}), "v1")
+    deadlines.begin(START)
+    for one in heard:
+        deadlines.add_tracking(one)
+        off = (errors or {}).get(round((one.decided_at_ns - START) / SECOND, 2), 0.0)
+        deadlines.add_error(one.vehicle, one.decided_at_ns, off)
+    (found,) = deadlines.figures(ran_ns)
+    return found
+
+
+def test_without_limits_nothing_is_watched() -> None:
+    assert not Deadlines()
+    assert not Deadlines(LimitsTable(collisions_max=0), "v1")
+    assert Deadlines().figures(RAN) == ()
+
+
+@pytest.mark.parametrize(
+    ("from_s", "took_s", "broken"),
+    [(2.4, 0.4, False), (2.6, 0.6, False), (2.62, 0.62, True), (1.0, 0.0, False)],
+)
+def test_a_mode_counts_from_the_instant_on(from_s: float, took_s: float, broken: bool) -> None:
+    found = figure(PREDECESSOR, messages(mode=("predecessor", from_s, 5.0)))
+    assert (found.took_s, found.broken) == (took_s, broken)
+
+
+def test_a_mode_that_was_left_before_does_not_count() -> None:
+    found = figure(PREDECESSOR, messages(mode=("predecessor", 0.5, 2.0)))
+    assert (found.took_s, found.broken) == (None, True)
+
+
+def test_a_run_that_ended_before_the_deadline_says_nothing() -> None:
+    heard = messages(until_s=2.4)
+    assert not figure(PREDECESSOR, heard, ran_ns=round(2.4 * SECOND)).broken
+    assert figure(PREDECESSOR, heard, ran_ns=round(2.6 * SECOND)).broken
+
+
+def test_others_do_not_count() -> None:
+    heard = heard_of("v2", {"mode": ("predecessor", 2.0, 5.0)}) + messages()
+    assert figure(PREDECESSOR, heard).took_s is None
+
+
+def test_a_source_is_told_apart_from_the_other() -> None:
+    by_lead = messages(lead_status=("distrusted", 2.2, 4.0))
+    by_predecessor = messages(predecessor_status=("distrusted", 2.2, 4.0))
+    assert figure(DISTRUST, by_lead).took_s is None
+    assert figure(DISTRUST, by_predecessor).took_s == pytest.approx(0.2)
+    of_lead = DISTRUST.model_copy(update={"source": "v1"})
+    assert figure(of_lead, by_lead).took_s == pytest.approx(0.2)
+
+
+def test_the_first_follower_s_predecessor_is_the_lead() -> None:
+    limit = DISTRUST.model_copy(update={"vehicle": "v2", "source": "v1"})
+    heard = heard_of("v2", {"lead_status": ("distrusted", 2.3, 4.0)})
+    assert figure(limit, heard).took_s == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("episodes", "took_s"),
+    [
+        ({}, 0.0),
+        ({"mode": ("stop", 1.0, 2.5)}, 0.48),
+        ({"predecessor_status": ("probation", 1.0, 3.0)}, 0.98),
+        ({"lead_status": ("lost", 1.0, 1.9)}, 0.0),
+        ({"mode": ("coast", 6.0, 6.02)}, 4.0),
+        ({"mode": ("coast", 6.0, 9.0)}, None),
+    ],
+)
+def test_recovered_is_who_relies_on_all_sources_for_good(
+    episodes: dict[str, Episode], took_s: float | None
+) -> None:
+    found = figure(RECOVERY, heard_of("v3", episodes))
+    assert found.took_s == (None if took_s is None else pytest.approx(took_s))
+    assert found.broken == (took_s is None or took_s > 1.0)
+
+
+def test_recovered_is_who_is_on_the_path_too() -> None:
+    assert figure(RECOVERY, messages(), {2.5: 0.31, 3.0: -0.29}).took_s == pytest.approx(0.5)
+    assert figure(RECOVERY, messages(), {1.5: 0.31}).took_s == 0.0
+    assert figure(RECOVERY, messages(), {7.98: -0.31}).took_s is None  # it was not at the end
+
+
+def test_who_is_silent_at_the_end_has_not_recovered() -> None:
+    assert figure(RECOVERY, messages(until_s=7.5)).took_s == 0.0  # within a second: on its way
+    assert figure(RECOVERY, messages(until_s=6.5)).took_s is None
+    assert figure(RECOVERY, []).took_s is None
+
+
+def test_how_vehicles_are_mixed_does_not_matter() -> None:
+    """Those of each vehicle are in order, as a log has them; errors may come later."""
+    limits = LimitsTable(modes=(PREDECESSOR,), sources=(DISTRUST,), recovery=(RECOVERY,))
+    own = messages(mode=("predecessor", 2.3, 3.1), predecessor_status=("distrusted", 2.1, 3.1))
+    others = heard_of("v2", {"mode": ("predecessor", 2.0, 8.0)})
+    chance = Random(1)
+    found: list[tuple[DeadlineFigure, ...]] = []
+    for _ in range(5):
+        deadlines = Deadlines(limits, "v1")
+        deadlines.begin(START)
+        waiting: list[list[Tracking | int]] = [
+            list(own),
+            list(others),
+            [at(seq / 50) for seq in range(400)],
+        ]
+        while any(waiting):
+            message = chance.choice([one for one in waiting if one]).pop(0)
+            if isinstance(message, Tracking):
+                deadlines.add_tracking(message)
+            else:
+                deadlines.add_error("v3", message, 0.4 if message < at(2.7) else 0.1)
+        found.append(deadlines.figures(RAN))
+    assert [one.took_s for one in found[0]] == pytest.approx([0.3, 0.1, 1.08])
+    assert all(one == found[0] for one in found)

@@ -1,0 +1,174 @@
+"""From the limits of runs to the rows of a drill: the worst of all seeds, and how near it was."""
+
+from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree as Xml
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.results.summary import LimitFigure
+from scenarios.studies.drills.campaign import carry_out_drills, drill_rows, machine_readable
+from scenarios.studies.drills.drill import (
+    UNMEASURED,
+    DrillRow,
+    DrillRun,
+    drill_run,
+    drill_variants,
+    rows_of,
+)
+from scenarios.studies.drills.junit import as_xml
+
+
+def limit(figure: float | None, name: str = "cross_track_error_m_max", **more: Any) -> LimitFigure:
+    return LimitFigure(limit=name, bound=0.5, figure=figure, vehicle="v3", **more)
+
+
+def run(*limits: LimitFigure, seed: int = 1, drill: str = "one", other: str = "") -> DrillRun:
+    command = f"convoy run {drill} --seed {seed} --clock virtual"
+    return DrillRun(
+        drill=drill, seed=seed, limits=limits, other_reason=other, command=command, took_s=0.25
+    )
+
+
+def only_row(*runs: DrillRun) -> DrillRow:
+    (found,) = rows_of(runs)
+    return found
+
+
+def test_the_figure_is_the_worst_of_all_vehicles_and_seeds() -> None:
+    runs = [
+        run(limit(0.2), limit(0.3), seed=1),
+        run(limit(0.4), limit(0.1), seed=2),
+        run(limit(0.25), seed=3),
+    ]
+    row = only_row(*runs)
+    assert (row.figure, row.seed, row.passed) == (0.4, 2, True)
+    assert row.margin_ratio == pytest.approx(0.2)
+    assert row.command == "convoy run one --seed 2 --clock virtual"
+
+
+def test_of_a_least_value_the_smallest_is_the_worst() -> None:
+    name = "true_gap_m_min"
+    row = only_row(run(limit(0.8, name)), run(limit(0.6, name), seed=2))
+    assert row.figure == 0.6
+    assert row.margin_ratio == pytest.approx(0.2)
+
+
+def test_a_broken_limit_has_no_margin_left_and_says_how() -> None:
+    row = only_row(run(limit(0.3)), run(limit(0.75, line="too far"), seed=2))
+    assert (row.passed, row.figure, row.line) == (False, 0.75, "too far")
+    assert row.margin_ratio == pytest.approx(-0.5)
+
+
+def test_what_was_not_done_is_worse_than_what_was_done_late() -> None:
+    late = limit(0.9, "modes[0]", what="in mode stop", line="late")
+    never = limit(None, "modes[0]", what="in mode stop", line="never")
+    row = only_row(run(late), run(never, seed=2))
+    assert (row.line, row.figure, row.margin_ratio, row.passed) == ("never", None, None, False)
+    assert row.said == "v3 in mode stop, within 0.5 s"
+
+
+def test_what_could_not_be_measured_has_not_passed() -> None:
+    row = only_row(run(limit(None)))
+    assert not row.passed
+    assert row.line == f"limits.cross_track_error_m_max {UNMEASURED}"
+
+
+def test_a_run_that_failed_for_another_reason_has_a_row_of_its_own() -> None:
+    first, second = rows_of([run(limit(0.3), other="v2 died")])
+    assert (first.limit, first.passed, first.line, first.said) == ("run", False, "v2 died", "run")
+    assert second.passed
+
+
+def test_a_count_that_must_be_0_has_no_share_of_it_left() -> None:
+    zero = LimitFigure(limit="collisions_max", bound=0, figure=0)
+    row = only_row(run(zero))
+    assert (row.margin_ratio, row.passed, row.said) == (None, True, "collisions_max = 0")
+
+
+def test_rows_keep_the_order_of_the_drills() -> None:
+    runs = [run(limit(0.1), drill="b"), run(limit(0.2), drill="a"), run(limit(0.3), drill="b")]
+    assert [(row.drill, row.figure) for row in drill_rows(runs)] == [("b", 0.3), ("a", 0.2)]
+
+
+def test_a_file_without_limits_is_no_drill() -> None:
+    with pytest.raises(ScenarioError, match=r"^lane_change: limits: missing, .*collisions_max"):
+        drill_variants("lane_change")
+    with pytest.raises(ScenarioError, match="limits: missing"):
+        drill_variants("lane_change", ['limits.after_collision="end"'])
+    (one,) = drill_variants("lane_change", ["limits.collisions_max=0", "seed=7"])
+    assert one.seed == 7
+    assert [one.seed for one in drill_variants("tunnel", seeds=(1, 2, 3))] == [1, 2, 3]
+
+
+def test_a_run_says_why_it_failed_besides_its_limits() -> None:
+    short = ["duration_s=0.5", "convoy.vehicles=2", "limits.true_gap_m_min=50.0"]
+    (variant,) = drill_variants("lane_change", short)
+    summary = variant.run()
+    (broken,) = (one.line for one in summary.limits)
+    assert summary.reason == broken
+    for other in ("", "v2 died", "v2 died; v2 refused 3 messages"):
+        reason = "; ".join(filter(None, (other, broken)))
+        found = drill_run(variant, replace(summary, reason=reason), 0.1)
+        assert found.other_reason == other
+        assert found.limits == summary.limits
+
+
+def test_all_are_driven_and_none_twice() -> None:
+    asked = [*drill_variants("tunnel", seeds=(1, 2)), *drill_variants("lead_lost", seeds=(1,))]
+    said: list[str] = []
+
+    def fake(jobs: Any, workers: int) -> Any:
+        assert workers == 3
+        for key in reversed(jobs):
+            yield key, run(limit(0.1), drill=key[0], seed=key[1])
+
+    found = carry_out_drills(asked, said.append, 3, fake)
+    assert [(one.drill, one.seed) for one in found] == [
+        ("tunnel", 1),
+        ("tunnel", 2),
+        ("lead_lost", 1),
+    ]
+    assert "3 of 3 runs" in said[-1]
+
+
+# ---- For machines
+
+
+RUNS = [
+    run(limit(0.3), limit(0.2, "modes[0]", what="in mode stop"), drill="good"),
+    run(limit(0.75, line="v3 was <far> & off"), drill="bad"),
+    run(drill="odd", other="v2 died"),
+]
+
+
+def test_xml_has_a_case_for_each_limit_and_says_what_failed() -> None:
+    rows = drill_rows(RUNS)
+    root = Xml.fromstring(Xml.tostring(as_xml(rows, RUNS)))
+    assert root.tag == "testsuites"
+    assert (root.get("tests"), root.get("failures"), root.get("time")) == ("4", "2", "0.750")
+    suites = {one.get("name"): one for one in root}
+    assert [*suites] == ["good", "bad", "odd"]
+    cases = suites["good"].findall("testcase")
+    assert [one.get("name") for one in cases] == [
+        "cross_track_error_m_max = 0.5",
+        "v3 in mode stop, within 0.5 s",
+    ]
+    assert all(one.get("classname") == "good" and one.find("failure") is None for one in cases)
+    assert (cases[0].findtext("system-out") or "").startswith("figure 0.3, margin 0.400")
+    failure = suites["bad"].find("testcase/failure")
+    assert failure is not None
+    assert failure.get("message") == "v3 was <far> & off"
+    assert "convoy run bad --seed 1 --clock virtual" in (failure.text or "")
+    assert suites["odd"].find("testcase/failure") is not None
+
+
+def test_json_has_rows_and_runs() -> None:
+    found = machine_readable(drill_rows(RUNS), RUNS)
+    assert found["schema"] == "convoy.drills/1"
+    assert found["passed"] is False
+    assert [row["passed"] for row in found["rows"]] == [True, True, False, False]
+    assert [one["drill"] for one in found["runs"]] == ["good", "bad", "odd"]
+    assert "took_s" not in found["runs"][0]  # the same figures give the same file
+    assert machine_readable([], [])["passed"] is True

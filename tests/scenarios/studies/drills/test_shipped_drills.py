@@ -1,0 +1,125 @@
+"""The drills that ship: they pass, and each of their limits is broken by something planted."""
+
+import tomllib
+
+import pytest
+
+from scenarios.definition.check.report import check
+from scenarios.definition.library import DRILLS
+from scenarios.definition.scenario import drills, library, load_scenario, scenario_from_text
+from scenarios.studies.drills.drill import carry_out_drill, drill_variants, rows_of
+from scenarios.studies.drills.worst import Burst, Span, WorstSearch, base_of
+from tests.made.scenarios.planted_faults import PLANTS
+
+PROMISED = {
+    "lead_lost",
+    "predecessor_lost",
+    "both_lost",
+    "burst_worst",
+    "tunnel",
+    "frozen_transmitter",
+    "ghost_vehicle",
+    "overconfident_gnss",
+    "rtk_lost",
+    "clock_off",
+    "restarted_follower",
+    "late_joiner",
+    "congested_channel",
+    "persistent_collisions",
+    "router_restarted",
+    "emergency_braking",
+}
+SEEDS = 5
+CASES = [(name, seed) for seed in range(1, SEEDS + 1) for name in drills()]
+
+
+def test_all_that_is_promised_is_there_and_is_no_scenario() -> None:
+    assert set(drills()) == PROMISED
+    assert not set(drills()) & set(library())
+
+
+@pytest.mark.parametrize("name", drills())
+def test_a_drill_is_a_short_commented_file_that_can_be_checked(name: str) -> None:
+    text = (DRILLS / f"{name}.toml").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 50
+    assert text.startswith("# ")
+    assert tomllib.loads(text)["extends"] in library()
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert scenario.fingerprint == ""  # it ships: its name says all
+    assert scenario.duration_s <= 20.0
+    assert len(scenario.vehicle_names) <= 4
+    assert check(name).description
+    assert scenario_from_text(scenario.text).tables == scenario.tables
+
+
+@pytest.mark.parametrize("name", drills())
+def test_each_limit_is_broken_by_something(name: str) -> None:
+    limits = load_scenario(name).tables.limits
+    given = {
+        *(key for key in limits.model_fields_set if key.endswith(("_max", "_min"))),
+        *(
+            f"{kind}[{place}]"
+            for kind in ("modes", "sources", "recovery")
+            for place in range(len(getattr(limits, kind)))
+        ),
+    }
+    assert given
+    assert given == {limit for one in PLANTS if one.drill == name for limit in one.breaks}
+
+
+@pytest.mark.campaign(1, len(CASES))
+def test_a_drill_passes(case: int) -> None:
+    name, seed = CASES[case]
+    (variant,) = drill_variants(name, seeds=(seed,))
+    rows = list(rows_of([carry_out_drill(variant)]))
+    assert rows
+    assert [row.line for row in rows if not row.passed] == []
+
+
+@pytest.mark.campaign(3, len(PLANTS))
+def test_what_is_planted_breaks_its_limits(case: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = PLANTS[case]
+    if plant.fault is not None:
+        monkeypatch.setattr(plant.fault.place, plant.fault.by)
+    (variant,) = drill_variants(plant.drill, plant.overrides)
+    rows = list(rows_of([carry_out_drill(variant)]))
+    broken = {row.limit for row in rows if not row.passed}
+    assert set(plant.breaks) <= broken, plant
+
+
+WORST_AT_S, BURST = 5.219, Burst(for_s=1.0)
+SETTINGS = ("convoy.vehicles=3", "duration_s=12")
+
+
+def search() -> WorstSearch:
+    """The search whose command stands in the head of the file."""
+    base = base_of("lane_change", SETTINGS, None)
+    return WorstSearch(base, BURST, "error_m", lambda _: None, workers=0)
+
+
+def test_the_burst_is_at_the_instant_that_was_found() -> None:
+    (cut,) = load_scenario("burst_worst").tables.change
+    assert cut.model_dump() == {
+        "kind": "cut",
+        "at_s": WORST_AT_S,
+        "for_s": BURST.for_s,
+        "sender": "*",
+        "receiver": "*",
+    }
+    found, shipped = search().variant(WORST_AT_S).scenario, load_scenario("burst_worst")
+    for key in ("change", "path", "convoy", "links", "gnss", "control", "speed", "seed"):
+        assert getattr(found.tables, key) == getattr(shipped.tables, key), key
+
+
+@pytest.mark.campaign(1, 2)
+def test_the_burst_is_at_the_worst_instant(case: int) -> None:
+    """Worse than a second earlier; in a campaign it is what the search finds."""
+    if case:
+        span = Span(from_s=3.0, to_s=10.0, step_s=0.5, finest_s=0.05)
+        assert search().look(span).at_s == WORST_AT_S
+        return
+    span = Span(from_s=WORST_AT_S - 1.0, to_s=WORST_AT_S, step_s=1.0, finest_s=1.0)
+    found = search().look(span)
+    assert found.at_s == WORST_AT_S
+    assert found.figure > 1.5 * found.figures[round(WORST_AT_S - 1.0, 3)]

@@ -1,0 +1,168 @@
+"""The search for the worst instant of a burst: it finds a planted peak, and the drill it writes."""
+
+import json
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import load_scenario, scenario_from_text
+from scenarios.results.summary import to_json
+from scenarios.runs.unlogged import run_unlogged
+from scenarios.studies.drills.worst import (
+    Burst,
+    Span,
+    WorstInstant,
+    WorstSearch,
+    base_of,
+    burst_of,
+    span_of,
+)
+from scenarios.studies.drills.written import as_json, drill_text, write_drill
+
+SHORT = ("duration_s=6.0", "convoy.vehicles=2")
+BASE = base_of("lane_change", SHORT, None)
+SCENARIO = BASE.scenario
+
+
+def searched(figure: Any, span: Span, word: str = "error_m") -> WorstInstant:
+    """What a search finds where `figure` is that of each instant, without a drive."""
+
+    def run_all(jobs: Mapping[float, Any], _workers: int) -> Iterator[tuple[float, float]]:
+        for at in reversed(jobs):
+            yield at, figure(at) if word == "error_m" else -figure(at)
+
+    burst = Burst(for_s=1.0)
+    return WorstSearch(BASE, burst, word, lambda _: None, 0, run_all).look(span)
+
+
+SPAN = Span(from_s=1.0, to_s=11.0, step_s=0.5, finest_s=0.05)
+
+
+@given(peak=st.floats(1.0, 11.0), width=st.floats(0.5, 3.0))
+@example(peak=1.0, width=0.5)
+@example(peak=11.0, width=0.5)
+def test_the_top_of_a_single_peak_is_found(peak: float, width: float) -> None:
+    """A peak at least as wide as the grid: it is met, and followed to its top."""
+    found = searched(lambda at: math.exp(-(((at - peak) / width) ** 2)), SPAN)
+    assert abs(found.at_s - peak) <= 0.05
+    assert found.figure == max(found.figures.values())
+
+
+def test_of_two_peaks_the_higher_one_is_found_though_the_grid_saw_less_of_it() -> None:
+    def figure(at: float) -> float:
+        return max(1.0 - abs(at - 3.0), 1.5 - 4.0 * abs(at - 8.25))  # 0.5 on the grid
+
+    assert searched(figure, SPAN).at_s == pytest.approx(8.25, abs=0.05)
+
+
+def test_the_smallest_gap_is_looked_for_from_above() -> None:
+    found = searched(lambda at: 5.0 + abs(at - 4.3), SPAN, "gap_m")
+    assert found.at_s == pytest.approx(4.3, abs=0.05)
+    assert found.figure == pytest.approx(5.0, abs=0.05)
+
+
+def test_of_equal_instants_it_is_the_earliest() -> None:
+    assert searched(lambda _: 1.0, SPAN).at_s == 1.0
+
+
+def test_both_ends_are_looked_at_and_nothing_beyond() -> None:
+    span = Span(from_s=1.0, to_s=2.2, step_s=0.5, finest_s=0.1)
+    assert span.grid() == [1.0, 1.5, 2.0, 2.2]
+    found = searched(lambda at: at, span)
+    assert found.at_s == 2.2
+    assert all(1.0 <= at <= 2.2 for at in found.figures)
+
+
+def test_a_burst_is_laid_over_what_is_done_anyway() -> None:
+    base = base_of("lane_change", (*SHORT, 'change=[{kind="heal", at_s=1.0}]'), 4)
+    burst = Burst(for_s=1.5, links=(("lead", "*"), ("v1", "v2")))
+    search = WorstSearch(base, burst, "error_m", lambda _: None, 0, changes=1)
+    scenario = search.variant(2.25).scenario
+    assert scenario.seed == 4
+    assert [one.kind for one in scenario.tables.change] == ["heal", "cut", "cut"]
+    cut = scenario.tables.change[1].model_dump()
+    assert cut == {"kind": "cut", "at_s": 2.25, "for_s": 1.5, "sender": "lead", "receiver": "*"}
+
+
+def test_links_are_given_as_elsewhere() -> None:
+    assert burst_of((), 1.0, SCENARIO).links == (("*", "*"),)
+    found = burst_of(("lead:*", "v1:v2"), 1.0, SCENARIO)
+    assert found.links == (("lead", "*"), ("v1", "v2"))
+    for wrong in ("v1", "v1:v9", "v1-v2", ""):
+        with pytest.raises(ScenarioError, match=r"--link: given .* allowed SENDER:RECEIVER"):
+            burst_of((wrong,), 1.0, SCENARIO)
+
+
+REFUSED = {
+    "no burst": (0.0, {}, "--burst: given 0 s"),
+    "as long as the run": (6.0, {}, "--burst: given 6 s, allowed more than 0, less than the run's"),
+    "no steps": (1.0, {"step_s": 0.0, "finest_s": 0.0}, "--step, --finest: given 0 and 0 s"),
+    "finer first": (1.0, {"step_s": 0.1, "finest_s": 0.2}, "--step, --finest"),
+    "backwards": (1.0, {"from_s": 3.0, "to_s": 2.0}, "--from, --to: given 3 to 2 s"),
+    "beyond the end": (1.0, {"to_s": 5.5}, "--from, --to: given 1 to 5.5 s, .* at most 5"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_where_there_is_nothing_to_look_at_that_is_said(case: str) -> None:
+    for_s, more, words = REFUSED[case]
+    asked: dict[str, Any] = {"from_s": None, "to_s": None, "step_s": 0.5, "finest_s": 0.05}
+    with pytest.raises(ScenarioError, match=words):
+        span_of(SCENARIO, Burst(for_s=for_s), **(asked | more))
+
+
+def test_what_is_written_is_the_worst_run_with_a_limit(tmp_path: Path) -> None:
+    found = searched(lambda at: 0.3 - abs(at - 3.0) / 100.0, SPAN)
+    file = tmp_path / "hurts.toml"
+    write_drill(found, file)
+    given_keys = tomllib.loads(file.read_text())
+    assert given_keys["extends"] == "lane_change"
+    assert given_keys["limits"] == {"cross_track_error_m_max": 0.45}
+    written, meant = load_scenario(file), found.variant.scenario
+    assert written.name == "hurts"
+    for key in ("change", "convoy", "links", "speed", "control", "seed", "duration_s"):
+        assert getattr(written.tables, key) == getattr(meant.tables, key), key
+    with pytest.raises(ScenarioError, match="exists"):
+        write_drill(found, file)
+
+
+def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    own = tmp_path / "mine" / "road.toml"
+    own.write_text('extends = "lane_change"\nname = "road"\nduration_s = 8.0\n')
+    base = base_of(str(own), ["links.loss_ratio=0.2", "link.0={sender='v1', receiver='v2'}"], 3)
+    search = WorstSearch(base, Burst(for_s=1.0), "gap_m", lambda _: None, 0)
+    found = WorstInstant(
+        word="gap_m", at_s=2.0, figure=6.0, figures={2.0: 6.0}, variant=search.variant(2.0)
+    )
+    text = drill_text(found, tmp_path / "worst.toml")
+    assert tomllib.loads(text)["extends"] == "mine/road.toml"
+    written = scenario_from_text(text, folder=tmp_path)
+    assert (written.seed, written.duration_s, written.tables.links.loss_ratio) == (3, 8.0, 0.2)
+    assert len(written.tables.link) == 1
+    assert written.tables.limits.true_gap_m_min == 4.0
+
+
+def test_everything_tried_is_there_for_machines() -> None:
+    found = searched(lambda at: at, Span(from_s=1.0, to_s=2.0, step_s=0.5, finest_s=0.5))
+    table = json.loads(as_json(found, Burst(for_s=1.0)))
+    assert (table["schema"], table["at_s"], table["error_m"]) == ("convoy.worst/1", 2.0, 2.0)
+    assert table["tried"] == [{"at_s": at, "error_m": at} for at in (1.0, 1.5, 2.0)]
+
+
+def test_a_figure_is_that_of_the_run_that_the_command_repeats() -> None:
+    """The one search here that drives: two instants, in this process."""
+    base = base_of("lane_change", ("duration_s=2.5", "convoy.vehicles=2"), None)
+    span = Span(from_s=1.0, to_s=1.5, step_s=0.5, finest_s=0.5)
+    found = WorstSearch(base, Burst(for_s=1.0), "error_m", lambda _: None, 0).look(span)
+    again = load_scenario("lane_change", found.variant.overrides, found.variant.seed)
+    summary = run_unlogged(again)
+    assert to_json(summary) == to_json(found.variant.run())
+    assert found.figure == summary.vehicles[1].cross_track_error_m_max
