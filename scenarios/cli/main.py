@@ -19,9 +19,9 @@ from scenarios.cli.channel.commands import channel
 from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
+from scenarios.cli.many import drill, worst
 from scenarios.cli.many.blame import blame
 from scenarios.cli.many.sweep import sweep
-from scenarios.cli.many import drill, worst
 
 EXAMPLES = """\b
 Examples:

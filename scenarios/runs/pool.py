@@ -83,9 +83,7 @@ def warm_workers(workers: int) -> Iterator[RunAll]:
         yield lambda jobs: _done_on(pool, workers, jobs)
 
 
-def _done_on(
-    pool: WorkerPool, workers: int, jobs: Mapping[Key, Job]
-) -> Iterator[tuple[Key, Any]]:
+def _done_on(pool: WorkerPool, workers: int, jobs: Mapping[Key, Job]) -> Iterator[tuple[Key, Any]]:
     waiting = iter(jobs.items())
     under_way = {pool.submit(job): key for key, job in islice(waiting, workers)}
     while under_way:

@@ -30,7 +30,7 @@ RunAll = Callable[[Mapping[float, Callable[[], Any]], int], Iterator[tuple[float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Burst:
+class SoughtBurst:
     """Everything that is sent on `links` is lost for `for_s`; each is a sender and a receiver.
 
     Ends are names, roles or "*", as in `[[change]]`.
@@ -48,7 +48,7 @@ class Burst:
         )
 
 
-def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> Burst:
+def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> SoughtBurst:
     """Read links as they are given on the command line, SENDER:RECEIVER; raises ScenarioError."""
     known = (*scenario.vehicle_names, *ROLES, ANY)
     links = []
@@ -60,11 +60,11 @@ def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> Burst:
                 [f"--link: given {shown(text)}, allowed SENDER:RECEIVER, each of {ends}"]
             )
         links.append((sender, receiver))
-    return Burst(for_s=for_s, links=tuple(links))
+    return SoughtBurst(for_s=for_s, links=tuple(links))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Span:
+class SearchSpan:
     """Where to look: from one instant to another (s), first every `step_s`, at last `finest_s`."""
 
     from_s: float
@@ -86,13 +86,13 @@ class Span:
 
 def span_of(
     scenario: Scenario,
-    burst: Burst,
+    burst: SoughtBurst,
     *,
     from_s: float | None,
     to_s: float | None,
     step_s: float,
     finest_s: float,
-) -> Span:
+) -> SearchSpan:
     """Where to look for the worst instant of a burst; by default all of the run that it fits in.
 
     Raises ScenarioError where there is nothing to look at.
@@ -119,7 +119,7 @@ def span_of(
                 f"{last:g}, where the burst ends with the run"
             ]
         )
-    return Span(from_s=first, to_s=end, step_s=step_s, finest_s=finest_s)
+    return SearchSpan(from_s=first, to_s=end, step_s=step_s, finest_s=finest_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +145,7 @@ class WorstSearch:
     """
 
     base: Variant
-    burst: Burst
+    burst: SoughtBurst
     word: str
     progress: Callable[[str], None]
     workers: int
@@ -155,7 +155,7 @@ class WorstSearch:
     _began: float = field(default_factory=time.monotonic)
     _said: float = 0.0
 
-    def look(self, span: Span) -> WorstInstant:
+    def look(self, span: SearchSpan) -> WorstInstant:
         """Look at a grid, and then closer and closer at its worst instants."""
         self._try(span.grid())
         step = span.step_s

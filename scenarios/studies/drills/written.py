@@ -12,7 +12,7 @@ from scenarios.definition.extends import merged
 from scenarios.definition.library import drills, library, read_file
 from scenarios.definition.overrides import Raw, parse_override
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.studies.drills.worst import Burst, WorstInstant
+from scenarios.studies.drills.worst import SoughtBurst, WorstInstant
 
 SCHEMA = "convoy.worst/1"
 MARGIN = 1.5
@@ -62,7 +62,7 @@ def drill_text(found: WorstInstant, file: Path) -> str:
     return text
 
 
-def as_json(found: WorstInstant, burst: Burst) -> str:
+def as_json(found: WorstInstant, burst: SoughtBurst) -> str:
     """Everything that was tried, for machines."""
     tried = [{"at_s": at, found.word: figure} for at, figure in found.figures.items()]
     whole = {

@@ -13,8 +13,8 @@ from scenarios.definition.channel.recordings import run_lengths
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.channel.content import ContentTable
 from scenarios.definition.schema.channel.loss import ListedLoss, LogLoss
+from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.tables import LimitsTable
 from scenarios.studies.many.blame.losses import (
     LinkEnds,
     LostMessage,

@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 from scenarios.cli.main import cli
 from scenarios.results.summary import to_json
 from scenarios.studies.many.engine.journal import JOURNAL
-from tests.made.scenarios.small_sweeps import (
+from tests.made.many.small_sweeps import (
     FIGURES,
     LIMITS,
     SETS,

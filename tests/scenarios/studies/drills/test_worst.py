@@ -16,8 +16,8 @@ from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.summary import to_json
 from scenarios.runs.unlogged import run_unlogged
 from scenarios.studies.drills.worst import (
-    Burst,
-    Span,
+    SearchSpan,
+    SoughtBurst,
     WorstInstant,
     WorstSearch,
     base_of,
@@ -31,18 +31,18 @@ BASE = base_of("lane_change", SHORT, None)
 SCENARIO = BASE.scenario
 
 
-def searched(figure: Any, span: Span, word: str = "error_m") -> WorstInstant:
+def searched(figure: Any, span: SearchSpan, word: str = "error_m") -> WorstInstant:
     """What a search finds where `figure` is that of each instant, without a drive."""
 
     def run_all(jobs: Mapping[float, Any], _workers: int) -> Iterator[tuple[float, float]]:
         for at in reversed(jobs):
             yield at, figure(at) if word == "error_m" else -figure(at)
 
-    burst = Burst(for_s=1.0)
+    burst = SoughtBurst(for_s=1.0)
     return WorstSearch(BASE, burst, word, lambda _: None, 0, run_all).look(span)
 
 
-SPAN = Span(from_s=1.0, to_s=11.0, step_s=0.5, finest_s=0.05)
+SPAN = SearchSpan(from_s=1.0, to_s=11.0, step_s=0.5, finest_s=0.05)
 
 
 @given(peak=st.floats(1.0, 11.0), width=st.floats(0.5, 3.0))
@@ -73,7 +73,7 @@ def test_of_equal_instants_it_is_the_earliest() -> None:
 
 
 def test_both_ends_are_looked_at_and_nothing_beyond() -> None:
-    span = Span(from_s=1.0, to_s=2.2, step_s=0.5, finest_s=0.1)
+    span = SearchSpan(from_s=1.0, to_s=2.2, step_s=0.5, finest_s=0.1)
     assert span.grid() == [1.0, 1.5, 2.0, 2.2]
     found = searched(lambda at: at, span)
     assert found.at_s == 2.2
@@ -82,7 +82,7 @@ def test_both_ends_are_looked_at_and_nothing_beyond() -> None:
 
 def test_a_burst_is_laid_over_what_is_done_anyway() -> None:
     base = base_of("lane_change", (*SHORT, 'change=[{kind="heal", at_s=1.0}]'), 4)
-    burst = Burst(for_s=1.5, links=(("lead", "*"), ("v1", "v2")))
+    burst = SoughtBurst(for_s=1.5, links=(("lead", "*"), ("v1", "v2")))
     search = WorstSearch(base, burst, "error_m", lambda _: None, 0, changes=1)
     scenario = search.variant(2.25).scenario
     assert scenario.seed == 4
@@ -115,7 +115,7 @@ def test_where_there_is_nothing_to_look_at_that_is_said(case: str) -> None:
     for_s, more, words = REFUSED[case]
     asked: dict[str, Any] = {"from_s": None, "to_s": None, "step_s": 0.5, "finest_s": 0.05}
     with pytest.raises(ScenarioError, match=words):
-        span_of(SCENARIO, Burst(for_s=for_s), **(asked | more))
+        span_of(SCENARIO, SoughtBurst(for_s=for_s), **(asked | more))
 
 
 def test_what_is_written_is_the_worst_run_with_a_limit(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
     own = tmp_path / "mine" / "road.toml"
     own.write_text('extends = "lane_change"\nname = "road"\nduration_s = 8.0\n')
     base = base_of(str(own), ["links.loss_ratio=0.2", "link.0={sender='v1', receiver='v2'}"], 3)
-    search = WorstSearch(base, Burst(for_s=1.0), "gap_m", lambda _: None, 0)
+    search = WorstSearch(base, SoughtBurst(for_s=1.0), "gap_m", lambda _: None, 0)
     found = WorstInstant(
         word="gap_m", at_s=2.0, figure=6.0, figures={2.0: 6.0}, variant=search.variant(2.0)
     )
@@ -151,8 +151,8 @@ def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
 
 
 def test_everything_tried_is_there_for_machines() -> None:
-    found = searched(lambda at: at, Span(from_s=1.0, to_s=2.0, step_s=0.5, finest_s=0.5))
-    table = json.loads(as_json(found, Burst(for_s=1.0)))
+    found = searched(lambda at: at, SearchSpan(from_s=1.0, to_s=2.0, step_s=0.5, finest_s=0.5))
+    table = json.loads(as_json(found, SoughtBurst(for_s=1.0)))
     assert (table["schema"], table["at_s"], table["error_m"]) == ("convoy.worst/1", 2.0, 2.0)
     assert table["tried"] == [{"at_s": at, "error_m": at} for at in (1.0, 1.5, 2.0)]
 
@@ -160,8 +160,8 @@ def test_everything_tried_is_there_for_machines() -> None:
 def test_a_figure_is_that_of_the_run_that_the_command_repeats() -> None:
     """The one search here that drives: two instants, in this process."""
     base = base_of("lane_change", ("duration_s=2.5", "convoy.vehicles=2"), None)
-    span = Span(from_s=1.0, to_s=1.5, step_s=0.5, finest_s=0.5)
-    found = WorstSearch(base, Burst(for_s=1.0), "error_m", lambda _: None, 0).look(span)
+    span = SearchSpan(from_s=1.0, to_s=1.5, step_s=0.5, finest_s=0.5)
+    found = WorstSearch(base, SoughtBurst(for_s=1.0), "error_m", lambda _: None, 0).look(span)
     again = load_scenario("lane_change", found.variant.overrides, found.variant.seed)
     summary = run_unlogged(again)
     assert to_json(summary) == to_json(found.variant.run())

@@ -15,7 +15,7 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from scenarios.studies.many.blame import study
 from scenarios.studies.many.blame.losses import read_run
-from tests.made.scenarios.planted_losses import TINY, planted
+from tests.made.many.planted_losses import TINY, planted
 
 CAUSE = planted(TINY, 3)
 

@@ -12,7 +12,7 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from scenarios.studies.many.blame.rerun import BlameQuestion, drive
 from scenarios.studies.many.blame.study import Blame, blame
-from tests.made.scenarios.planted_losses import FULL, LANE, SHORT, TINY, Convoy, planted
+from tests.made.many.planted_losses import FULL, LANE, SHORT, TINY, Convoy, planted
 
 
 def found_again(convoy: Convoy, case: int, folder: Path, workers: int | None) -> Blame:

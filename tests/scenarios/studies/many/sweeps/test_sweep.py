@@ -14,7 +14,7 @@ from scenarios.studies.many.engine.fleet import Fleet
 from scenarios.studies.many.engine.journal import JOURNAL
 from scenarios.studies.many.sweeps.plan import DEFAULT_FIGURE, planned
 from scenarios.studies.many.sweeps.sweep import carry_out_sweep
-from tests.made.scenarios.small_sweeps import SETS, driven_here, small_plan, tables
+from tests.made.many.small_sweeps import SETS, driven_here, small_plan, tables
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from scenarios.studies.many.sweeps.files import write_tables
 from scenarios.studies.many.sweeps.pictures import draw_seeds, draw_sweep
 from scenarios.studies.many.sweeps.plan import SweepPlan
 from scenarios.studies.many.sweeps.table import SweepTable, table_of
-from tests.made.scenarios.small_sweeps import TABLES, small_plan
+from tests.made.many.small_sweeps import TABLES, small_plan
 
 SEEDS = 7
 
