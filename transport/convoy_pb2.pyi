@@ -44,6 +44,7 @@ class GpsPose(_message.Message):
     MODE_FIELD_NUMBER: _builtins.int
     HAZARD_FIELD_NUMBER: _builtins.int
     ACCELERATION_MPS2_FIELD_NUMBER: _builtins.int
+    PATH_OFFSET_M_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     measured_at_ns: _builtins.int
@@ -62,6 +63,7 @@ class GpsPose(_message.Message):
     mode: _builtins.str
     hazard: _builtins.bool
     acceleration_mps2: _builtins.float
+    path_offset_m: _builtins.float
     def __init__(
         self,
         *,
@@ -83,10 +85,11 @@ class GpsPose(_message.Message):
         mode: _builtins.str | None = ...,
         hazard: _builtins.bool | None = ...,
         acceleration_mps2: _builtins.float | None = ...,
+        path_offset_m: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__acceleration_mps2: _TypeAlias = _typing.Literal["acceleration_mps2"]  # noqa: Y015
     _WhichOneofArgType__acceleration_mps2: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2"]  # noqa: Y015
@@ -106,6 +109,8 @@ class GpsPose(_message.Message):
     _WhichOneofArgType__measured_at_ns: _TypeAlias = _typing.Literal["_measured_at_ns", b"_measured_at_ns"]  # noqa: Y015
     _WhichOneofReturnType__mode: _TypeAlias = _typing.Literal["mode"]  # noqa: Y015
     _WhichOneofArgType__mode: _TypeAlias = _typing.Literal["_mode", b"_mode"]  # noqa: Y015
+    _WhichOneofReturnType__path_offset_m: _TypeAlias = _typing.Literal["path_offset_m"]  # noqa: Y015
+    _WhichOneofArgType__path_offset_m: _TypeAlias = _typing.Literal["_path_offset_m", b"_path_offset_m"]  # noqa: Y015
     _WhichOneofReturnType__position_accuracy_m: _TypeAlias = _typing.Literal["position_accuracy_m"]  # noqa: Y015
     _WhichOneofArgType__position_accuracy_m: _TypeAlias = _typing.Literal["_position_accuracy_m", b"_position_accuracy_m"]  # noqa: Y015
     _WhichOneofReturnType__sent_at_ns: _TypeAlias = _typing.Literal["sent_at_ns"]  # noqa: Y015
@@ -142,6 +147,8 @@ class GpsPose(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__measured_at_ns) -> _WhichOneofReturnType__measured_at_ns | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__mode) -> _WhichOneofReturnType__mode | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__path_offset_m) -> _WhichOneofReturnType__path_offset_m | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__position_accuracy_m) -> _WhichOneofReturnType__position_accuracy_m | None: ...
     @_typing.overload

@@ -35,12 +35,14 @@ Level = Literal["debug", "info", "warning", "error", "fatal"]
 class Announcement:
     """What a vehicle tells those behind beside its pose, as a CAM tells of lights and acceleration.
 
-    `acceleration_mps2` is what it asked of its drive.
+    `acceleration_mps2` is what it asked of its drive, `path_offset_m` how far the place it tells
+    lies to the left of the lead's path, as it knows that path.
     """
 
     mode: Mode = "path"
     hazard: bool = False
     acceleration_mps2: float = 0.0
+    path_offset_m: float = float("nan")
 
 
 NOTHING_TOLD = Announcement()
@@ -53,9 +55,11 @@ class GpsPose:
     `seq` counts what was sent. `position_accuracy_m` is what the receiver says of the standard
     deviation of its position, per axis, which may be wrong. `mode`, `hazard` and
     `acceleration_mps2` tell those behind what the vehicle is about to do: what it steers along,
-    whether it warns of itself, and the acceleration that it has asked of its drive. The true place
-    of the antenna, and the metres driven since the start, are for the emulated channel alone, whose
-    losses depend on them: no vehicle uses them.
+    whether it warns of itself, and the acceleration that it has asked of its drive. `path_offset_m`
+    is how far the place that it tells lies to the left of the lead's path, as a follower knows that
+    path: NaN from whoever has none to know, the lead itself among them. The true place of the
+    antenna, and the metres driven since the start, are for the emulated channel alone, whose losses
+    depend on them: no vehicle uses them.
     """
 
     vehicle: str
@@ -76,6 +80,7 @@ class GpsPose:
     mode: Mode
     hazard: bool
     acceleration_mps2: float
+    path_offset_m: FloatOrNan
 
 
 @dataclass(slots=True, kw_only=True)

@@ -97,6 +97,7 @@ class VehicleSetup:
             forgiven_after=table.forgiven_after_s,
             gate=table.gate_deviations,
             heading_gate=table.heading_gate_deviations,
+            predecessor_path=table.predecessor_path,
             comfortable=Braking(table.comfortable_mps2, table.comfortable_jerk_mps3),
             firm=Braking(table.firm_mps2, table.firm_jerk_mps3),
             hardest=Braking(table.hardest_mps2, table.hardest_jerk_mps3),

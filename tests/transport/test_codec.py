@@ -209,6 +209,7 @@ MAY_BE_NAN = {
     "firm_stop_m",
     "blind_m",
     "predecessor_weight_ratio",
+    "path_offset_m",
 }
 
 

@@ -186,6 +186,7 @@ def to_message(
         mode=told.mode,
         hazard=told.hazard,
         acceleration_mps2=told.acceleration_mps2,
+        path_offset_m=told.path_offset_m,
         true_east_m=true_place[0],
         true_north_m=true_place[1],
         true_driven_m=true_place[2],

@@ -27,9 +27,10 @@ from vehicles.preview.trajectory import Fit
 class Decision:
     """Commands for steering and drive, and what they follow from (Fig. 1, Sections III-A to III-C).
 
-    Units: gap m, target_speed m/s. `situation` says how fresh what it follows from is. `fresh` is
-    False at instants between two control instants, where the last decision is held. `fit` is the
-    trajectory if it was made anew. `remarks` are lines for the log.
+    Units: gap m, target_speed m/s. `path_offset` (m) is how far the own last fix lies to the left
+    of the lead's path, as far as that is known. `situation` says how fresh what it follows from is.
+    `fresh` is False at instants between two control instants, where the last decision is held.
+    `fit` is the trajectory if it was made anew. `remarks` are lines for the log.
     """
 
     actuation: Actuation
@@ -40,6 +41,7 @@ class Decision:
     fit: Fit | None = None
     target_speed: float = 0.0
     gap: float = nan
+    path_offset: float = nan
     situation: Situation = field(default_factory=Situation)
     remarks: tuple[str, ...] = ()
     fresh: bool = True
@@ -92,7 +94,9 @@ class Decision:
     @property
     def announcement(self) -> Announcement:
         """What is told to those behind beside the pose (beyond the paper, as in a CAM)."""
-        return Announcement(self.mode, self.situation.hazard, self.actuation.acceleration)
+        return Announcement(
+            self.mode, self.situation.hazard, self.actuation.acceleration, self.path_offset
+        )
 
     def _trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:
         pieces = fit.spline.pieces

@@ -11,6 +11,7 @@ from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.baselines import ModesByReach, without_hearing
 from vehicles.driver.degradation.machine import SLOWING, ModeMachine, Modes
+from vehicles.driver.degradation.meant_path import path_offset
 from vehicles.driver.degradation.pair import SourcePair
 from vehicles.driver.degradation.rejoining import Rejoining
 from vehicles.driver.degradation.settings import DegradationSettings
@@ -109,8 +110,11 @@ class Follower:
         for message in received:
             self._receive(now, message)
         if self._decision is not None and not self._control.due(now):
-            return replace(self._decision, fresh=False)
-        self._decision = self._decide(now, self._own_state.at(now))
+            self._decision = replace(self._decision, fresh=False)
+        else:
+            self._decision = self._decide(now, self._own_state.at(now))
+        if fix is not None:
+            self._decision.path_offset = path_offset(self._along[0][1], fix) if self._along else nan
         return self._decision
 
     def _receive(self, now: int, message: GpsPose) -> None:
@@ -137,6 +141,7 @@ class Follower:
             fitted=self._fitted,
             has_path=bool(self._along),
         )
+        self._sources.steer_along(self._mode, 1.0 / self._control.rate_hz)
         errors, asked = self._steer(now, pose)
         kept = last.steering if last else asked
         asked = without_hearing(self._reaction, self._mode, asked, kept)

@@ -277,6 +277,12 @@ class Trace:
             keep &= (stations < low + 1e-6) | (stations > high - 1e-6)
         return Window(*(values[keep] for values in window))
 
+    def instants(self, window: Window) -> list[int]:
+        """Instants (ns) of the samples of the window cut out last (time stamps, Section III-B)."""
+        here = self._here or 0.0
+        places = (bisect_left(self._line.station, here + on - 1e-6) for on in window.station)
+        return [self._line.at[min(place, len(self) - 1)] for place in places]
+
     def _station_at(self, at: int) -> float:
         """Station (m) of the first held point from the instant `at` (ns) on."""
         return self._line.station[min(bisect_left(self._line.at, at), len(self) - 1)]

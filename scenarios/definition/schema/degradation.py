@@ -21,6 +21,9 @@ class DegradationTable(Table):
                  probation, which doubles with each relapse and halves after each such time without
     gate_deviations, heading_gate_deviations
                  what lies further from what is expected is not believed (PX4's EKF2: 5 and 2.6)
+    predecessor_path
+                 what is followed of the vehicle ahead while the lead is lost: "meant", the lead's
+                 path, by how far off it that vehicle says it is; "driven", the way that it drove
     comfortable, firm, hardest
                  ways of braking: comfortable and firm are Autoware's comfortable and emergency
                  stop; the hardest is for a stop that would otherwise end beyond the known road
@@ -36,6 +39,7 @@ class DegradationTable(Table):
     forgiven_after_s: float = Field(default=10.0, ge=0.1, le=3600)
     gate_deviations: float = Field(default=5.0, ge=1, le=1000)
     heading_gate_deviations: float = Field(default=3.0, ge=1, le=1000)
+    predecessor_path: Literal["meant", "driven"] = "meant"
     comfortable_mps2: float = Field(default=1.0, ge=0.1, le=12)
     comfortable_jerk_mps3: float = Field(default=0.3, ge=0.05, le=100)
     firm_mps2: float = Field(default=2.5, ge=0.1, le=12)

@@ -35,6 +35,7 @@ DECISION = Decision(
     fit=FIT,
     target_speed=29.5,
     gap=14.8,
+    path_offset=-0.12,
     situation=Situation(
         lead=SourceFreshness(
             status="late", age=0.07, silence=0.05, period=0.05, share=0.9, known=28.0
@@ -82,7 +83,7 @@ def test_a_decision_tells_what_was_tracked_and_asked() -> None:
         predecessor_weight_ratio=0.6,
         hazard=True,
     )
-    assert DECISION.announcement == Announcement("composite", True, -1.5)
+    assert DECISION.announcement == Announcement("composite", True, -1.5, -0.12)
     assert command == Command(
         vehicle="v3",
         seq=17,

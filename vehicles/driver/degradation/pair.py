@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from math import isnan, nan
 
 from vehicles.car.gnss import Fix
+from vehicles.driver.degradation.meant_path import MeantShare
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.stopping import stopping_distance
@@ -35,6 +36,8 @@ class SourcePair:
         if lead is not predecessor:
             self.used["predecessor"] = predecessor
             predecessor.may_stray = len(self.used) > 1 and settings.reaction == "degrade"
+        wanted = predecessor.may_stray and settings.predecessor_path == "meant"
+        self._meant = MeantShare(settings.probation, wanted=wanted)
         self._settings = settings
         self._looked_at = 0
 
@@ -58,12 +61,27 @@ class SourcePair:
             window = source.window(pose.east, pose.north, behind + more, ahead)
             if window is not None:
                 found[mode] = window
-        return self._without_guesses(found)
+        return self._as_meant(self._without_guesses(found))
+
+    def _as_meant(self, found: dict[Mode, Window]) -> dict[Mode, Window]:
+        """Bring the predecessor's samples to the path that it meant, while it alone is followed."""
+        window, source = found.get("predecessor"), self.predecessor
+        if window is not None and self._meant.now > 0.0:
+            instants = source.trace.instants(window)
+            found["predecessor"] = source.meant.of(window, instants, self._meant.now)
+        return found
 
     def _without_guesses(self, found: dict[Mode, Window]) -> dict[Mode, Window]:
         """Leave out what bridges the holes of one source where the other one told the way."""
         told = {mode: self.used[mode].trace.told(window) for mode, window in found.items()}
         return {mode: window for mode, window in told.items() if reaches_ahead(window)} or found
+
+    def steer_along(self, mode: Mode, span: float) -> None:
+        """Steer along `mode` for `span` (s), which may bring in the path that was meant.
+
+        Beyond the paper, whose followers without lead data follow the way driven (Section V-D.1).
+        """
+        self._meant.go_on(mode, span)
 
     def alpha(self, alpha: float) -> float:
         """Weight of the predecessor, α of eq. (5), by what is left of both sources' weights."""

@@ -11,6 +11,12 @@ extrapolate  goes on along its last trajectory at full speed
 hold         keeps its last steering command, at full speed
 straight     turns its wheels straight, at full speed, as one production system does
 """
+PredecessorPath = Literal["meant", "driven"]
+"""What a follower that hears its predecessor alone follows of it.
+
+meant    the lead's path, as far as the predecessor says how far off it is
+driven   the way that it drove, with its errors, which add up along the convoy
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +42,10 @@ class DegradationSettings:
     doubles with each relapse up to `probation_max` and halves again after each `forgiven_after`
     without one (PX4's estimator: the time grows while failing and shrinks while passing). What a
     source says is not believed beyond `gate` standard deviations of its position, `heading_gate` of
-    its heading (PX4's EKF2: 5 and 2.6). `comfortable` and `firm` are Autoware's comfortable and
-    emergency stops, `hardest` what a stop may take where less does not suffice.
+    its heading (PX4's EKF2: 5 and 2.6). Of a predecessor that it hears alone it follows
+    `predecessor_path`, which it comes to within `probation`. `comfortable` and `firm` are
+    Autoware's comfortable and emergency stops, `hardest` what a stop may take where less does not
+    suffice.
     """
 
     reaction: Reaction = "degrade"
@@ -50,6 +58,7 @@ class DegradationSettings:
     forgiven_after: float = 10.0
     gate: float = 5.0
     heading_gate: float = 3.0
+    predecessor_path: PredecessorPath = "meant"
     comfortable: Braking = Braking(1.0, 0.3)
     firm: Braking = Braking(2.5, 1.5)
     hardest: Braking = Braking(6.0, 12.0)

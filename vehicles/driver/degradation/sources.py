@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import isnan, nan
 
 from vehicles.car.gnss import Fix
+from vehicles.driver.degradation.meant_path import MeantPath
 from vehicles.driver.degradation.probation import Probation
 from vehicles.driver.degradation.reception import RECENT, Reception
 from vehicles.driver.degradation.settings import DegradationSettings
@@ -42,6 +43,7 @@ class Source:
         """`period` (s) is that between messages, as far as it is known beforehand."""
         self.name = name
         self.trace = Trace()
+        self.meant = MeantPath()
         self.weight = 1.0
         self.usable = False
         self.reaches = False
@@ -93,6 +95,7 @@ class Source:
             hole = (lost and self._degrades) or (newest and self._strayed)
             self._strayed &= not newest
             self.trace.add(*place, after_hole=hole)
+            self.meant.tell(fix, message.path_offset_m)
         if lost:
             self._reception.forget()
         if newest and self.trace.newest_at != fix.measured_at:

@@ -1,0 +1,156 @@
+"""The lead's link alone is lost: the true error of eight vehicles in a lane change."""
+
+import math
+from collections import defaultdict
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.node.sink import BusSink
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import VirtualConvoy
+from vehicles.driver.degradation.meant_path import FURTHEST
+from vehicles.geometry.driven_path import CrossTrackError
+from vehicles.messages import Command, GpsPose, Message, Tracking, TruePose
+
+# The lane change begins earlier than in the scenario that ships: 60 m on, and 8 s see all through.
+ROAD = (
+    "path.segments=[{length_m=60.0}, {length_m=30.0, radius_m=500.0, turn='right'}, "
+    "{length_m=30.0}, {length_m=30.0, radius_m=500.0, turn='left'}, {length_m=400.0}]"
+)
+EXACT = (
+    "gnss.position_noise_m=0.0", "gnss.heading_noise_deg=0.0", "gnss.speed_noise_mps=0.0",
+    "gnss.yaw_rate_noise_radps=0.0", "imu.speed_noise_mps=0.0", "imu.speed_bias_mps=0.0",
+    "imu.yaw_rate_noise_radps=0.0", "imu.yaw_rate_bias_radps=0.0",
+)  # fmt: skip
+FROM_THE_START, FOR_GOOD, FOR_A_WHILE = "at_s=0.0", "at_s=1.0", "at_s=2.0, for_s=2.0"
+DRIVEN = "control.degradation.predecessor_path='driven'"
+
+
+def convoy(cut: str, *more: str, vehicles: int = 8, seed: int = 1) -> Scenario:
+    """A convoy all of whose vehicles behind the second lose the lead's link at `cut`, if at all."""
+    cuts = [
+        f"{{kind='cut', sender='v1', receiver='v{place}', {cut}}}"
+        for place in range(3, vehicles + 1)
+    ]
+    change = f"change=[{', '.join(cuts) if cut else ''}]"
+    rest = f"convoy.vehicles={vehicles}", f"duration_s={4.5 + 0.5 * vehicles}", f"seed={seed}"
+    return load_scenario("lane_change", [ROAD, change, *rest, *more])
+
+
+class Driven:
+    """What became of a convoy: true errors (m), commands (rad) and modes by vehicle.
+
+    Vehicles in `lies` announce that offset instead of their own; a list of them, in turn.
+    """
+
+    def __init__(self, scenario: Scenario, lies: dict[str, list[float]] | None = None) -> None:
+        self.truth: defaultdict[str, list[TruePose]] = defaultdict(list)
+        self.steering: defaultdict[str, list[float]] = defaultdict(list)
+        self.modes: defaultdict[str, list[str]] = defaultdict(list)
+        self.told: defaultdict[str, list[float]] = defaultdict(list)
+        virtual, driven, liars = VirtualConvoy(scenario), self, lies or {}
+
+        class Kept(BusSink):
+            def send(self, message: Message) -> None:
+                match message:
+                    case GpsPose():
+                        if message.vehicle in liars:
+                            said = liars[message.vehicle]
+                            message.path_offset_m = said[message.seq % len(said)]
+                        driven.told[message.vehicle].append(message.path_offset_m)
+                        super().send(message)
+                    case TruePose():
+                        driven.truth[message.vehicle].append(message)
+                    case Command():
+                        driven.steering[message.vehicle].append(message.steering_rad)
+                    case Tracking():
+                        driven.modes[message.vehicle].append(message.mode)
+
+        virtual.build(lambda name: Kept(name, virtual.bus))
+        virtual.run(Stop())
+
+    def errors(self) -> dict[str, float]:
+        """Largest true distance (m) of each follower from the path that the lead drove."""
+        found: defaultdict[str, float] = defaultdict(float)
+        measured = CrossTrackError("v1")
+        for poses in self.truth.values():
+            for pose in poses:
+                for foot in measured.add(pose):
+                    found[foot.vehicle] = max(found[foot.vehicle], abs(foot.lateral))
+        return found
+
+    def largest_step(self) -> float:
+        """Largest change of a steering command from one control instant to the next (rad)."""
+        return max(
+            abs(after - before)
+            for commands in self.steering.values()
+            for before, after in pairwise(commands)
+        )
+
+
+@lru_cache(maxsize=2)
+def driven(cut: str, *more: str, **rest: Any) -> Driven:
+    return Driven(convoy(cut, *more, **rest))
+
+
+def test_without_noise_the_error_of_the_law_is_that_of_one_vehicle() -> None:
+    run = driven(FROM_THE_START, *EXACT, "control.controller='slip_compensated'")
+    assert {run.modes[f"v{place}"][-1] for place in range(3, 9)} == {"predecessor"}
+    errors = run.errors()
+    assert 0.02 < errors["v2"] < 0.04
+    for place in range(3, 9):
+        assert errors[f"v{place}"] < errors["v2"] + 0.005
+
+
+@pytest.mark.campaign(1, 10)
+def test_the_error_does_not_grow_along_eight_vehicles(case: int) -> None:
+    law = ("feedforward_feedback", "slip_compensated")[case % 2]
+    errors = driven(FOR_GOOD, f"control.controller='{law}'", seed=case + 1).errors()
+    ahead = max(errors["v2"], errors["v3"])
+    assert max(errors[f"v{place}"] for place in range(4, 9)) < ahead + 0.02
+
+
+def test_it_grows_where_the_way_driven_is_followed() -> None:
+    errors = driven(FOR_GOOD, *EXACT, DRIVEN, vehicles=4).errors()
+    assert errors["v4"] > errors["v3"] + 0.04 > errors["v2"] + 0.08
+
+
+def test_all_but_the_lead_announce_how_far_off_its_path_they_are() -> None:
+    run = driven("", *EXACT, vehicles=4)
+    assert all(map(math.isnan, run.told["v1"]))
+    for name, error in run.errors().items():
+        told = [offset for offset in run.told[name] if not math.isnan(offset)]
+        assert len(told) > len(run.told[name]) - 5
+        assert max(map(abs, told)) == pytest.approx(error, abs=0.005)
+
+
+def test_no_command_steps_when_the_lead_is_lost_and_comes_back() -> None:
+    run, heard = driven(FOR_A_WHILE, *EXACT, vehicles=4), driven("", *EXACT, vehicles=4)
+    assert run.modes["v4"][-1] == "composite"
+    assert "predecessor" in run.modes["v4"]
+    assert run.largest_step() < heard.largest_step() + 1e-3
+
+
+def test_what_is_announced_changes_no_command_while_the_lead_is_heard() -> None:
+    followed = driven("", DRIVEN, *EXACT, vehicles=4)
+    assert followed.steering == driven("", *EXACT, vehicles=4).steering
+
+
+def test_a_predecessor_that_tells_nothing_true_is_followed_where_it_drove() -> None:
+    told_nothing = Driven(convoy(FOR_GOOD, vehicles=3), {"v2": [math.nan, 1e9, -3.0]})
+    assert told_nothing.modes["v3"][-1] == "predecessor"
+    assert told_nothing.steering == driven(FOR_GOOD, DRIVEN, vehicles=3).steering
+
+
+@pytest.mark.parametrize("lie", [[1.7], [1.7, -1.7]])
+def test_a_predecessor_that_lies_leads_nobody_further_astray_than_half_a_lane(
+    lie: list[float],
+) -> None:
+    run = Driven(convoy(FOR_GOOD, vehicles=3), {"v2": lie})
+    assert all(map(math.isfinite, run.steering["v3"]))
+    assert run.errors()["v3"] < FURTHEST + 0.1
+    assert run.largest_step() <= 1.18 * 0.02 + 1e-9

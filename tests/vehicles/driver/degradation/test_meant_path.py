@@ -1,0 +1,247 @@
+"""Samples that are put back on the path, by how far beside it their sender says that they lie."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicles.car.gnss import Fix
+from vehicles.driver.degradation.meant_path import (
+    DEVIATIONS,
+    FURTHEST,
+    STEEPEST,
+    MeantPath,
+    MeantShare,
+    path_offset,
+)
+from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.messages import Mode
+from vehicles.preview.samples import Window
+from vehicles.preview.trace import Trace
+from vehicles.preview.trajectory import Fit, FitSettings, fit_composite
+from vehicles.schedule import MILLISECOND
+
+PERIOD = 50 * MILLISECOND
+HEADINGS = [0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi, 2.3, -0.7]
+ROADS = {"straight": 0.0, "left": 1 / 40, "right": -1 / 40}
+SETTINGS = FitSettings(position_noise=0.02)
+
+
+def road(kind: str, heading: float) -> Path:
+    """60 m of road from (100, -50) in the direction `heading` (rad)."""
+    return path_from_segments([Segment(60.0, ROADS[kind])], east=100.0, north=-50.0, yaw=heading)
+
+
+def fix_beside(path: Path, seq: int, offset: float, spacing: float = 1.0) -> Fix:
+    """Fix number `seq` of a car that drives `offset` (m) to the left of a path."""
+    at = path.at(seq * spacing)
+    east, north = at.east - offset * math.sin(at.yaw), at.north + offset * math.cos(at.yaw)
+    return Fix(seq, seq * PERIOD, east, north, at.yaw, spacing / 0.05, 0.0)
+
+
+def window_of(fixes: Sequence[Fix]) -> Window:
+    east, north = [one.east for one in fixes], [one.north for one in fixes]
+    station = [float(k) for k in range(len(fixes))]
+    return Window(*(np.array(values, dtype=np.float64) for values in (east, north, station)))
+
+
+def put_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.0) -> Window:
+    meant = MeantPath()
+    for fix, offset in zip(fixes, offsets, strict=True):
+        meant.tell(fix, offset)
+    return meant.of(window_of(fixes), [one.measured_at for one in fixes], share)
+
+
+def fit_of(window: Window, *, of_lead: bool = True) -> Fit:
+    windows = (window, None) if of_lead else (None, window)
+    fit = fit_composite(*windows, alpha=0.5, settings=SETTINGS)
+    assert fit is not None
+    return fit
+
+
+def moved(window: Window, by: float) -> Window:
+    return window._replace(station=window.station - by)
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("kind", ROADS)
+@pytest.mark.parametrize("offset", [0.4, -0.3])
+def test_samples_to_the_left_are_put_back_to_the_right(
+    kind: str, heading: float, offset: float
+) -> None:
+    path = road(kind, heading)
+    fixes = [fix_beside(path, seq, offset) for seq in range(40)]
+    for share, left in ((1.0, 0.0), (0.25, 0.75), (0.0, 1.0)):
+        window = put_back(fixes, [offset] * len(fixes), share)
+        for k, (east, north) in enumerate(zip(window.east, window.north, strict=True)):
+            foot = path.project(east, north, float(k))
+            assert foot.lateral == pytest.approx(left * offset, abs=1e-9)
+
+
+@pytest.mark.parametrize("of_lead", [True, False])
+@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("kind", ROADS)
+def test_a_place_to_the_left_of_the_samples_has_a_positive_offset(
+    kind: str, heading: float, of_lead: bool
+) -> None:
+    path = road(kind, heading)
+    fit = fit_of(
+        moved(window_of([fix_beside(path, k, 0.0) for k in range(30)]), 10.0), of_lead=of_lead
+    )
+    for offset in (0.5, 0.0, -0.35):
+        fix = fix_beside(path, 21, offset, spacing=0.5)
+        assert path_offset(fit, fix) == pytest.approx(offset, abs=2e-3)
+
+
+def test_offsets_are_from_the_lead_where_it_is_heard() -> None:
+    path = road("straight", 0.3)
+    of_lead = moved(window_of([fix_beside(path, k, 0.0) for k in range(30)]), 10.0)
+    of_predecessor = moved(window_of([fix_beside(path, k, 0.06) for k in range(30)]), 10.0)
+    fit = fit_composite(of_lead, of_predecessor, alpha=0.5, settings=SETTINGS)
+    assert fit is not None
+    fix = fix_beside(path, 21, 0.2, spacing=0.5)
+    assert fit.spline.project(fix.east, fix.north).lateral == pytest.approx(0.17, abs=1e-3)
+    assert path_offset(fit, fix) == pytest.approx(0.2, abs=1e-6)
+
+
+def test_offsets_are_from_the_line_between_the_samples_not_from_the_curve() -> None:
+    """Every second sample lies 2 cm to the left; a quarter of the way on it is 1.5 cm."""
+    path = road("straight", 1.1)
+    fixes = [fix_beside(path, k, 0.02 * (k % 2 == 0)) for k in range(30)]
+    fit = fit_of(moved(window_of(fixes), 10.0))
+    fix = fix_beside(path, 41, 0.1, spacing=0.25)
+    assert path_offset(fit, fix) == pytest.approx(0.1 - 0.015, abs=1e-4)
+
+
+def test_where_no_samples_reach_no_offset_is_told() -> None:
+    path = road("left", 2.0)
+    fit = fit_of(moved(window_of([fix_beside(path, k, 0.0) for k in range(10, 30)]), 5.0))
+    assert math.isnan(path_offset(fit, fix_beside(path, 8, 0.1)))
+    assert not math.isnan(path_offset(fit, fix_beside(path, 12, 0.1)))
+    assert math.isnan(path_offset(fit, fix_beside(path, 31, 0.1)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_vehicle_adds_to_the_error_of_the_lead_s_places(seed: int) -> None:
+    """Ten vehicles, each aside by decimetres, with noise of its own, hear the one ahead alone.
+
+    What is put back lies between two places that were put back before, so it is no further off the
+    road than any of the lead's, and their noise is smoothed, never added to.
+    """
+    path, random = road("straight", 0.9), np.random.default_rng(seed)
+    noise = random.normal(0.0, 0.02, 60)
+    window = window_of([fix_beside(path, k, noise.item(k)) for k in range(60)])
+    largest, first = float(np.max(np.abs(noise))), float(np.std(noise))
+    for vehicle in range(10):
+        meant, fixes = MeantPath(), []
+        wave, aside = 0.1 * vehicle, random.normal(0.0, 0.02, 60)
+        for k in range(2 + vehicle, 57 - vehicle):
+            driven = k + random.uniform(0.0, 0.5)
+            off = 0.3 * math.sin(wave * k) + aside.item(k)
+            fix = fix_beside(path, 1, off, spacing=driven)
+            fix.measured_at = k * PERIOD
+            fit = fit_of(moved(window, driven - window.station.item(0)))
+            meant.tell(fix, path_offset(fit, fix))
+            fixes.append(fix)
+        window = meant.of(window_of(fixes), [one.measured_at for one in fixes], 1.0)
+        feet = [
+            path.project(e, n, 30.0, 60.0).lateral
+            for e, n in zip(window.east, window.north, strict=True)
+        ]
+        assert max(map(abs, feet)) < largest + 1e-3
+        assert float(np.std(feet)) < first + 1e-3
+
+
+@given(
+    st.lists(st.floats(), min_size=2, max_size=30),
+    st.floats(min_value=-1e6, max_value=1e6),
+)
+def test_whatever_is_told_the_path_stays_within_reach_of_a_car(
+    offsets: list[float], accuracy: float
+) -> None:
+    path = road("straight", 0.0)
+    fixes = [fix_beside(path, k, 0.0) for k in range(len(offsets))]
+    fixes[0].accuracy = accuracy
+    left = put_back(fixes, offsets).north - window_of(fixes).north
+    assert max(map(abs, left)) <= FURTHEST
+    most = STEEPEST * 1.0 + DEVIATIONS * 0.02
+    assert max(map(abs, np.diff(left))) <= most + 1e-9
+
+
+@pytest.mark.parametrize("untold", [math.nan, math.inf, 1.76, -80.0])
+def test_who_tells_no_offset_or_an_impossible_one_is_on_the_path(untold: float) -> None:
+    fixes = [fix_beside(road("right", 0.4), k, 0.3) for k in range(20)]
+    window, driven = put_back(fixes, [untold] * 20), window_of(fixes)
+    assert np.array_equal(window.east, driven.east)
+    assert np.array_equal(window.north, driven.north)
+
+
+def test_between_what_was_told_it_is_interpolated_and_beyond_it_is_held() -> None:
+    path, meant = road("straight", 0.0), MeantPath()
+    meant.tell(fix_beside(path, 4, 0.0), 0.2)
+    meant.tell(fix_beside(path, 8, 0.0), -0.2)
+    fixes = [fix_beside(path, k, 0.0) for k in (0, 4, 5, 6, 8, 12)]
+    instants = [-1, *(one.measured_at for one in fixes[1:])]  # a bridge has no instant
+    window = meant.of(window_of(fixes), instants, 1.0)
+    assert window.north + 50.0 == pytest.approx([-0.2, -0.2, -0.1, 0.0, 0.2, 0.2])
+
+
+@given(st.permutations(range(12)))
+def test_the_order_in_which_they_come_does_not_matter(order: list[int]) -> None:
+    fixes = [fix_beside(road("left", 0.0), k, 0.1) for k in range(12)]
+    offsets = [0.1 + 0.02 * math.sin(k) for k in range(12)]
+    meant = MeantPath()
+    for k in (*order, *order):  # each comes twice
+        meant.tell(fixes[k], offsets[k])
+    instants = [one.measured_at for one in fixes]
+    window, wanted = meant.of(window_of(fixes), instants, 1.0), put_back(fixes, offsets)
+    assert np.array_equal(window.east, wanted.east)
+    assert np.array_equal(window.north, wanted.north)
+
+
+def test_a_car_that_stands_is_not_remembered_for_ever() -> None:
+    path, meant = road("straight", 0.0), MeantPath()
+    driven = [fix_beside(path, k, 0.0) for k in range(3)]
+    for fix in driven:
+        meant.tell(fix, 0.1)
+    for seq in range(3, 9000):
+        stands = fix_beside(path, 2, 0.0)
+        stands.measured_at = seq * PERIOD
+        meant.tell(stands, 0.1 + 0.01 * math.sin(seq))
+    window = meant.of(window_of(driven), [one.measured_at for one in driven], 1.0)
+    assert window.north + 50.0 == pytest.approx([-0.1] * 3)
+
+
+def test_a_trace_knows_the_instants_of_a_window() -> None:
+    path, trace = road("left", 1.0), Trace()
+    fixes = [fix_beside(path, k, 0.0) for k in range(50)]
+    for one in fixes:
+        trace.add(one.measured_at, one.east, one.north, one.yaw, one.speed)
+    for here in (3.2, 11.7, 25.0):
+        place = path.at(here)
+        window = trace.window(place.east, place.north, 5.0, 9.0)
+        told = [fixes[at // PERIOD] for at in trace.instants(window)]
+        assert [one.east for one in told] == window.east.tolist()
+        assert [one.north for one in told] == window.north.tolist()
+
+
+def test_the_share_comes_and_goes_without_a_step() -> None:
+    share, seen = MeantShare(1.0, wanted=True), []
+    spells: list[tuple[Mode, float]] = [
+        ("composite", 1.0), ("predecessor", 0.6), ("composite", 0.2), ("predecessor", 2.0),
+        ("coast", 1.0), ("stop", 1.0), ("predecessor", 0.5), ("lead", 2.0),
+    ]  # fmt: skip
+    for mode, seconds in spells:
+        for _ in range(round(seconds * 50)):
+            share.go_on(mode, 0.02)
+        seen.append(share.now)
+    assert seen == pytest.approx([0.0, 0.6, 0.4, 1.0, 1.0, 1.0, 1.0, 0.0])
+
+
+def test_who_does_not_want_it_follows_the_way_that_was_driven() -> None:
+    share = MeantShare(1.0, wanted=False)
+    share.go_on("predecessor", 5.0)
+    assert share.now == 0.0

@@ -1,0 +1,134 @@
+"""The lead's path, as one who hears only the vehicle ahead can know it: by how far off that is.
+
+A vehicle that follows the way driven by the one ahead repeats its errors and adds its own: the
+error grows along the convoy, although each one believes itself on the path (Section V-D.1). So each
+follower tells how far its place lies beside the lead's path, and who hears it alone puts that place
+back on the path.
+
+What it tells is measured from the samples of the lead themselves, or from such as were put back,
+not from the curve fitted to them: a curve that rounds off bends would do so again for each vehicle.
+And it is measured of the fix that it sends, so that the fix's own error is put back, too. A place
+put back lies on the line between two that were told of the lead's path, so the error of no vehicle
+is handed on, neither that of its law nor that of its receiver, and the noise of the lead's places
+is not added to: between two of variance s², it is at most s².
+"""
+
+from bisect import bisect_left, bisect_right
+from math import cos, hypot, nan, sin
+from typing import NamedTuple
+
+import numpy as np
+
+from vehicles.car.gnss import Fix
+from vehicles.messages import Mode
+from vehicles.preview.samples import Window
+from vehicles.preview.trajectory import LEAD, Fit
+from vehicles.schedule import SECOND
+
+FURTHEST = 1.75
+"""Offsets beyond this (m), half of a lane, are not believed."""
+STEEPEST = 0.2
+"""So many metres an offset may change by for each metre driven: a car askew by 11 degrees."""
+DEVIATIONS = 7.0
+"""By so many standard deviations of a fix it may change besides: 5 of the difference of two."""
+SPACING = 0.2
+"""A source that has moved less than this (m) tells nothing new, as for its trace."""
+MOST, FORGOTTEN = 4096, 1024
+"""So many offsets are kept, and so many forgotten at once."""
+
+
+class _Told(NamedTuple):
+    """A place (m) at an instant (ns), its yaw (rad), and how far left of the path it lies (m)."""
+
+    at: int
+    east: float
+    north: float
+    yaw: float
+    offset: float
+
+
+class MeantPath:
+    """Where the path is beside the places that a source told (beyond the paper)."""
+
+    def __init__(self) -> None:
+        """Start without any."""
+        self._told: list[_Told] = []
+
+    def tell(self, fix: Fix, offset: float) -> None:
+        """Take that a place lies `offset` (m, left positive) beside the path (Section III-B).
+
+        One who tells none, or one that cannot be, is taken for being on the path. From one place to
+        the next the offset changes no faster than a car can drive aside, whatever is told.
+        """
+        place = bisect_left(self._told, (fix.measured_at,))
+        if not abs(offset) <= FURTHEST:  # NaN neither
+            offset = 0.0
+        if place < len(self._told) and self._told[place].at == fix.measured_at:
+            return
+        if place:
+            before = self._told[place - 1]
+            moved = hypot(fix.east - before.east, fix.north - before.north)
+            if moved < SPACING:
+                return
+            most = STEEPEST * moved + DEVIATIONS * abs(fix.accuracy)
+            offset = min(max(offset, before.offset - most), before.offset + most)
+        self._told.insert(place, _Told(fix.measured_at, fix.east, fix.north, fix.yaw, offset))
+        if len(self._told) > MOST:
+            del self._told[:FORGOTTEN]
+
+    def of(self, window: Window, instants: list[int], share: float) -> Window:
+        """Samples (preview data, Section III-A) of these `instants` (ns), brought to the path.
+
+        By the `share` of their offsets; between those that were told, by what lies between.
+        """
+        if not self._told or not instants:
+            return window
+        low = max(bisect_left(self._told, (min(instants),)) - 1, 0)
+        told = self._told[low : bisect_right(self._told, (max(instants) + 1,)) + 1]
+        since = told[0].at
+        at = [(one.at - since) / SECOND for one in told]
+        wanted = [(instant - since) / SECOND for instant in instants]
+        east = np.interp(wanted, at, [one.offset * sin(one.yaw) for one in told])
+        north = np.interp(wanted, at, [-one.offset * cos(one.yaw) for one in told])
+        return window._replace(east=window.east + share * east, north=window.north + share * north)
+
+
+class MeantShare:
+    """How much of the offsets counts: all once the predecessor alone is followed (0 to 1).
+
+    Beyond the paper, whose composite trajectory is left as it is. The path must not jump when the
+    mode changes, so it takes a while.
+    """
+
+    def __init__(self, span: float, *, wanted: bool) -> None:
+        """From none to all it takes `span` (s); none at all counts if it is not `wanted`."""
+        self.now = 0.0
+        self._span = span
+        self._wanted = wanted
+
+    def go_on(self, mode: Mode, span: float) -> None:
+        """Steer along `mode` for `span` (s); without anybody heard it stays (beyond the paper)."""
+        if mode == "predecessor" and self._wanted:
+            self.now = min(self.now + span / self._span, 1.0)
+        elif mode in ("composite", "lead"):
+            self.now = max(self.now - span / self._span, 0.0)
+
+
+def path_offset(fit: Fit, fix: Fix) -> float:
+    """How far a fix lies to the left of the lead's samples (m), or else of the predecessor's.
+
+    Its e_lat of Section III-B against the trajectory, less that of the samples beside it, linearly
+    between the one behind and the one ahead. NaN where they do not reach so far.
+    """
+    of_lead = fit.source == LEAD
+    chosen = of_lead if of_lead.any() else ~of_lead
+    east, north = fit.east[chosen], fit.north[chosen]
+    ahead = (east - fix.east) * cos(fix.yaw) + (north - fix.north) * sin(fix.yaw)
+    after = int(np.argmax(ahead > 0.0))
+    if after == 0:
+        return nan
+    own = fit.spline.project(fix.east, fix.north)
+    one, other = (fit.spline.project(east.item(k), north.item(k)) for k in (after - 1, after))
+    length = other.station - one.station
+    between = min(max((own.station - one.station) / length, 0.0), 1.0) if length > 0.0 else 0.5
+    return own.lateral - (one.lateral + between * (other.lateral - one.lateral))
