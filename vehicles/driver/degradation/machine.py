@@ -70,10 +70,13 @@ class ModeMachine:
 
         Why is what is missing, and when the mode changes who is relied on anew.
         """
-        relied = [one for one in pair.used.values() if one.relied_on]
+        by_mode = {mode: one for mode, one in pair.used.items() if one.relied_on}
+        relied = list(by_mode.values())
         soon = (now - self._worse_at) / SECOND < self._dwell
-        mode = self._next(pair, situation, speed, has_path=has_path, soon=soon)
-        why = _missing(one for one in pair.used.values() if one not in relied)
+        mode = self._next(pair, list(by_mode), situation, speed, has_path=has_path, soon=soon)
+        why = ""
+        if len(relied) < len(pair.used):
+            why = _missing(one for one in pair.used.values() if one not in relied)
         if mode == "straight":
             why = why if has_path else NOTHING_HEARD
         elif mode in SLOWING:
@@ -83,15 +86,22 @@ class ModeMachine:
                 self._worse_at = now
             back = [self._anew(one) for one in relied if one not in self._relied]
             why = "; ".join(filter(None, [*back, why]))
-        self._trusted |= {one.name for one in relied}
+        if relied != self._relied:
+            self._trusted |= {one.name for one in relied}
         self._mode, self._relied = mode, relied
         return mode, why
 
     def _next(
-        self, pair: SourcePair, situation: Situation, speed: float, *, has_path: bool, soon: bool
+        self,
+        pair: SourcePair,
+        relied: list[Mode],
+        situation: Situation,
+        speed: float,
+        *,
+        has_path: bool,
+        soon: bool,
     ) -> Mode:
         """The mode that follows; to a better one not too `soon` after one to a worse."""
-        relied = [mode for mode, one in pair.used.items() if one.relied_on]
         if relied and has_path and not (soon and self._mode in SLOWING):
             if len(relied) == 1 or (soon and self._mode in relied):
                 return self._mode if self._mode in relied else relied[0]

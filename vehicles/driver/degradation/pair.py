@@ -5,7 +5,7 @@ from math import isnan, nan
 
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.meant_path import MeantShare
-from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.settings import Braking, DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.stopping import stopping_distance
 from vehicles.driver.degradation.sources import Source, reaches_ahead
@@ -105,19 +105,20 @@ class SourcePair:
             source.look(now, 0.0 if anew else pose.speed * span, span)
         known = farthest(one for one in self.used.values() if one.status != "distrusted")
         settings, speed = self._settings, pose.speed
-        hardest, firm, comfortable = (
-            # Who brakes harder than that already would not release the brake first.
-            stopping_distance(speed, max(acceleration, -braking.deceleration), braking)
-            for braking in (settings.hardest, settings.firm, settings.comfortable)
-        )
+        hardest = _stop(speed, acceleration, settings.hardest)
         return Situation(
             lead=self.lead.freshness,
             predecessor=self.predecessor.freshness,
             known=known,
-            comfortable_stop=comfortable,
-            firm_stop=firm,
+            comfortable_stop=_stop(speed, acceleration, settings.comfortable),
+            firm_stop=_stop(speed, acceleration, settings.firm),
             blind=nan if isnan(known) else max(hardest - known, 0.0),
         )
+
+
+def _stop(speed: float, acceleration: float, braking: Braking) -> float:
+    """Braking distance (m); who brakes harder already would not release the brake first."""
+    return stopping_distance(speed, max(acceleration, -braking.deceleration), braking)
 
 
 def farthest(sources: Iterable[Source]) -> float:

@@ -34,6 +34,7 @@ class Reception:
         self.period = period
         self.usual_share = nan
         self._recent: deque[_Received] = deque()
+        self._heard_at: deque[int] = deque()
         self._first_at = 0
         self._newest_at: int | None = None
         self._newest_measured_at = 0
@@ -48,6 +49,7 @@ class Reception:
         if any(one.seq == seq for one in self._recent):
             return False
         arrival = _Received(now, measured_at, seq)
+        self._heard_at.append(now)
         if self._newest_at is None:
             self._first_at = self._counted_until = now
         elif measured_at <= self._newest_measured_at:
@@ -65,6 +67,7 @@ class Reception:
         Beyond the paper.
         """
         self._recent.clear()
+        self._heard_at.clear()
 
     def silence(self, now: int) -> float:
         """Time (s) since a newer message was heard, NaN before the first (beyond the paper).
@@ -87,23 +90,26 @@ class Reception:
         """
         return self._came(now) + 1 >= share * self.usual_share * self._expected(now)
 
-    def count_share(self, now: int) -> None:
-        """Let the share of the last second count for the usual one (beyond the paper)."""
+    def count_share(self, now: int, share: float) -> None:
+        """Let the `share` of the last second count for the usual one (beyond the paper)."""
         span = (now - self._counted_until) / SECOND
         self._counted_until = now
         if span <= 0.0:
             return
         self._counted = min(self._counted + span, USUAL_TIME)
         before = 0.0 if self._counted == span else self.usual_share
-        self.usual_share = before + (self.share(now) - before) * span / self._counted
+        self.usual_share = before + (share - before) * span / self._counted
 
     def pause_count(self, now: int) -> None:
         """Let the time until `now` not count for the usual share (beyond the paper)."""
         self._counted_until = now
 
     def _came(self, now: int) -> int:
-        since = now - RECENT
-        return sum(one.heard_at > since for one in self._recent)
+        """Messages of the last second; those before it are not asked for any more."""
+        since, heard_at = now - RECENT, self._heard_at
+        while heard_at and heard_at[0] <= since:
+            heard_at.popleft()
+        return len(heard_at)
 
     def _expected(self, now: int) -> float:
         span = min(now - self._first_at, RECENT) / SECOND
@@ -123,3 +129,5 @@ class Reception:
         elif numbers < 0:  # the sender began anew
             self._recent.clear()
             self._recent.append(last)
+            self._heard_at.clear()
+            self._heard_at.append(last.heard_at)

@@ -1,6 +1,5 @@
 """One source of a follower: its trace, how fresh it is, and what is made of it."""
 
-from dataclasses import replace
 from math import isnan, nan
 
 from vehicles.car.gnss import Fix
@@ -77,7 +76,18 @@ class Source:
     @property
     def freshness(self) -> SourceFreshness:
         """How fresh it was when last looked at (beyond the paper)."""
-        return replace(self._now)
+        seen = self._now
+        return SourceFreshness(
+            status=seen.status,
+            age=seen.age,
+            silence=seen.silence,
+            period=seen.period,
+            share=seen.share,
+            known=seen.known,
+            mode=seen.mode,
+            hazard=seen.hazard,
+            acceleration=seen.acceleration,
+        )
 
     def hear(self, now: int, fix: Fix, message: GpsPose, belief: Belief) -> None:
         """Take a message heard at `now` (ns) to its trace, if it is believed (Section III-A)."""
@@ -160,7 +170,7 @@ class Source:
         if seen.status == "probation":
             self._serve(now)
         else:
-            self._reception.count_share(now)
+            self._reception.count_share(now, self._now.share)
         if seen.status != "probation":
             seen.status = "late" if late else "fresh"
 
@@ -170,7 +180,7 @@ class Source:
         if served * SECOND < RECENT:
             self._reception.pause_count(now)
         else:
-            self._reception.count_share(now)
+            self._reception.count_share(now, self._now.share)
         share = self._settings.trusted_share
         if served >= self.probation.length and self._reception.delivers(now, share):
             self.probation.end(now)

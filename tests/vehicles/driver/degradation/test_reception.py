@@ -87,6 +87,22 @@ def test_the_usual_share_is_the_mean_over_what_was_counted() -> None:
         now = seq * PERIOD
         if seq % 2 == 0:
             reception.add(now, now, seq)
-        reception.count_share(now)
+        reception.count_share(now, reception.share(now))
     assert reception.usual_share == pytest.approx(0.5, abs=0.05)
     assert reception.delivers(400 * PERIOD, 0.9)
+
+
+@given(st.lists(st.tuples(st.integers(0, 600), st.integers(-3, 6)), min_size=1, max_size=60))
+def test_what_came_in_the_last_second_late_ones_too_is_counted_one_by_one(
+    steps: list[tuple[int, int]],
+) -> None:
+    """Each comes so long (ms) after the one before, with a number so much higher or lower."""
+    reception, now, seq, heard = Reception(0.05), 0, 100, dict[int, int]()
+    for wait_ms, onward in steps:
+        now, seq = now + wait_ms * MILLISECOND, seq + onward
+        if seq not in heard:
+            heard[seq] = now
+            reception.add(now, seq * PERIOD, seq)
+        came = sum(now - at < SECOND for at in heard.values())
+        span = min(now - min(heard.values()), SECOND) / SECOND
+        assert reception.share(now) == min(came / max(span / reception.period, 1.0), 1.0)

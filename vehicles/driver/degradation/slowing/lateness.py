@@ -64,6 +64,8 @@ class AgeWatch:
 
         Beyond the paper; a gap that followed the present age would pump.
         """
+        if not self._peak:
+            return 0.0
         since = (now - self._peak_at) / SECOND - self._settings.probation
         since = max(since, 0.0)
         return max(self._peak * exp(-since / CLOSING_TIME) - CLOSING_RATE * since, 0.0)

@@ -74,7 +74,7 @@ class GuardedCar:
     period: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Sample:
     """Arc length from here (m), speed (m/s) and age (s) of the predecessor's newest sample."""
 
@@ -83,7 +83,7 @@ class _Sample:
     age: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Instant:
     """A control instant (ns), the time since the last one (s), and what is known at it."""
 
@@ -187,6 +187,8 @@ class SpeedGuard:
         """Hardest braking (m/s², m/s³) beside the lateral acceleration, by the friction circle."""
         hardest = self._settings.hardest
         left = friction_left(self._car.friction, pose.speed * pose.yaw_rate)
+        if 0.1 <= hardest.deceleration <= left:
+            return hardest
         return replace(hardest, deceleration=max(min(hardest.deceleration, left), 0.1))
 
     def _reserve(self, tick: _Instant, seen: _Sample) -> float:
