@@ -33,9 +33,10 @@ def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float,
     for turns up to 2 rad, within 1e-5 for a half circle.
     """
     ahead = left = 0.0
+    half = 0.5 * rate
     for node, weight in NODES:
         station = node * length
-        turn = station * (curvature + 0.5 * rate * station)
+        turn = station * (curvature + half * station)
         ahead += weight * cos(turn)
         left += weight * sin(turn)
     return length * ahead, length * left

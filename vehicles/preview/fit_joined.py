@@ -6,6 +6,7 @@ some of the samples, uphill from those in the middle, and from the best of them 
 what the joins explain. All is plain arithmetic on the sums of products up to a join.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan, hypot, sqrt
@@ -59,6 +60,7 @@ class Search:
         self._most, self._evidence = self.noise, evidence
         self._data, self._line, self._sums = data, line, cumulated(data)
         self._total = self._sums[:, -1].tolist()
+        self._stations: list[float] = data.station.tolist()
         norms = 1.0 / sqrt(line.weight), 1.0 / sqrt(line.xx)
         self._about = line.mean_x, line.mean_y, line.slope, *norms
 
@@ -104,22 +106,20 @@ class Search:
     def at_sample(self, index: int) -> Joined:
         """Fit two pieces that join at a sample: linear least squares as in Section III-A.1."""
         rows = self._data.rows
-        station, x, y = self._data.station.item(index), rows.item(X, index), rows.item(Y, index)
-        return self._at(index + 1, station, x, y)
+        return self._at(index + 1, self._stations[index], rows.item(X, index), rows.item(Y, index))
 
     def at(self, station: float) -> Joined:
         """Fit two pieces that join at `station` (m): linear least squares as in Section III-A.1.
 
         The place lies on the line from the sample before it to the one after it.
         """
-        data = self._data
-        last = len(data.station) - 1
-        split = min(max(int(data.station.searchsorted(station, "right")), 1), last)
-        low, high = data.station.item(split - 1), data.station.item(split)
+        stations, rows = self._stations, self._data.rows
+        split = min(max(bisect_right(stations, station), 1), len(stations) - 1)
+        low, high = stations[split - 1], stations[split]
         share = (station - low) / (high - low) if high > low else 0.0
-        x, y = data.rows.item(X, split - 1), data.rows.item(Y, split - 1)
-        x += share * (data.rows.item(X, split) - x)
-        y += share * (data.rows.item(Y, split) - y)
+        x, y = rows.item(X, split - 1), rows.item(Y, split - 1)
+        x += share * (rows.item(X, split) - x)
+        y += share * (rows.item(Y, split) - y)
         return self._at(split, station, x, y)
 
     def _at(self, split: int, station: float, x: float, y: float) -> Joined:
