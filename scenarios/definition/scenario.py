@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +20,7 @@ from scenarios.definition.channel.presets import with_presets
 from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
-from scenarios.definition.extends import merged
+from scenarios.definition.extends import MergedScenario, merged
 from scenarios.definition.library import ScenarioFile, drills, library, read_file, template
 from scenarios.definition.limits.problems import limit_problems
 from scenarios.definition.links import directed_links
@@ -93,7 +93,7 @@ class Scenario:
         """
         if self.name in (*library(), *drills()):
             try:
-                if self.text == load_scenario(self.name, self.overrides).text:
+                if self.text == _text_of(_read(read_file(self.name), self.overrides)[1]):
                     return ""
             except ScenarioError:
                 pass  # not with these overrides: another file of that name
@@ -221,7 +221,14 @@ class Scenario:
         if name not in self.vehicle_names:
             known = ", ".join(self.vehicle_names)
             raise ScenarioError([f"{self.name}: no vehicle {shown(name)}, allowed {known}"])
-        return vehicle_setup(self.tables, name)
+        if name not in self._setups:
+            self._setups[name] = vehicle_setup(self.tables, name)
+        return self._setups[name]
+
+    @cached_property
+    def _setups(self) -> dict[str, VehicleSetup]:
+        """The vehicles that were asked for, since a run asks for each of them a hundred times."""
+        return {}
 
     @cached_property
     def links(self) -> Mapping[tuple[str, str], LinkTable]:
@@ -269,17 +276,21 @@ class Scenario:
             return float(route.path.station[int(np.argmin(away))]) - route.first_point
         return route.start_station(self.vehicle_names.index(name)) - route.first_point
 
-    @property
+    @cached_property
     def text(self) -> str:
         """The scenario as one self-contained TOML file, which `scenario_from_text` reads back."""
-        tables = self.tables
-        apart = {"link", "vehicle", "change"}
-        whole = tables.model_dump(exclude_none=True, exclude=apart)
-        # What one of these leaves out must stay left out: it is the convoy's value.
-        some = tables.model_dump(
-            exclude_unset=True, exclude_none=True, include={"link", "vehicle", "change"}
-        )
-        return tomli_w.dumps(whole | some)
+        return _text_of(self.tables)
+
+
+def _text_of(tables: ScenarioTables) -> str:
+    """Every key of a scenario as TOML."""
+    apart = {"link", "vehicle", "change"}
+    whole = tables.model_dump(exclude_none=True, exclude=apart)
+    # What one of these leaves out must stay left out: it is the convoy's value.
+    some = tables.model_dump(
+        exclude_unset=True, exclude_none=True, include={"link", "vehicle", "change"}
+    )
+    return tomli_w.dumps(whole | some)
 
 
 def load_scenario(
@@ -308,6 +319,28 @@ def scenario_from_text(
 
 
 def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) -> Scenario:
+    given, tables = _read(file, overrides, seed)
+    scenario = Scenario(tables)
+    try:
+        problems = list(contradictions.on_the_road(tables, scenario.route))
+        for name, drive in () if problems else scenario.replays.items():
+            problems += replay_problems(tables, name, drive, scenario.duration_s)
+        problems = problems or list(change_problems(tables, scenario.duration_s))
+        problems = problems or list(limit_problems(tables, scenario.duration_s))
+    except Refused as error:
+        raise _refuse(given, [(error.key, error.why)]) from error
+    if problems:
+        raise _refuse(given, problems)
+    return scenario
+
+
+def _read(
+    file: ScenarioFile, overrides: Sequence[str], seed: int | None = None
+) -> tuple[MergedScenario, ScenarioTables]:
+    """Read every key, and the files that are named; raises ScenarioError.
+
+    What only shows on the road is not looked at.
+    """
     given = merged(file, overrides)
     if seed is not None:
         given.raw["seed"] = seed
@@ -315,31 +348,23 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
     before = given.raw.get("overrides")
     if overrides and isinstance(before, list | None):  # anything else is refused below
         given.raw["overrides"] = [*(before or []), *overrides]
-
-    def refuse(problems: Sequence[tuple[str, str]]) -> ScenarioError:
-        return ScenarioError(f"{given.source(key)}: {key}: {why}" for key, why in problems)
-
     try:
         tables = ScenarioTables.model_validate(with_presets(given.raw))
     except Refused as error:
-        raise refuse([(error.key, error.why)]) from error
+        raise _refuse(given, [(error.key, error.why)]) from error
     except ValidationError as error:
-        raise refuse(refusals(error)) from error
+        raise _refuse(given, refusals(error)) from error
     problems = list(contradictions.between_keys(tables)) or list(contradictions.controllers(tables))
     if problems:
-        raise refuse(problems)
+        raise _refuse(given, problems)
     try:
         placed = with_points(tables, given.folder("path.file"))
         placed = with_recordings(placed, given.folder)
         placed = with_recorded_delays(placed, given.folder)
-        scenario = Scenario(with_replays(placed, given.folder))
-        problems = list(contradictions.on_the_road(scenario.tables, scenario.route))
-        for name, drive in () if problems else scenario.replays.items():
-            problems += replay_problems(scenario.tables, name, drive, scenario.duration_s)
-        problems = problems or list(change_problems(scenario.tables, scenario.duration_s))
-        problems = problems or list(limit_problems(scenario.tables, scenario.duration_s))
+        return given, with_replays(placed, given.folder)
     except Refused as error:
-        raise refuse([(error.key, error.why)]) from error
-    if problems:
-        raise refuse(problems)
-    return scenario
+        raise _refuse(given, [(error.key, error.why)]) from error
+
+
+def _refuse(given: MergedScenario, problems: Iterable[tuple[str, str]]) -> ScenarioError:
+    return ScenarioError(f"{given.source(key)}: {key}: {why}" for key, why in problems)

@@ -8,8 +8,10 @@ import json
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cache
 from importlib.metadata import version
 from math import isfinite, nan
+from types import MappingProxyType
 from typing import Any, Literal
 
 from pydantic import TypeAdapter, ValidationError
@@ -25,6 +27,13 @@ PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "py
 """Packages whose versions are written into the log."""
 
 ClockName = Literal["wall", "virtual"]
+
+
+@cache
+def installed_versions() -> Mapping[str, str]:
+    """Versions of Python and of PACKAGES here, read once: it takes milliseconds."""
+    versions = {"python": platform.python_version()}
+    return MappingProxyType(versions | {package: version(package) for package in PACKAGES})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,8 +55,6 @@ class RunIdentity:
     @classmethod
     def here(cls, scenario: Scenario, clock: ClockName, run_id: str) -> "RunIdentity":
         """Identity of a run of `scenario` by the programs installed here."""
-        versions = {"python": platform.python_version()}
-        versions |= {package: version(package) for package in PACKAGES}
         return cls(
             scenario=scenario.name,
             title=scenario.title,
@@ -55,7 +62,7 @@ class RunIdentity:
             seed=scenario.seed,
             clock=clock,
             run_id=run_id,
-            versions=versions,
+            versions=installed_versions(),
         )
 
     def values(self) -> dict[str, Any]:

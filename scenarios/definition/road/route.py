@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -154,8 +155,7 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
         _check_length(table, sum(segment.length_m for segment in table.segments))
         laps = [Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
         east, north = -lead_in * math.cos(yaw), -lead_in * math.sin(yaw)
-        path = path_from_segments([Segment(lead_in, 0.0), *laps], east, north, yaw)
-        return path, lead_in, None
+        return _along((Segment(lead_in, 0.0), *laps), east, north, yaw), lead_in, None
     if not isinstance(table, PointsPath):
         raise Refused("path.file", "has not been read")
     smoothed = smoothed_points(table, lead_in)
@@ -164,6 +164,11 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
     curved = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
     first_curve = float(smoothed.path.station[curved[0]]) if curved.size else math.inf
     return smoothed.path, min(max(first_curve, lead_in), smoothed.start), smoothed
+
+
+@lru_cache(maxsize=4)  # many runs of a study drive one road
+def _along(segments: tuple[Segment, ...], east: float, north: float, yaw: float) -> Path:
+    return path_from_segments(segments, east, north, yaw)
 
 
 def _straight_before(path: Path, start: float) -> Path:
