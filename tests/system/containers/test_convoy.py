@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import socket
 import subprocess
 import urllib.request
@@ -16,6 +15,15 @@ import pytest
 from scenarios.definition.scenario import library
 from tests.made.once import first_only, shared
 from tests.system.conftest import DURATION_S, Driven
+from tests.system.containers.images import (
+    BUILD_S,
+    IMAGE,
+    VEHICLE_IMAGE,
+    call,
+    container_reaches_packages,
+    copy_parts,
+    obstacle,
+)
 from tests.system.logs import (
     Run,
     agreement,
@@ -26,35 +34,12 @@ from tests.system.logs import (
 )
 from tests.system.processes import until
 
-PROJECT = Path(__file__).parents[2]
-PARTS = (
-    *("Dockerfile", "docker-compose.yml", ".dockerignore"),
-    *("requirements.lock", "requirements-container.lock"),
-    *("pyproject.toml", "README.md", "LICENSE", "vehicles", "transport", "scenarios"),
-)
-"""What the image and its composition are made of."""
-IMAGE = "convoy-emulator"
-VEHICLE_IMAGE = "convoy-emulator-vehicle"
-BASE = "python:3.11-slim-bookworm"
 PORT_NAMES = ("CONVOY_PAGE_PORT", "CONVOY_DATA_PORT")
 USER = 4711
 """Somebody who is not root."""
 SHORT = f"--set=duration_s={DURATION_S:g}"
-BUILD_S = 900.0
 DRIVE_S = 300.0
 """The start and the run with room for a machine that has other things to do."""
-
-
-def obstacle() -> str | None:
-    """Say why containers cannot be tried here, if they cannot."""
-    for tool in ("docker", "docker-compose"):
-        if shutil.which(tool) is None:
-            return f"no {tool} here"
-    if call("docker", "info").returncode:
-        return "no container engine runs here"
-    if call("docker", "image", "inspect", BASE).returncode:
-        return f"the base image {BASE} is not here (docker pull {BASE})"
-    return None
 
 
 def free_ports() -> dict[str, int]:
@@ -63,15 +48,6 @@ def free_ports() -> dict[str, int]:
         for probe in (page, data):
             probe.bind(("127.0.0.1", 0))
         return dict(zip(PORT_NAMES, (s.getsockname()[1] for s in (page, data)), strict=True))
-
-
-def call(
-    *command: str, cwd: Path | None = None, timeout: float = 60.0
-) -> "subprocess.CompletedProcess[str]":
-    """Run a command and keep what it says."""
-    return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, timeout=timeout, check=False
-    )
 
 
 @pytest.fixture(scope="session")
@@ -89,22 +65,6 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 pytest.skip("a container reaches no package index here, so no image can be built")
             assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
     return folder
-
-
-def container_reaches_packages() -> bool:
-    """Say whether pip can fetch something from inside a container of the base image."""
-    fetch = ("python3", "-m", "pip", "download", "-q", "--no-deps", "--dest", "/tmp", "click")
-    return call("docker", "run", "--rm", BASE, *fetch, timeout=BUILD_S).returncode == 0
-
-
-def copy_parts(folder: Path) -> None:
-    """Copy what the image is made of."""
-    for part in PARTS:
-        source = PROJECT / part
-        if source.is_dir():
-            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(source, folder / part)
 
 
 @contextmanager

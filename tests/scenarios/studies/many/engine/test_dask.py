@@ -1,0 +1,103 @@
+"""The workers of a dask scheduler give the tables of this process, also when one is killed.
+
+In containers: tests/system/containers.
+"""
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.studies.many.engine import driver
+from scenarios.studies.many.engine.fleet import fleet_of
+from scenarios.studies.many.engine.journal import JOURNAL
+from scenarios.studies.many.engine.stamp import stamp_of_this_process
+from scenarios.studies.many.sweeps.sweep import carry_out_sweep
+from tests.made.scenarios.small_sweeps import driven_here, small_plan, tables
+
+distributed = pytest.importorskip("distributed")
+
+
+@contextmanager
+def local_cluster(*, processes: bool) -> Iterator[Any]:
+    """A scheduler here and two workers, reached from this machine alone."""
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=processes,
+        protocol="tcp",
+        host="127.0.0.1",
+        dashboard_address=None,
+        worker_dashboard_address=None,
+    ) as cluster:
+        yield cluster
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """Workers that are threads of this process: quick to start."""
+    with local_cluster(processes=False) as cluster:
+        yield cluster
+
+
+def test_the_tables_are_those_of_this_process(cluster: Any, tmp_path: Path) -> None:
+    plan = small_plan(seeds=1)
+    driven_here(plan, tmp_path / "here")
+    fleet = partial(fleet_of, None, cluster.scheduler_address)
+    carry_out_sweep(plan, tmp_path / "dask", fleet, lambda _: None, pictures=False)
+    assert tables(tmp_path / "dask") == tables(tmp_path / "here")
+
+
+@pytest.mark.long
+@pytest.mark.campaign(0, 3)
+def test_a_worker_process_that_is_killed_costs_time_only(
+    case: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scenarios.studies.many.engine.countdown.SAY_EVERY_S", 0.0)
+    plan = small_plan(seeds=8)
+    driven_here(plan, tmp_path / "here")
+    kill_after = 1 + 5 * case
+    with local_cluster(processes=True) as cluster:
+        victims = [worker.pid for worker in cluster.workers.values()][:1]
+
+        def kill_one(_said: str) -> None:
+            if victims and (tmp_path / "dask" / JOURNAL).read_bytes().count(b"\n") > kill_after:
+                os.kill(victims.pop(), signal.SIGKILL)
+
+        fleet = partial(fleet_of, None, cluster.scheduler_address)
+        carry_out_sweep(plan, tmp_path / "dask", fleet, kill_one, pictures=False)
+    assert not victims
+    assert tables(tmp_path / "dask") == tables(tmp_path / "here")
+
+
+def test_a_worker_with_other_programs_is_refused(
+    cluster: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = replace(stamp_of_this_process(), numpy="0.1")
+    monkeypatch.setattr(driver, "stamp_of_this_process", lambda: other)
+    with (
+        fleet_of(scheduler=cluster.scheduler_address) as fleet,
+        pytest.raises(
+            ScenarioError,
+            match=r"^a worker has other programs: numpy is \S+ there and 0.1 here; in",
+        ) as error,
+    ):
+        list(driver.JobDriver({1: os.getpid}, fleet).outcomes())
+    assert len(error.value.lines) == 1
+
+
+def test_nobody_at_the_address_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scenarios.studies.many.engine.fleet.CONNECT_S", 0.5)
+    with (
+        pytest.raises(ScenarioError, match=r"^--scheduler: \S+: no dask sche") as error,
+        fleet_of(scheduler="tcp://127.0.0.1:9"),
+    ):
+        pass
+    assert len(error.value.lines) == 1

@@ -1,0 +1,1 @@
+"""Tests in containers, where there is an engine that runs them."""
