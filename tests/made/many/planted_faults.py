@@ -5,7 +5,6 @@ Every limit of every drill is broken by one of these at least: none is so loose 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Any
 
 from vehicles.car.gnss import Fix
@@ -33,15 +32,20 @@ def _believe(_gate: InnovationGate, _now: int, fix: Fix) -> Belief:
     return Belief(True, "", fix.accuracy)
 
 
+def _wheels_askew(
+    _reaction: str, mode: str, asked: SteeringCommand, _last: SteeringCommand
+) -> SteeringCommand:
+    if mode not in {"coast", "stop"}:
+        return asked
+    return replace(asked, steering=asked.steering + 0.02)
+
+
 WHEELS_STRAIGHT = Fault("vehicles.driver.follower.without_hearing", _wheels_straight)
 """Who hears nobody lets go of the wheel."""
+WHEELS_ASKEW = Fault("vehicles.driver.follower.without_hearing", _wheels_askew)
+"""Who hears nobody steers a degree to the left of what it wants."""
 BELIEVES_ALL = Fault("vehicles.driver.degradation.trust.gate.InnovationGate.judge", _believe)
 """Whatever is heard is believed."""
-KEEPS_NO_DISTANCE = Fault(
-    "vehicles.driver.degradation.slowing.longitudinal.SpeedGuard._guarded",
-    lambda *_: inf,
-)
-"""No safe distance is kept."""
 ALL_EXACT = Fault("vehicles.driver.ego.pose_estimator._Model.position", lambda *_: 0.01)
 """The car takes each of its fixes for exact to the centimetre."""
 NEEDS_MANY = Fault(
@@ -52,6 +56,8 @@ NEEDS_MANY = Fault(
 
 EXTRAPOLATE = "control.degradation.reaction=extrapolate"
 LATE = "control.degradation.lost_s=1.0"
+WEAK = "control.gains={lateral_rad_per_m=0.005, heading_rad_per_rad=0.3, yaw_rate_s=0.0}"
+WEAKER = ("control.gains={lateral_rad_per_m=0.002, heading_rad_per_rad=0.1, yaw_rate_s=0.0}",)
 HASTY = "control.degradation.lost_s=0.2", "control.degradation.lost_periods=2.0"
 SOFT = "speed.gap.braking_mps2_max=2.0", EXTRAPOLATE
 SLOW = "control.degradation.probation_s=4.0"
@@ -93,32 +99,25 @@ PLANTS = (
     Plant("both_lost", ("modes[0]",), (EXTRAPOLATE,)),
     Plant("both_lost", ("recovery[0]",), (SLOW,)),
     Plant("burst_worst", (ERROR,), fault=WHEELS_STRAIGHT),
-    Plant("burst_worst", ("recovery[0]",), (SLOW,)),
-    Plant("tunnel", (ERROR,), ("imu.yaw_rate_bias_radps=0.05",)),
-    Plant("tunnel", (ERROR,), ("control.degradation.reaction=hold",)),
+    Plant("burst_worst", ("recovery[0]",), ("control.degradation.probation_s=5.0",)),
+    Plant("tunnel", (ERROR,), fault=WHEELS_ASKEW),
     Plant("tunnel", (GAP,), (_alone("v3"),)),
     Plant("tunnel", ("recovery[0]",), (SLOW,)),
     Plant("frozen_transmitter", (ERROR, "sources[0]"), fault=BELIEVES_ALL),
     Plant("frozen_transmitter", ("sources[0]",), (EXTRAPOLATE,)),
     Plant("frozen_transmitter", ("recovery[0]",), (SLOW,)),
-    Plant("ghost_vehicle", (ERROR,), fault=BELIEVES_ALL),
-    Plant("overconfident_gnss", (ERROR, BELIEF), fault=ALL_EXACT),
-    Plant("overconfident_gnss", (ERROR, BELIEF), ("imu.yaw_rate_bias_radps=0.05",)),
+    Plant("ghost_vehicle", (ERROR,), (WEAK,)),
+    Plant("ghost_vehicle", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
+    Plant("overconfident_gnss", (ERROR,), WEAKER),
+    Plant("overconfident_gnss", ("recovery[0]",), (SLOW,)),
     Plant("rtk_lost", (ERROR, BELIEF), fault=ALL_EXACT),
-    Plant("clock_off", (ERROR,), fault=BELIEVES_ALL),
-    Plant("clock_off", (ERROR,), ("control.fusion=blend",)),
+    Plant("clock_off", (ERROR,), (WEAK,)),
     Plant("clock_off", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
-    Plant("clock_off", (GAP,), fault=KEEPS_NO_DISTANCE),
     Plant("clock_off", (GAP,), ("speed.gap.headway_s=0.3",)),
     Plant("restarted_follower", ("collisions_max", GAP), (EXTRAPOLATE,)),
-    Plant("restarted_follower", (ERROR,), ("change.0.for_s=2.5",)),
-    Plant("restarted_follower", ("recovery[0]",), (SLOW,)),
+    Plant("restarted_follower", (ERROR, "recovery[0]"), ("change.0.for_s=2.5",)),
     Plant("late_joiner", (ERROR, "modes[0]"), fault=NEEDS_MANY),
-    Plant(
-        "congested_channel",
-        ("stops_max",),
-        HASTY,
-    ),
+    Plant("congested_channel", ("stops_max",), HASTY),
     Plant("congested_channel", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("congested_channel", (ERROR,), (EXTRAPOLATE,)),
     Plant("congested_channel", (GAP,), (_alone("v4"),)),
@@ -127,10 +126,5 @@ PLANTS = (
     Plant("router_restarted", (ERROR,), fault=WHEELS_STRAIGHT),
     Plant("router_restarted", ("modes[0]",), (EXTRAPOLATE,)),
     Plant("router_restarted", ("recovery[0]",), (SLOW,)),
-    Plant(
-        "emergency_braking",
-        ("collisions_max", GAP),
-        SOFT,
-    ),
-    Plant("emergency_braking", ("collisions_max", GAP), fault=KEEPS_NO_DISTANCE),
+    Plant("emergency_braking", ("collisions_max", GAP), SOFT),
 )
