@@ -131,7 +131,7 @@ def _opening(found: "Blame") -> str:
     return (
         f"{what} {recorded.figure_m:.2f} m ({recorded.vehicle}, {recorded.worst_at / 1e9:.2f} s "
         f"after the start), without any loss {clean.figure_m:.2f} m; {messages} messages lost "
-        f"until a second later, in {len(found.bursts)} bursts"
+        f"until a second later, in {len(found.bursts)} burst{'s' * (len(found.bursts) > 1)}"
     )
 
 

@@ -1,6 +1,6 @@
 """Runs with one decisive burst of losses among harmless ones, to be found again."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -97,6 +97,8 @@ def _breaks(scenario: Scenario, until_s: float) -> bool:
 def planted(convoy: Convoy, case: int) -> Planted:
     """Case number `case`: with its burst somebody leaves the lane, without it nobody does.
 
+    It is enough by itself: the other losses are harmless with it, too.
+
     The burst is on all links to one follower, at a random instant of a lane change; drawn again
     until it is decisive.
     """
@@ -113,6 +115,9 @@ def planted(convoy: Convoy, case: int) -> Planted:
         seed = int(chance.integers(1, 10_000))
         scenario = _scenario(convoy, seed, burst, links)
         without = _scenario(convoy, seed, range(0), ())
+        alone = _scenario(replace(convoy, harmless_ratio=0.0), seed, burst, links)
         soon_s = from_s + length_s + SOON_S
-        if _breaks(scenario, soon_s) and not _breaks(without, convoy.duration_s):
+        if not (_breaks(scenario, soon_s) and _breaks(alone, soon_s)):
+            continue
+        if not _breaks(without, convoy.duration_s):
             return Planted(scenario, burst, links)

@@ -91,7 +91,6 @@ def machine_readable(found: Blame, out: Path) -> dict[str, Any]:
         "smallest": _smallest(found, out),
         "unshrunk": found.unshrunk,
         "runs": found.runs,
-        "took_s": round(found.seconds, 1),
     }
 
 

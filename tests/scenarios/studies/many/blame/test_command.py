@@ -11,10 +11,13 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario, scenario_from_text
+from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from scenarios.studies.many.blame import study
 from scenarios.studies.many.blame.losses import read_run
+from scenarios.studies.many.blame.rerun import BlameQuestion, FigureName, answer_of
+from scenarios.studies.many.limit import Limit
 from tests.made.many.planted_losses import TINY, planted
 
 CAUSE = planted(TINY, 3)
@@ -36,6 +39,22 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("planted")
     run_virtual(CAUSE.scenario, folder, Stop())
     return folder / "run.mcap"
+
+
+@pytest.mark.parametrize("figure", ["error", "gap"])
+def test_the_worst_figure_and_the_breach_are_those_of_the_summary(
+    log: Path, figure: FigureName
+) -> None:
+    run, rows = read_run(log), summary_of(log).vehicles
+    errors = [row.cross_track_error_m_max for row in rows if row.cross_track_error_m_max]
+    gaps = [row.true_gap_m_min for row in rows if row.true_gap_m_min]
+    worst = max(errors) if figure == "error" else min(gaps)
+    for limit in (Limit("lane"), Limit(f"{figure}_m", worst - 0.001), Limit(f"{figure}_m", worst)):
+        question = BlameQuestion(figure=figure, limit=limit)
+        answer = answer_of(run.scenario, question, run.start_at, run.told)
+        assert answer.figure_m == worst
+        assert (answer.broken_at is not None) == limit.broken_by(summary_of(log))
+        assert max(answer.truth.values()) == max(run.truth.values())
 
 
 def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_run(

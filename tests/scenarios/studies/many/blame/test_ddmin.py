@@ -4,13 +4,14 @@ from collections.abc import Callable, Sequence
 from hashlib import blake2b
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.studies.many.blame.ddmin import Smallest, ddmin, split, trimmed
 
 Fails = Callable[[frozenset[int]], bool]
 SIZES = st.integers(1, 40)
+few = settings(max_examples=40)
 
 
 def first_that(fails: Fails) -> Callable[[Sequence[tuple[int, ...]]], int | None]:
@@ -24,6 +25,7 @@ def shrink(size: int, fails: Fails) -> Smallest[int]:
     return ddmin(range(size), first_that(fails))
 
 
+@few
 @given(SIZES.flatmap(lambda n: st.tuples(st.just(n), st.sets(st.integers(0, n - 1), min_size=1))))
 def test_of_causes_that_are_all_needed_exactly_these_are_left(case: tuple[int, set[int]]) -> None:
     size, needed = case
@@ -31,6 +33,7 @@ def test_of_causes_that_are_all_needed_exactly_these_are_left(case: tuple[int, s
     assert found == Smallest(tuple(sorted(needed)), is_minimal=True)
 
 
+@few
 @given(st.data(), SIZES)
 def test_of_several_causes_each_of_which_is_enough_one_is_left(
     data: st.DataObject, size: int
@@ -41,6 +44,7 @@ def test_of_several_causes_each_of_which_is_enough_one_is_left(
     assert frozenset(found.items) in causes
 
 
+@few
 @given(SIZES, st.integers(0, 1000), st.integers(1, 9))
 def test_where_more_can_be_less_no_single_item_can_be_spared(
     size: int, salt: int, of_ten: int
@@ -59,6 +63,7 @@ def test_where_more_can_be_less_no_single_item_can_be_spared(
     assert not any(fails(left - {one}) for one in left)
 
 
+@few
 @given(SIZES, st.integers(0, 1000), st.integers(0, 30))
 def test_what_is_found_when_it_is_enough_still_fails_and_is_not_called_minimal(
     size: int, salt: int, most: int

@@ -49,11 +49,6 @@ LAWS: dict[str, dict[str, Any]] = {
     "wrong bits and copies": {
         "links": {"content": {"bit_error_ratio": 3e-4, "duplicate_ratio": 0.2}, **DELAYED}
     },
-    "by number on one link": {
-        "link": [
-            {"sender": "v1", "receiver": "v3", "loss": {"kind": "listed", "lost_numbers": "9-20"}}
-        ]
-    },
 }
 
 
