@@ -19,6 +19,8 @@ from scenarios.cli.channel.commands import channel
 from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
+from scenarios.cli.many.bisect import bisect
+from scenarios.cli.many.risk import risk
 
 EXAMPLES = """\b
 Examples:
@@ -66,6 +68,8 @@ for command in (
     control.status,
     control.scenario_from,
     study.reproduce,
+    bisect,
+    risk,
     reference,
 ):
     cli.add_command(command)
