@@ -20,7 +20,9 @@ from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
 from scenarios.cli.many import drill, worst
+from scenarios.cli.many.bisect import bisect
 from scenarios.cli.many.blame import blame
+from scenarios.cli.many.risk import risk
 from scenarios.cli.many.sweep import sweep
 
 EXAMPLES = """\b
@@ -73,6 +75,8 @@ for command in (
     drill.drill,
     worst.worst,
     study.reproduce,
+    bisect,
+    risk,
     reference,
 ):
     cli.add_command(command)

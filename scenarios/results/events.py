@@ -104,7 +104,8 @@ class LaneWatch:
     """Departures of followers from the lane: a corner too far from the lead's driven path.
 
     A follower near the edge is looked at at every pose, one well inside less often: four corners of
-    every pose would cost more than all other figures of a run.
+    every pose would cost more than all other figures of a run. `excess` is how far (m) the corner
+    farthest out of each follower was beyond the edge when it was last looked at.
     """
 
     def __init__(
@@ -119,6 +120,7 @@ class LaneWatch:
         self._seen: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
         self._open: dict[str, Episode] = {}
         self._next_look: dict[str, int] = {}
+        self.excess: dict[str, float] = {}
 
     def add(self, pose: TruePose) -> Iterator[Episode]:
         """Take a pose; gives each departure as it begins."""
@@ -157,6 +159,7 @@ class LaneWatch:
     def _follow(
         self, vehicle: str, at: int, place: tuple[float, float], excess: float
     ) -> Iterator[Episode]:
+        self.excess[vehicle] = excess
         self._next_look[vehicle] = at + LANE_LOOK_NS if excess < -WELL_INSIDE_M else 0
         episode = self._open.get(vehicle)
         if excess > 0.0:

@@ -1,6 +1,8 @@
 """`--clock virtual`: the same nodes in one process over a memory bus, as fast as they go."""
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -80,17 +82,31 @@ def run_virtual(
     return summary
 
 
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """After the instant `at` (ns) what is random comes from another seed; up to it nothing changes.
+
+    See VehicleBuilder.redraw for what is random so.
+    """
+
+    at: int
+    seed: int
+
+
 class VirtualConvoy:
     """The vehicles of a scenario in one process, with the bus and the clock that they share.
 
     `left` are the vehicles that cannot drive on and without which the others do.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, branches: Sequence[Branch] = ()) -> None:
+        """`branches` are in order of time; instants are those of the scenario's virtual run."""
         self.bus = MemoryBus()
         self.clock = VirtualClock(scenario.start_at_ns)
         self._scenario = scenario
         self._steppers: list[Stepper] = []
+        self._live: list[tuple[VehicleBuilder, Node | ReplayedNode]] = []
+        self._branches = deque(branches)
         self.left: set[str] = set()
 
     def build(
@@ -110,6 +126,7 @@ class VirtualConvoy:
                 continue
             builder = VehicleBuilder(self._scenario, name)
             node = nodes[name] = builder.node(start_at, sink, NoProbe())
+            self._live.append((builder, node))
             for sender_key in node.inbox.keys:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
             ticks = partial(builder.ticks, start_at)
@@ -135,6 +152,12 @@ class VirtualConvoy:
 
         return step_or_leave
 
+    def _redraw(self, seed: int) -> None:
+        """Between two instants: what the vehicles draw and send from now on comes of `seed`."""
+        numbers = {builder.name: node.outbox.next_pose for builder, node in self._live}
+        for builder, node in self._live:
+            builder.redraw(node, seed, numbers)
+
     def run(self, stop: Stop) -> None:
         """Let all vehicles make their steps until the end of the run, or until asked to stop.
 
@@ -144,6 +167,8 @@ class VirtualConvoy:
         for tick, step in steps_in_order(self._steppers):
             if tick.at >= end_at:  # a recorded drive may be longer than the run
                 break
+            while self._branches and self._branches[0].at < tick.at:
+                self._redraw(self._branches.popleft().seed)
             self.clock.wait_until(tick.at)
             step(tick)
             if stop.asked:

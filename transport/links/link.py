@@ -14,6 +14,7 @@ from operator import attrgetter
 from typing import Literal
 
 from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.outages import BY_CELL
 from transport.links.laws.plain import Latency
 from transport.links.laws.queue import StageLaw
 from transport.reasons import DropReason
@@ -44,6 +45,20 @@ def keyed_draw(seed: int, sender: str, receiver: str) -> Draw:
     def draw(purpose: str, seq: int) -> float:
         digest = blake2b(link + f"{seq}\0{purpose}".encode(), digest_size=8).digest()
         return ((int.from_bytes(digest, "big") >> 12) + 0.5) / _STEPS
+
+    return draw
+
+
+def redrawn(before: Draw, after: Draw, from_seq: int) -> Draw:
+    """Draw as `before` what belongs to messages before number `from_seq`, else as `after`.
+
+    So chains with memory keep the state that they have reached. What is not drawn for a message,
+    but for a cell of time, stays as it was: part of it lies before that message.
+    """
+
+    def draw(purpose: str, seq: int) -> float:
+        past = seq < from_seq or purpose.startswith(BY_CELL)
+        return (before if past else after)(purpose, seq)
 
     return draw
 
@@ -102,6 +117,11 @@ class Link:
         """Key the draws."""
         self.draw = keyed_draw(self.seed, self.sender, self.receiver)
         self._unchanged = ChangedEffects(_EVER_SINCE, self.chain)
+
+    def redraw(self, from_seq: int, seed: int) -> None:
+        """Draw for the messages from number `from_seq` on with another seed."""
+        after = keyed_draw(seed, self.sender, self.receiver)
+        self.draw = redrawn(self.draw, after, from_seq)
 
     def effects_at(self, sent_at: int) -> tuple[Effect, ...]:
         """The effects on what is sent at an instant (ns)."""

@@ -119,6 +119,13 @@ class GnssReceiver:
             raise ValueError("this receiver has white noise alone")
         self._forced.force(state, since, until)
 
+    def redraw(self, random: Generator) -> None:
+        """Take the white noise of Section III-A from another stream from now on.
+
+        The other errors go on as they were drawn.
+        """
+        self._random = random
+
     def _measured(self, body: Body, now: int) -> Fix | None:
         seq = self._cadence.index(now)
         if seq is None:

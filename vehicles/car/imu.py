@@ -67,6 +67,11 @@ class InertialSensor:
         self._bias = Motion(noise.speed_bias * speed, noise.yaw_rate_bias * yaw_rate)
         self._drawn: list[float] = []
 
+    def redraw(self, random: Generator) -> None:
+        """Take the white noise from another stream from now on; the biases of Section V-D stay."""
+        self._random = random
+        self._drawn.clear()
+
     def measure(self, body: Body, now: int) -> Motion | None:
         """Measure `body` if `now` (ns) is an instant of measurement, else None.
 
@@ -86,6 +91,9 @@ class InertialSensor:
 
 class ExactSensor:
     """Knows the true state of the car at every instant: what Section V-C simulates with."""
+
+    def redraw(self, random: Generator) -> None:
+        """Nothing is random (Section V-C)."""
 
     def measure(self, body: Body, now: int) -> Body:  # noqa: ARG002 - every sensor is asked alike
         """Give the state itself, of eqs. (1), (2) and (4)."""

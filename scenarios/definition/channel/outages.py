@@ -14,6 +14,7 @@ from scenarios.definition.schema.channel.outages import (
 from scenarios.definition.schema.table import Table
 from transport.links.laws.effect import Effect
 from transport.links.laws.outages import (
+    BY_CELL,
     CircleOutage,
     Extent,
     RandomOutage,
@@ -64,7 +65,7 @@ def _outage(index: int, table: OutageTable, setting: LinkSetting) -> Effect:
     if isinstance(table, RandomOutageTable):
         # Its place among the outages is part of its draws: another one behind it changes none.
         on, off = round(table.mean_on_s * SECOND), round(table.mean_off_s * SECOND)
-        return RandomOutage(on, off, setting.start_at, f"outage {index}")
+        return RandomOutage(on, off, setting.start_at, f"{BY_CELL} {index}")
     if isinstance(table, StretchTable):
         every = inf if table.every_m is None else table.every_m
         stretch = Extent(table.from_m, table.to_m, every)

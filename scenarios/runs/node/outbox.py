@@ -74,6 +74,11 @@ class Outbox:
         """How far it has come."""
         return OutboxState(dict(self._next), self._ticks, self._late_ticks, self._health.due_at)
 
+    @property
+    def next_pose(self) -> int:
+        """The number of the next pose that it sends."""
+        return self._next[messages.GpsPose]
+
     def publish(self, now: int, body: Body, fix: Fix | None, decision: Decision) -> None:
         """Send `fix`, if there is one, and what was received and decided at tick `now` (ns)."""
         self._ticks += 1

@@ -9,7 +9,7 @@ from uuid import uuid4
 
 import pytest
 
-from tests.made.scenarios.small_sweeps import FIGURES, LIMITS, SETS, TABLES, VARY
+from tests.made.many.small_sweeps import FIGURES, LIMITS, SETS, TABLES, VARY
 from tests.system.containers.images import (
     BUILD_S,
     VEHICLE_IMAGE,

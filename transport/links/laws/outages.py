@@ -127,6 +127,8 @@ class CircleOutage(PlacedOutage):
         return f"outage with {self.who} within {where}"
 
 
+BY_CELL = "outage"
+"""Begins the purposes of draws whose number is that of a cell of time, not of a message."""
 REMEMBERED = 8
 """Cells of a random outage whose draws are kept."""
 
@@ -147,7 +149,7 @@ class RandomOutage:
     mean_on: int
     mean_off: int
     start_at: int
-    purpose: str = "outage"
+    purpose: str = BY_CELL
     cell: int = field(init=False, repr=False, compare=False)
     _cells: dict[int, tuple[tuple[int, bool], ...]] = field(
         default_factory=dict, init=False, repr=False, compare=False

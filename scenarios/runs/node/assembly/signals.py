@@ -40,7 +40,7 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
     A stream for its white noise, which does not depend on the number of vehicles, and one for each
     of its other errors, so that none changes another.
     """
-    random = np.random.Generator(np.random.PCG64([scenario.seed, setup.place]))
+    random = white_noise(scenario.seed, setup.place)
     errors = receiver_errors(
         setup.gnss,
         start_at,
@@ -52,6 +52,11 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
     return GnssReceiver(
         setup.gnss_noise, gnss.rate_hz, start_at, random, errors, plain=gnss.is_plain
     )
+
+
+def white_noise(seed: int, place: int) -> Generator:
+    """The stream of the white noise of the receiver of the vehicle at a place in the convoy."""
+    return np.random.Generator(np.random.PCG64([seed, place]))
 
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:

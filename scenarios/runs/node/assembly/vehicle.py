@@ -1,6 +1,6 @@
 """Builds one vehicle from its part of the scenario."""
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Mapping
 from functools import partial
 from math import cos, sin
 
@@ -20,7 +20,12 @@ from scenarios.definition.sending import (
 )
 from scenarios.runs.node.agenda import Agenda, scheduled
 from scenarios.runs.node.assembly.drivers import DriverBuilder
-from scenarios.runs.node.assembly.signals import instants_besides, make_receiver, make_sender
+from scenarios.runs.node.assembly.signals import (
+    instants_besides,
+    make_receiver,
+    make_sender,
+    white_noise,
+)
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
 from scenarios.runs.node.changes import Changes
 from scenarios.runs.node.node import Handover, Node
@@ -57,6 +62,8 @@ class VehicleBuilder:
         self._route = scenario.route
         self._drivers = DriverBuilder(scenario, name)
         self._changed = ChangedLinks(scenario.vehicle_names, ())
+        self._redrawn: list[tuple[int, Mapping[str, int]]] = []
+        self._links: list[IncomingLink] = []
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
         rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate_hz]
@@ -164,7 +171,28 @@ class VehicleBuilder:
         senders = () if self.name in self._scenario.replays else self._setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         self._changed.adopt(self._changing(one, start_at) for one in links)
+        self._links = links
+        for seed, numbers in self._redrawn:
+            self._redraw_links(seed, numbers)
         return links
+
+    def redraw(self, node: Node | ReplayedNode, seed: int, numbers: Mapping[str, int]) -> None:
+        """Let what is random of `node`, made here, come from another seed from now on.
+
+        `numbers` are those of the next pose of each vehicle: what is drawn for earlier ones stays.
+        So do all that is drawn once for a run, the drift and the fix states of a receiver,
+        outages of links by chance, and drawn intervals of sending.
+        """
+        self._redrawn.append((seed, numbers))
+        self._redraw_links(seed, numbers)
+        gnss = node.car.gnss if isinstance(node, Node) else node.gnss
+        gnss.redraw(white_noise(seed, self._setup.place))
+        if isinstance(node, Node):
+            node.car.imu.redraw(self._inertial_noise(seed))
+
+    def _redraw_links(self, seed: int, numbers: Mapping[str, int]) -> None:
+        for one in self._links:
+            one.link.redraw(numbers[one.link.sender], seed)
 
     def software(self, now: int, aboard: Aboard) -> Software:
         """Software that starts at `now` (ns) without memory, but for where the car is.
@@ -243,6 +271,8 @@ class VehicleBuilder:
         if self._setup.knows_itself:
             return ExactSensor()
         # A stream apart from the receiver's, whose noise is the same with and without this sensor.
-        words = [self._scenario.seed, self._setup.place, INERTIAL]
-        random = np.random.Generator(np.random.PCG64(words))
+        random = self._inertial_noise(self._scenario.seed)
         return InertialSensor(self._setup.imu_noise, self._setup.imu_rate_hz, start_at, random)
+
+    def _inertial_noise(self, seed: int) -> np.random.Generator:
+        return np.random.Generator(np.random.PCG64([seed, self._setup.place, INERTIAL]))

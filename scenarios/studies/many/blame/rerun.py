@@ -56,7 +56,7 @@ class BlameAnswer:
         return abs(self.badness_m)
 
 
-class Watch:
+class RerunWatch:
     """Takes the true poses and what is steered along of a run, live or from a log."""
 
     def __init__(self, scenario: Scenario, question: BlameQuestion, start_at: int) -> None:
@@ -137,7 +137,7 @@ def answer_of(
     scenario: Scenario, question: BlameQuestion, start_at: int, told: Iterable[Message]
 ) -> BlameAnswer:
     """What a run that is over came to, by its messages."""
-    watch = Watch(scenario, question, start_at)
+    watch = RerunWatch(scenario, question, start_at)
     for message in told:
         watch.listen(message)
     return watch.answer(whole=True)
@@ -151,7 +151,7 @@ def drive(
     ends_when_broken: bool = False,
 ) -> BlameAnswer:
     """Run in virtual time without a log until the question is answered."""
-    watch = Watch(scenario, question, scenario.start_at_ns)
+    watch = RerunWatch(scenario, question, scenario.start_at_ns)
     stop = Stop()
 
     def listen(message: Message) -> None:

@@ -20,7 +20,7 @@ from scenarios.studies.many.engine.fleet import fleet_of
 from scenarios.studies.many.engine.journal import JOURNAL
 from scenarios.studies.many.engine.stamp import stamp_of_this_process
 from scenarios.studies.many.sweeps.sweep import carry_out_sweep
-from tests.made.scenarios.small_sweeps import driven_here, small_plan, tables
+from tests.made.many.small_sweeps import driven_here, small_plan, tables
 
 distributed = pytest.importorskip("distributed")
 

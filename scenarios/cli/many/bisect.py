@@ -1,0 +1,149 @@
+"""The command that seeks the value of a key from which on runs break a limit, and its table."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.guide import completion
+from scenarios.cli.many.options import (
+    limit_option,
+    overrides_option,
+    pool,
+    variant_of,
+    workers_option,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from scenarios.studies.many.boundary.answer import BoundaryAnswer, BoundaryQuestion
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy bisect lossy_lane_change links.loss_ratio --limit lane
+  convoy bisect lossy_lane_change links.loss_ratio --limit lane --any --out smallest
+  convoy bisect lane_change convoy.gap_m --range 6:30 --to 0.5 --set links.loss_ratio=0.8
+"""
+)
+@click.argument("scenario", shell_complete=completion.scenarios)
+@click.argument("key")
+@limit_option
+@click.option("--range", "span", default="0:1", show_default=True, metavar="LOW:HIGH",
+              help="Where the value is sought.")  # fmt: skip
+@click.option("--to", type=float, default=0.01, show_default=True,
+              help="Half the width to which the boundary is bracketed.")  # fmt: skip
+@click.option("--seeds", type=click.IntRange(2, 10_000), default=20, show_default=True,
+              help="Runs at each value; seed by seed the same noise at each.")  # fmt: skip
+@click.option("--share", type=click.FloatRange(0.0, 1.0), default=0.5, show_default=True,
+              help="Share of the runs that break the limit at the boundary.")  # fmt: skip
+@click.option("--any", "any_seed", is_flag=True,
+              help="The smallest value at which one of the runs breaks it: --share 0.")  # fmt: skip
+@overrides_option
+@workers_option
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("boundary"),
+              show_default=True, help="Folder for boundary.png and bisect.json.")  # fmt: skip
+def bisect(
+    *,
+    scenario: str,
+    key: str,
+    limit_text: str,
+    span: str,
+    to: float,
+    seeds: int,
+    share: float,
+    any_seed: bool,
+    overrides: tuple[str, ...],
+    workers: int | None,
+    out: Path,
+) -> None:
+    """Seek the value of KEY from which on runs of SCENARIO break a limit."""
+    with clear_errors():
+        require("bisect", "studies", "matplotlib", "scipy")
+    from rich.console import Console
+
+    from scenarios.studies.many.boundary.answer import BoundaryQuestion, boundary_of
+    from scenarios.studies.many.boundary.written import PICTURE, TWIN, write_answer
+    from scenarios.studies.many.files import refuse_existing
+    from scenarios.studies.many.limit import parsed_limit
+
+    with clear_errors():
+        refuse_existing(out, PICTURE, TWIN)
+        low, high = _ends(span)
+        question = BoundaryQuestion(
+            variant=variant_of(scenario, overrides),
+            key=key,
+            limit=parsed_limit(limit_text),
+            low=low,
+            high=high,
+            to=to,
+            seeds=seeds,
+            share=0.0 if any_seed else share,
+        )
+        found = boundary_of(question, pool(workers), click.echo)
+        write_answer(question, found, out)
+        print_answer(question, found, Console())
+        click.echo(f"written: {out / PICTURE} and {out / TWIN}")
+
+
+def _ends(span: str) -> tuple[float, float]:
+    """Read LOW:HIGH; raises ScenarioError."""
+    from scenarios.definition.errors import ScenarioError
+
+    low, _, high = span.partition(":")
+    try:
+        return float(low), float(high)
+    except ValueError:
+        wrong = f"--range: given {span!r}, allowed LOW:HIGH, such as 0:1"
+        raise ScenarioError([wrong]) from None
+
+
+def print_answer(
+    question: "BoundaryQuestion", answer: "BoundaryAnswer", console: "Console"
+) -> None:
+    """Print the values tried, the bracket, and how sure that is."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in (question.key, "runs", "broken", "share\n%", "interval\n%"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for one in answer.points:
+        near = one.value in {answer.low, answer.high}
+        table.add_row(
+            f"{one.value:g}",
+            f"{one.runs}",
+            f"{one.broken}",
+            f"{100.0 * one.share:.0f}",
+            f"{100.0 * one.low:.0f} to {100.0 * one.high:.0f}",
+            style="bold" if near else None,
+        )
+    console.print(table)
+    for line in said(question, answer):
+        console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
+
+
+def said(question: "BoundaryQuestion", answer: "BoundaryAnswer") -> list[str]:
+    """The answer in lines."""
+    half = 0.5 * (answer.high - answer.low)
+    wanted = f"{100.0 * question.share:g} %" if question.share else "one"
+    lines = [
+        f"{question.key} = {answer.boundary:g} ± {half:.2g}: there {wanted} of {question.seeds} "
+        f"runs begins to break {question.limit} ({answer.runs} runs)"
+    ]
+    if question.share:
+        low = f"above {answer.sure_low:g}" if answer.sure_low is not None else "no lower end"
+        high = f"below {answer.sure_high:g}" if answer.sure_high is not None else "no upper end"
+        lines.append(f"of all seeds there are, at 95 %: {low}, {high}, of the values tried")
+    if answer.crossings > 1:
+        lines.append(f"the share crosses it {answer.crossings} times: this is the first from below")
+    if answer.turning_seeds:
+        count = len(answer.turning_seeds)
+        lines.append(
+            f"{count} of {question.seeds} seeds are not monotone: they change more than once "
+            "between broken and held as the value grows"
+        )
+    return lines + [f"{what}: {command}" for what, command in answer.commands.items()]

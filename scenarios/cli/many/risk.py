@@ -1,0 +1,129 @@
+"""The command that estimates how probable it is that one run breaks a limit, and its table."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.guide import completion
+from scenarios.cli.many.options import (
+    limit_option,
+    overrides_option,
+    pool,
+    variant_of,
+    workers_option,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from scenarios.studies.many.risk.estimated import Risk, RiskQuestion
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy risk lossy_lane_change --limit lane --runs 500
+  convoy risk lane_change --limit error_m=0.3 --set links.loss_ratio=0.5 --method splitting
+"""
+)
+@click.argument("scenario", shell_complete=completion.scenarios)
+@limit_option
+@click.option(
+    "--method",
+    type=click.Choice(["auto", "counting", "splitting"]),
+    default="auto",
+    show_default=True,
+    help="Count runs, or branch those that come near the limit.",
+)
+@click.option(
+    "--measure",
+    type=click.Choice(["limit", "silence"]),
+    default="limit",
+    show_default=True,
+    help="What tells how near a run is when splitting: what the limit is about, or for how long a"
+    " follower received nothing.",
+)
+@click.option("--to", type=click.FloatRange(0.0, min_open=True), default=0.5, show_default=True,
+              metavar="RATIO", help="Enough: half the interval over the probability.")  # fmt: skip
+@click.option("--runs", type=click.IntRange(min=20), default=2000, show_default=True,
+              help="Runs at most.")  # fmt: skip
+@click.option("--paths", type=click.IntRange(min=2), default=50, show_default=True,
+              help="Runs that are followed at a time when splitting.")  # fmt: skip
+@overrides_option
+@workers_option
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("risk"),
+              show_default=True, help="Folder for risk.json.")  # fmt: skip
+def risk(
+    *,
+    scenario: str,
+    limit_text: str,
+    overrides: tuple[str, ...],
+    workers: int | None,
+    out: Path,
+    runs: int,
+    **asked: Any,
+) -> None:
+    """Estimate how probable it is that one run of SCENARIO breaks a limit, over its seeds."""
+    with clear_errors():
+        require("risk", "studies", "scipy")
+    from rich.console import Console
+
+    from scenarios.studies.many.files import refuse_existing
+    from scenarios.studies.many.limit import parsed_limit
+    from scenarios.studies.many.risk.estimated import RiskQuestion, risk_of
+    from scenarios.studies.many.risk.written import TWIN, write_risk
+
+    with clear_errors():
+        refuse_existing(out, TWIN)
+        question = RiskQuestion(
+            variant=variant_of(scenario, overrides),
+            limit=parsed_limit(limit_text),
+            most_runs=runs,
+            **asked,
+        )
+        found = risk_of(question, pool(workers), click.echo)
+        write_risk(question, found, out)
+        print_risk(question, found, Console())
+        click.echo(f"written: {out / TWIN}")
+
+
+def print_risk(question: "RiskQuestion", found: "Risk", console: "Console") -> None:
+    """Print the probability with its interval, and how to see a run that breaks the limit."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("limit", "method", "runs", "probability", "interval, 95 %", "±, %"):
+        table.add_column(heading, justify="left" if heading in {"limit", "method"} else "right")
+    table.add_row(
+        str(question.limit),
+        found.method,
+        f"{found.runs}",
+        f"{found.probability:.3g}",
+        f"{found.low:.3g} to {found.high:.3g}",
+        f"{100.0 * found.relative_half_width:.0f}" if found.probability else "-",
+    )
+    console.print(table)
+    for line in remarks(question, found):
+        console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
+
+
+def remarks(question: "RiskQuestion", found: "Risk") -> list[str]:
+    """What else there is to say of the estimate."""
+    from scenarios.studies.many.risk.written import NO_COMMAND, command_of
+
+    if found.method == "counting":
+        command = command_of(question, found)
+        return [f"the first that broke it: {command}"] if command else ["no run broke it"]
+    extinct = sum(one.extinct for one in found.repetitions)
+    lines = [f"interval: {found.interval}"]
+    if extinct:
+        lines.append(
+            f"{extinct} of {len(found.repetitions)} repetitions ended with all runs equally near "
+            "the limit, and count as 0: more --paths, or another --measure, may help"
+        )
+    if not found.probability:
+        lines.append("none came to the limit: the interval says nothing of how rare it is")
+    return [*lines, NO_COMMAND] if found.probability else lines

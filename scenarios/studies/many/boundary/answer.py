@@ -1,0 +1,186 @@
+"""`convoy bisect`: what is asked, the runs that answer it, and the answer."""
+
+import time
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import ceil, isfinite
+from typing import Any
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.studies.many.boundary.curve import Place, ShareCurve, SharePoint
+from scenarios.studies.many.boundary.search import Bracket, NoBoundaryError, bracket
+from scenarios.studies.many.limit import Limit
+from scenarios.studies.many.variant import Variant
+from scenarios.studies.many.watched import watched
+
+MOST_VALUES = 100_000
+
+RunAll = Callable[[Mapping[Place, Callable[[], Any]]], Iterator[tuple[Place, Any]]]
+"""Does jobs, and gives each result with the key of its job as soon as it is there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundaryQuestion:
+    """Asks for which value of `key` a `share` of the runs breaks `limit`.
+
+    `variant` is the run with neither the key nor a seed of its own; the value is sought from `low`
+    to `high`, to within `to` on either side, with the seeds from 1 to `seeds`.
+    """
+
+    variant: Variant
+    key: str
+    limit: Limit
+    low: float = 0.0
+    high: float = 1.0
+    to: float = 0.01
+    seeds: int = 20
+    share: float = 0.5
+
+    @property
+    def values(self) -> list[float]:
+        """Values that may be tried, evenly spaced by at most twice `to`."""
+        parts = ceil((self.high - self.low) / (2.0 * self.to) - 1e-9)
+        step = (self.high - self.low) / parts
+        return [float(f"{self.low + step * number:.12g}") for number in range(parts + 1)]
+
+    def at(self, value: float, seed: int) -> Variant:
+        """The run with a value and a seed."""
+        variant = self.variant
+        return Variant(
+            text=variant.text,
+            name=variant.name,
+            overrides=(*variant.overrides, f"{self.key}={value:.12g}"),
+            seed=seed,
+        )
+
+    def check(self) -> None:
+        """Raise ScenarioError for what cannot be sought, or is refused at one of the ends."""
+        if not (isfinite(self.low) and isfinite(self.high) and self.low < self.high):
+            wrong = (
+                f"--range: given {self.low:g}:{self.high:g}, allowed LOW:HIGH with LOW below HIGH"
+            )
+            raise ScenarioError([wrong])
+        width = self.high - self.low
+        if not width / MOST_VALUES <= self.to <= 0.25 * width:
+            raise ScenarioError(
+                [f"--to: given {self.to:g}, allowed up to a quarter of the range, {0.25 * width:g}"]
+            )
+        now = _value_at(self.variant.scenario.text, self.key)
+        if self.key == "seed" or isinstance(now, bool | str | list | dict):
+            raise ScenarioError([f"{self.key}: is no number that a limit depends on, but {now!r}"])
+        for value in (self.low, self.high):
+            _ = self.at(value, 1).scenario
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundaryAnswer:
+    """The share crosses the wanted one between `low` and `high`.
+
+    `sure_low` and `sure_high` are the nearest values tried at which it surely (by 95 % intervals)
+    is on either side, None where there is none. `points` are all values tried. `turning_seeds`
+    change more than once between broken and held as the value grows. `commands` repeat a run next
+    to the boundary that breaks the limit, and one that holds it.
+    """
+
+    boundary: float
+    low: float
+    high: float
+    sure_low: float | None
+    sure_high: float | None
+    crossings: int
+    points: tuple[SharePoint, ...]
+    turning_seeds: tuple[int, ...]
+    runs: int
+    commands: Mapping[str, str]
+
+
+def boundary_of(
+    question: BoundaryQuestion, run_all: RunAll, progress: Callable[[str], None]
+) -> BoundaryAnswer:
+    """Seek it; raises ScenarioError if the question is wrong, or the share crosses it nowhere."""
+    question.check()
+    attempt = _Attempts(question, run_all, progress)
+    curve = ShareCurve(question.values, question.share, question.seeds, attempt)
+    try:
+        found = bracket(curve)
+    except NoBoundaryError:
+        raise ScenarioError([_no_boundary(question, curve)]) from None
+    return _answer(question, curve, found)
+
+
+def breaks(variant: Variant, limit: Limit) -> bool:
+    """Drive until the limit is broken, or to the end."""
+    return watched(variant.scenario, limit).broken
+
+
+class _Attempts:
+    """Tries values: one run for each of them and each seed."""
+
+    def __init__(
+        self, question: BoundaryQuestion, run_all: RunAll, progress: Callable[[str], None]
+    ) -> None:
+        self._question, self._run_all, self._progress = question, run_all, progress
+        self._began, self._runs = time.monotonic(), 0
+
+    def __call__(self, places: Sequence[Place]) -> dict[Place, bool]:
+        question = self._question
+        values = question.values
+        jobs = {
+            (number, seed): partial(breaks, question.at(values[number], seed), question.limit)
+            for number, seed in places
+        }
+        found = dict(self._run_all(jobs))
+        self._runs += len(found)
+        for number in sorted({number for number, _ in places}):
+            here = [broke for (at, _), broke in found.items() if at == number]
+            self._say(
+                f"{question.key}={values[number]:g}: {sum(here)} of {len(here)} runs break it"
+            )
+        return found
+
+    def _say(self, line: str) -> None:
+        spent = time.monotonic() - self._began
+        self._progress(f"{spent:5.1f} s  {self._runs:3d} runs  {line}")
+
+
+def _answer(question: BoundaryQuestion, curve: ShareCurve, found: Bracket) -> BoundaryAnswer:
+    values = curve.values
+    low, high = values[found.low], values[found.high]
+    commands = {}
+    for word, number in (("low", found.low), ("high", found.high)):
+        broken = curve.broken_seeds(number)
+        seed = broken[0] if broken else 1
+        what = "breaks" if broken else "holds"
+        commands[f"{word}, {what} {question.limit}"] = question.at(values[number], seed).command
+    return BoundaryAnswer(
+        boundary=float(f"{0.5 * (low + high):.12g}"),
+        low=low,
+        high=high,
+        sure_low=found.sure[0] if isfinite(found.sure[0]) else None,
+        sure_high=found.sure[1] if isfinite(found.sure[1]) else None,
+        crossings=len(list(curve.changes())),
+        points=tuple(curve.point(number) for number in curve.visited),
+        turning_seeds=tuple(curve.turning_seeds()),
+        runs=curve.runs,
+        commands=commands,
+    )
+
+
+def _no_boundary(question: BoundaryQuestion, curve: ShareCurve) -> str:
+    points = [curve.point(number) for number in curve.visited]
+    said = ", ".join(f"{one.broken} of {one.runs} at {one.value:g}" for one in points)
+    side = "broken" if curve.is_beyond(0) else "held"
+    return (
+        f"{question.key}: {question.limit} is {side} at both ends of --range "
+        f"{question.low:g}:{question.high:g} and between, so there is no boundary: {said} break it"
+    )
+
+
+def _value_at(text: str, key: str) -> object:
+    """What a scenario says under a key with dots; None if it says nothing."""
+    here: Any = tomllib.loads(text)
+    for part in key.split("."):
+        here = here.get(part) if isinstance(here, dict) else None
+    return here

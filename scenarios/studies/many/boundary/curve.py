@@ -1,0 +1,114 @@
+"""How many seeds break a limit at each of the values that were tried."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil
+
+from scenarios.studies.many.intervals import wilson
+
+Place = tuple[int, int]
+"""Number of a value, and a seed."""
+Try = Callable[[Sequence[Place]], Mapping[Place, bool]]
+"""Tells of each place whether the run with that value and that seed breaks the limit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SharePoint:
+    """At a value `broken` of `runs` seeds broke the limit: a share, with its Wilson interval."""
+
+    value: float
+    runs: int
+    broken: int
+    share: float
+    low: float
+    high: float
+
+
+class ShareCurve:
+    """Outcomes at numbered values in ascending order; the same seeds 1, 2, … at each of them.
+
+    A value is `beyond` if at least the wanted share of its seeds break the limit; with a share of
+    0 if one does.
+    """
+
+    def __init__(self, values: Sequence[float], share: float, seeds: int, attempt: Try) -> None:
+        self.values, self.share, self.seeds = values, share, range(1, seeds + 1)
+        self._attempt = attempt
+        self._broke: defaultdict[int, dict[int, bool]] = defaultdict(dict)
+
+    def look(self, numbers: Sequence[int], seeds: int | None = None) -> None:
+        """Try these values with the first so many of the seeds, or all, unless that was done."""
+        places = [
+            (number, seed)
+            for number in numbers
+            for seed in self.seeds[:seeds]
+            if seed not in self._broke[number]
+        ]
+        if places:
+            for (number, seed), broke in sorted(self._attempt(places).items()):
+                self._broke[number][seed] = broke
+
+    @property
+    def visited(self) -> list[int]:
+        """Numbers of the values that were tried, in ascending order."""
+        return sorted(self._broke)
+
+    @property
+    def runs(self) -> int:
+        """How many runs that took."""
+        return sum(map(len, self._broke.values()))
+
+    def point(self, number: int) -> SharePoint:
+        """What is known at a value."""
+        broke = self._broke[number]
+        runs, broken = len(broke), sum(broke.values())
+        low, high = wilson(broken, runs)
+        return SharePoint(
+            value=self.values[number],
+            runs=runs,
+            broken=broken,
+            share=broken / runs,
+            low=low,
+            high=high,
+        )
+
+    def broken_seeds(self, number: int) -> list[int]:
+        """Seeds that break the limit at a value."""
+        return sorted(seed for seed, broke in self._broke[number].items() if broke)
+
+    def is_beyond(self, number: int) -> bool:
+        """Whether the share there is at least the one that is wanted."""
+        point = self.point(number)
+        return point.broken >= max(1, ceil(self.share * point.runs - 1e-9))
+
+    def is_settled(self, number: int) -> bool:
+        """Whether more seeds could hardly change that: all were tried, or the interval says so."""
+        point = self.point(number)
+        if self.is_complete(number):
+            return True
+        if self.share == 0.0:
+            return point.broken > 0
+        return point.high < self.share or point.low > self.share
+
+    def is_complete(self, number: int) -> bool:
+        """Whether all seeds were tried there."""
+        return len(self._broke[number]) == len(self.seeds)
+
+    def changes(self) -> Iterator[tuple[int, int]]:
+        """Neighbours among the values tried, one of which is beyond and the other not."""
+        for low, high in pairwise(self.visited):
+            if self.is_beyond(low) != self.is_beyond(high):
+                yield low, high
+
+    def turning_seeds(self) -> list[int]:
+        """Seeds that change more than once between broken and held as the value grows."""
+        found = []
+        for seed in self.seeds:
+            broke = [
+                self._broke[number][seed] for number in self.visited if seed in self._broke[number]
+            ]
+            if sum(before != after for before, after in pairwise(broke)) > 1:
+                found.append(seed)
+        return found

@@ -1,0 +1,278 @@
+"""One run watched for one limit: how near it came, when, and whether it broke it; there it ends.
+
+Cheaper than a summary: of all figures only those are worked out that the limit depends on. Whether
+the limit is broken is what `Limit.broken_by` says of the summary of the whole run.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isnan
+from typing import Literal, Protocol
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.encounters import Encounters, Episode
+from scenarios.results.events import LaneWatch, PathWatch, sizes_of
+from scenarios.results.limits import collision_ends_run
+from scenarios.runs.node.fault import VehicleFaultError
+from scenarios.runs.node.sink import BusSink
+from scenarios.runs.stop import EXIT_FAILED, Stop
+from scenarios.runs.virtual import Branch, VirtualConvoy
+from scenarios.studies.many.limit import EVENTS, Limit
+from vehicles.geometry.driven_path import CrossTrackError
+from vehicles.messages import GpsPose, Message, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+Measure = Literal["limit", "silence"]
+"""How near a run is to a limit: by what the limit is about, or by how long nothing was received."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearRecord:
+    """At instant `at` (ns) the run came nearer to the limit than ever before: `value`.
+
+    It is inf once the limit is broken; before, in the unit of the measure.
+    """
+
+    at: int
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What is known of a run; `records` are in order of time, each larger than the one before."""
+
+    records: tuple[NearRecord, ...]
+
+    @property
+    def severity(self) -> float:
+        """The last record: inf if the limit was broken, -inf if there was nothing to measure."""
+        return self.records[-1].value if self.records else -inf
+
+    @property
+    def broken(self) -> bool:
+        """Whether the limit was broken."""
+        return self.severity == inf
+
+
+class Watch(Protocol):
+    """Follows one limit through the messages of a run."""
+
+    broken: bool
+
+    def take(self, message: Message) -> float:
+        """Take a message; how near the run is to the limit now, negative where it holds."""
+        ...
+
+    def finish(self) -> None:
+        """The run is over; what is certain only now may have broken the limit."""
+        ...
+
+
+class _Followed:
+    """Base of watches: nothing is broken at first, and nothing becomes certain at the end."""
+
+    def __init__(self) -> None:
+        self.broken = False
+
+    def finish(self) -> None:
+        """Nothing waits."""
+
+
+class DepartureWatch(_Followed):
+    """No corner of a follower beyond the edge of the lane (m)."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__()
+        width = scenario.tables.events.lane_width_m
+        self._lane = LaneWatch(sizes_of(scenario), width, scenario.route.start_yaw)
+
+    def take(self, message: Message) -> float:
+        """Take a true pose."""
+        if not isinstance(message, TruePose):
+            return -inf
+        self.broken |= bool(list(self._lane.add(message)))
+        return max(self._lane.excess.values(), default=-inf)
+
+
+class ErrorWatch(_Followed):
+    """The true error of no follower beyond a bound (m)."""
+
+    def __init__(self, scenario: Scenario, bound: float) -> None:
+        super().__init__()
+        lead, *followers = scenario.vehicle_names
+        self._path = CrossTrackError(lead, scenario.route.start_yaw, followers)
+        self._bound = bound
+
+    def take(self, message: Message) -> float:
+        """Take a true pose."""
+        if not isinstance(message, TruePose):
+            return -inf
+        errors = [abs(foot.lateral) for foot in self._path.add(message)]
+        excess = max(errors, default=-inf) - self._bound
+        self.broken |= excess > 0.0
+        return excess
+
+
+class GapWatch(_Followed):
+    """No gap between neighbours below a bound (m), or no collision or near miss of anybody."""
+
+    def __init__(self, scenario: Scenario, kind: str = "", bound: float = 0.0) -> None:
+        """`kind` is that of the event; without one the gaps themselves have the `bound`."""
+        super().__init__()
+        rules = scenario.tables.events
+        self._met = Encounters(
+            sizes_of(scenario), near_gap=rules.near_miss_gap_m, near_time=rules.near_miss_time_s
+        )
+        self._kind, self._bound = kind, bound
+
+    def take(self, message: Message) -> float:
+        """Take a true pose."""
+        if not isinstance(message, TruePose):
+            return -inf
+        self._note(self._met.add(message))
+        excess = self._bound - min((gap.now_m for gap in self._met.gaps.values()), default=inf)
+        self.broken |= not self._kind and excess > 0.0
+        return excess
+
+    def finish(self) -> None:
+        """Take the near misses that had not ended."""
+        self._note(self._met.finish())
+
+    def _note(self, episodes: Sequence[Episode]) -> None:
+        self.broken |= any(episode.kind == self._kind for episode in episodes)
+
+
+class LostPathWatch(_Followed):
+    """No follower without a path for too long; its measure is that of silence (s)."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__()
+        self._path = PathWatch(scenario.tables.events.path_lost_s)
+        self._lead = scenario.vehicle_names[0]
+
+    def take(self, message: Message) -> float:
+        """Take what a follower steers along."""
+        if isinstance(message, Tracking) and message.vehicle != self._lead:
+            self.broken |= bool(list(self._path.add(message)))
+        return silence(message, self._lead)
+
+
+def silence(message: Message, lead: str) -> float:
+    """For how long (s) a follower has received nothing from anybody; -inf before it ever did.
+
+    Told by what it steers along; -inf for other messages, and those of the `lead`.
+    """
+    if not isinstance(message, Tracking) or message.vehicle == lead:
+        return -inf
+    ages = (message.lead_age_s, message.predecessor_age_s)
+    return min((age for age in ages if not isnan(age)), default=-inf)
+
+
+def watch_of(limit: Limit, scenario: Scenario) -> Watch:
+    """Make what follows `limit` through a run of `scenario`."""
+    match limit.word:
+        case "lane":
+            return DepartureWatch(scenario)
+        case "path_lost":
+            return LostPathWatch(scenario)
+        case "error_m":
+            return ErrorWatch(scenario, limit.bound)
+        case "gap_m":
+            return GapWatch(scenario, bound=limit.bound)
+    return GapWatch(scenario, EVENTS[limit.word])
+
+
+class _WatchSink:
+    """Publishes poses for the convoy, and shows all messages to the run."""
+
+    def __init__(self, vehicle: str, run: "WatchedRun") -> None:
+        self._run = run
+        self._to_convoy = BusSink(vehicle, run.convoy.bus)
+
+    def send(self, message: Message) -> None:
+        if isinstance(message, GpsPose):
+            self._to_convoy.send(message)
+        self._run.take(message)
+
+    def flush(self) -> None:
+        self._to_convoy.flush()
+
+
+class WatchedRun:
+    """A virtual run without a log that is watched for one limit, and ends when it is broken.
+
+    With `branches` what is random comes from other seeds after their instants.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        limit: Limit,
+        *,
+        branches: Sequence[Branch] = (),
+        measure: Measure = "limit",
+    ) -> None:
+        self.convoy = VirtualConvoy(scenario, branches)
+        self._scenario = scenario
+        self._watch = watch_of(limit, scenario)
+        self._lead = scenario.vehicle_names[0]
+        self._measures_silence = measure == "silence"
+        # What ends the run of a log as well: what came later does not count there either.
+        ends = collision_ends_run(scenario.tables.limits, 1 + (self._most_collisions or 0))
+        self._collisions = Encounters(sizes_of(scenario)) if ends else None
+        self._collided = 0
+        self._stop = Stop()
+        self._records: list[NearRecord] = []
+
+    @property
+    def _most_collisions(self) -> int | None:
+        return self._scenario.tables.limits.collisions_max
+
+    def take(self, message: Message) -> None:
+        """Take a message of one of the vehicles."""
+        if self._stop.asked:
+            return
+        value = self._watch.take(message)
+        if self._watch.broken:
+            self._note(inf)
+            self._stop.ask("the limit is broken", EXIT_FAILED)
+            return
+        if self._measures_silence:
+            value = silence(message, self._lead)
+        self._note(value)
+        if self._collisions is not None and isinstance(message, TruePose):
+            met = self._collisions.add(message)
+            self._collided += sum(episode.kind == "collision" for episode in met)
+            if collision_ends_run(self._scenario.tables.limits, self._collided):
+                self._stop.ask("a collision", EXIT_FAILED)
+
+    def run(self) -> Watched:
+        """Run until the limit is broken, or to the end."""
+        self.convoy.build(lambda vehicle: _WatchSink(vehicle, self))
+        try:
+            self.convoy.run(self._stop)
+        except VehicleFaultError as fault:
+            self._stop.ask(str(fault), EXIT_FAILED)
+        self._watch.finish()
+        if self._watch.broken:
+            self._note(inf)
+        return Watched(tuple(self._records))
+
+    def _note(self, value: float) -> None:
+        if value > (self._records[-1].value if self._records else -inf):
+            self._records.append(NearRecord(self.convoy.clock.now(), value))
+
+
+def watched(scenario: Scenario, limit: Limit) -> Watched:
+    """Run `scenario` until it breaks `limit`, or to its end."""
+    return WatchedRun(scenario, limit).run()
+
+
+def with_seed(scenario: Scenario, seed: int) -> Scenario:
+    """The same scenario with another seed."""
+    return Scenario(scenario.tables.model_copy(update={"seed": seed}))
+
+
+def after_start_s(scenario: Scenario, at: int) -> float:
+    """Seconds from the start of the virtual run to an instant (ns)."""
+    return (at - scenario.start_at_ns) / SECOND

@@ -1,0 +1,91 @@
+"""The bracket of a share that is known beforehand: where it is, how sure, and what it costs."""
+
+from collections.abc import Callable, Mapping, Sequence
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.studies.many.boundary.curve import Place, ShareCurve
+from scenarios.studies.many.boundary.search import NoBoundaryError, bracket
+
+VALUES = [number / 50 for number in range(51)]
+
+
+def curve_of(broken: Callable[[float, int], bool], share: float = 0.5) -> ShareCurve:
+    def attempt(places: Sequence[Place]) -> Mapping[Place, bool]:
+        assert len(set(places)) == len(places)
+        return {(number, seed): broken(VALUES[number], seed) for number, seed in places}
+
+    return ShareCurve(VALUES, share, 20, attempt)
+
+
+def thresholds(middle: float, spread: float, seed: int = 1) -> list[float]:
+    draws = np.random.Generator(np.random.PCG64(seed)).normal(middle, spread, 20)
+    return sorted(draws.tolist())
+
+
+@settings(max_examples=30)
+@given(st.floats(0.05, 0.95), st.floats(0.0, 0.1), st.integers(1, 5), st.booleans())
+def test_seeds_with_a_threshold_each_are_bracketed_by_their_middle(
+    middle: float, spread: float, seed: int, falls: bool
+) -> None:
+    own = thresholds(middle, spread, seed)
+    curve = curve_of(lambda value, number: (value >= own[number - 1]) != falls)
+    found = bracket(curve)
+    low, high = VALUES[found.low], VALUES[found.high]
+    assert found.high - found.low == 1
+    # Ten of twenty break the limit from the tenth threshold on, or hold it up to the eleventh.
+    assert low < own[10] if falls else low < own[9] <= high
+    assert curve.is_complete(found.low)
+    assert curve.is_complete(found.high)
+    assert curve.runs <= 220
+    assert not curve.turning_seeds()
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 49), st.integers(1, 20))
+def test_the_smallest_value_of_any_seed(first: int, who: int) -> None:
+    """One seed breaks it long before all others."""
+    curve = curve_of(
+        lambda value, seed: value > (VALUES[first] if seed == who else max(VALUES[first], 0.97)),
+        share=0.0,
+    )
+    found = bracket(curve)
+    assert (found.low, found.high) == (first, first + 1)
+    assert found.sure == (-inf, inf)
+
+
+def test_the_ends_that_are_sure_hold_the_boundary_as_often_as_they_say() -> None:
+    """Each seed breaks the limit at each value by a chance of its own: nothing is monotone."""
+    held, count = 0, 200
+    for attempt in range(count):
+        draws = np.random.Generator(np.random.PCG64(attempt)).random((51, 20))
+
+        def broken(value: float, seed: int, draws: np.ndarray = draws) -> bool:
+            number = VALUES.index(value)
+            return bool(draws[number, seed - 1] < value)
+
+        found = bracket(curve_of(broken))
+        held += found.sure[0] < 0.5 < found.sure[1]
+    assert held >= 0.95 * count
+
+
+def test_a_share_that_rises_only_inside_is_found() -> None:
+    found = bracket(curve_of(lambda value, _: 0.8 < value < 0.95))
+    assert (VALUES[found.low], VALUES[found.high]) == (0.8, 0.82)
+
+
+def test_the_first_crossing_is_taken_and_seeds_that_turn_are_named() -> None:
+    curve = curve_of(lambda value, seed: value > 0.9 or (seed == 3 and 0.4 < value < 0.6))
+    found = bracket(curve)
+    assert (VALUES[found.low], VALUES[found.high]) == (0.9, 0.92)
+    assert curve.turning_seeds() == [3]
+
+
+@pytest.mark.parametrize("broken", [True, False])
+def test_a_limit_that_is_the_same_everywhere_has_no_boundary(broken: bool) -> None:
+    with pytest.raises(NoBoundaryError):
+        bracket(curve_of(lambda *_: broken))

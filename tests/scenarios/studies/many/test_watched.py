@@ -1,0 +1,49 @@
+"""A run that is watched for a limit says what the summary of the whole run says."""
+
+from itertools import pairwise
+from math import inf
+
+import pytest
+
+from scenarios.definition.scenario import load_scenario
+from scenarios.runs.unlogged import run_unlogged
+from scenarios.studies.many.limit import parsed_limit
+from scenarios.studies.many.watched import WatchedRun, watched, with_seed
+
+SHORT = ["duration_s=2.5", "convoy.vehicles=3"]
+RUNS = {
+    "broken": [*SHORT, "links.loss_ratio=0.93", "seed=1"],
+    "held": [*SHORT, "links.loss_ratio=0.2"],
+    "a collision ends it": [*SHORT, "links.loss_ratio=0.93", "convoy.gap_m=5.02",
+                            "limits.collisions_max=0"],
+    "a driver that fails": [*SHORT, "links.loss_ratio=1.0"],
+}  # fmt: skip
+LIMITS = ("lane", "error_m=0.3", "gap_m=2.5", "collision", "near_miss", "path_lost")
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_the_limit_is_broken_as_by_the_summary(run: str) -> None:
+    scenario = load_scenario("lossy_lane_change", RUNS[run])
+    summary = run_unlogged(scenario)
+    for text in LIMITS:
+        limit = parsed_limit(text)
+        found = watched(scenario, limit)
+        assert found.broken == limit.broken_by(summary), text
+        if limit.bound == limit.bound and not found.broken:  # a figure, not an event
+            assert found.severity == pytest.approx(limit.severity(summary))
+
+
+@pytest.mark.parametrize("measure", ["limit", "silence"])
+def test_records_rise_in_time_and_the_last_one_ends_the_run(measure: str) -> None:
+    scenario = load_scenario("lossy_lane_change", RUNS["broken"])
+    run = WatchedRun(scenario, parsed_limit("error_m=0.3"), measure=measure)  # type: ignore[arg-type]
+    records = run.run().records
+    assert all(a.at <= b.at and a.value < b.value for a, b in pairwise(records))
+    assert records[-1].value == inf
+    assert run.convoy.clock.now() == records[-1].at < scenario.start_at_ns + 25 * 10**8
+
+
+def test_another_seed_is_that_of_the_command_line() -> None:
+    again = with_seed(load_scenario("lossy_lane_change", SHORT), 9)
+    limit = parsed_limit("error_m=9")
+    assert watched(again, limit) == watched(load_scenario("lossy_lane_change", SHORT, 9), limit)
