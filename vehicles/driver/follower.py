@@ -1,7 +1,6 @@
 """A follower fuses the poses received from lead and predecessor and steers along the result."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import nan
 
 from vehicles.car.dynamics import Actuation, Body
@@ -109,7 +108,7 @@ class Follower:
         for message in received:
             self._receive(now, message)
         if self._decision is not None and not self._control.due(now):
-            return replace(self._decision, fresh=False)
+            return self._decision.held()
         self._decision = self._decide(now, self._own_state.at(now))
         return self._decision
 
