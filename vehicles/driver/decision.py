@@ -91,6 +91,22 @@ class Decision:
             return tracking, command
         return tracking, command, self._trajectory(self.fit, vehicle, seq, now)
 
+    def held(self) -> "Decision":
+        """The same decision where none is due: between two control instants (Fig. 1)."""
+        return Decision(
+            actuation=self.actuation,
+            steering=self.steering,
+            errors=self.errors,
+            mode=self.mode,
+            reason=self.reason,
+            fit=self.fit,
+            target_speed=self.target_speed,
+            gap=self.gap,
+            situation=self.situation,
+            remarks=self.remarks,
+            fresh=False,
+        )
+
     @property
     def announcement(self) -> Announcement:
         """What is told to those behind beside the pose (beyond the paper, as in a CAM)."""

@@ -1,7 +1,6 @@
 """A follower fuses the poses received from lead and predecessor and steers along the result."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import nan
 
 from vehicles.car.dynamics import Actuation, Body
@@ -110,7 +109,7 @@ class Follower:
         for message in received:
             self._receive(now, message)
         if self._decision is not None and not self._control.due(now):
-            self._decision = replace(self._decision, fresh=False)
+            self._decision = self._decision.held()
         else:
             self._decision = self._decide(now, self._own_state.at(now))
         if fix is not None:

@@ -1,7 +1,6 @@
 """The lead drives its own path with the steering law of the followers."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
@@ -74,7 +73,7 @@ class Leader:
             self._reason = watch.observe(now, received)
             law.waits = bool(self._reason)
         if self._decision is not None and not self._control.due(now):
-            return replace(self._decision, fresh=False)
+            return self._decision.held()
         pose = self._own_state.at(now)
         errors = self._track(pose)
         steering = self._limit.held_back(self._controller.steer(errors, pose.speed))

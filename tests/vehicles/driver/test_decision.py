@@ -137,3 +137,7 @@ def test_what_is_not_known_is_not_a_number() -> None:
     for value in (tracking.gap_m, tracking.lead_age_s, tracking.predecessor_age_s):
         assert math.isnan(value)
     assert plain.fresh
+
+
+def test_held_it_is_the_same_but_not_fresh() -> None:
+    assert DECISION.held() == replace(DECISION, fresh=False)

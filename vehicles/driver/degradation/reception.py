@@ -46,7 +46,7 @@ class Reception:
 
         One that came before, by its number, does not count (beyond the paper).
         """
-        if any(one.seq == seq for one in self._recent):
+        if seq in [one.seq for one in self._recent]:
             return False
         arrival = _Received(now, measured_at, seq)
         self._heard_at.append(now)
