@@ -112,7 +112,8 @@ class CrossTrackError:
         if pose.vehicle != self._lead:
             return self.add_point(pose.vehicle, pose.true_at_ns, pose.east_m, pose.north_m)
         if self._extend(pose):
-            return [foot for other in self._followers.values() for foot in self._feet(other)]
+            waiting = [other for other in self._followers.values() if other.waiting]
+            return [foot for other in waiting for foot in self._feet(other)]
         return []
 
     def add_point(self, vehicle: str, at: int, east: float, north: float) -> list[CrossTrack]:
