@@ -100,6 +100,27 @@ def overlap(one: CarBody, other: CarBody) -> bool:
     return True
 
 
+def at_least_apart(one: CarBody, other: CarBody) -> float:
+    """Distance (m) that two bodies certainly have, but for rounding; negative where they may touch.
+
+    Their shadows on the normals of their sides are no further apart than they are, and as far where
+    one follows the other straight ahead. A fraction of the cost of `separation`.
+    """
+    to_east, to_north = other.east - one.east, other.north - one.north
+    cosine = abs(one.along_east * other.along_east + one.along_north * other.along_north)
+    sine = abs(one.along_east * other.along_north - one.along_north * other.along_east)
+    return max(
+        abs(to_east * one.along_east + to_north * one.along_north)
+        - (one.half_length + other.half_length * cosine + other.half_width * sine),
+        abs(to_north * one.along_east - to_east * one.along_north)
+        - (one.half_width + other.half_length * sine + other.half_width * cosine),
+        abs(to_east * other.along_east + to_north * other.along_north)
+        - (other.half_length + one.half_length * cosine + one.half_width * sine),
+        abs(to_north * other.along_east - to_east * other.along_north)
+        - (other.half_width + one.half_length * sine + one.half_width * cosine),
+    )
+
+
 def separation(one: CarBody, other: CarBody) -> Separation:
     """Distance between two bodies and its rate, from their velocities; yaw rates are left out.
 

@@ -55,6 +55,11 @@ class Deviations:
                 errors.waiting[at] = error
             self._tell_old(vehicle, at)
 
+    def wants_gap(self, vehicle: str, at: int) -> bool:
+        """Whether a gap of a follower at instant `at` (ns) would be told."""
+        _, gaps = self._of[vehicle]
+        return gaps.period != at // PERIOD_NS
+
     def add_gap(self, vehicle: str, at: int, gap: float) -> None:
         """Take a gap (m) of a follower at instant `at` (ns)."""
         errors, gaps = self._of[vehicle]

@@ -10,7 +10,14 @@ from itertools import pairwise
 from math import hypot, inf
 from typing import Literal
 
-from scenarios.results.bodies import BodySize, CarBody, Separation, body_of, separation
+from scenarios.results.bodies import (
+    BodySize,
+    CarBody,
+    Separation,
+    at_least_apart,
+    body_of,
+    separation,
+)
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
@@ -23,6 +30,8 @@ MOST_FRAMES = 3000
 PARTED_M = 0.2
 """Two bodies that collided have parted when they are so far apart: what only grazes on is one
 collision, not many."""
+ROUNDING_M = 1e-6
+"""Far more than rounding changes a distance, far less than anyone asks about."""
 QUIET_NS = SECOND
 """An episode is over when its condition has not held for so long, so one that flickers is one."""
 
@@ -57,16 +66,27 @@ class Episode:
 
 @dataclass(slots=True)
 class SmallestGap:
-    """Distance (m) to the body of the vehicle ahead: the last one and the smallest, and when."""
+    """Distance (m) to the body of the vehicle ahead: the last one and the smallest, and when.
 
-    now_m: float = inf
+    The last one is worked out when it is asked for, since few ask.
+    """
+
     now_at_ns: int = 0
     min_m: float = inf
     min_at_ns: int = 0
+    _last: tuple[CarBody, CarBody] | None = None
+
+    @property
+    def now_m(self) -> float:
+        """The last distance, infinite before the first."""
+        return inf if self._last is None else separation(*self._last).distance
+
+    def see(self, ahead: CarBody, behind: CarBody, at: int) -> None:
+        """Take the bodies at an instant (ns)."""
+        self._last, self.now_at_ns = (ahead, behind), at
 
     def add(self, gap: float, at: int) -> None:
-        """Take the gap at an instant (ns)."""
-        self.now_m, self.now_at_ns = gap, at
+        """Take the distance at an instant (ns) at which it may be the smallest."""
         if gap < self.min_m:
             self.min_m, self.min_at_ns = gap, at
 
@@ -126,6 +146,11 @@ class Encounters:
     ) -> Iterator[Episode]:
         if self._place[name] > self._place[other]:
             name, body, other, there = other, there, name, body
+        follows = self._place[other] == self._place[name] + 1
+        if follows:
+            self.gaps[other].see(body, there, at)
+            if self._is_usual((name, other), body, there):
+                return
         apart = separation(body, there)
         place = (0.5 * (body.east + there.east), 0.5 * (body.north + there.north))
         touched = other in self._touching[name]
@@ -138,9 +163,23 @@ class Encounters:
         elif apart.distance > PARTED_M and touched:
             self._touching[name].discard(other)
             self._touching[other].discard(name)
-        if self._place[other] == self._place[name] + 1:
+        if follows:
             self.gaps[other].add(apart.distance, at)
             yield from self._keep_apart(at, (name, other), apart, place)
+
+    def _is_usual(self, pair: tuple[str, str], ahead: CarBody, behind: CarBody) -> bool:
+        """Whether neighbours are certainly not nearer than ever before, nor near at all.
+
+        So it is at most instants, of which nothing but that has to be known.
+        """
+        if pair in self._near or pair[1] in self._touching[pair[0]]:
+            return False
+        least = at_least_apart(ahead, behind) - ROUNDING_M
+        faster_east = ahead.speed_east - behind.speed_east
+        faster_north = ahead.speed_north - behind.speed_north
+        closing = abs(faster_east) + abs(faster_north)  # at most
+        nearest = max(self.gaps[pair[1]].min_m, self._near_gap, self._near_time * closing, 0.0)
+        return least > nearest
 
     def _keep_apart(
         self, at: int, pair: tuple[str, str], apart: Separation, place: tuple[float, float]

@@ -114,7 +114,8 @@ class LaneWatch:
         self._sizes = sizes
         self._half_width = 0.5 * lane_width
         self._lead, *followers = sizes
-        points = [f"{name}/{number}" for name in followers for number in range(4)]
+        self._points = {name: [f"{name}/{number}" for number in range(4)] for name in followers}
+        points = [point for four in self._points.values() for point in four]
         self._paths = CrossTrackError(self._lead, road_yaw, points)
         self._corners: defaultdict[str, dict[int, list[float]]] = defaultdict(dict)
         self._seen: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
@@ -136,10 +137,8 @@ class LaneWatch:
             seen[pose.true_at_ns] = (pose.east_m, pose.north_m)
             feet = [
                 foot
-                for number, (east, north) in enumerate(places)
-                for foot in self._paths.add_point(
-                    f"{pose.vehicle}/{number}", pose.true_at_ns, east, north
-                )
+                for point, (east, north) in zip(self._points[pose.vehicle], places, strict=True)
+                for foot in self._paths.add_point(point, pose.true_at_ns, east, north)
             ]
         for foot in feet:
             vehicle = foot.vehicle.rpartition("/")[0]

@@ -24,7 +24,7 @@ from scenarios.results.figures import VehicleFigures
 from scenarios.results.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.summary import VehicleSummary
 from transport.links.gate import CLOCKS_DIFFER
-from transport.topics import TOPIC_OF, valid_at
+from transport.topics import TOPIC_OF
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range
 from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
@@ -98,7 +98,7 @@ class Metrics:
         self.deadlines = deadlines or Deadlines()
         self._behind = dict(pairwise(self._names))
         self._ahead = {behind: ahead for ahead, behind in self._behind.items()}
-        self._take: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
+        takes: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
             TruePose: self._add_truth,
             Tracking: self._add_tracking,
             GpsPose: self._add_pose,
@@ -106,6 +106,7 @@ class Metrics:
             Health: self._add_health,
             Change: self._add_change,
         }
+        self._takes = {kind: (take, TOPIC_OF[kind].instant) for kind, take in takes.items()}
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Metrics":
@@ -129,14 +130,15 @@ class Metrics:
     @property
     def topics(self) -> list[str]:
         """Topics of the kinds of message that carry a figure."""
-        return [TOPIC_OF[kind].name for kind in (*self._take, LogText, RunStart)]
+        return [TOPIC_OF[kind].name for kind in (*self._takes, LogText, RunStart)]
 
     def add(self, message: Message) -> None:
         """Take one message; kinds that carry no figure, and strangers, are passed over."""
-        figures = self.vehicles.get(message.vehicle)
-        take = self._take.get(type(message))
+        take, instant = self._takes.get(type(message), (None, ""))
+        figures = self.vehicles.get(message.vehicle) if take is not None else None
         if figures is not None and take is not None:
-            figures.last_at = max(figures.last_at, valid_at(message))
+            at: int = getattr(message, instant)
+            figures.last_at = max(figures.last_at, at)
             take(figures, message)
         elif isinstance(message, LogText):
             self._add_text(message)
@@ -150,6 +152,7 @@ class Metrics:
             self.warnings.append(f"{text.vehicle}: {text.text}")
 
     def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
+        at = pose.true_at_ns
         figures.distance, figures.speed = pose.distance_m, pose.speed_mps
         figures.true_numbers.add(pose.seq)
         if pose.vehicle != self._names[0]:
@@ -161,8 +164,10 @@ class Metrics:
         gaps = self.events.encounters.gaps
         for name in (pose.vehicle, self._behind.get(pose.vehicle, "")):
             gap = gaps.get(name)
-            if gap is not None and gap.now_at_ns == pose.true_at_ns:
-                self.deviations.add_gap(name, gap.now_at_ns, gap.now_m)
+            if gap is None or gap.now_at_ns != at:
+                continue
+            if self.deviations.wants_gap(name, at):
+                self.deviations.add_gap(name, at, gap.now_m)
 
     def _add_tyres(self, figures: VehicleFigures, pose: TruePose) -> None:
         tyres = figures.tyres

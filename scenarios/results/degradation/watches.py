@@ -1,6 +1,7 @@
 """Events of followers that degrade: a stop, and a source that is not believed."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import isfinite
 
 from scenarios.results.encounters import Episode
@@ -37,15 +38,21 @@ class TrustWatch:
 
     def __init__(self, names: Sequence[str]) -> None:
         """Take the names of the convoy, the lead first."""
-        self._names = list(names)
+        self._lead = names[0]
+        self._ahead = {behind: ahead for ahead, behind in pairwise(names)}
         self._open: dict[tuple[str, str], Episode] = {}
 
     def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterator[Episode]:
         """Take the tracking of one instant; gives each source as it begins to be distrusted."""
+        if not self._open and "distrusted" not in (
+            tracking.lead_status,
+            tracking.predecessor_status,
+        ):
+            return  # as nearly always
         name, at = tracking.vehicle, tracking.decided_at_ns
-        ahead = self._names[self._names.index(name) - 1]
-        statuses = {self._names[0]: tracking.lead_status}
-        if ahead != self._names[0]:
+        ahead = self._ahead[name]
+        statuses = {self._lead: tracking.lead_status}
+        if ahead != self._lead:
             statuses[ahead] = tracking.predecessor_status
         for source, status in statuses.items():
             pair = source, name

@@ -187,10 +187,12 @@ class Outbox:
         )
 
     def _add_pose(self, now: int, body: Body, fix: Fix, told: Announcement) -> None:
-        stamped = replace(fix, measured_at=self._clock.stamped(fix.measured_at))
+        stamped_at = self._clock.stamped(fix.measured_at)
+        if stamped_at != fix.measured_at:  # few clocks are wrong
+            fix = replace(fix, measured_at=stamped_at)
         self._add(
             to_message(
-                stamped,
+                fix,
                 self._vehicle,
                 self._plane,
                 seq=self._next[messages.GpsPose],

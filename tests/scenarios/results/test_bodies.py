@@ -10,7 +10,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.results.bodies import BodySize, CarBody, body_of, corners, overlap, separation
+from scenarios.results.bodies import (
+    BodySize,
+    CarBody,
+    at_least_apart,
+    body_of,
+    corners,
+    overlap,
+    separation,
+)
 from tests.made.scenarios.messages import truth
 from tests.made.scenarios.polygons import common_area
 from vehicles.car.parameters import LINCOLN_MKZ
@@ -121,3 +129,20 @@ def test_a_body_moves_as_its_centre_does() -> None:
     now, then = body_of(pose, size), body_of(moved, size)
     assert (then.east - now.east) / span == pytest.approx(now.speed_east, abs=1e-4)
     assert (then.north - now.north) / span == pytest.approx(now.speed_north, abs=1e-4)
+
+
+@given(one=bodies, other=bodies)
+@settings(max_examples=400)
+def test_bodies_are_never_nearer_than_their_shadows(one: CarBody, other: CarBody) -> None:
+    assert at_least_apart(one, other) <= separation(one, other).distance + 1e-9
+
+
+@given(yaw=st.floats(-math.pi, math.pi), gap=st.floats(0.0, 50.0), aside=st.floats(-1.8, 1.8))
+def test_the_shadows_of_one_behind_the_other_are_as_far_apart_as_they(
+    yaw: float, gap: float, aside: float
+) -> None:
+    way = gap + 4.93
+    east = way * math.cos(yaw) - aside * math.sin(yaw)
+    north = way * math.sin(yaw) + aside * math.cos(yaw)
+    least = at_least_apart(placed(0.0, 0.0, yaw), placed(east, north, yaw))
+    assert least == pytest.approx(gap, abs=1e-9)

@@ -295,3 +295,22 @@ def test_a_large_convoy_is_compared_near_by_only() -> None:
     places[150] = pose("v150", 0, -20.0 * 7 + 3.0)
     found = detected(*places, names=names)
     assert [(one.kind, one.vehicles) for one in found] == [("collision", ("v7", "v150"))]
+
+
+@given(st.lists(st.tuples(st.floats(5.5, 12.0), st.floats(-1.0, 1.0)), min_size=1, max_size=30))
+def test_the_smallest_gap_is_that_of_all_instants_and_the_last_is_the_last(
+    places: list[tuple[float, float]],
+) -> None:
+    sizes = {"v1": SIZE, "v2": SIZE}
+    detector = EventDetector(sizes)
+    apart = []
+    for seq, (behind, yaw) in enumerate(places):
+        ahead, follower = truth("v1", seq, 0.0, 0.0), truth("v2", seq, -behind, 0.0, yaw=yaw)
+        detector.add_truth(ahead)
+        detector.add_truth(follower)
+        apart.append(separation(body_of(ahead, SIZE), body_of(follower, SIZE)))
+        assert detector.encounters.gaps["v2"].now_m == apart[-1].distance
+    least = min(range(len(apart)), key=lambda seq: apart[seq].distance)
+    gap = detector.encounters.gaps["v2"]
+    assert gap.min_m == apart[least].distance
+    assert gap.min_at_ns == truth("v2", least, 0.0, 0.0).true_at_ns

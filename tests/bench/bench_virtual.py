@@ -1,0 +1,219 @@
+"""How many virtual runs a core makes: `python -m tests.bench.bench_virtual [--against COMMIT]`.
+
+Prints, of `lane_change`, the runs a minute on one core without a log and with one, what a vehicle
+costs in a convoy of four and in one of twenty, and what it takes to set a run up and to sum it up.
+With `--against` all of it is measured of that commit as well, which is checked out into a folder
+of its own: by turns with this tree, each in a process of its own, so that a busy machine slows both
+alike. What counts then is the ratio; where the commit cannot run without a log, its run with one
+stands there. Times are of the processor, medians over the rounds; the yardstick is a plain Python
+loop timed beside them.
+"""
+
+import argparse
+import inspect
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from statistics import median
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from tests.bench.bench_run import LOOP, plain_loop, timed
+
+HERE = Path(__file__).parents[2]
+FOUR, LOGGED, MANY, SET_UP = "four", "logged", "many", "set-up"
+"""What is measured: without a log, with one, a longer convoy without one, and hardly any run."""
+MANY_VEHICLES = 20
+WITHOUT, WITH, PER_VEHICLE, SET_UP_MS = 2.0, 1.3, 1.2, 40.0
+"""Limits: ratios of runs a minute, of costs per vehicle, and milliseconds."""
+
+
+def serve() -> None:
+    """Time the cases named on standard input, one a line, by the tree that is imported.
+
+    Runs in a process of its own by its source text, also of commits that do not have this file.
+    """
+    import json  # noqa: PLC0415
+    import sys  # noqa: PLC0415
+    import tempfile  # noqa: PLC0415
+    import time  # noqa: PLC0415
+    from pathlib import Path  # noqa: PLC0415
+
+    from scenarios.definition.scenario import load_scenario, scenario_from_text  # noqa: PLC0415
+    from scenarios.results.summary import to_json  # noqa: PLC0415
+    from scenarios.runs.stop import Stop  # noqa: PLC0415
+    from scenarios.runs.virtual import run_virtual  # noqa: PLC0415
+
+    try:
+        from scenarios.runs.unlogged import run_unlogged  # noqa: PLC0415
+    except ImportError:
+        run_unlogged = None  # type: ignore[assignment]
+
+    text = load_scenario("lane_change").text
+    for line in sys.stdin:
+        case, seed, overrides = json.loads(line)
+        with tempfile.TemporaryDirectory() as folder:
+            began = time.process_time()
+            scenario = scenario_from_text(text, label="bench", overrides=overrides, seed=seed)
+            if case == "logged" or run_unlogged is None:
+                summary = run_virtual(scenario, Path(folder) / "run", Stop())
+            else:
+                summary = run_unlogged(scenario)
+            to_json(summary)
+            print(json.dumps([time.process_time() - began, summary.reason]), flush=True)
+
+
+class Tree:
+    """A process that times runs of one checkout."""
+
+    def __init__(self, folder: Path) -> None:
+        command = [sys.executable, "-c", f"{inspect.getsource(serve)}\nserve()"]
+        environment = os.environ | {"PYTHONPATH": str(folder), "OPENBLAS_NUM_THREADS": "1"}
+        self._process = subprocess.Popen(
+            command,
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def __enter__(self) -> "Tree":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.communicate()
+
+    def time_s(self, case: str, seed: int, overrides: Sequence[str]) -> float:
+        """Processor time (s) of one run, its set-up included; ends the bench if it fails."""
+        to_it, of_it = self._process.stdin, self._process.stdout
+        assert to_it is not None
+        assert of_it is not None
+        print(json.dumps([case, seed, list(overrides)]), file=to_it, flush=True)
+        answer = of_it.readline()
+        if not answer:
+            raise SystemExit(f"a run ended with exit code {self._process.wait()}")
+        spent, reason = json.loads(answer)
+        if reason:
+            raise SystemExit(f"{case}: the run failed: {reason}")
+        return float(spent)
+
+
+@contextmanager
+def checked_out(commit: str) -> Iterator[Path]:
+    """Give a temporary folder with the tree of a commit, which is removed afterwards."""
+    git = ("git", "-C", str(HERE), "worktree")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "tree"
+        made = subprocess.run(
+            [*git, "add", "--detach", str(folder), commit],
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        if made.returncode:
+            raise SystemExit(made.stderr.strip())
+        try:
+            yield folder
+        finally:
+            subprocess.run([*git, "remove", "--force", str(folder)], check=True)
+
+
+def cases(seconds: float) -> dict[str, list[str]]:
+    """What is laid over `lane_change` in each case."""
+    drive = [f"duration_s={seconds}"]
+    return {
+        FOUR: drive,
+        LOGGED: drive,
+        MANY: [*drive, f"convoy.vehicles={MANY_VEHICLES}"],
+        SET_UP: ["duration_s=0.02"],
+    }
+
+
+def measured(
+    trees: Mapping[str, Tree], seconds: float, rounds: int
+) -> tuple[dict[str, dict[str, float]], float]:
+    """Median time (s) of each case by tree, and of the yardstick."""
+    found: dict[str, dict[str, list[float]]] = {case: {} for case in cases(seconds)}
+    loops = []
+    for tree in trees.values():  # what a process does only once does not count
+        tree.time_s(LOGGED, 1, ["duration_s=1.0"])
+        tree.time_s(FOUR, 1, ["duration_s=1.0"])
+    for seed in range(1, rounds + 1):
+        loops.append(timed(plain_loop).processor_s)
+        for case, overrides in cases(seconds).items():
+            for name, tree in trees.items():
+                found[case].setdefault(name, []).append(tree.time_s(case, seed, overrides))
+    times = {case: {name: median(one) for name, one in by.items()} for case, by in found.items()}
+    return times, median(loops)
+
+
+def rows(times: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, ...]]:
+    """Rows of the table: figure, this tree, the other one, ratio, limit, verdict."""
+    (here, *others) = times[FOUR]
+
+    def row(
+        what: str, value: Mapping[str, float], limit: float, *, ratio: bool = False, up: bool = True
+    ) -> tuple[str, ...]:
+        held = value[here] / value[others[0]] if others else None
+        judged = held if ratio else value[here]
+        verdict = "" if judged is None else "ok" if (judged >= limit) == up else "MISSED"
+        asked = f"{'ratio ' if ratio else ''}{'≥' if up else '≤'} {limit:g}"
+        other = f"{value[others[0]]:.2f}" if others else "-"
+        return (
+            what,
+            f"{value[here]:.2f}",
+            other,
+            "-" if held is None else f"{held:.2f}",
+            asked,
+            verdict,
+        )
+
+    minute = {case: {tree: 60.0 / one for tree, one in by.items()} for case, by in times.items()}
+    share = {
+        name: times[MANY][name] / MANY_VEHICLES / (times[FOUR][name] / 4) for name in minute[FOUR]
+    }
+    yield row("runs a minute per core, without a log", minute[FOUR], WITHOUT, ratio=True)
+    yield row("runs a minute per core, with a log", minute[LOGGED], WITH, ratio=True)
+    yield row(f"a vehicle of {MANY_VEHICLES} costs one of four times", share, PER_VEHICLE, up=False)
+    set_up = {name: 1000.0 * one for name, one in times[SET_UP].items()}
+    yield row("set-up and summary, ms", set_up, SET_UP_MS, up=False)
+
+
+def main() -> None:
+    """Measure and print the table."""
+    parser = argparse.ArgumentParser(description="How many virtual runs a core makes.")
+    parser.add_argument("--against", metavar="COMMIT", help="measure this commit as well")
+    parser.add_argument("--seconds", type=float, default=35.0, help="how long a run drives")
+    parser.add_argument("--rounds", type=int, default=3)
+    given = parser.parse_args()
+    load = ", ".join(f"{one:.1f}" for one in os.getloadavg())
+    print(f"{os.cpu_count()} cores; load over 1, 5, 15 minutes before: {load}")
+    with ExitStack() as stack:
+        folders = {"this tree": HERE}
+        if given.against:
+            folders[given.against] = stack.enter_context(checked_out(given.against))
+        trees = {name: stack.enter_context(Tree(folder)) for name, folder in folders.items()}
+        times, loop = measured(trees, given.seconds, given.rounds)
+    table = Table(box=SIMPLE_HEAD)
+    for heading in ("", "this tree", given.against or "-", "ratio", "asked", ""):
+        table.add_column(heading)
+    for one in rows(times):
+        table.add_row(*one)
+    Console(width=110).print(table)
+    print(
+        f"yardstick: {LOOP // 1_000_000} million additions take {loop:.2f} s, a run of four "
+        f"{times[FOUR]['this tree'] / loop:.1f} of them without a log, "
+        f"{times[LOGGED]['this tree'] / loop:.1f} with one"
+    )
+
+
+if __name__ == "__main__":
+    main()
