@@ -64,7 +64,7 @@ def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> Burst:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Span:
+class SearchSpan:
     """Where to look: from one instant to another (s), first every `step_s`, at last `finest_s`."""
 
     from_s: float
@@ -92,7 +92,7 @@ def span_of(
     to_s: float | None,
     step_s: float,
     finest_s: float,
-) -> Span:
+) -> SearchSpan:
     """Where to look for the worst instant of a burst; by default all of the run that it fits in.
 
     Raises ScenarioError where there is nothing to look at.
@@ -119,7 +119,7 @@ def span_of(
                 f"{last:g}, where the burst ends with the run"
             ]
         )
-    return Span(from_s=first, to_s=end, step_s=step_s, finest_s=finest_s)
+    return SearchSpan(from_s=first, to_s=end, step_s=step_s, finest_s=finest_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +155,7 @@ class WorstSearch:
     _began: float = field(default_factory=time.monotonic)
     _said: float = 0.0
 
-    def look(self, span: Span) -> WorstInstant:
+    def look(self, span: SearchSpan) -> WorstInstant:
         """Look at a grid, and then closer and closer at its worst instants."""
         self._try(span.grid())
         step = span.step_s

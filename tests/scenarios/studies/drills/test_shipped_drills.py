@@ -8,7 +8,7 @@ from scenarios.definition.check.report import check
 from scenarios.definition.library import DRILLS
 from scenarios.definition.scenario import drills, library, load_scenario, scenario_from_text
 from scenarios.studies.drills.drill import carry_out_drill, drill_variants, rows_of
-from scenarios.studies.drills.worst import Burst, Span, WorstSearch, base_of
+from scenarios.studies.drills.worst import Burst, SearchSpan, WorstSearch, base_of
 from tests.made.scenarios.planted_faults import PLANTS
 
 PROMISED = {
@@ -116,10 +116,10 @@ def test_the_burst_is_at_the_instant_that_was_found() -> None:
 def test_the_burst_is_at_the_worst_instant(case: int) -> None:
     """Worse than a second earlier; in a campaign it is what the search finds."""
     if case:
-        span = Span(from_s=3.0, to_s=10.0, step_s=0.5, finest_s=0.05)
+        span = SearchSpan(from_s=3.0, to_s=10.0, step_s=0.5, finest_s=0.05)
         assert search().look(span).at_s == WORST_AT_S
         return
-    span = Span(from_s=WORST_AT_S - 1.0, to_s=WORST_AT_S, step_s=1.0, finest_s=1.0)
+    span = SearchSpan(from_s=WORST_AT_S - 1.0, to_s=WORST_AT_S, step_s=1.0, finest_s=1.0)
     found = search().look(span)
     assert found.at_s == WORST_AT_S
     assert found.figure > 1.5 * found.figures[round(WORST_AT_S - 1.0, 3)]

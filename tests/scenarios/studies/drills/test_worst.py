@@ -17,7 +17,7 @@ from scenarios.results.summary import to_json
 from scenarios.runs.unlogged import run_unlogged
 from scenarios.studies.drills.worst import (
     Burst,
-    Span,
+    SearchSpan,
     WorstInstant,
     WorstSearch,
     base_of,
@@ -31,7 +31,7 @@ BASE = base_of("lane_change", SHORT, None)
 SCENARIO = BASE.scenario
 
 
-def searched(figure: Any, span: Span, word: str = "error_m") -> WorstInstant:
+def searched(figure: Any, span: SearchSpan, word: str = "error_m") -> WorstInstant:
     """What a search finds where `figure` is that of each instant, without a drive."""
 
     def run_all(jobs: Mapping[float, Any], _workers: int) -> Iterator[tuple[float, float]]:
@@ -42,7 +42,7 @@ def searched(figure: Any, span: Span, word: str = "error_m") -> WorstInstant:
     return WorstSearch(BASE, burst, word, lambda _: None, 0, run_all).look(span)
 
 
-SPAN = Span(from_s=1.0, to_s=11.0, step_s=0.5, finest_s=0.05)
+SPAN = SearchSpan(from_s=1.0, to_s=11.0, step_s=0.5, finest_s=0.05)
 
 
 @given(peak=st.floats(1.0, 11.0), width=st.floats(0.5, 3.0))
@@ -73,7 +73,7 @@ def test_of_equal_instants_it_is_the_earliest() -> None:
 
 
 def test_both_ends_are_looked_at_and_nothing_beyond() -> None:
-    span = Span(from_s=1.0, to_s=2.2, step_s=0.5, finest_s=0.1)
+    span = SearchSpan(from_s=1.0, to_s=2.2, step_s=0.5, finest_s=0.1)
     assert span.grid() == [1.0, 1.5, 2.0, 2.2]
     found = searched(lambda at: at, span)
     assert found.at_s == 2.2
@@ -151,7 +151,7 @@ def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
 
 
 def test_everything_tried_is_there_for_machines() -> None:
-    found = searched(lambda at: at, Span(from_s=1.0, to_s=2.0, step_s=0.5, finest_s=0.5))
+    found = searched(lambda at: at, SearchSpan(from_s=1.0, to_s=2.0, step_s=0.5, finest_s=0.5))
     table = json.loads(as_json(found, Burst(for_s=1.0)))
     assert (table["schema"], table["at_s"], table["error_m"]) == ("convoy.worst/1", 2.0, 2.0)
     assert table["tried"] == [{"at_s": at, "error_m": at} for at in (1.0, 1.5, 2.0)]
@@ -160,7 +160,7 @@ def test_everything_tried_is_there_for_machines() -> None:
 def test_a_figure_is_that_of_the_run_that_the_command_repeats() -> None:
     """The one search here that drives: two instants, in this process."""
     base = base_of("lane_change", ("duration_s=2.5", "convoy.vehicles=2"), None)
-    span = Span(from_s=1.0, to_s=1.5, step_s=0.5, finest_s=0.5)
+    span = SearchSpan(from_s=1.0, to_s=1.5, step_s=0.5, finest_s=0.5)
     found = WorstSearch(base, Burst(for_s=1.0), "error_m", lambda _: None, 0).look(span)
     again = load_scenario("lane_change", found.variant.overrides, found.variant.seed)
     summary = run_unlogged(again)
