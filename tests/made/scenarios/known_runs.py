@@ -95,3 +95,20 @@ class KnownRuns:
         """How many of the seeds break the limit."""
         broken = {lost for lost in ALL_LOST if self.watched(lost).broken}
         return sum(self.lost(seed) in broken for seed in seeds)
+
+
+@dataclass
+class SilentRuns(KnownRuns):
+    """The same runs, near the limit by how many messages were lost in a row: many are equal."""
+
+    def watched(self, lost: Lost) -> Watched:
+        """What is seen of the run that loses these messages."""
+        broken = super().watched(lost).broken
+        records, row = list[NearRecord](), 0
+        for number in range(MESSAGES):
+            row = row + 1 if number in lost else 0
+            if row > (records[-1].value if records else -1):
+                at = self.scenario.start_at_ns + number * PERIOD_NS
+                records.append(NearRecord(at, float(row)))
+        end = self.scenario.start_at_ns + MESSAGES * PERIOD_NS
+        return Watched((*records, *([NearRecord(end, inf)] if broken else [])))

@@ -1,0 +1,91 @@
+"""`convoy bisect` and `convoy risk` on a small convoy: files, figures, refusals in one line."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
+from tests.made.scenarios.known_runs import SETTINGS, KnownRuns
+
+SMALL = [f"--set={one}" for one in SETTINGS]
+NAME = "lossy_lane_change"
+
+
+def convoy(*words: str) -> Result:
+    return CliRunner().invoke(cli, list(words))
+
+
+def test_a_boundary_is_bracketed_and_written(tmp_path: Path) -> None:
+    asked = ["--limit=error_m=1", "--to=0.1", "--seeds=8", "--workers=0", f"--out={tmp_path}"]
+    done = convoy("bisect", NAME, "links.loss_ratio", *asked, *SMALL)
+    assert done.exit_code == 0, done.output
+    twin = json.loads((tmp_path / "bisect.json").read_text())
+    assert twin["schema"] == "convoy.bisect/1"
+    assert twin["high"] - twin["low"] == pytest.approx(0.2)
+    assert (tmp_path / "boundary.png").stat().st_size > 10_000
+    shares = {one["value"]: (one["broken"], one["runs"]) for one in twin["points"]}
+    assert shares[twin["low"]][0] < 4 <= shares[twin["high"]][0]
+    known = KnownRuns(twin["high"], 1.0)
+    broken = sum(known.run(seed).severity > 0.0 for seed in range(1, 9))
+    assert shares[twin["high"]] == (broken, 8)
+    assert f"links.loss_ratio = {twin['boundary']:g} ± 0.1" in done.output
+    again = convoy("bisect", NAME, "links.loss_ratio", *asked, *SMALL)
+    assert again.exit_code == 2
+    assert "exists; give another folder" in again.output
+
+
+def test_a_risk_is_counted_and_written(tmp_path: Path) -> None:
+    asked = ["--limit=error_m=1", "--set=links.loss_ratio=0.5", "--workers=0", f"--out={tmp_path}"]
+    done = convoy("risk", NAME, *SMALL, *asked, "--method=counting", "--runs=30")
+    assert done.exit_code == 0, done.output
+    twin = json.loads((tmp_path / "risk.json").read_text())
+    known = KnownRuns(0.5, 1.0)
+    broken = [seed for seed in range(1, 31) if known.run(seed).severity > 0.0]
+    assert twin["broken_seeds"] == broken
+    assert twin["low"] < twin["probability"] == len(broken) / 30 < twin["high"]
+    assert f"--seed {broken[0]} " in twin["command"]
+
+
+def test_a_risk_is_split_and_written(tmp_path: Path) -> None:
+    asked = ["--limit=error_m=1", "--set=links.loss_ratio=0.3", "--workers=0", f"--out={tmp_path}"]
+    words = ["risk", NAME, *SMALL, *asked, "--method=splitting", "--paths=4", "--runs=80"]
+    done = convoy(*words)
+    assert done.exit_code == 0, done.output
+    twin = json.loads((tmp_path / "risk.json").read_text())
+    assert len(twin["repetitions"]) >= 10
+    assert twin["runs"] == sum(one["runs"] for one in twin["repetitions"])
+    assert "no command repeats it" in done.output
+    assert twin["command"] is None
+
+
+REFUSED = {
+    "no number": (["bisect", NAME, "control.controller"], "control.controller: is no number"),
+    "the seed": (["bisect", NAME, "seed"], "seed: is no number that a limit depends on"),
+    "an unknown key": (["bisect", NAME, "links.los_ratio"], "links.los_ratio"),
+    "a range": (["bisect", NAME, "links.loss_ratio", "--range=1:0"], "LOW below HIGH"),
+    "half a range": (["bisect", NAME, "links.loss_ratio", "--range=1"], "allowed LOW:HIGH"),
+    "a width": (["bisect", NAME, "links.loss_ratio", "--to=0.6"], "up to a quarter of the range"),
+    "beyond the key": (["bisect", NAME, "links.loss_ratio", "--range=0:2"], "links.loss_ratio"),
+    "a limit": (["risk", NAME, "--limit=road"], "--limit: given 'road'"),
+    "too few runs": (
+        ["risk", NAME, "--method=splitting", "--runs=100"],
+        "--runs: given 100, allowed at least",
+    ),
+    "held at both ends": (
+        ["bisect", NAME, "links.loss_ratio", "--limit=error_m=90", "--to=0.25", "--seeds=2",
+         "--workers=0", *SMALL],
+        "error_m=90 is held at both ends of --range 0:1",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals_are_one_clear_line(case: str, tmp_path: Path) -> None:
+    words, said = REFUSED[case]
+    done = convoy(*words, f"--out={tmp_path}")
+    assert done.exit_code == 2
+    assert said in done.output
+    assert "Traceback" not in done.output
+    assert not list(tmp_path.iterdir())
