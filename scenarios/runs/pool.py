@@ -17,6 +17,11 @@ Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
 
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
 class WorkerPool(Executor):
     """So many worker processes, each of which imports the project once.
 
@@ -63,6 +68,11 @@ RunAll = Callable[[Mapping[Any, Job]], Iterator[tuple[Any, Any]]]
 """Does all jobs; gives the key and the result of each as it is done."""
 
 
+def in_this_process(jobs: Mapping[Key, Job]) -> Iterator[tuple[Key, Any]]:
+    """Do all jobs here, in their order."""
+    return ((key, job()) for key, job in jobs.items())
+
+
 def run_jobs(jobs: Mapping[Key, Job], workers: int) -> Iterator[tuple[Key, Any]]:
     """Do all jobs on so many processes (0: in this one); gives each result when it is done.
 
@@ -74,10 +84,14 @@ def run_jobs(jobs: Mapping[Key, Job], workers: int) -> Iterator[tuple[Key, Any]]
 
 
 @contextmanager
-def warm_workers(workers: int) -> Iterator[RunAll]:
-    """Give what does jobs like `run_jobs`, on the same processes each time: they start once."""
+def warm_workers(workers: int | None = None) -> Iterator[RunAll]:
+    """Give what does jobs like `run_jobs`, on the same processes each time: they start once.
+
+    By default one for each core.
+    """
+    workers = cores() if workers is None else workers
     if not workers:
-        yield lambda jobs: ((key, job()) for key, job in jobs.items())
+        yield in_this_process
         return
     with WorkerPool(workers) as pool:
         yield lambda jobs: _done_on(pool, workers, jobs)

@@ -8,11 +8,11 @@ import click
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import (
+    engine,
+    engine_options,
     limit_option,
     overrides_option,
-    pool,
     variant_of,
-    workers_option,
 )
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ Examples:
 @click.option("--any", "any_seed", is_flag=True,
               help="The smallest value at which one of the runs breaks it: --share 0.")  # fmt: skip
 @overrides_option
-@workers_option
+@engine_options
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("boundary"),
               show_default=True, help="Folder for boundary.png and bisect.json.")  # fmt: skip
 def bisect(
@@ -58,6 +58,7 @@ def bisect(
     any_seed: bool,
     overrides: tuple[str, ...],
     workers: int | None,
+    scheduler: str,
     out: Path,
 ) -> None:
     """Seek the value of KEY from which on runs of SCENARIO break a limit."""
@@ -71,7 +72,7 @@ def bisect(
     from scenarios.studies.many.limit import parsed_limit
 
     with clear_errors():
-        refuse_existing(out, PICTURE, TWIN)
+        refuse_existing(out / PICTURE, out / TWIN)
         low, high = _ends(span)
         question = BoundaryQuestion(
             variant=variant_of(scenario, overrides),
@@ -83,7 +84,8 @@ def bisect(
             seeds=seeds,
             share=0.0 if any_seed else share,
         )
-        found = boundary_of(question, pool(workers), click.echo)
+        with engine(workers, scheduler) as run_all:
+            found = boundary_of(question, run_all, click.echo)
         write_answer(question, found, out)
         print_answer(question, found, Console())
         click.echo(f"written: {out / PICTURE} and {out / TWIN}")

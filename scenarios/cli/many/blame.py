@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.many.options import engine, engine_options
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -48,11 +49,7 @@ Examples:
     show_default=True,
     help="Folder for blame.png, blame.json and smallest.toml.",
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(min=0),
-    help="Processes; 0 for none but this one. By default one for each core.",
-)
+@engine_options
 @click.option(
     "--runs",
     "most_runs",
@@ -68,6 +65,7 @@ def blame(
     figure: Literal["error", "gap"],
     out: Path,
     workers: int | None,
+    scheduler: str,
     most_runs: int,
 ) -> None:
     """Find which losses of a recorded LOG, or the one in a run's folder, were to blame.
@@ -82,14 +80,16 @@ def blame(
 
     from scenarios.results.log_summary import log_in
     from scenarios.studies.many.blame import picture, report, study
+    from scenarios.studies.many.files import refuse_existing
     from scenarios.studies.many.limit import parsed_limit
 
     with clear_errors():
         asked = parsed_limit(limit)
-        report.refuse_existing(out)
-        found = study.blame(
-            log_in(log), asked, figure, click.echo, workers=workers, most_runs=most_runs
-        )
+        refuse_existing(*(out / name for name in (report.PICTURE, report.TWIN, report.SMALLEST)))
+        with engine(workers, scheduler) as run_all:
+            found = study.blame(
+                log_in(log), asked, figure, click.echo, run_all, most_runs=most_runs
+            )
         written = report.write_files(found, out)
         picture.draw(found, out / report.PICTURE)
         print_blame(found, Console())

@@ -1,6 +1,5 @@
 """The command that carries out drills, and its table."""
 
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +8,7 @@ import click
 
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
+from scenarios.cli.many.options import engine, engine_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,10 +43,7 @@ Examples:
     "--clock", type=click.Choice(["virtual", "wall"]), default="virtual", show_default=True,
     help="As fast as it goes on all cores, or as processes in real time, one after the other.",
 )  # fmt: skip
-@click.option(
-    "--workers", type=click.IntRange(min=0), metavar="N",
-    help="Processes in virtual time; by default one for each core, 0: this one.",
-)  # fmt: skip
+@engine_options
 @click.option(
     "--junit", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
     help="Write JUnit XML, a case for each limit.",
@@ -63,6 +60,7 @@ def drill(
     seeds: int | None,
     clock: str,
     workers: int | None,
+    scheduler: str,
     junit: Path | None,
     out: Path | None,
 ) -> None:
@@ -77,11 +75,11 @@ def drill(
         TWIN,
         carry_out_drills,
         drill_rows,
-        refuse_existing,
         write_twin,
     )
     from scenarios.studies.drills.drill import drill_variants
     from scenarios.studies.drills.junit import write_junit
+    from scenarios.studies.many.files import refuse_existing
 
     with clear_errors():
         if as_list:
@@ -98,8 +96,8 @@ def drill(
         if clock == "wall":
             runs = _as_processes(variants, out)
         else:
-            cores = len(os.sched_getaffinity(0)) if workers is None else workers
-            runs = carry_out_drills(variants, _say, cores)
+            with engine(workers, scheduler) as run_all:
+                runs = carry_out_drills(variants, _say, run_all)
         rows = drill_rows(runs)
         print_drills(rows, Console(), several_seeds=bool(seeds))
         if out is not None:

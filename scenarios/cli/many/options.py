@@ -1,15 +1,17 @@
 """Options that the commands of many runs share."""
 
-import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from scenarios.cli.failure import require
 from scenarios.cli.guide import completion
 
 if TYPE_CHECKING:
+    from scenarios.runs.pool import RunAll
     from scenarios.studies.many.variant import Variant
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -39,21 +41,41 @@ def limit_option(command: Command) -> Command:
     )(command)
 
 
-def workers_option(command: Command) -> Command:
-    """`--workers`."""
-    return click.option(
+def engine_options(command: Command) -> Command:
+    """`--workers` and `--scheduler`."""
+    scheduler = click.option(
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
+        default="",
+        help="Let the workers of a running dask scheduler do it.",
+    )
+    workers = click.option(
         "--workers",
-        type=click.IntRange(min=0),
-        help="Processes; by default one for each core, 0 for none but this one.",
-    )(command)
+        type=click.IntRange(0, 1024),
+        metavar="N",
+        help="Processes: one for each core by default, 0 for none but this one.",
+    )
+    return workers(scheduler(command))
 
 
-def pool(workers: int | None) -> "Callable[..., Any]":
-    """What does jobs: as many processes as asked for."""
-    from scenarios.runs.pool import run_jobs
+@contextmanager
+def engine(workers: int | None, scheduler: str) -> "Iterator[RunAll]":
+    """Give what does jobs: the same processes, or workers of a scheduler, each time.
 
-    count = len(os.sched_getaffinity(0)) if workers is None else workers
-    return partial(run_jobs, workers=count)
+    Raises ScenarioError if no scheduler answers.
+    """
+    from scenarios.runs.pool import warm_workers
+
+    if not scheduler:
+        with warm_workers(workers) as run_all:
+            yield run_all
+        return
+    require("--scheduler", "dask", "distributed")
+    from scenarios.studies.many.engine.driver import run_all as run_all_on
+    from scenarios.studies.many.engine.fleet import fleet_of
+
+    with fleet_of(workers, scheduler) as fleet:
+        yield partial(run_all_on, fleet=fleet)
 
 
 def variant_of(name: str, overrides: tuple[str, ...]) -> "Variant":

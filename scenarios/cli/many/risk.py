@@ -8,11 +8,11 @@ import click
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import (
+    engine,
+    engine_options,
     limit_option,
     overrides_option,
-    pool,
     variant_of,
-    workers_option,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ Examples:
 @click.option("--paths", type=click.IntRange(min=2), default=50, show_default=True,
               help="Runs that are followed at a time when splitting.")  # fmt: skip
 @overrides_option
-@workers_option
+@engine_options
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("risk"),
               show_default=True, help="Folder for risk.json.")  # fmt: skip
 def risk(
@@ -61,6 +61,7 @@ def risk(
     limit_text: str,
     overrides: tuple[str, ...],
     workers: int | None,
+    scheduler: str,
     out: Path,
     runs: int,
     **asked: Any,
@@ -76,14 +77,15 @@ def risk(
     from scenarios.studies.many.risk.written import TWIN, write_risk
 
     with clear_errors():
-        refuse_existing(out, TWIN)
+        refuse_existing(out / TWIN)
         question = RiskQuestion(
             variant=variant_of(scenario, overrides),
             limit=parsed_limit(limit_text),
             most_runs=runs,
             **asked,
         )
-        found = risk_of(question, pool(workers), click.echo)
+        with engine(workers, scheduler) as run_all:
+            found = risk_of(question, run_all, click.echo)
         write_risk(question, found, out)
         print_risk(question, found, Console())
         click.echo(f"written: {out / TWIN}")

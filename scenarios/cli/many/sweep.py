@@ -8,6 +8,7 @@ import click
 
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
+from scenarios.cli.many.options import engine_options
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -89,17 +90,7 @@ Figures are the numbers of summary.json (`convoy reference fields`):
     show_default=True,
     help="Folder for the tables, the pictures, and the journal of what is done.",
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(0, 1024),
-    help="Processes: one for each core by default, 0 for none but this one.",
-)
-@click.option(
-    "--scheduler",
-    metavar="tcp://HOST:PORT",
-    default="",
-    help="Let the workers of a running dask scheduler do it.",
-)
+@engine_options
 @click.option("--no-pictures", is_flag=True, help="Tables only; needs no matplotlib.")
 @click.option("--parquet", is_flag=True, help="Write the tables as Parquet as well.")
 def sweep(

@@ -1,6 +1,5 @@
 """The command that searches for the instant at which a burst does most harm."""
 
-import os
 from pathlib import Path
 
 import click
@@ -8,6 +7,7 @@ import click
 from scenarios.cli.control.options import TimeSpan
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
+from scenarios.cli.many.options import engine, engine_options
 from scenarios.cli.options import scenario_options
 
 
@@ -41,7 +41,7 @@ Examples:
     "--finest", "finest_s", type=TimeSpan(), default=0.05, show_default="50ms", metavar="TIME",
     help="Distance of those tried last; messages are 50 ms apart.",
 )  # fmt: skip
-@click.option("--workers", type=click.IntRange(min=0), metavar="N", help="By default all cores.")
+@engine_options
 @click.option(
     "--write", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
     help="Write the worst run as a drill, with a limit.",
@@ -63,6 +63,7 @@ def worst(
     step_s: float,
     finest_s: float,
     workers: int | None,
+    scheduler: str,
     file: Path | None,
     json_file: Path | None,
 ) -> None:
@@ -71,9 +72,9 @@ def worst(
     It is put at a grid of instants, then closer and closer around the three worst. All runs have
     the same seed, which is the same noise.
     """
-    from scenarios.studies.drills.campaign import refuse_existing
     from scenarios.studies.drills.worst import WorstSearch, base_of, burst_of, span_of
     from scenarios.studies.drills.written import as_json, write_drill
+    from scenarios.studies.many.files import refuse_existing
 
     with clear_errors():
         refuse_existing(file, json_file)
@@ -81,16 +82,16 @@ def worst(
         loaded = base.scenario
         asked = burst_of(links, burst, loaded)
         span = span_of(loaded, asked, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
-        cores = len(os.sched_getaffinity(0)) if workers is None else workers
-        search = WorstSearch(
-            base,
-            asked,
-            figure,
-            lambda line: click.echo(line, err=True),
-            cores,
-            changes=len(loaded.tables.change),
-        )
-        found = search.look(span)
+        with engine(workers, scheduler) as run_all:
+            search = WorstSearch(
+                base,
+                asked,
+                figure,
+                lambda line: click.echo(line, err=True),
+                run_all,
+                changes=len(loaded.tables.change),
+            )
+            found = search.look(span)
         click.echo(
             f"worst at {found.at_s:g} s: {figure} {found.figure:.3f}, of {len(found.figures)} "
             f"instants\n{found.variant.command}"

@@ -1,7 +1,6 @@
 """Many cuts, the same ones with each reaction, and what to say of them."""
 
 import json
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.runs.pool import run_jobs
+from scenarios.runs.pool import cores, run_jobs
 from scenarios.studies.cuts.cut import CutFigures, LinkCut, carry_out
 from vehicles.driver.degradation.settings import Reaction
 
@@ -106,8 +105,8 @@ def cuts_figure(
             raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
     out.mkdir(parents=True, exist_ok=True)
     cuts = [cut for reaction in REACTIONS for cut in drawn(count, reaction)]
-    cores = len(os.sched_getaffinity(0)) if workers is None else workers
-    rows = carry_out_all(cuts, progress, cores)
+    count_of = cores() if workers is None else workers
+    rows = carry_out_all(cuts, progress, count_of)
     by_reaction = {
         reaction: [row for row in rows if row.cut.reaction == reaction] for reaction in REACTIONS
     }

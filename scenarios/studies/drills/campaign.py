@@ -2,14 +2,13 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from scenarios.definition.errors import ScenarioError
-from scenarios.runs.pool import run_jobs
+from scenarios.runs.pool import RunAll
 from scenarios.studies.drills.drill import DrillRow, DrillRun, carry_out_drill, rows_of
 from scenarios.studies.many.variant import Variant
 
@@ -19,21 +18,16 @@ SAY_EVERY_S = 3.0
 
 Key = tuple[str, int]
 """A drill and a seed."""
-RunAll = Callable[[Mapping[Key, Callable[[], Any]], int], Iterator[tuple[Key, Any]]]
-"""Does all jobs on so many workers (0: in this process); gives results as they come."""
 
 
 def carry_out_drills(
-    variants: Sequence[Variant],
-    progress: Callable[[str], None],
-    workers: int,
-    run_all: RunAll = run_jobs,
+    variants: Sequence[Variant], progress: Callable[[str], None], run_all: RunAll
 ) -> list[DrillRun]:
     """Drive all of them in virtual time; a result for each, in the order of `variants`."""
     jobs = {(one.name, one.seed): partial(carry_out_drill, one) for one in variants}
     found: dict[Key, DrillRun] = {}
     began = said = time.monotonic()
-    for key, run in run_all(jobs, workers):
+    for key, run in run_all(jobs):
         found[key] = run
         now = time.monotonic()
         if now - said > SAY_EVERY_S or len(found) == len(jobs):
@@ -50,13 +44,6 @@ def drill_rows(runs: Sequence[DrillRun]) -> list[DrillRow]:
     """
     names = dict.fromkeys(run.drill for run in runs)
     return [row for name in names for row in rows_of([run for run in runs if run.drill == name])]
-
-
-def refuse_existing(*files: Path | None) -> None:
-    """Raise ScenarioError if one of the files to be written is there already."""
-    for file in files:
-        if file is not None and file.exists():
-            raise ScenarioError([f"{file}: exists; give another place"])
 
 
 def write_twin(rows: Sequence[DrillRow], runs: Sequence[DrillRun], out: Path) -> Path:

@@ -4,16 +4,15 @@ What is lost follows from when it was sent, so an instant matters as finely as m
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 from scenarios.definition.channel.rules import ANY, ROLES
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import shown
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.pool import run_jobs
+from scenarios.runs.pool import RunAll
 from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.variant import Variant
 
@@ -24,9 +23,6 @@ EARLIEST_S = 1.0
 FINEST_S = 0.001
 """Instants are whole milliseconds."""
 SAY_EVERY_S = 3.0
-
-RunAll = Callable[[Mapping[float, Callable[[], Any]], int], Iterator[tuple[float, Any]]]
-"""Does all jobs on so many workers (0: in this process); gives results as they come."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,8 +144,7 @@ class WorstSearch:
     burst: SoughtBurst
     word: str
     progress: Callable[[str], None]
-    workers: int
-    run_all: RunAll = run_jobs
+    run_all: RunAll
     changes: int = 0
     _found: dict[float, float] = field(default_factory=dict)
     _began: float = field(default_factory=time.monotonic)
@@ -196,7 +191,7 @@ class WorstSearch:
 
     def _try(self, instants: Sequence[float]) -> None:
         jobs = {at: partial(_severity, self.variant(at), self.word) for at in instants}
-        for at, severity in self.run_all(jobs, self.workers):
+        for at, severity in self.run_all(jobs):
             self._found[at] = severity
             now = time.monotonic()
             if now - self._said > SAY_EVERY_S:

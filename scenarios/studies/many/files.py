@@ -5,8 +5,8 @@ from pathlib import Path
 from scenarios.definition.errors import ScenarioError
 
 
-def refuse_existing(out: Path, *names: str) -> None:
-    """Raise ScenarioError if one of the files is in the folder `out` already."""
-    for name in names:
-        if (out / name).exists():
-            raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
+def refuse_existing(*files: Path | None) -> None:
+    """Raise ScenarioError if one of the files to be written is there already."""
+    for file in files:
+        if file is not None and file.exists():
+            raise ScenarioError([f"{file}: exists; give another place"])

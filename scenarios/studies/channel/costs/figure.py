@@ -1,13 +1,13 @@
 """`convoy channel figure`: what loss, its bursts and latency cost the last vehicle of a convoy."""
 
 import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.runs.pool import cores
 from scenarios.studies.channel.costs.drives import (
     SCENARIO,
     SETTINGS,
@@ -34,7 +34,7 @@ def channel_figure(
         if (out / name).exists():
             raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
     out.mkdir(parents=True, exist_ok=True)
-    costs = driven(plan, progress, len(os.sched_getaffinity(0)) if workers is None else workers)
+    costs = driven(plan, progress, cores() if workers is None else workers)
     margin_m = lane_margin_m()
     (out / TWIN).write_text(json.dumps(machine_readable(costs, margin_m), indent=1) + "\n")
     draw(costs, margin_m, out / PICTURE)

@@ -5,7 +5,6 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.studies.many.blame.losses import Burst
 from scenarios.studies.many.blame.ranking import ALONE, NEGLIGIBLE_M, Blamed
@@ -20,13 +19,6 @@ GROUPING = (
     "moment; moments in order of time were given back half by half, and only halves that mend "
     f"{NEGLIGIBLE_M:g} m or more, or mend it only together, were looked into"
 )
-
-
-def refuse_existing(out: Path) -> None:
-    """Raise ScenarioError if one of the files is there already."""
-    for name in (PICTURE, TWIN, SMALLEST):
-        if (out / name).exists():
-            raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
 
 
 def smallest_scenario(found: Blame) -> Scenario | None:

@@ -1,12 +1,10 @@
 """`convoy blame`: which losses of a recorded run were to blame for what became of it."""
 
-import os
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarios.runs.pool import RunAll, warm_workers
+from scenarios.runs.pool import RunAll, cores
 from scenarios.studies.many.blame.imposed import LossFree, loss_free
 from scenarios.studies.many.blame.losses import Burst, RecordedRun, bursts_of, read_run
 from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_alone
@@ -50,20 +48,16 @@ def blame(
     limit: Limit,
     figure: FigureName,
     say: Callable[[str], None],
+    run_all: RunAll,
     *,
-    workers: int | None = None,
-    run_all: RunAll | None = None,
     most_runs: int = MOST_RUNS,
 ) -> Blame:
     """Find what was to blame for the worst figure of a log, and for the breach of `limit`.
 
     Raises LogError, also if the losses of the log do not lead to what it says. Runs are driven by
-    `run_all`, by default on so many processes (all cores; 0: in this one).
+    `run_all`.
     """
-    cores = len(os.sched_getaffinity(0)) if workers is None else workers
-    with nullcontext(run_all) if run_all else warm_workers(cores) as driven_by:
-        find = _Search(limit, figure, say, driven_by, max(cores, 1), most_runs)
-        return find.blame(read_run(log))
+    return _Search(limit, figure, say, run_all, cores(), most_runs).blame(read_run(log))
 
 
 @dataclass(frozen=True, slots=True)

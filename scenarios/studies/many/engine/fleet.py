@@ -4,7 +4,6 @@ All are executors of `concurrent.futures`; a fleet adds how much to hand out at 
 exceptions a batch says that its worker died.
 """
 
-import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
@@ -12,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from scenarios.runs.pool import WorkerPool
+from scenarios.runs.pool import WorkerPool, cores
 from scenarios.studies.many.engine.batch import EngineError
 
 if TYPE_CHECKING:
@@ -55,11 +54,6 @@ class ThisProcess(Executor):
         except Exception as error:  # noqa: BLE001 - it is the caller's, as with any executor
             future.set_exception(error)
         return future
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import pytest
 from scenarios.definition.check.report import check
 from scenarios.definition.library import DRILLS
 from scenarios.definition.scenario import drills, library, load_scenario, scenario_from_text
+from scenarios.runs.pool import in_this_process
 from scenarios.studies.drills.drill import carry_out_drill, drill_variants, rows_of
 from scenarios.studies.drills.worst import SearchSpan, SoughtBurst, WorstSearch, base_of
 from tests.made.many.planted_faults import PLANTS
@@ -95,7 +96,7 @@ SETTINGS = ("convoy.vehicles=3", "duration_s=12")
 def search() -> WorstSearch:
     """The search whose command stands in the head of the file."""
     base = base_of("lane_change", SETTINGS, None)
-    return WorstSearch(base, BURST, "error_m", lambda _: None, workers=0)
+    return WorstSearch(base, BURST, "error_m", lambda _: None, in_this_process)
 
 
 def test_the_burst_is_at_the_instant_that_was_found() -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.summary import to_json
+from scenarios.runs.pool import in_this_process
 from scenarios.runs.unlogged import run_unlogged
 from scenarios.studies.drills.worst import (
     SearchSpan,
@@ -34,12 +35,12 @@ SCENARIO = BASE.scenario
 def searched(figure: Any, span: SearchSpan, word: str = "error_m") -> WorstInstant:
     """What a search finds where `figure` is that of each instant, without a drive."""
 
-    def run_all(jobs: Mapping[float, Any], _workers: int) -> Iterator[tuple[float, float]]:
+    def run_all(jobs: Mapping[float, Any]) -> Iterator[tuple[float, float]]:
         for at in reversed(jobs):
             yield at, figure(at) if word == "error_m" else -figure(at)
 
     burst = SoughtBurst(for_s=1.0)
-    return WorstSearch(BASE, burst, word, lambda _: None, 0, run_all).look(span)
+    return WorstSearch(BASE, burst, word, lambda _: None, run_all).look(span)
 
 
 SPAN = SearchSpan(from_s=1.0, to_s=11.0, step_s=0.5, finest_s=0.05)
@@ -83,7 +84,7 @@ def test_both_ends_are_looked_at_and_nothing_beyond() -> None:
 def test_a_burst_is_laid_over_what_is_done_anyway() -> None:
     base = base_of("lane_change", (*SHORT, 'change=[{kind="heal", at_s=1.0}]'), 4)
     burst = SoughtBurst(for_s=1.5, links=(("lead", "*"), ("v1", "v2")))
-    search = WorstSearch(base, burst, "error_m", lambda _: None, 0, changes=1)
+    search = WorstSearch(base, burst, "error_m", lambda _: None, in_this_process, changes=1)
     scenario = search.variant(2.25).scenario
     assert scenario.seed == 4
     assert [one.kind for one in scenario.tables.change] == ["heal", "cut", "cut"]
@@ -138,7 +139,7 @@ def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
     own = tmp_path / "mine" / "road.toml"
     own.write_text('extends = "lane_change"\nname = "road"\nduration_s = 8.0\n')
     base = base_of(str(own), ["links.loss_ratio=0.2", "link.0={sender='v1', receiver='v2'}"], 3)
-    search = WorstSearch(base, SoughtBurst(for_s=1.0), "gap_m", lambda _: None, 0)
+    search = WorstSearch(base, SoughtBurst(for_s=1.0), "gap_m", lambda _: None, in_this_process)
     found = WorstInstant(
         word="gap_m", at_s=2.0, figure=6.0, figures={2.0: 6.0}, variant=search.variant(2.0)
     )
@@ -161,7 +162,9 @@ def test_a_figure_is_that_of_the_run_that_the_command_repeats() -> None:
     """The one search here that drives: two instants, in this process."""
     base = base_of("lane_change", ("duration_s=2.5", "convoy.vehicles=2"), None)
     span = SearchSpan(from_s=1.0, to_s=1.5, step_s=0.5, finest_s=0.5)
-    found = WorstSearch(base, SoughtBurst(for_s=1.0), "error_m", lambda _: None, 0).look(span)
+    found = WorstSearch(
+        base, SoughtBurst(for_s=1.0), "error_m", lambda _: None, in_this_process
+    ).look(span)
     again = load_scenario("lane_change", found.variant.overrides, found.variant.seed)
     summary = run_unlogged(again)
     assert to_json(summary) == to_json(found.variant.run())

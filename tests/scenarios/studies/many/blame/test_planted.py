@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from scenarios.runs.pool import warm_workers
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from scenarios.studies.many.blame.rerun import BlameQuestion, drive
@@ -19,7 +20,8 @@ def found_again(convoy: Convoy, case: int, folder: Path, workers: int | None) ->
     """Blame the log of a planted run, and check that it is the burst and nothing else."""
     cause = planted(convoy, case)
     run_virtual(cause.scenario, folder, Stop())
-    found = blame(folder / "run.mcap", LANE, "error", lambda _: None, workers=workers)
+    with warm_workers(workers) as run_all:
+        found = blame(folder / "run.mcap", LANE, "error", lambda _: None, run_all)
     worst = {(one.link, one.number) for one in found.rows[0].losses}
     assert worst & cause.messages, f"case {case}: blames {found.rows[0]}"
     assert found.smallest is not None
