@@ -105,6 +105,7 @@ class Decision:
             situation=self.situation,
             remarks=self.remarks,
             fresh=False,
+            path_offset=self.path_offset,
         )
 
     @property

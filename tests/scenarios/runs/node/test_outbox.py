@@ -276,7 +276,9 @@ def test_on_sent_is_given_what_the_bus_carries() -> None:
         start_at=START,
     )
     box.publish(START, BODY, FIX, DECISION)
-    assert [decode(topic, data) for topic, data, _ in seen] == bus.published
+    # As bytes: a number that is not known is unlike itself.
+    assert [data for _, data, _ in seen] == [encode(message) for message in bus.published]
+    assert [encode(message) for *_, message in seen] == [data for _, data, _ in seen]
     assert [message.seq for _, _, message in seen] == [message.seq for message in bus.published]
 
 

@@ -89,7 +89,7 @@ def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_ru
     assert lost - 1 <= found["smallest"]["messages"] <= lost  # one may be under way at the end
 
     assert refused(convoy("blame", log, "--out", out)) == (
-        f"{out / 'blame.png'}: exists; give another folder by --out"
+        f"{out / 'blame.png'}: exists; give another place"
     )
 
 
