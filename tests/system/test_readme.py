@@ -14,9 +14,12 @@ from pydantic import BaseModel
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.refusal import models_of
 from scenarios.definition.schema.links import LinkTable
+from tests.made.scenarios.known_runs import SETTINGS
 
 README = Path(__file__).parents[2] / "README.md"
 SHORT = ["--set", "duration_s=2"]
+TWO_CARS = "--set duration_s=2.5 --set convoy.vehicles=2"
+BEND = " ".join(f'--set "{one}"' for one in SETTINGS)
 NOT_HERE = {
     "--rerun spawn": "--rerun save=live.rrd --clock virtual",  # needs a display
     "run lossy_lane_change": "run lossy_lane_change --clock virtual",
@@ -27,6 +30,14 @@ NOT_HERE = {
     "convoy gains": "convoy gains --speed 30",
     "convoy channel figure": "convoy channel figure --quick",
     "--cuts 20": "--cuts 2",
+    "sweep lossy_lane_change": f"sweep lossy_lane_change {TWO_CARS}",
+    "0:0.9:0.1": "0:0.9:0.9",
+    "8,15,35 --seeds 20": "8,35 --seeds 1",
+    "--limit lane --out many/boundary": f"--limit error_m=1 --to 0.2 --seeds 4 {BEND} --out b",
+    "risk lossy_lane_change": f"risk lossy_lane_change --runs 20 {TWO_CARS}",
+    "blame runs/lossy": "blame runs/lossy --runs 12",
+    "convoy drill": "convoy drill lead_lost",
+    "convoy worst lane_change": f"convoy worst lane_change --from 1s --to 1.2s {TWO_CARS}",
     "convoy reproduce": "convoy reproduce --case propagation",  # all takes up to two minutes
 }
 """What a test replaces, and by what."""
