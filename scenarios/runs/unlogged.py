@@ -1,5 +1,7 @@
 """A virtual run of which nothing is written: the same figures as those of a logged run."""
 
+from collections.abc import Callable
+
 from scenarios.definition.scenario import Scenario
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
 from scenarios.results.log_summary import silent_links, summarise
@@ -9,6 +11,7 @@ from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual import VirtualConvoy
+from transport.bus.bus import Bus
 from transport.topics import CONDUCTOR
 from vehicles.messages import GpsPose, Message, RunStart
 from vehicles.schedule import nanoseconds
@@ -17,15 +20,15 @@ from vehicles.schedule import nanoseconds
 class FiguresSink:
     """Publishes poses for the convoy and gives all messages to the figures, not encoded."""
 
-    def __init__(self, vehicle: str, run: "UnloggedRun") -> None:
-        self._run = run
-        self._to_convoy = BusSink(vehicle, run.convoy.bus)
+    def __init__(self, vehicle: str, bus: Bus, take: Callable[[Message], None]) -> None:
+        self._to_convoy = BusSink(vehicle, bus)
+        self._take = take
 
     def send(self, message: Message) -> None:
         """Take one message; a pose waits until `flush`."""
         if isinstance(message, GpsPose):
             self._to_convoy.send(message)
-        self._run.take(message)
+        self._take(message)
 
     def flush(self) -> None:
         """Publish the poses that wait."""
@@ -56,7 +59,7 @@ class UnloggedRun:
         self._metrics.add(
             RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=start_at, run_id=identity.run_id)
         )
-        nodes = self.convoy.build(lambda vehicle: FiguresSink(vehicle, self))
+        nodes = self.convoy.build(lambda vehicle: FiguresSink(vehicle, self.convoy.bus, self.take))
         try:
             self.convoy.run(self._stop)
         except VehicleFaultError as fault:

@@ -8,7 +8,7 @@ import click
 
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import engine, engine_options
+from scenarios.cli.many.options import engine, engine_options, overrides_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,10 +31,7 @@ Examples:
 )
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]…", shell_complete=completion.drills)
 @click.option("--list", "as_list", is_flag=True, help="Name the drills that ship; drive none.")
-@click.option(
-    "--set", "overrides", multiple=True, metavar="KEY=VALUE", shell_complete=completion.settings,
-    help="Override a value of each drill. May be repeated.",
-)  # fmt: skip
+@overrides_option
 @click.option(
     "--seeds", type=click.IntRange(1, 100_000), metavar="N",
     help="Drive each with the seeds 1 to N; its figure is the worst. By default its own seed.",

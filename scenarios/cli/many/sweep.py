@@ -8,7 +8,7 @@ import click
 
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import engine_options
+from scenarios.cli.many.options import engine_options, overrides_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -75,14 +75,7 @@ Figures are the numbers of summary.json (`convoy reference fields`):
     help="lane, collision, near_miss, path_lost, error_m=NUMBER or gap_m=NUMBER: the share of runs"
     " that break it. May be repeated.",
 )
-@click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="KEY=VALUE",
-    shell_complete=completion.settings,
-    help="Override a scenario value in all runs. May be repeated.",
-)
+@overrides_option
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),

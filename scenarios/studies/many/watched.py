@@ -14,12 +14,12 @@ from scenarios.results.encounters import Encounters, Episode
 from scenarios.results.events import LaneWatch, PathWatch, sizes_of
 from scenarios.results.limits import collision_ends_run
 from scenarios.runs.node.fault import VehicleFaultError
-from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import EXIT_FAILED, Stop
+from scenarios.runs.unlogged import FiguresSink
 from scenarios.runs.virtual import Branch, VirtualConvoy
 from scenarios.studies.many.limit import EVENTS, Limit
 from vehicles.geometry.driven_path import CrossTrackError
-from vehicles.messages import GpsPose, Message, Tracking, TruePose
+from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 Measure = Literal["limit", "silence"]
@@ -182,22 +182,6 @@ def watch_of(limit: Limit, scenario: Scenario) -> Watch:
     return GapWatch(scenario, EVENTS[limit.word])
 
 
-class _WatchSink:
-    """Publishes poses for the convoy, and shows all messages to the run."""
-
-    def __init__(self, vehicle: str, run: "WatchedRun") -> None:
-        self._run = run
-        self._to_convoy = BusSink(vehicle, run.convoy.bus)
-
-    def send(self, message: Message) -> None:
-        if isinstance(message, GpsPose):
-            self._to_convoy.send(message)
-        self._run.take(message)
-
-    def flush(self) -> None:
-        self._to_convoy.flush()
-
-
 class WatchedRun:
     """A virtual run without a log that is watched for one limit, and ends when it is broken.
 
@@ -248,7 +232,7 @@ class WatchedRun:
 
     def run(self) -> Watched:
         """Run until the limit is broken, or to the end."""
-        self.convoy.build(lambda vehicle: _WatchSink(vehicle, self))
+        self.convoy.build(lambda vehicle: FiguresSink(vehicle, self.convoy.bus, self.take))
         try:
             self.convoy.run(self._stop)
         except VehicleFaultError as fault:
