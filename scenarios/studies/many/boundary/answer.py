@@ -2,13 +2,14 @@
 
 import time
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, isfinite
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.runs.pool import RunAll
 from scenarios.studies.many.boundary.curve import Place, ShareCurve, SharePoint
 from scenarios.studies.many.boundary.search import Bracket, NoBoundaryError, bracket
 from scenarios.studies.many.limit import Limit
@@ -16,9 +17,6 @@ from scenarios.studies.many.variant import Variant
 from scenarios.studies.many.watched import watched
 
 MOST_VALUES = 100_000
-
-RunAll = Callable[[Mapping[Place, Callable[[], Any]]], Iterator[tuple[Place, Any]]]
-"""Does jobs, and gives each result with the key of its job as soon as it is there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,12 +1,13 @@
 """The probability that one run breaks a limit: by counting runs, or by splitting them."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
-from typing import Any, Literal
+from typing import Literal
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.runs.pool import RunAll
 from scenarios.studies.many.intervals import clopper_pearson
 from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.risk.branched import RiskEstimate, Splitting, repeated
@@ -15,8 +16,6 @@ from scenarios.studies.many.variant import Variant
 from scenarios.studies.many.watched import Measure, watched, with_seed
 
 Method = Literal["counting", "splitting", "auto"]
-RunAll = Callable[[Mapping[int, Callable[[], Any]]], Iterator[tuple[int, Any]]]
-"""Does jobs, and gives each result with the key of its job as soon as it is there."""
 BATCH = 20
 """Runs that one job counts."""
 FIRST_RUNS, FEW = 200, 5
