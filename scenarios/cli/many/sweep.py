@@ -156,8 +156,7 @@ def _table(table: "SweepTable", number: int) -> "Table":
     headings += ["errors"] if table.errors else []
     for figure in figures:
         headings += ["median", "5 %", "95 %", "least" if figure.is_worst_when_least else "largest"]
-    for limit in limits:
-        headings += [str(limit).replace("=", "=\n") + "\nbroken\n%", "95 %\ninterval"]
+    headings += ["limit\nbroken\n%", "95 %\ninterval"] if limits else []
     headings += [] if number else ["worst\nseed"]
     for heading in headings:
         shown.add_column(heading, justify="right", no_wrap=True, max_width=WIDEST)

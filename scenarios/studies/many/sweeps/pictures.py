@@ -7,6 +7,7 @@ distribution over the seeds.
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,10 @@ MOST_PANELS = 12
 PANEL_IN = (4.0, 3.2)
 MOST_LABELS = 12
 """Values that an axis is labelled with."""
+MOST_NUMBERS = 40
+"""Cells that are large enough to have their value written into them."""
+BRIGHT = 0.6
+"""Share of the colours from which on black is read better than white."""
 MOST_NAMED = 8
 """Cells with a name of their own in the legend."""
 
@@ -49,7 +54,7 @@ def _panels(table: SweepTable) -> Iterator[SweepPanel]:
     for number, limit in enumerate(table.plan.limits):
         shares = [cell.limits[number] for cell in table.cells]
         yield SweepPanel(
-            title=f"share of runs that break {limit}",
+            title=f"share of runs that break {limit} (line: half)",
             values=_numbers(share.ratio for share in shares),
             low=_numbers(share.low for share in shares),
             high=_numbers(share.high for share in shares),
@@ -58,12 +63,14 @@ def _panels(table: SweepTable) -> Iterator[SweepPanel]:
         )
     for number, figure in enumerate(table.plan.figures):
         spreads = [cell.figures[number] for cell in table.cells]
+        bound = _bound_of(figure.name, table.plan.limits)
+        line = "" if bound is None else f" (line: {bound:g})"
         yield SweepPanel(
-            title=f"{figure.name}, median",
+            title=f"{figure.name}, median{line}",
             values=_numbers(spread.median for spread in spreads),
             low=_numbers(spread.p5 for spread in spreads),
             high=_numbers(spread.p95 for spread in spreads),
-            bound=_bound_of(figure.name, table.plan.limits),
+            bound=bound,
             is_share=False,
         )
 
@@ -148,12 +155,27 @@ def _heat(
     if panel.bound is not None and min(grid.shape) > 1:
         inside = grid[np.isfinite(grid)]
         if inside.size and inside.min() < panel.bound < inside.max():
-            drawn = place.contour(x, y, grid, levels=[panel.bound], colors=[RED], linewidths=1.6)
-            place.clabel(drawn, fmt=f"{panel.bound:g}", fontsize=7.5)
+            place.contour(x, y, grid, levels=[panel.bound], colors=[RED], linewidths=1.6)
+    if grid.size <= MOST_NUMBERS:
+        _number(place, x.tolist(), y.tolist(), grid, share=panel.is_share)
     place.set_xticks(*_labels(along))
     place.set_yticks(*_labels(up))
     place.set(xlabel=along.key, ylabel=up.key, title=panel.title)
     place.grid(visible=False)
+
+
+def _number(
+    place: Axes, x: Sequence[float], y: Sequence[float], grid: NDArray[np.float64], *, share: bool
+) -> None:
+    """Write each cell's value into it: a share in percent, a figure to two digits."""
+    known = grid[np.isfinite(grid)]
+    bright = 1.0 if share else float(known.max(initial=0.0))
+    for up, row in zip(y, grid.tolist(), strict=True):
+        for along, value in zip(x, row, strict=True):
+            if isfinite(value):
+                text = f"{100.0 * value:.0f} %" if share else f"{value:.2g}"
+                ink = "black" if value > BRIGHT * bright else "white"
+                place.text(along, up, text, color=ink, ha="center", va="center", fontsize=7.0)
 
 
 def _ends(panel: SweepPanel) -> tuple[float, float]:
