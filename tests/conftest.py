@@ -13,7 +13,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.made.examples import CAMPAIGN
+
 settings.register_profile("deterministic", derandomize=True, deadline=None)
+settings.register_profile(CAMPAIGN, derandomize=True, deadline=None)
 settings.register_profile("explore", derandomize=False, deadline=None, max_examples=1000)
 settings.load_profile("deterministic")
 
@@ -34,8 +37,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """`@pytest.mark.campaign(few, all)`: as many random cases by default, and in a campaign.
 
-    A test gets the number as `campaign`, or is run as often, each time with another `case`.
+    A test gets the number as `campaign`, or is run as often, each time with another `case`. Of a
+    property under `examples(few, all)` as many examples are tried.
     """
+    if config.getoption("--campaign"):
+        settings.load_profile(CAMPAIGN)
     config.addinivalue_line("markers", "campaign(few, all): random cases, and with --campaign")
     config.addinivalue_line("markers", "long: takes more than ten seconds and is begun early")
 

@@ -15,7 +15,7 @@ from vehicles.schedule import SECOND
 
 NO_FLAGS = {"connect": (), "listen": (), "config": None, "cfg": (), "mode": None}
 CONFIRMED_MS = 100.0
-DURATION_S = 18.0
+DURATION_S, BETWEEN_S = 13.0, 0.6
 SESSION = (
     {"kind": "link", "sender": "v1", "receiver": "v3", "loss_ratio": 0.3, "latency_ms": 200.0},
     {"kind": "cut", "for_s": 0.5},
@@ -26,7 +26,7 @@ SESSION = (
     {"kind": "cut", "sender": "lead", "receiver": "v4"},
     {"kind": "speed", "speed_mps": 25.0},
     {"kind": "heal"},
-    {"kind": "crash", "vehicle": "v4", "for_s": 4.0},
+    {"kind": "crash", "vehicle": "v4", "for_s": 3.0},
 )
 """Ten changes, one after the other."""
 Verdicts = dict[tuple[str, str, int], tuple[str, str, int]]
@@ -60,7 +60,7 @@ def test_a_session_is_confirmed_at_once_logged_and_repeated(tmp_path: Path) -> N
                 effects += [
                     (one.vehicle, one.said.from_s) for one in answers if one.said and one.said.does
                 ]
-                sleep(1.0)
+                sleep(BETWEEN_S)
         assert convoy.wait() == 0
     assert sorted(took_ms)[len(took_ms) // 2] < CONFIRMED_MS
     assert max(took_ms) < 10 * CONFIRMED_MS  # on a machine that has other things to do

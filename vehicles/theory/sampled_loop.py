@@ -189,7 +189,10 @@ class _Steps:
         self._motion = np.zeros((7, 7))
         self._motion[CAR, CAR] = constant + inverse_speed / speed
         self._motion[CAR, COMMAND] = steering_input(loop.parameters)
+        # The same few spans come again and again in a period.
         self._flows: dict[Fraction, Array] = {}
+        self._moves: dict[tuple[Fraction, bool], Array] = {}
+        self._decisions: dict[Fraction, Array] = {}
 
     def over_a_period(self) -> Iterator[Array]:
         """Give the maps of the events and of the time between them, in their order."""
@@ -203,12 +206,12 @@ class _Steps:
             kinds = [(now * rate).denominator == 1 for rate in self._rates]
             if len(kinds) > 1:
                 if kinds[1] or kinds[2]:
-                    yield self._moved(float(now - estimated_at), read=kinds[1])
+                    yield self._moved(now - estimated_at, read=kinds[1])
                     estimated_at = now
                 if kinds[2]:
                     yield self._fixed()
             if kinds[0]:
-                yield self._decided(float(now - estimated_at))
+                yield self._decided(now - estimated_at)
             yield self._flow(after - now)
 
     def _last_estimated(self) -> Fraction:
@@ -222,8 +225,13 @@ class _Steps:
             self._flows[span] = flow
         return self._flows[span]
 
-    def _moved(self, span: float, *, read: bool) -> Array:
+    def _moved(self, span: Fraction, *, read: bool) -> Array:
         """Dead reckoning over `span`, up to a reading or by the last one."""
+        if (span, read) not in self._moves:
+            self._moves[span, read] = self._reckoned(float(span), read=read)
+        return self._moves[span, read]
+
+    def _reckoned(self, span: float, *, read: bool) -> Array:
         step = np.eye(SIZE)
         if read:
             step[READING] = 0.0
@@ -254,8 +262,13 @@ class _Steps:
             step[row, :2] += gain
         return step
 
-    def _decided(self, span: float) -> Array:
+    def _decided(self, span: Fraction) -> Array:
         """The command from the estimate, or from the state itself."""
+        if span not in self._decisions:
+            self._decisions[span] = self._commanded(span)
+        return self._decisions[span]
+
+    def _commanded(self, span: Fraction) -> Array:
         step, gains = np.eye(SIZE), self._loop.gains
         row = np.zeros(SIZE)
         if self._loop.imu_hz is None:

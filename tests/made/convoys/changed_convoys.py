@@ -11,11 +11,11 @@ from scenarios.runs.node.fault import stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.replayed import ReplayedNode
-from scenarios.runs.node.sink import BusSink
+from scenarios.runs.rehearsal import RehearsalSink
 from scenarios.runs.step_order import Stepper, steps_in_order
+from transport.bus.bus import Bus
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick
-from transport.topics import Topic
 from vehicles.messages import Message, TruePose
 
 ROAD = """
@@ -38,6 +38,19 @@ def changed(*changes: str, rest: str = "", overrides: Sequence[str] = ()) -> Sce
     return scenario_from_text(f"{ROAD}\n{rest}\n{entries}", overrides=overrides)
 
 
+class Noted(RehearsalSink):
+    """Keeps all messages, in the order in which they were sent."""
+
+    def __init__(self, vehicle: str, bus: Bus, sent: list[Message]) -> None:
+        super().__init__(vehicle, bus, lambda _: None)
+        self._sent = sent
+
+    def send(self, message: Message) -> None:
+        """Take one message; a pose waits until `flush`."""
+        self._sent.append(message)
+        super().send(message)
+
+
 @dataclass
 class ChangedConvoy:
     """A convoy in virtual time: its nodes, and all messages in the order in which they were sent.
@@ -57,13 +70,9 @@ class ChangedConvoy:
         for name, builder in self.builders.items():
             self.put(name, builder.node(self.start_at, self.sink(name), NoProbe()))
 
-    def sink(self, name: str) -> BusSink:
-        """Where the messages of a vehicle go."""
-
-        def note(_topic: Topic, _data: bytes, message: Message) -> None:
-            self.sent.append(message)
-
-        return BusSink(name, self.bus, note)
+    def sink(self, name: str) -> RehearsalSink:
+        """Where the messages of a vehicle go; only poses are encoded, which the others hear."""
+        return Noted(name, self.bus, self.sent)
 
     def put(self, name: str, node: Node | ReplayedNode) -> None:
         """Let `node` be the vehicle from now on."""

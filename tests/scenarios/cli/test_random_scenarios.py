@@ -5,6 +5,8 @@
 
 import json
 from collections import Counter, defaultdict
+from collections.abc import Iterator
+from functools import cache
 from math import isfinite
 from pathlib import Path
 from random import Random
@@ -14,6 +16,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
+from scenarios.definition.check import sampled_loop
+from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from tests.made.scenarios.broken_scenarios import ODD_TRACES, broken
 from tests.made.scenarios.drawn_scenarios import DrawnScenario, drawn_scenario
@@ -32,6 +36,14 @@ COUNTED = {
     "near_misses_max": "near_miss",
     "paths_lost_max": "path_lost",
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def each_remedy_is_sought_once() -> Iterator[None]:
+    """`check` and `run` say the same of one car: seconds of search, if its loop is far off."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sampled_loop, "_remedy", cache(sampled_loop._remedy))
+        yield
 
 
 def convoy(*arguments: str | Path) -> Result:
@@ -87,11 +99,14 @@ def test_a_drawn_scenario_is_run_and_told_truthfully(case: int, tmp_path: Path) 
 
 
 def test_most_of_what_is_drawn_can_be_run(tmp_path: Path) -> None:
-    refused = Counter(
-        convoy("check", drawn.write(tmp_path), *drawn.settings).exit_code
-        for drawn in map(drawn_scenario, map(Random, range(12)))
-    )
-    assert refused[2] < 0.3 * refused.total()
+    """Whether it can is what loading says, and the test above that it says the same."""
+    count, refused = 24, 0
+    for drawn in map(drawn_scenario, map(Random, range(count))):
+        try:
+            load_scenario(drawn.write(tmp_path), drawn.overrides)
+        except ScenarioError:
+            refused += 1
+    assert refused < 0.3 * count
 
 
 def assert_refused(result: Result, folder: Path) -> None:

@@ -98,9 +98,13 @@ def test_messages_that_are_sent_more_rarely_are_older() -> None:
     assert (uneven.rate_hz, uneven.age_ms_mean) == (5.0, None)
 
 
+THREE = "convoy.vehicles=3"
+"""Links past nobody, and past one car."""
+
+
 @pytest.mark.parametrize("name", [*presets(), *library()])
 def test_every_law_of_what_ships_has_words_and_a_key(name: str) -> None:
-    shipped = load_scenario(name) if name in library() else scenario(f"links.preset={name}")
+    shipped = load_scenario(name) if name in library() else scenario(THREE, f"links.preset={name}")
     for asked in asked_links(shipped)[0]:
         assert asked.rules
         assert asked.laws

@@ -22,7 +22,7 @@ CASES = [
 FRICTION, STEERING_RATE, CONTROL_S = 0.9, 1.18, 0.02
 
 
-@pytest.mark.campaign(2, 55)
+@pytest.mark.campaign(1, 55)
 def test_friction_and_steering_rate_are_kept_and_slides_and_departures_said(
     case: int, tmp_path: Path
 ) -> None:

@@ -20,7 +20,7 @@ def test_followers_stay_on_the_path_of_a_lead_with_real_corners(
     name: str, campaign: int, tmp_path: Path
 ) -> None:
     for seed in range(1, campaign + 1):
-        trial = rehearse(convoy_on(name, tmp_path, seed=seed, vehicles=8 if campaign > 1 else 4))
+        trial = rehearse(convoy_on(name, tmp_path, seed=seed, vehicles=8 if campaign > 1 else 3))
         assert max(trial.cross_track) < WITHIN_M, (seed, trial.cross_track)
         half = len(trial.cross_track) // 2
         growth = np.mean(trial.cross_track[-half:]) - np.mean(trial.cross_track[:half])

@@ -34,11 +34,11 @@ from vehicles.messages import GpsPose, TruePose
 
 WITHIN_M = 0.5
 DRIVEN = (
-    "utm",
     "hole of 50 m on an arc, nmea",
-    "jumps",
     "standing start, utm",
     "all of it",
+    "utm",
+    "jumps",
 )
 
 
@@ -46,8 +46,9 @@ def convoy(*arguments: str | Path) -> Result:
     return CliRunner().invoke(cli, list(map(str, arguments)))
 
 
-@pytest.mark.parametrize("name", DRIVEN)
-def test_a_convoy_follows_a_rough_drive_to_its_end(tmp_path: Path, name: str) -> None:
+@pytest.mark.campaign(3, len(DRIVEN))
+def test_a_convoy_follows_a_rough_drive_to_its_end(tmp_path: Path, case: int) -> None:
+    name = DRIVEN[case]
     file = tmp_path / "rough.toml"
     file.write_text(text_of(CASES[name][0], tmp_path, "[convoy]\nvehicles = 3\n"))
     done = convoy("run", file, "--clock", "virtual", "--quiet", "--out", tmp_path / "run")
@@ -147,7 +148,8 @@ def test_followers_hear_a_replayed_vehicle_as_any_other(tmp_path: Path) -> None:
 
 
 def test_a_run_with_a_replay_is_in_its_log_and_the_same_again(tmp_path: Path) -> None:
-    scenario = with_two(tmp_path)
+    text = two_drives(tmp_path)
+    scenario = scenario_from_text(text, overrides=["duration_s=8"], folder=tmp_path)
     again = scenario_from_text(scenario.text)  # without the files
     assert again.text == scenario.text
     one, other = rehearse(scenario), rehearse(again)

@@ -10,6 +10,7 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.stop import Stop
+from scenarios.runs.unlogged import run_unlogged
 from scenarios.runs.virtual import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
 from transport.log.reader import LogReader
@@ -59,7 +60,7 @@ def log(folder: Path) -> bytes:
 
 @pytest.mark.parametrize("changes", CASES.values(), ids=CASES)
 def test_it_drives_and_the_same_again(changes: tuple[str, ...], tmp_path: Path) -> None:
-    scenario = made(*changes)
+    scenario = made(*changes, "convoy.vehicles=3", seconds=3.0)
     summary = ran(scenario, tmp_path / "one")
     assert (summary.outcome, summary.holes) == ("completed", ())
     assert not summary.recorder_rejected_messages
@@ -125,17 +126,17 @@ def test_a_plain_scenario_has_the_schedule_that_it_had() -> None:
     }
 
 
-def test_late_fixes_cost_little(tmp_path: Path) -> None:
+def test_late_fixes_cost_little() -> None:
     """A tenth of a second is 3 m at 30 m/s: not taken for its own place by any car."""
     found = {}
     for latency in (0, 100):
         scenario = load_scenario("lane_change", ["duration_s=12", f"gnss.latency_ms={latency}"])
-        summary = ran(scenario, tmp_path / str(latency))
+        summary = run_unlogged(scenario)
         found[latency] = max(row.cross_track_error_m_max or 0.0 for row in summary.vehicles)
     assert found[100] < found[0] + 0.05
 
 
-def test_a_common_error_moves_nobody_against_another(tmp_path: Path) -> None:
+def test_a_common_error_moves_nobody_against_another() -> None:
     """Followers of a lead that strays by metres stray with it; errors of their own part them.
 
     A convoy is no point: the error drifts on by a decimetre while the last car comes to where the
@@ -145,7 +146,7 @@ def test_a_common_error_moves_nobody_against_another(tmp_path: Path) -> None:
     for key, deviation in (("common_drift", 0.0), ("common_drift", 3.0), ("drift", 3.0)):
         change = f"gnss.{key}={{deviation_m={deviation}, time_constant_s=10000.0}}"
         scenario = load_scenario("lane_change", ["duration_s=12", change])
-        summary = ran(scenario, tmp_path / f"{key}{deviation}")
+        summary = run_unlogged(scenario)
         worst = max(row.cross_track_error_m_max or 0.0 for row in summary.vehicles)
         found[key, deviation] = worst
     assert found["common_drift", 3.0] < found["common_drift", 0.0] + 0.15

@@ -6,7 +6,7 @@ import pickle
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.runs.node.fault import VehicleFaultError
@@ -15,6 +15,7 @@ from scenarios.runs.node.phases import BRAKING, Down
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.step_order import steps_in_order
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
+from tests.made.examples import examples
 from transport.codec import encode
 from transport.topics import valid_at
 from vehicles.messages import (
@@ -269,7 +270,7 @@ def test_a_clock_that_is_off_by_ten_seconds_is_heard_all_the_same(offset_ms: flo
         assert run.nodes[name].inbox.heard > 100
 
 
-@settings(max_examples=12, deadline=None)
+@examples(5, 12)
 @given(
     at_s=st.integers(50, 350).map(lambda k: k / 100.0),
     for_s=st.integers(100, 250).map(lambda k: k / 100.0),

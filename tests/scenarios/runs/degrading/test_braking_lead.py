@@ -107,7 +107,7 @@ def test_gaps_do_not_grow_along_eight_vehicles_that_hear_only_the_one_ahead(
         f'[[link]]\nsender = "v1"\nreceiver = "v{place}"\n{silence}\n' for place in range(3, 9)
     )
     first = f"gap_m = {gap}" if followers == "same" else ""
-    text = CHAIN.format(duration_s=40.0, gap=first, followers=followers, links=links)
+    text = CHAIN.format(duration_s=32.0, gap=first, followers=followers, links=links)
     truth = drive(scenario_from_text(text)).truth
     gaps = [
         [one.east_m - other.east_m for one, other in zip(truth[ahead], truth[behind], strict=True)]

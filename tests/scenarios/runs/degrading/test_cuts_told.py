@@ -10,10 +10,7 @@ from random import Random
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.sink import BusSink
-from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import VirtualConvoy
-from transport.topics import Topic
+from scenarios.runs.rehearsal import overhear
 from vehicles.messages import Command, LogText, Message, Mode, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -73,9 +70,9 @@ def cut(case: int) -> Cut:
             *(f"vehicle.v{k}.transmitter_off={off}" for k in (1, 2, 3)),
         ],
     )
-    convoy, followers = VirtualConvoy(scenario), {name: Told() for name in ("v2", "v3", "v4")}
+    followers = {name: Told() for name in ("v2", "v3", "v4")}
 
-    def record(_topic: Topic, _data: bytes, message: Message) -> None:
+    def record(message: Message) -> None:
         told = followers.get(message.vehicle, Told())
         match message:
             case TruePose():
@@ -87,8 +84,7 @@ def cut(case: int) -> Cut:
             case LogText():
                 told.lines.append(message.text)
 
-    convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record))
-    convoy.run(Stop())
+    overhear(scenario, record)
     return Cut(scenario, cut_s, back_s, followers)
 
 

@@ -5,10 +5,8 @@ import pytest
 from scenarios.definition.library import library
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.assembly.drivers import DriverBuilder
-from scenarios.runs.node.sink import BusSink
-from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import VirtualConvoy
-from transport.topics import Topic
+from scenarios.runs.rehearsal import overhear
+from transport.codec import encode
 from vehicles.driver.degradation.trust.beliefs import Beliefs
 from vehicles.messages import Command, LogText, Message
 from vehicles.schedule import SECOND
@@ -18,19 +16,17 @@ WORDS = ("not believed", "over-confident", "believed again")
 
 def driven(scenario: Scenario) -> tuple[list[str], list[bytes]]:
     """What was said of sources, by whom and when (s), and all commands as they went out."""
-    convoy = VirtualConvoy(scenario)
     said: list[str] = []
     commands: list[bytes] = []
 
-    def record(_topic: Topic, data: bytes, message: Message) -> None:
+    def record(message: Message) -> None:
         if isinstance(message, Command):
-            commands.append(data)
+            commands.append(encode(message))
         elif isinstance(message, LogText) and any(word in message.text for word in WORDS):
             at = (message.logged_at_ns - scenario.start_at_ns) / SECOND
             said.append(f"{at:.2f} {message.vehicle}: {message.text}")
 
-    convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record))
-    convoy.run(Stop())
+    overhear(scenario, record)
     return said, commands
 
 

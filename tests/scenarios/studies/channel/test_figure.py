@@ -1,6 +1,7 @@
 """`convoy channel figure` on a few drives: picture, twin and table."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -80,7 +81,9 @@ def test_the_command_takes_few_drives_if_it_is_to_be_quick(
 ) -> None:
     few = sum(len(QUICK.seeds(channel)) for channel in QUICK.channels)
     assert few < 0.05 * sum(len(Plan().seeds(channel)) for channel in Plan().channels)
-    monkeypatch.setattr(drives, "QUICK", SMALL)
+    monkeypatch.setattr(
+        drives, "QUICK", replace(SMALL, loss_ratios=(0.6,), bursts_messages=(16.0,))
+    )
     monkeypatch.setattr(drives, "Plan", lambda: pytest.fail("the whole figure"))
     arguments = ["channel", "figure", "--quick", "--out", str(tmp_path / "quick")]
     result = CliRunner().invoke(cli, arguments)

@@ -84,8 +84,9 @@ def test_a_loss_is_told_from_what_earlier_laws_left_of_it() -> None:
     assert fit_link(draw(np.random.default_rng(1))).keys["rate_hz"] == pytest.approx(10.0)
 
 
+@pytest.mark.campaign(2, 4)
 @pytest.mark.parametrize("kind", ["gamma", "lognormal", "normal"])
-def test_a_law_of_delay_is_found_with_its_floor(kind: str) -> None:
+def test_a_law_of_delay_is_found_with_its_floor(kind: str, campaign: int) -> None:
     floor, mean, count = 20.0, 40.0, 4000
     deviation = 8.0 if kind == "normal" else 25.0
 
@@ -99,7 +100,7 @@ def test_a_law_of_delay_is_found_with_its_floor(kind: str) -> None:
             return floor + random.lognormal(middle, sqrt(variance), count)
         return floor + random.normal(mean, deviation, count)
 
-    for seed in range(4):
+    for seed in range(campaign):
         delays = draw(np.random.default_rng(seed))
         fitted = fit_link(link([""] * count, delays))
         found = fitted.keys["latency_ms"] + fitted.keys["delay"]["mean_ms"]
@@ -121,7 +122,7 @@ def test_one_delay_is_the_latency_alone() -> None:
 
 
 def test_correlated_delays_are_found_so() -> None:
-    random, count, rho = np.random.default_rng(8), 5000, 0.6
+    random, count, rho = np.random.default_rng(8), 2500, 0.6
     normal = np.empty(count)
     normal[0] = random.standard_normal()
     for k in range(1, count):
@@ -133,7 +134,7 @@ def test_correlated_delays_are_found_so() -> None:
 
 
 def test_delays_in_order_are_found_behind_those_that_waited() -> None:
-    random, count = np.random.default_rng(5), 6000
+    random, count = np.random.default_rng(5), 3000
     own = 20.0 + random.gamma(2.25, 60.0 / 2.25, count)
     sent = np.arange(count) * PERIOD * 1e3
     fitted = fit_link(link([""] * count, np.maximum.accumulate(sent + own) - sent))

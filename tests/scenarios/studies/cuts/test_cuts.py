@@ -11,7 +11,7 @@ import pytest
 from scenarios.studies.cuts.campaign import LONG_S, drawn
 from scenarios.studies.cuts.cut import LinkCut, carry_out
 
-FEW, ALL = 8, 1000
+FEW, ALL = 4, 1000
 INSIDE_M = 0.3
 BLIND_SHARE, BLIND_M = 0.05, 0.5
 """Blind metres are what was predicted to so much of them, or so many metres where they are few."""

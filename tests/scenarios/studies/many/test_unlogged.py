@@ -10,13 +10,13 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.unlogged import run_unlogged
 from scenarios.runs.virtual import run_virtual
 
-SHORT = "duration_s=8.0"
+SHORT, LONGER = "duration_s=4.0", "duration_s=8.0"
 CASES = {
     "clean": ("lane_change", [SHORT]),
     "lossy": ("lossy_lane_change", [SHORT]),
     "ends at a collision": (
         "lane_change",
-        [SHORT, "links.loss_ratio=0.95", "limits.collisions_max=0", "convoy.gap_m=6"],
+        [LONGER, "links.loss_ratio=0.95", "limits.collisions_max=0", "convoy.gap_m=6"],
     ),
     "breaks a limit": ("lossy_lane_change", [SHORT, "limits.cross_track_error_m_max=0.001"]),
     "links that are silent": (

@@ -111,11 +111,12 @@ LAWS: list[tuple[tuple[Effect, ...], tuple[Effect, ...]]] = [
 ]
 
 
+@pytest.mark.campaign(15_000, 40_000)
 @pytest.mark.parametrize(("losses", "delays"), LAWS)
 def test_the_law_agrees_with_a_receiver_that_looks_at_its_clock(
-    losses: tuple[Effect, ...], delays: tuple[Effect, ...]
+    losses: tuple[Effect, ...], delays: tuple[Effect, ...], campaign: int
 ) -> None:
-    messages = 40_000
+    messages = campaign
     link = Link((*losses, Latency(20 * MILLISECOND), *delays), 3, "v1", "v2")
     spread = sum(one.spread for one in delays if isinstance(one, Jitter))
     each = 40 if delays else 1

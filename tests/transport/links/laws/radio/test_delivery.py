@@ -151,7 +151,8 @@ def test_vehicles_in_between_cost_what_is_known(which: str, campaign: int) -> No
 
 @pytest.mark.parametrize("way", [100.0, 800.0, 1_500.0, 2_500.0])
 def test_in_sight_the_other_curve_holds(way: float) -> None:
-    heard = sum(behind(0).judge(DRAW, apart(seq, way, 62.5 * seq)) == 0 for seq in range(800))
+    law = behind(0)
+    heard = sum(law.judge(DRAW, apart(seq, way, 62.5 * seq)) == 0 for seq in range(800))
     expected = received(way, 0.0, sight=True)
     error = sqrt(expected * (1.0 - expected) / 800)
     assert abs(heard / 800 - expected) <= 4.5 * error + 1e-9
