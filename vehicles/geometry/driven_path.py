@@ -121,8 +121,15 @@ class CrossTrackError:
         follower = self._followers.get(vehicle)
         if follower is None:
             follower = self._followers[vehicle] = _Follower()
-        follower.waiting.append(_Place(vehicle, at, east, north))
-        return self._feet(follower) if self._chords else []
+        place = _Place(vehicle, at, east, north)
+        if follower.waiting or follower.left_behind or not self._chords:
+            follower.waiting.append(place)
+            return self._feet(follower) if self._chords else []
+        foot = self._foot(follower, place)
+        if foot is None:
+            follower.waiting.append(place)
+            return []
+        return [] if self._chords[follower.index].guessed else [foot]
 
     def _extend(self, pose: TruePose) -> bool:
         """Lengthen the lead's path to `pose`, unless the lead stood still."""
