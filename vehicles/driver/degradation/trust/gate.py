@@ -111,6 +111,7 @@ class InnovationGate:
         self._heard: deque[Fix] = deque(maxlen=2)
         self._known: tuple[Fix, Fix, Innovation] | None = None
         self._squares: deque[float] = deque(maxlen=WINDOW)
+        self._counted: deque[float] = deque(maxlen=WINDOW)
         self._inflation = 1.0
         self._place: Fix | None = None
         self._claimed = (0.0, 0.0, 0.0)
@@ -235,6 +236,7 @@ class InnovationGate:
             if len(self._heard) > 1:
                 square = min(square, innovation(self._heard[0], fix, self._noise).square())
             self._squares.append(square)
+            self._counted.append(min(square, MOST_SQUARE))
             self._inflate()
         self._heard.append(fix)
         return frozen
@@ -255,7 +257,7 @@ class InnovationGate:
 
     def _inflate(self) -> None:
         """Take the source's accuracy for worse than stated while its innovations say so."""
-        size = sum(min(square, MOST_SQUARE) for square in self._squares)
+        size = sum(self._counted)
         if size > (TELLING if self._inflation == 1.0 else QUIETING):
             third = sorted(self._squares)[len(self._squares) // 3]
             inflation = min(sqrt(third / HONEST_THIRD), MOST_INFLATION)
