@@ -127,8 +127,11 @@ class Encounters:
         found: list[Episode] = []
         east, north, reach = body.east, body.north, self._reach
         for other, there in frame.items():
-            near = -reach < there.east - east < reach and -reach < there.north - north < reach
-            if (near or other in always) and other != name:
+            if other in always or (
+                -reach < there.east - east < reach
+                and -reach < there.north - north < reach
+                and other != name
+            ):
                 found += self._meet(at, name, body, other, there)
         frame[name] = body
         if len(frame) == len(self._sizes):
