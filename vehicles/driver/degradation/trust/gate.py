@@ -7,10 +7,9 @@ the time, or one that comes to a new place and stays.
 """
 
 from collections import Counter, deque
-from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot, isfinite, sqrt
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from vehicles.car.gnss import Fix, GnssNoise
 from vehicles.driver.degradation.trust.innovation import (
@@ -64,8 +63,7 @@ FORGOTTEN = 3 * SECOND
 """Poses that were refused longer ago than this (ns) say nothing of a new one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Belief:
+class Belief(NamedTuple):
     """What to make of a pose (not in the paper): whether to use it, why not, how exact it is.
 
     `reason` is "over-confident" of poses that are believed, but not their accuracy; `deviation` (m,
