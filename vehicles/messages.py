@@ -10,7 +10,7 @@ a second for each vehicle, and frozen ones take three times as long to make.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "straight"]
 """What a vehicle steers along: its own path (the lead), the composite of both sources, one source
@@ -31,8 +31,7 @@ Outcome = Literal["delivered", "dropped"]
 Level = Literal["debug", "info", "warning", "error", "fatal"]
 
 
-@dataclass(frozen=True, slots=True)
-class Announcement:
+class Announcement(NamedTuple):
     """What a vehicle tells those behind beside its pose, as a CAM tells of lights and acceleration.
 
     `acceleration_mps2` is what it asked of its drive, `path_offset_m` how far the place it tells

@@ -53,6 +53,8 @@ class Cadence:
 
     def due(self, now: int) -> bool:
         """Whether `now` (ns) is one of the instants."""
+        if self._period:
+            return now >= self.start_at and (now - self.start_at) % self._period == 0
         return self.index(now) is not None
 
 

@@ -1,5 +1,6 @@
 """Bodies of cars as oriented rectangles: where they lie, whether they overlap, how far apart."""
 
+from dataclasses import dataclass
 from math import cos, hypot, inf, sin
 from typing import NamedTuple
 
@@ -25,7 +26,8 @@ class BodySize(NamedTuple):
         return cls(car.length, car.width, forward)
 
 
-class CarBody(NamedTuple):
+@dataclass(slots=True)
+class CarBody:
     """A body in the world: its centre (m), unit vector forwards, half sizes, velocity (m/s)."""
 
     east: float
@@ -53,14 +55,15 @@ class Separation(NamedTuple):
 def body_of(pose: TruePose, size: BodySize) -> CarBody:
     """Place a body of `size` at `pose`."""
     ux, uy = cos(pose.yaw_rad), sin(pose.yaw_rad)
-    sideways = pose.lateral_speed_mps + pose.yaw_rate_radps * size.forward
+    length, width, forward = size
+    sideways = pose.lateral_speed_mps + pose.yaw_rate_radps * forward
     return CarBody(
-        pose.east_m + size.forward * ux,
-        pose.north_m + size.forward * uy,
+        pose.east_m + forward * ux,
+        pose.north_m + forward * uy,
         ux,
         uy,
-        0.5 * size.length,
-        0.5 * size.width,
+        0.5 * length,
+        0.5 * width,
         pose.speed_mps * ux - sideways * uy,
         pose.speed_mps * uy + sideways * ux,
     )
@@ -107,17 +110,19 @@ def at_least_apart(one: CarBody, other: CarBody) -> float:
     one follows the other straight ahead. A fraction of the cost of `separation`.
     """
     to_east, to_north = other.east - one.east, other.north - one.north
-    cosine = abs(one.along_east * other.along_east + one.along_north * other.along_north)
-    sine = abs(one.along_east * other.along_north - one.along_north * other.along_east)
+    ux, uy, vx, vy = one.along_east, one.along_north, other.along_east, other.along_north
+    half_length, half_width = one.half_length, one.half_width
+    other_length, other_width = other.half_length, other.half_width
+    cosine, sine = abs(ux * vx + uy * vy), abs(ux * vy - uy * vx)
     return max(
-        abs(to_east * one.along_east + to_north * one.along_north)
-        - (one.half_length + other.half_length * cosine + other.half_width * sine),
-        abs(to_north * one.along_east - to_east * one.along_north)
-        - (one.half_width + other.half_length * sine + other.half_width * cosine),
-        abs(to_east * other.along_east + to_north * other.along_north)
-        - (other.half_length + one.half_length * cosine + one.half_width * sine),
-        abs(to_north * other.along_east - to_east * other.along_north)
-        - (other.half_width + one.half_length * sine + one.half_width * cosine),
+        abs(to_east * ux + to_north * uy)
+        - (half_length + other_length * cosine + other_width * sine),
+        abs(to_north * ux - to_east * uy)
+        - (half_width + other_length * sine + other_width * cosine),
+        abs(to_east * vx + to_north * vy)
+        - (other_length + half_length * cosine + half_width * sine),
+        abs(to_north * vx - to_east * vy)
+        - (other_width + half_length * sine + half_width * cosine),
     )
 
 
@@ -133,18 +138,25 @@ def separation(one: CarBody, other: CarBody) -> Separation:
     nearest = inf
     east = north = 0.0
     for here, there, sign in ((one, other, 1.0), (other, one, -1.0)):
+        there_east, there_north, ux, uy = (
+            there.east,
+            there.north,
+            there.along_east,
+            there.along_north,
+        )
+        length, width = there.half_length, there.half_width
         for corner_east, corner_north in corners(here):
-            to_east, to_north = there.east - corner_east, there.north - corner_north
-            along = to_east * there.along_east + to_north * there.along_north
-            aside = to_north * there.along_east - to_east * there.along_north
+            to_east, to_north = there_east - corner_east, there_north - corner_north
+            along = to_east * ux + to_north * uy
+            aside = to_north * ux - to_east * uy
             # What is left of the way once the half sizes of the other body are covered.
-            along -= min(max(along, -there.half_length), there.half_length)
-            aside -= min(max(aside, -there.half_width), there.half_width)
+            along -= min(max(along, -length), length)
+            aside -= min(max(aside, -width), width)
             distance = hypot(along, aside)
             if distance < nearest:
                 nearest = distance
-                east = sign * (along * there.along_east - aside * there.along_north)
-                north = sign * (along * there.along_north + aside * there.along_east)
+                east = sign * (along * ux - aside * uy)
+                north = sign * (along * uy + aside * ux)
     return Separation(nearest, _closing(one, other, east, north))
 
 

@@ -4,7 +4,7 @@ The poses of each vehicle come in order of time; how those of different vehicles
 matter, since bodies are compared at equal instants only.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import hypot, inf
@@ -121,14 +121,17 @@ class Encounters:
                 del self._frames[next(iter(self._frames))]
             frame = self._frames[at] = {}
         body = body_of(pose, self._sizes[name])
-        always = self._neighbours[name] | self._touching[name]
+        always, touching = self._neighbours[name], self._touching[name]
+        if touching:
+            always = always | touching
         found: list[Episode] = []
+        east, north, reach = body.east, body.north, self._reach
         for other, there in frame.items():
-            near = (
-                abs(there.east - body.east) < self._reach
-                and abs(there.north - body.north) < self._reach
-            )
-            if (near or other in always) and other != name:
+            if other in always or (
+                -reach < there.east - east < reach
+                and -reach < there.north - north < reach
+                and other != name
+            ):
                 found += self._meet(at, name, body, other, there)
         frame[name] = body
         if len(frame) == len(self._sizes):
@@ -143,14 +146,20 @@ class Encounters:
 
     def _meet(
         self, at: int, name: str, body: CarBody, other: str, there: CarBody
-    ) -> Iterator[Episode]:
+    ) -> Iterable[Episode]:
         if self._place[name] > self._place[other]:
             name, body, other, there = other, there, name, body
         follows = self._place[other] == self._place[name] + 1
         if follows:
             self.gaps[other].see(body, there, at)
             if self._is_usual((name, other), body, there):
-                return
+                return ()
+        return self._look(at, (name, body), (other, there), follows=follows)
+
+    def _look(
+        self, at: int, ahead: tuple[str, CarBody], behind: tuple[str, CarBody], *, follows: bool
+    ) -> Iterator[Episode]:
+        (name, body), (other, there) = ahead, behind
         apart = separation(body, there)
         place = (0.5 * (body.east + there.east), 0.5 * (body.north + there.north))
         touched = other in self._touching[name]

@@ -6,7 +6,7 @@ vehicle come in order; how those of different vehicles are mixed does not matter
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -17,7 +17,7 @@ from scenarios.results.bodies import BodySize, body_of, corners
 from scenarios.results.degradation.watches import StopWatch, TrustWatch
 from scenarios.results.encounters import Encounters, Episode, EventKind
 from vehicles.car.tyres import SLIDING_SHARE
-from vehicles.geometry.driven_path import MOST_WAITING, CrossTrackError
+from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
 from vehicles.messages import Level, Tracking, TruePose
 from vehicles.schedule import SECOND, nanoseconds
 
@@ -123,12 +123,12 @@ class LaneWatch:
         self._next_look: dict[str, int] = {}
         self.excess: dict[str, float] = {}
 
-    def add(self, pose: TruePose) -> Iterator[Episode]:
+    def add(self, pose: TruePose) -> Iterable[Episode]:
         """Take a pose; gives each departure as it begins."""
         if pose.vehicle == self._lead:
             feet = self._paths.add(pose)
         elif pose.true_at_ns < self._next_look.get(pose.vehicle, 0):
-            return
+            return ()
         else:
             places = corners(body_of(pose, self._sizes[pose.vehicle]))
             seen = self._seen[pose.vehicle]
@@ -140,6 +140,10 @@ class LaneWatch:
                 for point, (east, north) in zip(self._points[pose.vehicle], places, strict=True)
                 for foot in self._paths.add_point(point, pose.true_at_ns, east, north)
             ]
+        return self._measure(feet) if feet else ()
+
+    def _measure(self, feet: Iterable[CrossTrack]) -> Iterator[Episode]:
+        """Take foot points of corners; whose four are known by then is looked at."""
         for foot in feet:
             vehicle = foot.vehicle.rpartition("/")[0]
             # The lead reaches the front corners' places later than those of the rear ones.
@@ -193,20 +197,23 @@ class PathWatch:
         self._last: dict[str, int] = {}
         self._told: set[str] = set()
 
-    def add(self, tracking: Tracking, place: tuple[float, float] = (0.0, 0.0)) -> Iterator[Episode]:
+    def add(self, tracking: Tracking, place: tuple[float, float] = (0.0, 0.0)) -> Iterable[Episode]:
         """Take the tracking of one instant; gives a loss as soon as it has lasted long enough.
 
         `place` is where the vehicle is (m).
         """
         name, at = tracking.vehicle, tracking.decided_at_ns
-        unseen = at - self._last.get(name, at) > UNRECORDED_NS
-        self._last[name] = at
+        before, self._last[name] = self._last.get(name, at), at
         if tracking.mode not in LOST_MODES or tracking.known_m > 0.0:  # false for NaN
             self._lost[name] = None
             self._told.discard(name)
-            return
-        if name not in self._lost:
-            return  # it has had none yet
+        elif name in self._lost:  # it has had one
+            return self._losing(name, at, place, unseen=at - before > UNRECORDED_NS)
+        return ()
+
+    def _losing(
+        self, name: str, at: int, place: tuple[float, float], *, unseen: bool
+    ) -> Iterator[Episode]:
         episode = self._lost[name]
         if episode is None or unseen:
             episode = self._lost[name] = Episode("path_lost", (name,), at, at, place=place)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from itertools import pairwise
 from math import inf, isfinite
+from operator import attrgetter
 from typing import Any
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
@@ -65,6 +66,7 @@ class Metrics:
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
         alarms_of: Callable[[tuple[str, str]], FalseAlarms | None] = lambda _: None,
         deadlines: Deadlines | None = None,
+        plotted: bool = True,
     ) -> None:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
 
@@ -73,7 +75,8 @@ class Metrics:
         such schedule; `duration_ns` is as planned; `linear_slips` are the slip angles
         (rad) of front and rear axle up to which each vehicle's tyres are linear; `alarms_of` says
         what a link's laws say of false alarms; `deadlines` are what followers have to have done by
-        an instant. Without a detector of events, usual cars and thresholds.
+        an instant. Without a detector of events, usual cars and thresholds. `deviations` are kept
+        only of a run that is `plotted`: they are no figures.
         """
         self._names = list(vehicles)
         self._requested = requested
@@ -96,6 +99,7 @@ class Metrics:
         self._cross_track_error = CrossTrackError(self._names[0], road_yaw, self._names[1:])
         self.deviations = Deviations(self._names[1:])
         self.deadlines = deadlines or Deadlines()
+        self._plotted, self._has_deadlines = plotted, bool(self.deadlines)
         self._behind = dict(pairwise(self._names))
         self._ahead = {behind: ahead for ahead, behind in self._behind.items()}
         takes: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
@@ -106,11 +110,14 @@ class Metrics:
             Health: self._add_health,
             Change: self._add_change,
         }
-        self._takes = {kind: (take, TOPIC_OF[kind].instant) for kind, take in takes.items()}
+        self._takes = {
+            kind: (take, attrgetter(TOPIC_OF[kind].instant)) for kind, take in takes.items()
+        }
+        self.kinds = frozenset((*self._takes, LogText, RunStart))
 
     @classmethod
-    def of(cls, scenario: Scenario) -> "Metrics":
-        """Figures of a run of `scenario`."""
+    def of(cls, scenario: Scenario, *, plotted: bool = True) -> "Metrics":
+        """Figures of a run of `scenario`; its deviations are kept only if it is `plotted`."""
         return cls(
             scenario.vehicle_names,
             scenario.links,
@@ -125,6 +132,7 @@ class Metrics:
             },
             alarms_of=partial(false_alarms, scenario),
             deadlines=Deadlines(scenario.tables.limits, scenario.lead),
+            plotted=plotted,
         )
 
     @property
@@ -134,12 +142,13 @@ class Metrics:
 
     def add(self, message: Message) -> None:
         """Take one message; kinds that carry no figure, and strangers, are passed over."""
-        take, instant = self._takes.get(type(message), (None, ""))
-        figures = self.vehicles.get(message.vehicle) if take is not None else None
-        if figures is not None and take is not None:
-            at: int = getattr(message, instant)
-            figures.last_at = max(figures.last_at, at)
-            take(figures, message)
+        if (found := self._takes.get(type(message))) is not None:
+            figures = self.vehicles.get(message.vehicle)
+            if figures is not None:
+                take, instant_of = found
+                at: int = instant_of(message)
+                figures.last_at = max(figures.last_at, at)
+                take(figures, message)
         elif isinstance(message, LogText):
             self._add_text(message)
         elif isinstance(message, RunStart):
@@ -161,8 +170,13 @@ class Metrics:
         for foot in self._cross_track_error.add(pose):
             self._add_foot(self.vehicles[foot.vehicle], foot)
         self.events.add_truth(pose)
+        if self._plotted:
+            self._add_gaps(pose.vehicle, at)
+
+    def _add_gaps(self, vehicle: str, at: int) -> None:
+        """Take the true gaps ahead of a vehicle and behind it, as far as they are known."""
         gaps = self.events.encounters.gaps
-        for name in (pose.vehicle, self._behind.get(pose.vehicle, "")):
+        for name in (vehicle, self._behind.get(vehicle, "")):
             gap = gaps.get(name)
             if gap is None or gap.now_at_ns != at:
                 continue
@@ -194,9 +208,10 @@ class Metrics:
 
     def _add_foot(self, figures: VehicleFigures, foot: CrossTrack) -> None:
         figures.cross_track_error.add(foot.lateral, foot.at_ns)
-        self.deviations.add_error(foot.vehicle, foot.at_ns, foot.lateral)
+        if self._plotted:
+            self.deviations.add_error(foot.vehicle, foot.at_ns, foot.lateral)
         figures.belief.add_true(foot.at_ns, foot.lateral)
-        if self.deadlines:
+        if self._has_deadlines:
             self.deadlines.add_error(foot.vehicle, foot.at_ns, foot.lateral)
 
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking) -> None:
@@ -206,7 +221,7 @@ class Metrics:
             self.events.add_tracking(tracking)
             self._add_sources(tracking)
             figures.reaction.add_tracking(tracking)
-            if self.deadlines:
+            if self._has_deadlines:
                 self.deadlines.add_tracking(tracking)
         figures.lateral_error.add(tracking.lateral_error_m)
         figures.heading_error.add(tracking.heading_error_rad)

@@ -33,6 +33,10 @@ class RehearsalSink:
         """Publish the poses that wait."""
         self._to_convoy.flush()
 
+    def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - whoever listens may read all
+        """Everything may be read."""
+        return True
+
 
 def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
     """Run `scenario` in virtual time without a log, in about half the time that one takes.

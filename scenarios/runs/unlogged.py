@@ -1,6 +1,6 @@
 """A virtual run of which nothing is written: the same figures as those of a logged run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
@@ -20,9 +20,17 @@ from vehicles.schedule import nanoseconds
 class FiguresSink:
     """Publishes poses for the convoy and gives all messages to the figures, not encoded."""
 
-    def __init__(self, vehicle: str, bus: Bus, take: Callable[[Message], None]) -> None:
+    def __init__(
+        self,
+        vehicle: str,
+        bus: Bus,
+        take: Callable[[Message], None],
+        kinds: Container[type[Message]] | None = None,
+    ) -> None:
+        """`kinds` are those of which the figures are made, if not all are taken."""
         self._to_convoy = BusSink(vehicle, bus)
         self._take = take
+        self._kinds = kinds
 
     def send(self, message: Message) -> None:
         """Take one message; a pose waits until `flush`."""
@@ -34,6 +42,10 @@ class FiguresSink:
         """Publish the poses that wait."""
         self._to_convoy.flush()
 
+    def reads(self, kind: type[Message]) -> bool:
+        """Whether a kind carries a figure, or is for the convoy."""
+        return self._kinds is None or kind in self._kinds or kind is GpsPose
+
 
 class UnloggedRun:
     """One run of a scenario in virtual time, without a log."""
@@ -41,15 +53,14 @@ class UnloggedRun:
     def __init__(self, scenario: Scenario) -> None:
         self.convoy = VirtualConvoy(scenario)
         self._scenario = scenario
-        self._metrics = Metrics.of(scenario)
+        self._metrics = Metrics.of(scenario, plotted=False)
         self._stop = Stop()
 
     def take(self, message: Message) -> None:
         """Take a message into the figures; a collision may end the run."""
         self._metrics.add(message)
-        events = self._metrics.events
-        limits = self._scenario.tables.limits
-        if events.collisions and collision_ends_run(limits, events.collisions):
+        collisions = self._metrics.events.collisions
+        if collisions and collision_ends_run(self._scenario.tables.limits, collisions):
             self._stop.ask(why_failed("", self._broken()), EXIT_FAILED)
 
     def run(self) -> RunSummary:
@@ -59,7 +70,8 @@ class UnloggedRun:
         self._metrics.add(
             RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=start_at, run_id=identity.run_id)
         )
-        nodes = self.convoy.build(lambda vehicle: FiguresSink(vehicle, self.convoy.bus, self.take))
+        bus, kinds = self.convoy.bus, self._metrics.kinds
+        nodes = self.convoy.build(lambda vehicle: FiguresSink(vehicle, bus, self.take, kinds))
         try:
             self.convoy.run(self._stop)
         except VehicleFaultError as fault:

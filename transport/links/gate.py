@@ -6,6 +6,7 @@ what it has decoded for the log.
 
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import lru_cache
 from operator import attrgetter
 from typing import cast
 
@@ -19,6 +20,8 @@ from vehicles.schedule import SECOND
 GPS = TOPICS["gps"]
 LONGEST_POSE_BYTES = 512
 """A pose with a name of 400 letters still fits."""
+READ_LAST = 64
+"""So many poses are not read again: in virtual time all receivers of one are in one process."""
 HORIZON_NS = 60 * SECOND
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
 a vehicle whose process was suspended receives, when it resumes, what was sent meanwhile."""
@@ -42,6 +45,21 @@ _LIMITS = {
 }
 """No vehicle of a convoy measures less or more."""
 _numbers = attrgetter(*_LIMITS)
+
+
+@lru_cache(maxsize=READ_LAST)
+def _read(data: bytes) -> tuple[GpsPose, str]:
+    """Pose that these bytes are, and which of its numbers no vehicle measures, if there is one."""
+    pose = cast("GpsPose", decode(GPS, data, exact=True))
+    return pose, _absurd(pose)
+
+
+def _absurd(pose: GpsPose) -> str:
+    """Say which number no vehicle measures; empty if all can be."""
+    for (name, (least, most)), value in zip(_LIMITS.items(), _numbers(pose), strict=True):
+        if not least <= value <= most:  # so that NaN is refused too
+            return f"{name} is {value}, from {least} to {most}"
+    return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,17 +86,19 @@ class PoseGate:
         """
         if len(data) > LONGEST_POSE_BYTES:
             raise RefusedMessageError("oversized", f"more than {LONGEST_POSE_BYTES} bytes")
-        pose = cast("GpsPose", decode(GPS, data, exact=True))
-        self.check(pose, now)
+        pose, absurd = _read(data)
+        self._check(pose, absurd, now)
         return pose
 
     def check(self, pose: GpsPose, now: int) -> None:
         """Check a pose that came under the sender's key; raises RefusedMessageError as `admit`."""
+        self._check(pose, _absurd(pose), now)
+
+    def _check(self, pose: GpsPose, absurd: str, now: int) -> None:
         if pose.vehicle != self.sender:
             raise RefusedMessageError("foreign", f"{pose.vehicle!r} in the name of {self.sender}")
-        for (name, (least, most)), value in zip(_LIMITS.items(), _numbers(pose), strict=True):
-            if not least <= value <= most:  # so that NaN is refused too
-                raise RefusedMessageError("absurd", f"{name} is {value}, from {least} to {most}")
+        if absurd:
+            raise RefusedMessageError("absurd", absurd)
         self._check_schedule(pose, now)
         if not self.plane.reaches(pose.latitude_deg, pose.longitude_deg, pose.altitude_m):
             raise RefusedMessageError("far", f"{pose.latitude_deg}, {pose.longitude_deg} deg")

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from operator import attrgetter
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from transport.links.laws.effect import Draw, Effect, Passage
 from transport.links.laws.outages import BY_CELL
@@ -25,8 +25,7 @@ _EVER_SINCE, _FOR_EVER = -(2**63), 2**63 - 1
 _STEPS = 2**52  # so that (k + 1/2) / _STEPS is exact in a double and lies strictly inside (0, 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(NamedTuple):
     """The link's decision: `reason` is empty when delivered, else a word of the table of reasons.
 
     `visible_at` (ns) is the instant from which the receiver may know the message, or would have

@@ -48,8 +48,15 @@ class Decision:
 
     def messages(self, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
         """The decision as messages for the log: tracking, command, and the trajectory if any."""
+        told = self.tracking(vehicle, seq, now), self.command(vehicle, seq, now)
+        if self.fit is None:
+            return told
+        return *told, self.trajectory(self.fit, vehicle, seq, now)
+
+    def tracking(self, vehicle: str, seq: int, now: int) -> Tracking:
+        """What is known at a command (Sections III-A and III-B), as a message for the log."""
         situation, lead, ahead = self.situation, self.situation.lead, self.situation.predecessor
-        tracking = Tracking(
+        return Tracking(
             vehicle=vehicle,
             seq=seq,
             decided_at_ns=now,
@@ -77,7 +84,10 @@ class Decision:
             predecessor_weight_ratio=situation.predecessor_weight,
             hazard=situation.hazard,
         )
-        command = Command(
+
+    def command(self, vehicle: str, seq: int, now: int) -> Command:
+        """What is asked of the car (Section III-C), as a message for the log."""
+        return Command(
             vehicle=vehicle,
             seq=seq,
             decided_at_ns=now,
@@ -87,9 +97,6 @@ class Decision:
             acceleration_mps2=self.actuation.acceleration,
             target_speed_mps=self.target_speed,
         )
-        if self.fit is None:
-            return tracking, command
-        return tracking, command, self._trajectory(self.fit, vehicle, seq, now)
 
     def held(self) -> "Decision":
         """The same decision where none is due: between two control instants (Fig. 1)."""
@@ -115,7 +122,8 @@ class Decision:
             self.mode, self.situation.hazard, self.actuation.acceleration, self.path_offset
         )
 
-    def _trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:
+    def trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:
+        """The composite trajectory of Section III-A as a message for the log."""
         pieces = fit.spline.pieces
         return CompositeTrajectory(
             vehicle=vehicle,

@@ -134,16 +134,19 @@ class Piece:
 
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the extended piece (projection and e_lat of Section III-B)."""
-        foot = self.near(east, north)
-        return foot if self.rate == 0.0 else self.settled(foot, east, north)
+        if self.rate == 0.0:
+            return self.near(east, north)
+        mean = self.curvature + 0.5 * self.rate * self.length
+        near = along_arc((self.east, self.north, self.yaw), mean, east, north)
+        return self.settled(near, east, north)
 
-    def settled(self, near: Foot, east: float, north: float) -> Foot:
-        """Nearest point of a clothoid (Section III-B), that of its mean arc being known.
+    def settled(self, near: float, east: float, north: float) -> Foot:
+        """Nearest point of a clothoid (Section III-B), the station `near` on its mean arc known.
 
         By Newton's method, each step to the nearest point of the circle that hugs it.
         """
         # The arc from the start that turns by as much as the clothoid does up to about there.
-        bend = self.curvature + 0.5 * self.rate * min(max(near.station, 0.0), self.length)
+        bend = self.curvature + 0.5 * self.rate * min(max(near, 0.0), self.length)
         station = along_arc((self.east, self.north, self.yaw), bend, east, north)
         for _ in range(MOST_STEPS):
             point = self.at(station)
@@ -243,5 +246,5 @@ class ArcSpline:
             start += piece.length
         _, index, start, foot = min(candidates)
         if self.pieces[index].rate != 0.0:
-            foot = self.pieces[index].settled(foot, east, north)
+            foot = self.pieces[index].settled(foot.station, east, north)
         return Foot(start + foot.station, foot.lateral, foot.yaw, foot.curvature)

@@ -121,8 +121,15 @@ class CrossTrackError:
         follower = self._followers.get(vehicle)
         if follower is None:
             follower = self._followers[vehicle] = _Follower()
-        follower.waiting.append(_Place(vehicle, at, east, north))
-        return self._feet(follower) if self._chords else []
+        place = _Place(vehicle, at, east, north)
+        if follower.waiting or follower.left_behind or not self._chords:
+            follower.waiting.append(place)
+            return self._feet(follower) if self._chords else []
+        foot = self._foot(follower, place)
+        if foot is None:
+            follower.waiting.append(place)
+            return []
+        return [] if self._chords[follower.index].guessed else [foot]
 
     def _extend(self, pose: TruePose) -> bool:
         """Lengthen the lead's path to `pose`, unless the lead stood still."""
@@ -185,11 +192,12 @@ class CrossTrackError:
         chord is looked at once only.
         """
         chords, index, floor = self._chords, follower.index, follower.floor
+        vehicle, at, place_east, place_north = place
         count = len(chords)
         forwards = True
         while True:
             east, north, along_east, along_north, length, station, _ = chords[index]
-            to_east, to_north = place.east - east, place.north - north
+            to_east, to_north = place_east - east, place_north - north
             along = (to_east * along_east + to_north * along_north) / length
             if forwards and along > length:
                 index += 1
@@ -203,4 +211,4 @@ class CrossTrackError:
                 break
         follower.index, follower.floor = index, max(index - MAX_STEP_BACK, 0)
         lateral = (along_east * to_north - along_north * to_east) / length
-        return CrossTrack(place.vehicle, place.at_ns, station + along, lateral)
+        return CrossTrack(vehicle, at, station + along, lateral)

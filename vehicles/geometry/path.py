@@ -127,7 +127,7 @@ class Path:
         if first >= last:  # the window lies beyond an end
             return low if first else high
         aside, ahead = self.east[first:last] - east, self.north[first:last] - north
-        return self._stations[first + int(np.argmin(aside * aside + ahead * ahead))]
+        return self._stations[first + int((aside * aside + ahead * ahead).argmin())]
 
 
 _Row = tuple[float, float, float, float, float]

@@ -112,7 +112,9 @@ class Graph:
 def summed(x: Floats, y: Floats, station: Floats, weight: Floats | None) -> FitData:
     """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to."""
     rows = np.empty((4, len(x)))
-    rows[SQUARE], rows[X], rows[Y], rows[ONE] = x * x + y * y, x, y, 1.0
+    square, along, aside, one = rows
+    np.add(x * x, y * y, square)
+    along[:], aside[:], one[:] = x, y, 1.0
     weighted = rows if weight is None else rows * weight
     total = np.einsum("ik,jk->ij", weighted, rows).tolist()
     return FitData(rows, weighted, station, weight, total)

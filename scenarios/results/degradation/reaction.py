@@ -42,8 +42,11 @@ NO_REACTION = ReactionSummary()
 
 def is_degraded(tracking: Tracking) -> bool:
     """Whether a follower relies on less than all its sources."""
-    status = {tracking.lead_status, tracking.predecessor_status}
-    return tracking.mode in {"coast", "stop"} or bool(status & NOT_RELIED_ON)
+    return (
+        tracking.lead_status in NOT_RELIED_ON
+        or tracking.predecessor_status in NOT_RELIED_ON
+        or tracking.mode in {"coast", "stop"}
+    )
 
 
 @dataclass(slots=True)
@@ -65,12 +68,8 @@ class Reaction:
 
     def add_tracking(self, tracking: Tracking) -> None:
         """Take what the follower knew at a command; they come in order of time."""
-        self._mode_changes += self._mode not in {None, tracking.mode}
-        if tracking.mode == "stop" != self._mode:
-            self._stops += 1
-            if isfinite(tracking.blind_m):
-                self._predicted.append(tracking.blind_m)
-        self._mode = tracking.mode
+        if tracking.mode != self._mode:
+            self._enter(tracking)
         self._hazards += tracking.hazard and not self._hazard
         self._hazard = tracking.hazard
         at = tracking.decided_at_ns
@@ -82,6 +81,15 @@ class Reaction:
         blind = tracking.mode in WITHOUT_SOURCE and tracking.known_m < 0.0  # false for NaN
         _keep(self._beyond, at, _whole(-tracking.known_m) if blind else 0)
         self._drive_on(at)
+
+    def _enter(self, tracking: Tracking) -> None:
+        """Take a mode that is another one than before."""
+        self._mode_changes += self._mode is not None
+        if tracking.mode == "stop":
+            self._stops += 1
+            if isfinite(tracking.blind_m):
+                self._predicted.append(tracking.blind_m)
+        self._mode = tracking.mode
 
     def add_truth(self, pose: TruePose) -> None:
         """Take the metres driven; poses come in order of time."""

@@ -1,6 +1,6 @@
 """Events of followers that degrade: a stop, and a source that is not believed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from math import isfinite
 
@@ -17,12 +17,15 @@ class StopWatch:
     def __init__(self) -> None:
         self._open: dict[str, Episode] = {}
 
-    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterator[Episode]:
+    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
         """Take the tracking of one instant; gives each stop as it begins."""
+        if tracking.mode == "stop":
+            return self._stopping(tracking, place)
+        self._open.pop(tracking.vehicle, None)
+        return ()
+
+    def _stopping(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
         name, at = tracking.vehicle, tracking.decided_at_ns
-        if tracking.mode != "stop":
-            self._open.pop(name, None)
-            return
         episode = self._open.get(name)
         if episode is None:
             episode = self._open[name] = Episode("stop", (name,), at, at, place=place)
@@ -42,13 +45,17 @@ class TrustWatch:
         self._ahead = {behind: ahead for ahead, behind in pairwise(names)}
         self._open: dict[tuple[str, str], Episode] = {}
 
-    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterator[Episode]:
+    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
         """Take the tracking of one instant; gives each source as it begins to be distrusted."""
-        if not self._open and "distrusted" not in (
-            tracking.lead_status,
-            tracking.predecessor_status,
+        if (
+            self._open
+            or tracking.lead_status == "distrusted"
+            or tracking.predecessor_status == "distrusted"
         ):
-            return  # as nearly always
+            return self._doubting(tracking, place)
+        return ()  # as nearly always
+
+    def _doubting(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
         name, at = tracking.vehicle, tracking.decided_at_ns
         ahead = self._ahead[name]
         statuses = {self._lead: tracking.lead_status}

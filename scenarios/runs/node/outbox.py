@@ -68,6 +68,8 @@ class Outbox:
         self._ticks = state.ticks
         self._late_ticks = state.late_ticks
         self._mode = ""
+        self._commands_are_read = sink.reads(messages.Command)
+        self._trajectories_are_read = sink.reads(messages.CompositeTrajectory)
 
     @property
     def state(self) -> OutboxState:
@@ -224,8 +226,17 @@ class Outbox:
         )
 
     def _add_decision(self, now: int, decision: Decision) -> None:
-        for message in decision.messages(self._vehicle, self._next[messages.Tracking], now):
-            self._add(message)
+        """Send what was decided; what nobody reads is counted as sent and not made."""
+        name, seq, fit = self._vehicle, self._next[messages.Tracking], decision.fit
+        self._add(decision.tracking(name, seq, now))
+        if self._commands_are_read:
+            self._add(decision.command(name, seq, now))
+        else:
+            self._next[messages.Command] += 1
+        if fit is not None and self._trajectories_are_read:
+            self._add(decision.trajectory(fit, name, seq, now))
+        elif fit is not None:
+            self._next[messages.CompositeTrajectory] += 1
         if decision.mode != self._mode:
             self._mode = decision.mode
             why = f" ({decision.reason})" if decision.reason else ""

@@ -23,6 +23,10 @@ class Sink(Protocol):
         """Deliver what waits: the messages of a tick are complete."""
         ...
 
+    def reads(self, kind: type[Message]) -> bool:
+        """Whether anybody reads messages of a kind; those of another need not be made."""
+        ...
+
 
 class BusSink:
     """Encodes messages and publishes them on a bus."""
@@ -49,3 +53,7 @@ class BusSink:
         for address, data, urgent in self._waiting:
             self._bus.publish(address, data, urgent=urgent)
         self._waiting.clear()
+
+    def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - whoever listens may read all
+        """Everything may be read."""
+        return True

@@ -75,12 +75,14 @@ def test_the_closing_speed_is_the_rate_of_the_distance(
     one: CarBody, other: CarBody, speeds: tuple[float, float, float, float]
 ) -> None:
     step = 1e-6
-    one = one._replace(speed_east=speeds[0], speed_north=speeds[1])
-    other = other._replace(speed_east=speeds[2], speed_north=speeds[3])
+    one = replace(one, speed_east=speeds[0], speed_north=speeds[1])
+    other = replace(other, speed_east=speeds[2], speed_north=speeds[3])
 
     def after(body: CarBody, span: float) -> CarBody:
-        return body._replace(
-            east=body.east + span * body.speed_east, north=body.north + span * body.speed_north
+        return replace(
+            body,
+            east=body.east + span * body.speed_east,
+            north=body.north + span * body.speed_north,
         )
 
     before, now, then = (

@@ -1,5 +1,6 @@
 """Whole runs in virtual time: the same again, another seed, and what links do to them."""
 
+import gc
 import math
 import re
 from collections import Counter
@@ -19,7 +20,7 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.run_log import SLOW_WRITER
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual import COLLECTED_EVERY, run_virtual
 from tests.made.transport.mcap_package import RenamedWriter
 from transport.codec import encode
 from transport.log import fast_mcap
@@ -376,3 +377,15 @@ def test_one_vehicle_more_changes_nobody_ahead_of_it() -> None:
     fewer = ran("convoy.vehicles=3")
     for name in ("v1", "v2", "v3"):
         assert fewer.true_path(name) == ran().true_path(name)
+
+
+def test_garbage_is_collected_rarely_during_a_run_and_as_before_after_it(tmp_path: Path) -> None:
+    before, during = gc.get_threshold(), set()
+    run_virtual(
+        load_scenario("lane_change", ["duration_s=0.1"]),
+        tmp_path / "run",
+        Stop(),
+        listeners=[lambda _, message: during.add((type(message), gc.get_threshold()[0]))],
+    )
+    assert (TruePose, COLLECTED_EVERY) in during
+    assert gc.get_threshold() == before

@@ -1,9 +1,8 @@
 """What an effect of a link is given of a message, and what it answers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import nan
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from transport.reasons import DropReason
 
@@ -14,8 +13,7 @@ The same purpose and number give the same draw, whatever was drawn before.
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Whereabouts:
+class Whereabouts(NamedTuple):
     """Where a vehicle truly is, for the channel alone: east, north (m) and metres driven."""
 
     east: float = nan
@@ -26,8 +24,7 @@ class Whereabouts:
 NOWHERE = Whereabouts()
 
 
-@dataclass(frozen=True, slots=True)
-class Passage:
+class Passage(NamedTuple):
     """One message on its way over a link: its number, when it was sent (ns), its size (bytes).
 
     `sender` is where the antenna truly was when it sent, as the message says; `receiver` is where

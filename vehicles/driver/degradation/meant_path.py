@@ -22,7 +22,7 @@ import numpy as np
 from vehicles.car.gnss import Fix
 from vehicles.messages import Mode
 from vehicles.preview.samples import Window
-from vehicles.preview.trajectory import LEAD, Fit
+from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit
 from vehicles.schedule import SECOND
 
 FURTHEST = 1.75
@@ -120,15 +120,24 @@ def path_offset(fit: Fit, fix: Fix) -> float:
     Its e_lat of Section III-B against the trajectory, less that of the samples beside it, linearly
     between the one behind and the one ahead. NaN where they do not reach so far.
     """
-    of_lead = fit.source == LEAD
-    chosen = of_lead if of_lead.any() else ~of_lead
-    east, north = fit.east[chosen], fit.north[chosen]
-    ahead = (east - fix.east) * cos(fix.yaw) + (north - fix.north) * sin(fix.yaw)
-    after = int(np.argmax(ahead > 0.0))
-    if after == 0:
+    source, project = fit.source.tolist(), fit.spline.project
+    chosen = LEAD if LEAD in source else PREDECESSOR
+    forward, left = cos(fix.yaw), sin(fix.yaw)
+    behind: int | None = None
+    for k, told_by in enumerate(source):
+        if told_by == chosen:
+            east, north = fit.east.item(k) - fix.east, fit.north.item(k) - fix.north
+            if east * forward + north * left > 0.0:
+                ahead = k
+                break
+            behind = k
+    else:
         return nan
-    own = fit.spline.project(fix.east, fix.north)
-    one, other = (fit.spline.project(east.item(k), north.item(k)) for k in (after - 1, after))
+    if behind is None:
+        return nan
+    own = project(fix.east, fix.north)
+    one = project(fit.east.item(behind), fit.north.item(behind))
+    other = project(fit.east.item(ahead), fit.north.item(ahead))
     length = other.station - one.station
     between = min(max((own.station - one.station) / length, 0.0), 1.0) if length > 0.0 else 0.5
     return own.lateral - (one.lateral + between * (other.lateral - one.lateral))

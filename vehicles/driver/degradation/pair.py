@@ -103,7 +103,7 @@ class SourcePair:
             if anew:
                 source.locate(pose.east, pose.north)
             source.look(now, 0.0 if anew else pose.speed * span, span)
-        known = farthest(one for one in self.used.values() if one.status != "distrusted")
+        known = farthest([one for one in self.used.values() if one.status != "distrusted"])
         settings, speed = self._settings, pose.speed
         hardest = _stop(speed, acceleration, settings.hardest)
         return Situation(
@@ -123,5 +123,8 @@ def _stop(speed: float, acceleration: float, braking: Braking) -> float:
 
 def farthest(sources: Iterable[Source]) -> float:
     """How far the path is known ahead of the car (m) by any of them (beyond the paper), or NaN."""
-    ends = [one.known for one in sources]
-    return max((end for end in ends if not isnan(end)), default=nan)
+    known = nan
+    for one in sources:
+        if isnan(known) or one.known > known:
+            known = one.known
+    return known

@@ -34,6 +34,7 @@ class Reception:
         self.period = period
         self.usual_share = nan
         self._recent: deque[_Received] = deque()
+        self._highest = -1
         self._heard_at: deque[int] = deque()
         self._first_at = 0
         self._newest_at: int | None = None
@@ -46,7 +47,9 @@ class Reception:
 
         One that came before, by its number, does not count (beyond the paper).
         """
-        if seq in [one.seq for one in self._recent]:
+        if seq > self._highest:
+            self._highest = seq
+        elif seq in [one.seq for one in self._recent]:
             return False
         arrival = _Received(now, measured_at, seq)
         self._heard_at.append(now)

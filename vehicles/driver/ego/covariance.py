@@ -4,9 +4,15 @@ In the frame of the body, errors along it and across it are estimated apart from
 position error is alike in both to begin with, and what they have in common afterwards (a turn of
 the body by half a radian while an error lasts) is left out. All formulas are written out; an error
 is true value minus estimate.
+
+A gain is the covariance of the measured state with the one to correct, over the variance of the
+measured state and that of the measurement.
 """
 
 from dataclasses import dataclass
+
+EXACT = 1.0, 0.0, 0.0
+"""Gains of a measurement without noise, of a state that is known exactly: taken over as it is."""
 
 
 @dataclass(slots=True)
@@ -24,7 +30,8 @@ class AlongCovariance:
 
     def by_place(self, innovation: float, variance: float) -> tuple[float, float]:
         """Correct by a measured place; returns the corrections of place and bias (Kalman)."""
-        gain, bias_gain = share(self.aa, variance), share(self.sa, variance, self.aa)
+        total = self.aa + variance
+        gain, bias_gain = (self.aa / total, self.sa / total) if total > 0.0 else EXACT[:2]
         self.ss = max(self.ss - bias_gain * self.sa, 0.0)
         self.sa *= 1.0 - gain
         self.aa *= 1.0 - gain
@@ -32,7 +39,8 @@ class AlongCovariance:
 
     def by_bias(self, innovation: float, variance: float) -> tuple[float, float]:
         """Correct by a measured bias; returns the corrections of place and bias (Kalman)."""
-        gain, place_gain = share(self.ss, variance), share(self.sa, variance, self.ss)
+        total = self.ss + variance
+        gain, place_gain = (self.ss / total, self.sa / total) if total > 0.0 else EXACT[:2]
         self.aa = max(self.aa - place_gain * self.sa, 0.0)
         self.sa *= 1.0 - gain
         self.ss *= 1.0 - gain
@@ -74,8 +82,8 @@ class AcrossCovariance:
 
     def by_place(self, innovation: float, variance: float) -> tuple[float, float, float]:
         """Correct by a measured place; returns the corrections of place, heading, bias (Kalman)."""
-        c = share(self.cc, variance)
-        h, g = share(self.hc, variance, self.cc), share(self.gc, variance, self.cc)
+        total = self.cc + variance
+        c, h, g = (self.cc / total, self.hc / total, self.gc / total) if total > 0.0 else EXACT
         self.hh = max(self.hh - h * self.hc, 0.0)
         self.gh -= h * self.gc
         self.gg = max(self.gg - g * self.gc, 0.0)
@@ -86,8 +94,8 @@ class AcrossCovariance:
 
     def by_heading(self, innovation: float, variance: float) -> tuple[float, float, float]:
         """Correct by a measured heading; returns as `by_place` (Kalman)."""
-        h = share(self.hh, variance)
-        c, g = share(self.hc, variance, self.hh), share(self.gh, variance, self.hh)
+        total = self.hh + variance
+        h, c, g = (self.hh / total, self.hc / total, self.gh / total) if total > 0.0 else EXACT
         self.cc = max(self.cc - c * self.hc, 0.0)
         self.gc -= c * self.gh
         self.gg = max(self.gg - g * self.gh, 0.0)
@@ -98,8 +106,8 @@ class AcrossCovariance:
 
     def by_bias(self, innovation: float, variance: float) -> tuple[float, float, float]:
         """Correct by a measured bias of the gyroscope; returns as `by_place` (Kalman)."""
-        g = share(self.gg, variance)
-        c, h = share(self.gc, variance, self.gg), share(self.gh, variance, self.gg)
+        total = self.gg + variance
+        g, c, h = (self.gg / total, self.gc / total, self.gh / total) if total > 0.0 else EXACT
         self.cc = max(self.cc - c * self.gc, 0.0)
         self.hc -= c * self.gh
         self.hh = max(self.hh - h * self.gh, 0.0)
@@ -107,16 +115,3 @@ class AcrossCovariance:
         self.gh *= 1.0 - g
         self.gg *= 1.0 - g
         return c * innovation, h * innovation, g * innovation
-
-
-def share(covariance: float, noise: float, variance: float | None = None) -> float:
-    """Gain of Kalman's filter: of the innovation of a state with `variance`, measured with `noise`.
-
-    `covariance` is that of the measured state with the one to correct; without `variance` these are
-    one. A measurement without noise of a state that is known exactly is taken over as it is.
-    """
-    own = covariance if variance is None else variance
-    total = own + noise
-    if total > 0.0:
-        return covariance / total
-    return 1.0 if variance is None else 0.0

@@ -2,10 +2,12 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from scenarios.definition.schema.links import LinkTable
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe, Probe, Usage
-from scenarios.runs.node.sink import BusSink
+from scenarios.runs.node.sink import BusSink, Sink
 from tests.made.scenarios.messages import START, at, gps
 from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
@@ -21,8 +23,19 @@ from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
+from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.messages import Command, GpsPose, Health, LinkVerdict, LogText, Message, TruePose
+from vehicles.messages import (
+    Command,
+    CompositeTrajectory,
+    GpsPose,
+    Health,
+    LinkVerdict,
+    LogText,
+    Message,
+    TruePose,
+)
+from vehicles.preview.trajectory import Fit
 from vehicles.schedule import SECOND
 
 PLANE = LocalPlane(Origin(30.638, -96.481, 80.0))
@@ -90,10 +103,15 @@ def receiving_inbox() -> Inbox:
     return inbox_of("v3", links, start_at=START, origin=PLANE.origin)
 
 
-def outbox(bus: MemoryBus, inbox: Inbox | None = None, probe: Probe | None = None) -> Outbox:
+def outbox(
+    bus: MemoryBus,
+    inbox: Inbox | None = None,
+    probe: Probe | None = None,
+    sink: Sink | None = None,
+) -> Outbox:
     return Outbox(
         vehicle="v3",
-        sink=BusSink("v3", bus),
+        sink=sink or BusSink("v3", bus),
         plane=PLANE,
         parameters=LINCOLN_MKZ,
         inbox=inbox or receiving_inbox(),
@@ -121,6 +139,29 @@ def test_a_tick_tells_fix_truth_and_decision() -> None:
     ]  # fmt: skip
     told = DECISION.messages("v3", 0, at(0.1))
     assert [message for message in bus.published if message in told] == list(told)
+
+
+class Figures(BusSink):
+    """A sink of which nobody reads commands or trajectories."""
+
+    def reads(self, kind: type[Message]) -> bool:
+        return kind not in {Command, CompositeTrajectory}
+
+
+def test_what_nobody_reads_is_not_made_but_counted_as_sent() -> None:
+    bus, all_told = UrgentBus(), UrgentBus()
+    box, other = outbox(bus, sink=Figures("v3", bus)), outbox(all_told)
+    spline = ArcSpline((Piece(0.0, 0.0, 0.0, 0.0, 10.0),))
+    none = np.zeros(0)
+    fit = Fit(spline, none, none, none, np.zeros(0, np.int8), 0.0, 0.0, 0)
+    for one in (box, other):
+        one.publish(at(0.1), BODY, FIX, replace(DECISION, fit=fit))
+        one.publish_health(at(0.2))
+    unread = {Command, CompositeTrajectory}
+    assert unread <= {type(message) for message in all_told.published}
+    told = [encode(message) for message in all_told.published if type(message) not in unread]
+    assert [encode(message) for message in bus.published] == told
+    assert box.state == other.state
 
 
 def test_between_decisions_only_what_was_measured_and_heard_is_told() -> None:

@@ -26,20 +26,16 @@ def stopping_distance(speed: float, acceleration: float, braking: Braking) -> fl
         return 0.0
     short = -braking.deceleration - acceleration
     jerk = math.copysign(braking.jerk, short)
-    span = _time_to_stand(speed, acceleration, jerk, abs(short) / braking.jerk)
+    span = abs(short) / braking.jerk
+    square = acceleration * acceleration - 2.0 * jerk * speed
+    if jerk != 0.0 and square >= 0.0:
+        # The root of v + a t + j t²/2 that is reached first, without cancellation where a < 0.
+        slower = -acceleration + math.sqrt(square)
+        if slower > 0.0:
+            span = min(2.0 * speed / slower, span)
     left = speed + acceleration * span + 0.5 * jerk * span * span
     driven = speed * span + 0.5 * acceleration * span**2 + jerk * span**3 / 6.0
     return driven + max(left, 0.0) ** 2 / (2.0 * braking.deceleration)
-
-
-def _time_to_stand(speed: float, acceleration: float, jerk: float, until: float) -> float:
-    """Time (s) after which a car stands whose acceleration changes at `jerk`, at most `until`."""
-    square = acceleration * acceleration - 2.0 * jerk * speed
-    if jerk == 0.0 or square < 0.0:
-        return until
-    # The root of v + a t + j t²/2 that is reached first, without cancellation where a < 0.
-    slower = -acceleration + math.sqrt(square)
-    return min(2.0 * speed / slower, until) if slower > 0.0 else until
 
 
 def needed_deceleration(

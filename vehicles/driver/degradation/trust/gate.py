@@ -7,10 +7,9 @@ the time, or one that comes to a new place and stays.
 """
 
 from collections import Counter, deque
-from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot, isfinite, sqrt
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from vehicles.car.gnss import Fix, GnssNoise
 from vehicles.driver.degradation.trust.innovation import (
@@ -64,8 +63,7 @@ FORGOTTEN = 3 * SECOND
 """Poses that were refused longer ago than this (ns) say nothing of a new one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Belief:
+class Belief(NamedTuple):
     """What to make of a pose (not in the paper): whether to use it, why not, how exact it is.
 
     `reason` is "over-confident" of poses that are believed, but not their accuracy; `deviation` (m,
@@ -111,6 +109,7 @@ class InnovationGate:
         self._heard: deque[Fix] = deque(maxlen=2)
         self._known: tuple[Fix, Fix, Innovation] | None = None
         self._squares: deque[float] = deque(maxlen=WINDOW)
+        self._counted: deque[float] = deque(maxlen=WINDOW)
         self._inflation = 1.0
         self._place: Fix | None = None
         self._claimed = (0.0, 0.0, 0.0)
@@ -235,6 +234,7 @@ class InnovationGate:
             if len(self._heard) > 1:
                 square = min(square, innovation(self._heard[0], fix, self._noise).square())
             self._squares.append(square)
+            self._counted.append(min(square, MOST_SQUARE))
             self._inflate()
         self._heard.append(fix)
         return frozen
@@ -255,7 +255,7 @@ class InnovationGate:
 
     def _inflate(self) -> None:
         """Take the source's accuracy for worse than stated while its innovations say so."""
-        size = sum(min(square, MOST_SQUARE) for square in self._squares)
+        size = sum(self._counted)
         if size > (TELLING if self._inflation == 1.0 else QUIETING):
             third = sorted(self._squares)[len(self._squares) // 3]
             inflation = min(sqrt(third / HONEST_THIRD), MOST_INFLATION)

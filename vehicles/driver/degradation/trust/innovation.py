@@ -74,6 +74,8 @@ class Innovation(NamedTuple):
 
 def stated_variance(fix: Fix) -> float:
     """Variance (m²) of a place per axis by its own account, within reason (not in the paper)."""
+    if LEAST_DEVIATION <= fix.accuracy <= MOST_DEVIATION:
+        return fix.accuracy**2
     return min(max(fix.accuracy, LEAST_DEVIATION), MOST_DEVIATION) ** 2
 
 
