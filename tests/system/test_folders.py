@@ -9,7 +9,7 @@ import pytest
 from tests.system.logs import Run, assert_nothing_missing, assert_sound
 from tests.system.processes import start
 
-DURATION_S = 3.0
+DURATION_S = 1.0
 SHORT = ("run", "lane_change", "--set=convoy.vehicles=2", f"--set=duration_s={DURATION_S}")
 
 

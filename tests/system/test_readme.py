@@ -18,6 +18,9 @@ from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.refusal import models_of
 from scenarios.definition.schema.links import LinkTable
+from scenarios.studies.cuts import campaign
+from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
+from scenarios.studies.paper.keys import BASE
 from tests.made.scenarios.known_runs import SETTINGS
 
 README = Path(__file__).parents[2] / "README.md"
@@ -42,7 +45,7 @@ NOT_HERE = {
     "blame runs/lossy": "blame runs/lossy --runs 12",
     "convoy drill": "convoy drill lead_lost",
     "convoy worst lane_change": f"convoy worst lane_change --from 1s --to 1.2s {TWO_CARS}",
-    "convoy reproduce": "convoy reproduce --case gains",  # all takes up to two minutes
+    "convoy reproduce": "convoy reproduce --case base",  # all takes up to two minutes
 }
 """What a test replaces, and by what."""
 
@@ -101,10 +104,23 @@ def subcommand(arguments: Sequence[str]) -> str:
     return " ".join(arguments[: 2 if arguments[0] in {"channel", "reference"} else 1])
 
 
+HERE = ("reproduce", "channel cuts")
+"""Commands whose drives a test can only shorten in its own process."""
+
+
+@pytest.fixture
+def shorter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let those commands drive less: one run of the paper, and two reactions of four."""
+    one = Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)
+    monkeypatch.setitem(RUNS_OF_CASE, "base", {BASE: one})
+    monkeypatch.setattr(campaign, "REACTIONS", campaign.REACTIONS[:2])
+
+
 def is_for_a_process(arguments: Sequence[str], before: Sequence[str]) -> bool:
     """Whether a command is run as users do: each for the first time, and where it matters."""
     own_module = any("mine." in one for one in arguments)  # is found in the working folder
-    return own_module or subcommand(arguments) not in before
+    starts_others = arguments[0] == "run" and "virtual" not in arguments
+    return own_module or starts_others or subcommand(arguments) not in (*before, *HERE)
 
 
 def shortened(command: str) -> list[str]:
@@ -129,6 +145,7 @@ WHILE_DRIVING = tuple(
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("shorter")
 def test_commands_in_the_order_of_the_readme(tmp_path: Path) -> None:
     by_hand = ("convoy router", "convoy vehicle", "convoy record")
     left_out = (*by_hand, *WHILE_DRIVING)
@@ -148,6 +165,7 @@ def test_commands_in_the_order_of_the_readme(tmp_path: Path) -> None:
     assert (tmp_path / "again.rrd").stat().st_size > 10_000
     assert (tmp_path / "gains" / "gains.json").exists()
     assert (tmp_path / "paper" / "report.md").exists()
+    assert (tmp_path / "cuts" / "cuts.png").exists()
     summary = json.loads((tmp_path / "runs" / "first" / "summary.json").read_text())
     assert summary["outcome"] == "completed"
 

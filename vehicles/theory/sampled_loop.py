@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from math import ceil, exp, gcd, inf, log, log2
+from math import ceil, exp, gcd, inf, lcm, log, log2
 
 import numpy as np
 
@@ -182,28 +182,30 @@ class _Steps:
         rates = [loop.control_hz]
         if loop.imu_hz is not None:
             rates += [loop.imu_hz, loop.gnss_hz]
-        self._rates = _rounded(rates)
-        self.period = 1 / _common(self._rates)
+        rounded = _rounded(rates)
+        self.period = 1 / _common(rounded)
+        # Instants are whole numbers of a unit that all rates share: 1 / `_per_s` seconds.
+        self._per_s = lcm(*(rate.numerator for rate in rounded))
+        self._every = [round(self._per_s / rate) for rate in rounded]
         self._slip = SlipModel(loop.assumed)
         constant, inverse_speed = open_loop(loop.parameters)
         self._motion = np.zeros((7, 7))
         self._motion[CAR, CAR] = constant + inverse_speed / speed
         self._motion[CAR, COMMAND] = steering_input(loop.parameters)
         # The same few spans come again and again in a period.
-        self._flows: dict[Fraction, Array] = {}
-        self._moves: dict[tuple[Fraction, bool], Array] = {}
-        self._decisions: dict[Fraction, Array] = {}
+        self._flows: dict[int, Array] = {}
+        self._moves: dict[tuple[int, bool], Array] = {}
+        self._decisions: dict[int, Array] = {}
 
     def over_a_period(self) -> Iterator[Array]:
         """Give the maps of the events and of the time between them, in their order."""
-        instants = sorted(
-            {k / rate for rate in self._rates for k in range(round(self.period * rate))}
-        )
+        end = round(self.period * self._per_s)
+        instants = sorted({at for every in self._every for at in range(0, end, every)})
         # A period ends as it begins, with a reading, so the filter has to come to its first instant
         # from the last one at which it was moved.
-        estimated_at = self._last_estimated() - self.period
-        for now, after in zip(instants, [*instants[1:], self.period], strict=True):
-            kinds = [(now * rate).denominator == 1 for rate in self._rates]
+        estimated_at = -min(self._every[1:], default=end)
+        for now, after in zip(instants, [*instants[1:], end], strict=True):
+            kinds = [now % every == 0 for every in self._every]
             if len(kinds) > 1:
                 if kinds[1] or kinds[2]:
                     yield self._moved(now - estimated_at, read=kinds[1])
@@ -214,21 +216,17 @@ class _Steps:
                 yield self._decided(now - estimated_at)
             yield self._flow(after - now)
 
-    def _last_estimated(self) -> Fraction:
-        """The last instant of a period at which the filter is told something."""
-        return max((self.period - 1 / rate for rate in self._rates[1:]), default=Fraction(0))
-
-    def _flow(self, span: Fraction) -> Array:
+    def _flow(self, span: int) -> Array:
         if span not in self._flows:
             flow = np.eye(SIZE)
-            flow[:7, :7] = _exponential(self._motion * float(span))
+            flow[:7, :7] = _exponential(self._motion * (span / self._per_s))
             self._flows[span] = flow
         return self._flows[span]
 
-    def _moved(self, span: Fraction, *, read: bool) -> Array:
+    def _moved(self, span: int, *, read: bool) -> Array:
         """Dead reckoning over `span`, up to a reading or by the last one."""
         if (span, read) not in self._moves:
-            self._moves[span, read] = self._reckoned(float(span), read=read)
+            self._moves[span, read] = self._reckoned(span / self._per_s, read=read)
         return self._moves[span, read]
 
     def _reckoned(self, span: float, *, read: bool) -> Array:
@@ -262,13 +260,13 @@ class _Steps:
             step[row, :2] += gain
         return step
 
-    def _decided(self, span: Fraction) -> Array:
+    def _decided(self, span: int) -> Array:
         """The command from the estimate, or from the state itself."""
         if span not in self._decisions:
             self._decisions[span] = self._commanded(span)
         return self._decisions[span]
 
-    def _commanded(self, span: Fraction) -> Array:
+    def _commanded(self, span: int) -> Array:
         step, gains = np.eye(SIZE), self._loop.gains
         row = np.zeros(SIZE)
         if self._loop.imu_hz is None:

@@ -55,7 +55,7 @@ BACK_S = 6.505
 DEATH = """
 extends = "lane_change"
 name = "death"
-duration_s = 5.0
+duration_s = 3.0
 [[change]]
 kind = "crash"
 at_s = 1.5

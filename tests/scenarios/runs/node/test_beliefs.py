@@ -37,7 +37,7 @@ def test_no_source_of_a_long_drive_is_distrusted() -> None:
     assert driven(load_scenario("church_lot", ["duration_s=40"]))[0] == []
 
 
-@pytest.mark.campaign(3, len(SHIPPED))
+@pytest.mark.campaign(2, len(SHIPPED))
 def test_no_source_of_a_shipped_scenario_is_distrusted(case: int) -> None:
     assert driven(load_scenario(SHIPPED[case]))[0] == []
 
