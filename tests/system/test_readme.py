@@ -39,7 +39,7 @@ NOT_HERE = {
     "--cuts 20": "--cuts 2",
     "sweep lossy_lane_change": f"sweep lossy_lane_change {TWO_CARS}",
     "0.5:0.9:0.1": "0.5:0.9:0.4",
-    "8,15,25,35 --seeds 20": "8,35 --seeds 1",
+    "8,15,25,35 --seeds 10": "8,35 --seeds 1",
     "--limit lane --out many/boundary": f"--limit error_m=1 --to 0.2 --seeds 4 {BEND} --out b",
     "risk lossy_lane_change": f"risk lossy_lane_change --runs 20 {TWO_CARS}",
     "blame runs/lossy": "blame runs/lossy --runs 12",
