@@ -37,13 +37,13 @@ def _wheels_askew(
 ) -> SteeringCommand:
     if mode not in {"coast", "stop"}:
         return asked
-    return replace(asked, steering=asked.steering + 0.02)
+    return replace(asked, steering=asked.steering + 0.035)
 
 
 WHEELS_STRAIGHT = Fault("vehicles.driver.follower.without_hearing", _wheels_straight)
 """Who hears nobody lets go of the wheel."""
 WHEELS_ASKEW = Fault("vehicles.driver.follower.without_hearing", _wheels_askew)
-"""Who hears nobody steers a degree to the left of what it wants."""
+"""Who hears nobody steers two degrees to the left of what it wants."""
 BELIEVES_ALL = Fault("vehicles.driver.degradation.trust.gate.InnovationGate.judge", _believe)
 """Whatever is heard is believed."""
 ALL_EXACT = Fault("vehicles.driver.ego.pose_estimator._Model.position", lambda *_: 0.01)

@@ -89,7 +89,7 @@ def test_what_is_planted_breaks_its_limits(case: int, monkeypatch: pytest.Monkey
     assert set(plant.breaks) <= broken, plant
 
 
-WORST_AT_S, BURST = 5.219, SoughtBurst(for_s=1.0)
+WORST_AT_S, BURST = 7.407, SoughtBurst(for_s=1.0)
 SETTINGS = ("convoy.vehicles=3", "duration_s=12")
 
 
