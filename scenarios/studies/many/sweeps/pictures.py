@@ -157,7 +157,8 @@ def _heat(
         if inside.size and inside.min() < panel.bound < inside.max():
             place.contour(x, y, grid, levels=[panel.bound], colors=[RED], linewidths=1.6)
     if grid.size <= MOST_NUMBERS:
-        _number(place, x.tolist(), y.tolist(), grid, share=panel.is_share)
+        dark = least + BRIGHT * (most - least)
+        _number(place, x.tolist(), y.tolist(), grid.tolist(), dark, share=panel.is_share)
     place.set_xticks(*_labels(along))
     place.set_yticks(*_labels(up))
     place.set(xlabel=along.key, ylabel=up.key, title=panel.title)
@@ -165,16 +166,23 @@ def _heat(
 
 
 def _number(
-    place: Axes, x: Sequence[float], y: Sequence[float], grid: NDArray[np.float64], *, share: bool
+    place: Axes,
+    x: Sequence[float],
+    y: Sequence[float],
+    rows: Sequence[Sequence[float]],
+    dark: float,
+    *,
+    share: bool,
 ) -> None:
-    """Write each cell's value into it: a share in percent, a figure to two digits."""
-    known = grid[np.isfinite(grid)]
-    bright = 1.0 if share else float(known.max(initial=0.0))
-    for up, row in zip(y, grid.tolist(), strict=True):
+    """Write each cell's value into it: a share in percent, a figure to two digits.
+
+    Values up to `dark` have a dark colour.
+    """
+    for up, row in zip(y, rows, strict=True):
         for along, value in zip(x, row, strict=True):
             if isfinite(value):
                 text = f"{100.0 * value:.0f} %" if share else f"{value:.2g}"
-                ink = "black" if value > BRIGHT * bright else "white"
+                ink = "black" if value > dark else "white"
                 place.text(along, up, text, color=ink, ha="center", va="center", fontsize=7.0)
 
 
