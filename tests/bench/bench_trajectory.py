@@ -20,6 +20,7 @@ from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
+from vehicles.geometry import arc_spline
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
 from vehicles.preview.trajectory import Fit, FitSettings, fit_composite
@@ -106,6 +107,7 @@ def decisions_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int
 
 def main() -> int:
     """Print the table."""
+    print("code:", "interpreted" if arc_spline.__file__.endswith(".py") else "compiled")
     print(f"{'µs':26s}{'fit: best':>12s}{'median':>12s}{'with law':>12s}{'median':>12s}")
     for count in (16, 40, 80):
         for name, pieces in SHAPES.items():

@@ -99,8 +99,7 @@ def advance(
     command = min(max(actuation.steering, -parameters.steering_limit), parameters.steering_limit)
     final_speed = body.speed + acceleration * span
     if parameters.tyres == "brush":
-        held = Actuation(command, acceleration)
-        return _advance_on_brushes(body, held, span, parameters, substeps)
+        return _advance_on_brushes(body, command, acceleration, span, parameters, substeps=substeps)
     if final_speed >= 0.0:
         return _integrate(body, command, final_speed, span, parameters, substeps=substeps)
     rolling = -body.speed / acceleration
@@ -109,19 +108,25 @@ def advance(
 
 
 def _advance_on_brushes(
-    body: Body, held: Actuation, span: float, p: VehicleParameters, substeps: int | None
+    body: Body,
+    command: float,
+    acceleration: float,
+    span: float,
+    p: VehicleParameters,
+    *,
+    substeps: int | None,
 ) -> Body:
     """Advance on tyres that saturate."""
     if span <= 0.0:
         return body
     # A slide changes the speed by the turn of the body as well.
-    gained = span * (held.acceleration + body.yaw_rate * body.lateral_speed)
+    gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
     slowest = max(min(body.speed, body.speed + gained), WALKING_PACE)
     place, state = brush_motion.move(
         (body.east, body.north, body.yaw, body.distance),
         (body.speed, body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate),
-        command=held.steering,
-        acceleration=held.acceleration,
+        command=command,
+        acceleration=acceleration,
         span=span,
         parameters=p,
         fastest=_fastest_rate(slowest, lateral_coefficients(p), p),

@@ -18,6 +18,9 @@ from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, 
 from vehicles.messages import NOTHING_TOLD, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 
+BLOCK = 64
+"""Measurements whose noise is drawn at once; the numbers are the same whatever the block."""
+
 
 @dataclass(slots=True)
 class Fix:
@@ -86,6 +89,7 @@ class GnssReceiver:
         self._noise = noise
         self._cadence = Cadence(start_at, rate_hz)
         self._random = random
+        self._drawn: list[float] = []
         self._forced: ForcedStates | None = None
         if errors is not None:
             self._forced = errors.states = ForcedStates(errors.states)
@@ -125,13 +129,17 @@ class GnssReceiver:
         The other errors go on as they were drawn.
         """
         self._random = random
+        self._drawn.clear()
 
     def _measured(self, body: Body, now: int) -> Fix | None:
         seq = self._cadence.index(now)
         if seq is None:
             return None
-        east, north, yaw, speed, yaw_rate = self._random.standard_normal(5).tolist()
-        noise = self._noise
+        if not self._drawn:
+            self._drawn = self._random.standard_normal(5 * BLOCK).tolist()
+            self._drawn.reverse()
+        draw, noise = self._drawn.pop, self._noise
+        east, north, yaw, speed, yaw_rate = draw(), draw(), draw(), draw(), draw()
         fix = Fix(
             seq=seq,
             measured_at=now,

@@ -230,14 +230,14 @@ def blended(
     """Mean errors and command of several trajectories by their shares (not in the paper)."""
     return (
         TrackingErrors(
-            lateral=sum(share * e.lateral for share, e, _ in parts),
-            heading=sum(share * e.heading for share, e, _ in parts),
-            yaw_rate=sum(share * e.yaw_rate for share, e, _ in parts),
-            curvature=sum(share * e.curvature for share, e, _ in parts),
+            lateral=sum([share * e.lateral for share, e, _ in parts]),
+            heading=sum([share * e.heading for share, e, _ in parts]),
+            yaw_rate=sum([share * e.yaw_rate for share, e, _ in parts]),
+            curvature=sum([share * e.curvature for share, e, _ in parts]),
         ),
         SteeringCommand(
-            steering=sum(share * c.steering for share, _, c in parts),
-            feedforward=sum(share * c.feedforward for share, _, c in parts),
-            feedback=sum(share * c.feedback for share, _, c in parts),
+            steering=sum([share * c.steering for share, _, c in parts]),
+            feedforward=sum([share * c.feedforward for share, _, c in parts]),
+            feedback=sum([share * c.feedback for share, _, c in parts]),
         ),
     )

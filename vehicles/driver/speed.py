@@ -78,7 +78,7 @@ class SpeedProfile:
     def distance(self, seconds: float) -> float:
         """Distance (m) driven from time 0 to `seconds`, by the trapezoidal rule."""
         inner = (time for time in self.times if 0.0 < time < seconds)
-        return sum(self._driven(begin, end) for begin, end in pairwise((0.0, *inner, seconds)))
+        return sum([self._driven(begin, end) for begin, end in pairwise((0.0, *inner, seconds))])
 
     def time_to(self, distance: float) -> float:
         """Time (s) after which `distance` (m) is driven; infinite if it is never reached.

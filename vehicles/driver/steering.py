@@ -67,23 +67,25 @@ class FeedforwardFeedback:
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
         """`parameters` are those that the controller assumes of its car."""
-        self._parameters = parameters
         self._gains = gains
+        self.assume(parameters)
 
     def assume(self, parameters: VehicleParameters) -> None:
         """Take other parameters of the car for K_sg, eq. (6), from now on."""
-        self._parameters = parameters
+        self._wheelbase = parameters.wheelbase
+        self._steer_gradient = parameters.steer_gradient
+        self._limit = parameters.steering_limit
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """Eqs. (6), (7): δ_ff = (a+b)/R + K_sg v²/R, δ_fb = −k_e e_lat − k_θ θ̃ − k_ω dθ̃/dt."""
-        car, gains = self._parameters, self._gains
-        feedforward = (car.wheelbase + car.steer_gradient * speed * speed) * errors.curvature
+        gains = self._gains
+        feedforward = (self._wheelbase + self._steer_gradient * speed * speed) * errors.curvature
         feedback = (
             -gains.lateral * errors.lateral
             - gains.heading * errors.heading
             - gains.yaw_rate * errors.yaw_rate
         )
-        return limited(feedforward, feedback, car.steering_limit)
+        return limited(feedforward, feedback, self._limit)
 
 
 class SlipCompensated:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, ceil, cos, floor, inf, sin, sqrt
+from math import atan2, ceil, cos, floor, sin, sqrt
 
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_point import Foot, PathPoint
@@ -179,7 +179,7 @@ class ArcSpline:
     @property
     def length(self) -> float:
         """Arc length of the spline of Section III-A (m): the sum of its pieces'."""
-        return sum(piece.length for piece in self.pieces)
+        return sum([piece.length for piece in self.pieces])
 
     def at(self, station: float) -> PathPoint:
         """Place at `station` (m); the end pieces extend the path beyond both ends.
@@ -213,14 +213,14 @@ class ArcSpline:
         found: list[float] = []
         offset, last = start, len(self.pieces) - 1
         for index, piece in enumerate(self.pieces):
-            k = len(found)
-            end = count if index == last else min(count, floor((piece.length - offset) / step) + 1)
+            k, passed = len(found), floor((piece.length - offset) / step) + 1
+            end = max(count if index == last else min(count, passed), k)
             if piece.rate == 0.0:
-                found += [piece.curvature] * max(end - k, 0)
-            else:
+                found += [piece.curvature] * (end - k)
+            elif end > k:
                 # Constant before the piece, even within it, and constant after it.
-                begin = min(max(ceil(-offset / step), k), max(end, k))
-                after = min(max(floor((piece.length - offset) / step) + 1, begin), max(end, k))
+                begin = min(max(ceil(-offset / step), k), end)
+                after = min(max(passed, begin), end)
                 found += [piece.curvature] * (begin - k)
                 bend, rise = piece.curvature + piece.rate * offset, piece.rate * step
                 found += [bend + rise * j for j in range(begin, after)]
@@ -236,15 +236,18 @@ class ArcSpline:
         """
         if len(self.pieces) == 1:
             return self.pieces[0].project(east, north)
-        candidates, start, last = [], 0.0, len(self.pieces) - 1
-        for index, piece in enumerate(self.pieces):
-            foot = piece.near(east, north)
-            low = -inf if index == 0 else 0.0
-            high = inf if index == last else piece.length
-            beyond = max(low - foot.station, foot.station - high, 0.0)
-            candidates.append((abs(foot.lateral) + beyond, index, start, foot))
-            start += piece.length
-        _, index, start, foot = min(candidates)
-        if self.pieces[index].rate != 0.0:
-            foot = self.pieces[index].settled(foot.station, east, north)
-        return Foot(start + foot.station, foot.lateral, foot.yaw, foot.curvature)
+        chosen = self.pieces[0]
+        foot = chosen.near(east, north)
+        least = abs(foot.lateral) + max(foot.station - chosen.length, 0.0)
+        start, begin, last = 0.0, chosen.length, self.pieces[-1]
+        for piece in self.pieces[1:]:
+            other = piece.near(east, north)
+            beyond = 0.0 if piece is last else other.station - piece.length
+            away = abs(other.lateral) + max(-other.station, beyond, 0.0)
+            if away < least:
+                chosen, foot, least, start = piece, other, away, begin
+            begin += piece.length
+        if chosen.rate != 0.0:
+            foot = chosen.settled(foot.station, east, north)
+        foot.station += start
+        return foot

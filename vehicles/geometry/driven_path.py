@@ -56,13 +56,8 @@ class _Chord(NamedTuple):
     guessed: bool
 
 
-class _Place(NamedTuple):
-    """A point (m) whose foot point is sought, and when a vehicle was there."""
-
-    vehicle: str
-    at_ns: int
-    east: float
-    north: float
+_Place = tuple[str, int, float, float]
+"""A vehicle, when it was at a point whose foot point is sought (ns), and that point (m, m)."""
 
 
 @dataclass(slots=True)
@@ -121,7 +116,7 @@ class CrossTrackError:
         follower = self._followers.get(vehicle)
         if follower is None:
             follower = self._followers[vehicle] = _Follower()
-        place = _Place(vehicle, at, east, north)
+        place = vehicle, at, east, north
         if follower.waiting or follower.left_behind or not self._chords:
             follower.waiting.append(place)
             return self._feet(follower) if self._chords else []

@@ -7,7 +7,6 @@ counter-clockwise from east. Degrees and compass courses exist only here and on 
 import math
 from dataclasses import dataclass
 
-import numpy as np
 from pymap3d.ecef import geodetic2ecef
 from pymap3d.ellipsoid import Ellipsoid
 from pymap3d.rcurve import meridian, transverse
@@ -30,9 +29,9 @@ MOST_CORRECTIONS = 20
 
 WGS84 = Ellipsoid.from_name("wgs84")
 _MAJOR, _MINOR = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
-_FLAT = (_MINOR / _MAJOR) ** 2
+_MAJOR_SQUARE, _FLAT = _MAJOR**2, (_MINOR / _MAJOR) ** 2
 
-_FULL_TURN = 2.0 * math.pi
+_HALF_TURN, _FULL_TURN = math.pi, 2.0 * math.pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,8 +139,9 @@ class LocalPlane:
         """
         latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
         cos, sin = math.cos(latitude), math.sin(latitude)
-        # By NumPy's hypot, since that of the standard library rounds in its own way.
-        normal = _MAJOR**2 / float(np.hypot(_MAJOR * cos, _MINOR * sin))
+        # The size of a complex number is the C library's hypot, as NumPy's is; `math.hypot` rounds
+        # in its own way.
+        normal = _MAJOR_SQUARE / abs(complex(_MAJOR * cos, _MINOR * sin))
         x0, y0, z0 = self._centre
         x = (normal + altitude_m) * cos * math.cos(longitude) - x0
         y = (normal + altitude_m) * cos * math.sin(longitude) - y0
@@ -154,8 +154,10 @@ class LocalPlane:
 
 def wrap_angle(angle: float) -> float:
     """Bring an angle (rad) into (-pi, pi] without changing its direction: IEEE 754 remainder."""
+    if -_HALF_TURN < angle <= _HALF_TURN:  # as mostly: the remainder is the angle itself
+        return angle
     wrapped = math.remainder(angle, _FULL_TURN)
-    return math.pi if wrapped <= -math.pi else wrapped
+    return _HALF_TURN if wrapped <= -_HALF_TURN else wrapped
 
 
 def yaw_from_heading(heading_deg: float) -> float:

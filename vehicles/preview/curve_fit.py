@@ -8,6 +8,7 @@ D. R. Anderson, "Model selection and multimodel inference", 2002, Section 2.9). 
 from one shape to another while samples come and go, where a choice would make the command jump.
 """
 
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from math import exp, hypot, inf, log, sqrt
 from typing import Literal
@@ -128,27 +129,29 @@ class Curve:
     rms: float
 
 
-def fit_curve(
-    east: Floats, north: Floats, station: Floats, weight: Floats | None, settings: FitSettings
-) -> Curve | None:
-    """Fit samples in order of `station` (m), world coordinates (m), any positive weights or one.
+def fit_curve(columns: Floats, weight: Floats | None, settings: FitSettings) -> Curve | None:
+    """Fit samples in order of station, with any positive weights or one.
+
+    `columns` are east, north (world) and station (m), shape (3, n).
 
     The target trajectory of Section III-A, its pieces chosen as the module describes. None where
     the samples do not determine a curve: fewer than three distinct ones, or travel shorter than
     `span_min`.
     """
+    station = columns[2]
     count = len(station)
     if count < 3 or not station.item(-1) - station.item(0) >= settings.span_min:
         return None
     early, middle, late = count // 4, count // 2, (3 * count) // 4
-    origin_east, origin_north = east.item(middle), north.item(middle)
-    ux, uy = east.item(late) - east.item(early), north.item(late) - north.item(early)
+    origin_east, origin_north = columns.item(0, middle), columns.item(1, middle)
+    ux = columns.item(0, late) - columns.item(0, early)
+    uy = columns.item(1, late) - columns.item(1, early)
     chord = hypot(ux, uy)
     if not 0.0 < chord < inf:
         return None
     ux, uy = ux / chord, uy / chord
-    dx, dy = east - origin_east, north - origin_north
-    data = summed(dx * ux + dy * uy, dy * ux - dx * uy, station, weight)
+    away = columns[:2] - columns[:2, middle : middle + 1]
+    data = summed(away, ux, uy, station, weight)
     curve = _explaining(data, settings)
     if curve is None:
         return None
@@ -179,8 +182,11 @@ def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
 
 def _scores(graphs: list[Graph], noise: float, settings: FitSettings) -> list[float]:
     """What line, arc and clothoid leave and cost (m²), the least being the best explanation."""
-    prices = 0.0, settings.evidence, settings.rate_evidence
-    return [graph.distance + price * noise for graph, price in zip(graphs, prices, strict=False)]
+    line, arc, *clothoid = graphs
+    scores = [line.distance, arc.distance + settings.evidence * noise]
+    if clothoid:
+        scores.append(clothoid[0].distance + settings.rate_evidence * noise)
+    return scores
 
 
 def _tried(
@@ -255,14 +261,15 @@ def _joined(
     first, last = data.station.item(0), data.station.item(-1)
     margin = max(settings.piece_min, settings.piece_ratio * (last - first))
     first, last = first + margin, last - margin
-    low = max(int(data.station.searchsorted(first)), 2)
-    high = min(int(data.station.searchsorted(last, "right")), len(data.station) - 3)
+    stations: list[float] = data.station.tolist()
+    low = max(bisect_left(stations, first), 2)
+    high = min(bisect_right(stations, last), len(stations) - 3)
     if high - low < 2:
         return None
     count = min(settings.joins, high - low)
     places = [low + k * (high - 1 - low) // (count - 1) for k in range(count)]
     return best_joined(
-        Search(data, line, (settings.noise_floor**2, noise), settings.arcs_evidence),
+        Search(data, stations, line, (settings.noise_floor**2, noise), settings.arcs_evidence),
         places=places,
         within=(first, last),
         counting=least + (settings.reach - settings.join_evidence) * noise,

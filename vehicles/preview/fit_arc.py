@@ -109,12 +109,19 @@ class Graph:
         self.distance = self.misfit / self.square if self.square > 0.0 else inf
 
 
-def summed(x: Floats, y: Floats, station: Floats, weight: Floats | None) -> FitData:
-    """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to."""
-    rows = np.empty((4, len(x)))
-    square, along, aside, one = rows
-    np.add(x * x, y * y, square)
-    along[:], aside[:], one[:] = x, y, 1.0
+def summed(away: Floats, ux: float, uy: float, station: Floats, weight: Floats | None) -> FitData:
+    """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to.
+
+    `away` (m, shape (2, n)) is where they are from the local origin, east and north, and (ux, uy)
+    the direction of x there, of length one.
+    """
+    rows = np.empty((4, len(station)))
+    by_x, by_y = away * ux, away * uy
+    np.add(by_x[0], by_y[1], rows[X])
+    np.subtract(by_x[1], by_y[0], rows[Y])
+    squares = np.square(rows[X : Y + 1], by_x)
+    np.add(squares[0], squares[1], rows[SQUARE])
+    rows[ONE] = 1.0
     weighted = rows if weight is None else rows * weight
     total = np.einsum("ik,jk->ij", weighted, rows).tolist()
     return FitData(rows, weighted, station, weight, total)
@@ -154,7 +161,8 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
         away = [own - half * all_round for own, all_round in zip(left, square, strict=True)]
         straight: Floats = np.einsum("i,ik->k", away, data.rows)
         return straight
-    xi, eta, rho = np.einsum("ai,ik->ak", (ahead, left, square), data.rows)
+    seen = np.einsum("ai,ik->ak", (ahead, left, square), data.rows)
+    xi, eta, rho = seen[0], seen[1], seen[2]  # unpacked at once it takes three times as long
     found: Floats = eta - half * rho
     if half != other:
         found += (half - other) * rho * (xi <= 0.0)

@@ -49,9 +49,14 @@ class Search:
     """Looks for the best join; a change of curvature of Section III-A, anywhere in the samples."""
 
     def __init__(
-        self, data: FitData, line: Centred, noise: tuple[float, float], evidence: float
+        self,
+        data: FitData,
+        stations: list[float],
+        line: Centred,
+        noise: tuple[float, float],
+        evidence: float,
     ) -> None:
-        """`line` is the line of least squares through the samples.
+        """`stations` (m) are those of `data`, `line` is that of least squares through the samples.
 
         Two arcs have to lower the sum of squared residuals by `evidence` times the noise squared
         more than one; that is what they leave, held within `noise` (m²).
@@ -60,7 +65,7 @@ class Search:
         self._most, self._evidence = self.noise, evidence
         self._data, self._line, self._sums = data, line, cumulated(data)
         self._total = self._sums[:, -1].tolist()
-        self._stations: list[float] = data.station.tolist()
+        self._stations = stations
         norms = 1.0 / sqrt(line.weight), 1.0 / sqrt(line.xx)
         self._about = line.mean_x, line.mean_y, line.slope, *norms
 

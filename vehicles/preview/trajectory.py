@@ -47,20 +47,24 @@ class Fit:
 
 
 class _Merged(NamedTuple):
-    """Samples of both sources in order of station; without a weight each has that of one."""
+    """Samples of both sources in order of station; without a weight each has that of one.
 
-    east: Floats
-    north: Floats
-    station: Floats
+    `columns` are east, north and station (m), shape (3, n).
+    """
+
+    columns: Floats
     weight: Floats | None
     source: NDArray[np.int8]
+
+    @property
+    def places(self) -> tuple[Floats, Floats, Floats]:
+        """East, north and station (m), each by itself."""
+        return self.columns[0], self.columns[1], self.columns[2]
 
     def where(self, chosen: NDArray[np.bool_]) -> "_Merged":
         """Only the samples where `chosen` is True."""
         return _Merged(
-            self.east[chosen],
-            self.north[chosen],
-            self.station[chosen],
+            self.columns[:, chosen],
             None if self.weight is None else self.weight[chosen],
             self.source[chosen],
         )
@@ -88,23 +92,14 @@ def fit_composite(
         return None
     most, outliers = largest(curve.offsets), 0
     if most > settings.tolerance and settings.trajectory == "fitted":
-        keep = without_jumps(*merged[:3], curve.offsets, settings.tolerance)
+        keep = without_jumps(*merged.places, curve.offsets, settings.tolerance)
         kept = None if keep is None else merged.where(keep)
         again = None if kept is None else _curve(kept, settings)
         if kept is not None and again is not None:
-            outliers = len(merged.station) - len(kept.station)
+            outliers = len(merged.source) - len(kept.source)
             merged, curve = kept, again
             most = largest(curve.offsets)
-    return Fit(
-        curve.spline,
-        merged.east,
-        merged.north,
-        merged.station,
-        merged.source,
-        curve.rms,
-        most,
-        outliers,
-    )
+    return Fit(curve.spline, *merged.places, merged.source, curve.rms, most, outliers)
 
 
 def fuse(
@@ -157,24 +152,19 @@ def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Me
         )
     ).reshape(3, -1)
     order = joined[2].argsort(kind="stable")
-    ordered = joined.take(order, 1)
     source = (order >= leads).view(np.int8)  # False is LEAD, True is PREDECESSOR
     same = of_lead == of_predecessor == 1.0
     weight = None if same else np.array((of_lead, of_predecessor)).take(source)
-    return _Merged(ordered[0], ordered[1], ordered[2], weight, source)
+    return _Merged(joined.take(order, 1), weight, source)
 
 
 def _alone(window: Window, source: int) -> _Merged:
     count = len(window.station)
-    return _Merged(
-        window.east,
-        window.north,
-        window.station,
-        None,
-        np.full(count, source, dtype=np.int8),
-    )
+    columns = np.concatenate(window).reshape(3, -1)
+    return _Merged(columns, None, np.full(count, source, dtype=np.int8))
 
 
 def _curve(merged: _Merged, settings: FitSettings) -> Curve | None:
-    fit = fit_curve if settings.trajectory == "fitted" else recipe_curve
-    return fit(merged.east, merged.north, merged.station, merged.weight, settings)
+    if settings.trajectory == "fitted":
+        return fit_curve(merged.columns, merged.weight, settings)
+    return recipe_curve(*merged.places, merged.weight, settings)

@@ -31,6 +31,9 @@ last to whole ones, where that period would hold more instants than these."""
 LARGE, LARGEST_LOG = 1e100, 700.0
 """A matrix beyond the first is scaled; e to the second is near the largest floating number."""
 
+LOOKED_EVERY = 16
+"""Steps between two looks at its size, which together do not multiply it by 1e200."""
+
 LEAST_NOISE = 1e-6
 """Noise (m, rad) of a receiver that has none; its fixes are taken over nearly as they are."""
 
@@ -89,10 +92,10 @@ def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
     """Spectral radius of the sampled closed loop, eqs. (3), (4), (7), at `speed` (m/s)."""
     steps = _Steps(loop, speed)
     total, scale = np.eye(SIZE), 0.0
-    for step in steps.over_a_period():
+    for number, step in enumerate(steps.over_a_period()):
         total = step @ total
-        size = float(np.max(np.abs(total)))
-        if size > LARGE:  # of a loop that is far from stable over a long period
+        if number % LOOKED_EVERY == 0 and (size := float(np.max(np.abs(total)))) > LARGE:
+            # Of a loop that is far from stable over a long period.
             total, scale = total / size, scale + log(size)
     if loop.imu_hz is None:
         total = total[:PLACE, :PLACE]  # there is no filter

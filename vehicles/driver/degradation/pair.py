@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from math import isnan, nan
 
 from vehicles.car.gnss import Fix
-from vehicles.driver.degradation.meant_path import MeantShare
+from vehicles.driver.degradation.meant_path import MeantPath, MeantShare
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.stopping import stopping_distance
@@ -37,6 +37,8 @@ class SourcePair:
             self.used["predecessor"] = predecessor
             predecessor.may_stray = len(self.used) > 1 and settings.reaction == "degrade"
         wanted = predecessor.may_stray and settings.predecessor_path == "meant"
+        if wanted:
+            predecessor.meant = MeantPath()
         self._meant = MeantShare(settings.probation, wanted=wanted)
         self._settings = settings
         self._looked_at = 0
@@ -66,7 +68,7 @@ class SourcePair:
     def _as_meant(self, found: dict[Mode, Window]) -> dict[Mode, Window]:
         """Bring the predecessor's samples to the path that it meant, while it alone is followed."""
         window, source = found.get("predecessor"), self.predecessor
-        if window is not None and self._meant.now > 0.0:
+        if window is not None and source.meant is not None and self._meant.now > 0.0:
             instants = source.trace.instants(window)
             found["predecessor"] = source.meant.of(window, instants, self._meant.now)
         return found

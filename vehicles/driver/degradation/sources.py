@@ -42,7 +42,7 @@ class Source:
         """`period` (s) is that between messages, as far as it is known beforehand."""
         self.name = name
         self.trace = Trace()
-        self.meant = MeantPath()
+        self.meant: MeantPath | None = None
         self.weight = 1.0
         self.usable = False
         self.reaches = False
@@ -105,7 +105,8 @@ class Source:
             hole = (lost and self._degrades) or (newest and self._strayed)
             self._strayed &= not newest
             self.trace.add(*place, after_hole=hole)
-            self.meant.tell(fix, message.path_offset_m)
+            if self.meant is not None:
+                self.meant.tell(fix, message.path_offset_m)
         if lost:
             self._reception.forget()
         if newest and self.trace.newest_at != fix.measured_at:

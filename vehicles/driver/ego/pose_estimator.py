@@ -14,8 +14,7 @@ from the car's own motion: the estimate follows them, smoothed, and is less sure
 """
 
 import math
-from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
 from vehicles.car.dynamics import Body
@@ -65,7 +64,7 @@ class PoseEstimator:
         slip, noise = SlipModel(parameters), imu or InertialNoise()
         drift = DriftModel(slip, noise, imu_rate_hz)
         self._model = _Model(slip, drift, gnss or GnssNoise(), noise, by_accuracy)
-        self._imu_rate_hz = imu_rate_hz
+        self._parameters, self._imu_rate_hz = parameters, imu_rate_hz
         self._start = start
         self._motion: Motion | None = None
         self._track: _Track | None = None
@@ -104,8 +103,9 @@ class PoseEstimator:
 
         It is for readings alone: of outliers that wait to be believed it knows nothing.
         """
-        other = copy(self)
-        other._track, other._rival = self._track and self._track.twin(), None
+        other = PoseEstimator(self._parameters, imu_rate_hz=self._imu_rate_hz, start=self._start)
+        other._model, other._motion = self._model, self._motion
+        other._track = self._track and self._track.twin()
         return other
 
     def correct(self, fix: Fix) -> None:
@@ -134,7 +134,7 @@ class PoseEstimator:
 
     def _started(self, fix: Fix) -> "_Track":
         motion = self._motion or Motion(fix.speed, fix.yaw_rate)
-        return _Track(fix, motion, self._model)
+        return _Track.begun(fix, motion, self._model)
 
     def at(self, now: int) -> Pose:
         """Pose at `now` (ns) by dead reckoning; ValueError before the first fix.
@@ -174,36 +174,53 @@ class _Model:
         return fix.accuracy if self.by_accuracy else self.gnss.position
 
 
+@dataclass(slots=True, eq=False, kw_only=True)
 class _Track:
     """An estimate, the instant (ns) it holds for, how wrong it may be and how many fixes it has."""
 
-    __slots__ = (
-        *("across", "along", "at", "east", "fixed_at", "fixes", "north", "read_at", "yaw"),
-        *("_lateral_speed", "_model", "_speed", "_speed_bias", "_yaw_rate", "_yaw_rate_bias"),
-    )
+    at: int
+    fixed_at: int
+    read_at: int
+    fixes: int = 1
+    east: float
+    north: float
+    yaw: float
+    along: AlongCovariance
+    across: AcrossCovariance
+    _model: _Model
+    _speed: float
+    _yaw_rate: float
+    _lateral_speed: float
+    _speed_bias: float = 0.0
+    _yaw_rate_bias: float = 0.0
 
-    def __init__(self, fix: Fix, motion: Motion, model: _Model) -> None:
-        self.at = self.fixed_at = self.read_at = fix.measured_at
-        self.fixes = 1
-        self.east, self.north, self.yaw = fix.east, fix.north, wrap_angle(fix.yaw)
-        self._speed, self._yaw_rate = motion.speed, motion.yaw_rate
-        self._speed_bias = self._yaw_rate_bias = 0.0
-        self._lateral_speed = model.slip.steady(motion.speed, motion.yaw_rate)
-        self._model = model
-        gnss, imu = model.gnss, model.imu
+    @classmethod
+    def begun(cls, fix: Fix, motion: Motion, model: _Model) -> "_Track":
+        """Begin where `fix` is."""
         place = model.position(fix) ** 2
-        self.along = AlongCovariance(place, imu.speed_bias**2)
-        self.across = AcrossCovariance(place, gnss.heading**2, imu.yaw_rate_bias**2)
+        gnss, imu = model.gnss, model.imu
+        return cls(
+            at=fix.measured_at,
+            fixed_at=fix.measured_at,
+            read_at=fix.measured_at,
+            east=fix.east,
+            north=fix.north,
+            yaw=wrap_angle(fix.yaw),
+            along=AlongCovariance(place, imu.speed_bias**2),
+            across=AcrossCovariance(place, gnss.heading**2, imu.yaw_rate_bias**2),
+            _model=model,
+            _speed=motion.speed,
+            _yaw_rate=motion.yaw_rate,
+            _lateral_speed=model.slip.steady(motion.speed, motion.yaw_rate),
+        )
 
     def twin(self) -> "_Track":
         """Copy the track with its covariances; the model is the same."""
-        other = copy(self)
-        other.along, other.across = copy(self.along), copy(self.across)
-        return other
+        return replace(self, along=replace(self.along), across=replace(self.across))
 
     def restarted(self, fix: Fix) -> "_Track":
         """Begin another track at `fix`; a jump of the place changes nothing of the sensors."""
-        other = _Track(fix, Motion(self._speed, self._yaw_rate), self._model)
+        other = _Track.begun(fix, Motion(self._speed, self._yaw_rate), self._model)
         other._speed_bias, other._yaw_rate_bias = self._speed_bias, self._yaw_rate_bias
         other.along.ss, other.across.gg = self.along.ss, self.across.gg
         other.read_at = self.read_at

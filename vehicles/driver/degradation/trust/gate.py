@@ -140,7 +140,7 @@ class InnovationGate:
     @property
     def _alternates(self) -> bool:
         """Whether poses have been believed and refused in turn, so that there are two tracks."""
-        returns = sum(after and not before for before, after in pairwise(self._lately))
+        returns = sum([after and not before for before, after in pairwise(self._lately)])
         return returns >= RETURNS
 
     def _against(self, before: Fix, fix: Fix) -> Innovation:
@@ -242,7 +242,11 @@ class InnovationGate:
     def _stays(self, one: Innovation, fix: Fix) -> bool:
         """Whether the place stays where it was although the speed told must have moved it."""
         place = self._place or fix
-        limit = self._gate * self._inflation * sqrt(stated_variance(place) + stated_variance(fix))
+        limit = (
+            self._gate
+            * self._inflation
+            * sqrt(stated_variance(place.accuracy) + stated_variance(fix.accuracy))
+        )
         if hypot(fix.east - place.east, fix.north - place.north) > limit:
             self._place, self._claimed = fix, (0.0, 0.0, 0.0)
             return False

@@ -7,6 +7,7 @@ car may do: the way between two poses is their mean velocity times the time betw
 an acceleration of at most A no car is further from there than A T² / 4.
 """
 
+from functools import lru_cache
 from math import cos, remainder, sin, sqrt, tau
 from typing import NamedTuple
 
@@ -72,11 +73,13 @@ class Innovation(NamedTuple):
         )
 
 
-def stated_variance(fix: Fix) -> float:
-    """Variance (m²) of a place per axis by its own account, within reason (not in the paper)."""
-    if LEAST_DEVIATION <= fix.accuracy <= MOST_DEVIATION:
-        return fix.accuracy**2
-    return min(max(fix.accuracy, LEAST_DEVIATION), MOST_DEVIATION) ** 2
+@lru_cache(maxsize=64)  # receivers mostly say the same again and again
+def stated_variance(accuracy: float) -> float:
+    """Variance (m²) of a place per axis by its own account, within reason (not in the paper).
+
+    `accuracy` (m) is the deviation that its fix states.
+    """
+    return min(max(accuracy, LEAST_DEVIATION), MOST_DEVIATION) ** 2
 
 
 def innovation(before: Fix, fix: Fix, noise: GnssNoise) -> Innovation:
@@ -113,7 +116,7 @@ def innovation(before: Fix, fix: Fix, noise: GnssNoise) -> Innovation:
         across=north * cosine - east * sine,
         along_variance=driven + 0.5 * (size * noise.speed) ** 2,
         across_variance=driven + 0.5 * (size * speed * noise.heading) ** 2 + (size * slip) ** 2,
-        stated=stated_variance(before) + stated_variance(fix),
+        stated=stated_variance(before.accuracy) + stated_variance(fix.accuracy),
         way=(way_east, way_north),
         turn=abs(turn) / sqrt(turn_variance) if turn_variance else 0.0,
         gain=gain / (sqrt(2.0) * noise.speed + 1e-3) if gain > 0.0 else 0.0,
@@ -141,8 +144,8 @@ class PoseTrack:
         """
         spread = self._spread + sqrt(max(one.along_variance, one.across_variance))
         at_anchor = max(self._anchor_inflation, inflation)
-        anchored = stated_variance(self._anchor) * at_anchor * at_anchor
-        noise = anchored + stated_variance(fix) * inflation * inflation
+        anchored = stated_variance(self._anchor.accuracy) * at_anchor * at_anchor
+        noise = anchored + stated_variance(fix.accuracy) * inflation * inflation
         deviation = sqrt(spread * spread + noise)
         return max(abs(self._east + one.east), abs(self._north + one.north)) / deviation
 
