@@ -3,6 +3,8 @@
 topics     the table of topics: name, message, who logs it, how urgent
 reasons    the table of reasons why a message was not used
 codec      bytes from messages and back
+telemetry  messages that only the log needs, many in one
+thinning   of which topics the log holds but some messages
 texts      what of a text may reach a terminal and a line of the log
 closing    what closes itself at the end of a `with`
 colours    colours of the vehicles in every picture

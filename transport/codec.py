@@ -29,14 +29,6 @@ class RefusedMessageError(ValueError):
         self.reason = reason
 
 
-def _is_finite(value: float) -> bool:
-    return isfinite(value)
-
-
-def _is_finite_or_nan(value: float) -> bool:
-    return not isinf(value)
-
-
 class _Form:
     """How one message class maps to its Protobuf message: field by field, by name."""
 
@@ -52,14 +44,15 @@ class _Form:
         }
         self.lists = [f.name for f in fields(message) if get_origin(f.type) is tuple]
         self.single = tuple(name for name in self.names if name not in self.lists)
-        self.numbers = {f.name: _is_finite for f in fields(message) if f.type is float}
-        self.numbers |= {f.name: _is_finite_or_nan for f in fields(message) if f.type == FloatOrNan}
+        self.finite = [f.name for f in fields(message) if f.type is float]
+        self.or_nan = [f.name for f in fields(message) if f.type == FloatOrNan]
         self.columns_of_numbers = [
             f.name
             for f in fields(message)
             if get_args(f.type)[:1] == (float,) and f.name in self.lists
         ]
         self.texts = [f.name for f in fields(message) if f.type is str]
+        self.free_texts = [name for name in self.texts if name != "vehicle"]
         # Lists whose names begin alike (piece_…, sample_…) are columns of one table.
         firsts: dict[str, str] = {}
         self.columns = [
@@ -115,15 +108,25 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
 
 
 def as_read(data: bytes, message: Message) -> bytes:
-    """Return the bytes of `message` as it was read from `data`, with what was escaped."""
-    texts = [getattr(message, name) for name in _FORMS[type(message)].texts]
-    return encode(message) if any("\\" in text for text in texts) else data
+    """Return the bytes of `message` as it was read from `data`, with what was escaped.
+
+    Its vehicle is known by then, so nothing was in that name.
+    """
+    for name in _FORMS[type(message)].free_texts:
+        if "\\" in getattr(message, name):
+            return encode(message)
+    return data
 
 
 def _check_numbers(form: _Form, values: Mapping[str, Any]) -> None:
     """Raise RefusedMessageError for a number that no vehicle measures."""
-    for name, is_sound in form.numbers.items():
-        if not is_sound(values[name]):
+    # A sum is finite only if each of its numbers is, and takes one look at all of them.
+    if not isfinite(sum([values[name] for name in form.finite])):
+        for name in form.finite:
+            if not isfinite(values[name]):
+                raise RefusedMessageError("absurd", f"{name} is {values[name]}")
+    for name in form.or_nan:
+        if isinf(values[name]):
             raise RefusedMessageError("absurd", f"{name} is {values[name]}")
     for name in form.columns_of_numbers:
         if not all(map(isfinite, values[name])):

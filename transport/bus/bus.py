@@ -7,6 +7,8 @@ from typing import Protocol, Self
 
 Handler = Callable[[str, bytes], None]
 """Is given a message's key and payload, on a thread of the bus; must be quick and never raise."""
+Fetch = Callable[[], bool]
+"""Gives what has come to a handler; says whether it may have been too much to keep."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,13 @@ class Bus(Protocol):
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
+
+    def collect(self, key: str, handler: Handler, most: int) -> Fetch:
+        """Keep what comes under `key` until it is fetched, the newest `most` of it.
+
+        Returns what gives it all to `handler`, on the thread that calls it, and says whether some
+        may have been lost because more came.
+        """
 
     def connected(self) -> bool:
         """Whether anyone can be reached."""

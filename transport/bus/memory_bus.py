@@ -1,8 +1,9 @@
 """A bus within one process: synchronous and deterministic, for virtual time and for tests."""
 
+from collections import deque
 from itertools import count
 
-from transport.bus.bus import AliveHandler, Answer, Handler, Member
+from transport.bus.bus import AliveHandler, Answer, Fetch, Handler, Member
 from transport.closing import Closing
 
 
@@ -111,6 +112,19 @@ class MemoryBus(Closing):
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
         self._network.subscribe(self, key_expression, handler)
+
+    def collect(self, key: str, handler: Handler, most: int) -> Fetch:
+        """Keep what comes under `key` until it is fetched, the newest `most` of it."""
+        kept: deque[bytes] = deque(maxlen=most)
+        self.subscribe(key, lambda _, data: kept.append(data))
+
+        def fetch() -> bool:
+            is_full = len(kept) == most
+            while kept:
+                handler(key, kept.popleft())
+            return is_full
+
+        return fetch
 
     def answer(self, key: str, answer: Answer) -> None:
         """Answer each question for `key`, until this bus closes."""

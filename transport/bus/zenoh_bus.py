@@ -14,7 +14,7 @@ from pathlib import Path
 
 import zenoh
 
-from transport.bus.bus import AliveHandler, Answer, BusError, Handler, Member
+from transport.bus.bus import AliveHandler, Answer, BusError, Fetch, Handler, Member
 from transport.bus.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, VEHICLE_DEFAULTS, ZenohOptions
 from transport.closing import Closing
 from transport.topics import TOPICS, alive_key
@@ -85,6 +85,25 @@ class ZenohBus(Closing):
 
         with _as_bus_error(f"cannot subscribe {key_expression}"):
             self._declared.append(self._session.declare_subscriber(key_expression, receive))
+
+    def collect(self, key: str, handler: Handler, most: int) -> Fetch:
+        """Keep what comes under `key` until it is fetched, the newest `most` of it.
+
+        Meanwhile no thread of Zenoh's has to wait for the interpreter. Returns what gives it all to
+        `handler`, on the thread that calls it, and says whether some may have been lost.
+        """
+        with _as_bus_error(f"cannot subscribe {key}"):
+            subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(most))
+        self._declared.append(subscriber)
+
+        def fetch() -> bool:
+            fetched = 0
+            while (sample := subscriber.try_recv()) is not None:
+                handler(key, sample.payload.to_bytes())
+                fetched += 1
+            return fetched >= most
+
+        return fetch
 
     def answer(self, key: str, answer: Answer) -> None:
         """Answer each question for `key`, on a thread of its own, until this bus closes."""

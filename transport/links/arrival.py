@@ -145,9 +145,15 @@ class ContentStage:
     def _with_false_content(self, sent: GpsPose, read: GpsPose) -> tuple[GpsPose, list[str]]:
         """The pose that is told, and the kinds of what is false in it."""
         pose, kinds = read, [] if read is sent else ["corrupted"]
+
+        def recall(until: int) -> GpsPose | None:
+            # A wrong bit can put the instant of `read` off: what was sent after the message itself
+            # has come, or not yet, as the wire pleases.
+            return self.memory.newest(min(until, sent.sent_at_ns))
+
         for one in self.false:
             if sent.sent_at_ns in one.span:
-                told = one.tell(pose, self.gate.plane, self.memory.newest)
+                told = one.tell(pose, self.gate.plane, recall)
                 if told is not None:
                     pose = self._checked(told, sent)
                     kinds.append(one.kind)

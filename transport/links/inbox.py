@@ -156,24 +156,24 @@ class Inbox:
     @property
     def heard(self) -> int:
         """Poses handed over so far."""
-        return self._before.heard + sum(link.delivered for link in self.links.values())
+        return self._before.heard + sum([link.delivered for link in self.links.values()])
 
     @property
     def dropped(self) -> int:
         """Poses that a link dropped so far."""
-        return self._before.dropped + sum(link.dropped.total() for link in self.links.values())
+        return self._before.dropped + sum([link.dropped.total() for link in self.links.values()])
 
     @property
     def late(self) -> int:
         """Poses so far that came after the tick that should have judged them, or far later."""
-        too_late = sum(count for word, count in self._refused.items() if counts_as_late(word))
+        too_late = sum([count for word, count in self._refused.items() if counts_as_late(word)])
         return too_late + self._late_on_links
 
     @property
     def _late_on_links(self) -> int:
         held = (late for link in self.links.values() for _, late in link.held.values())
         waiting = (late for *_, late in self._waiting)
-        links = sum(link.late for link in self.links.values())
+        links = sum([link.late for link in self.links.values()])
         return self._before.late + links + sum(held) + sum(waiting)
 
     @property
@@ -187,6 +187,11 @@ class Inbox:
             self._overflow += len(self._arrived) == self._arrived.maxlen
             # One byte too long is refused like a million, without keeping the million.
             self._arrived.append((sender_key, data[: LONGEST_POSE_BYTES + 1]))
+
+    def note_overflow(self) -> None:
+        """Count that more came than could be kept for this vehicle."""
+        with self._lock:
+            self._overflow += 1
 
     def take(self, now: int, here: Whereabouts = NOWHERE) -> list[GpsPose]:
         """Return the poses that have become visible by the tick at `now` (ns).

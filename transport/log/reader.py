@@ -5,7 +5,7 @@ from pathlib import Path
 
 from transport.codec import RefusedMessageError, decode
 from transport.log.mcap_file import McapFile
-from transport.log.records import LogError
+from transport.log.records import THINNED_NAME, LogError
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
@@ -66,6 +66,21 @@ class LogReader:
                 except RefusedMessageError as error:
                     raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
                 yield log_time, vehicle, message
+
+    @property
+    def thinned(self) -> dict[str, str]:
+        """Topics of which the log was to hold but so many messages a second (Hz)."""
+        return self.metadata().get(THINNED_NAME, {})
+
+    def require_whole(self, *topics: str) -> None:
+        """Raise LogError if the log was to hold but some messages of one of these topics."""
+        for topic, rate in self.thinned.items():
+            if topic in topics:
+                held = "none" if rate == "0" else f"at most {rate} a second"
+                raise LogError(
+                    f"{self.path}: holds {held} of the messages of {topic}, as [log] of its "
+                    "scenario asks; this needs all of them"
+                )
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Return the named text values of the log."""

@@ -37,6 +37,10 @@ _BEGINNING = re.compile(rb"[\x06\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
 """Opcode of a record of the data section and a length below 4 GiB."""
 
 
+THINNED_NAME = "thinned"
+"""The record of metadata of a log that was to hold but some messages of some topics."""
+
+
 class LogError(Exception):
     """A log that cannot be written or read: one line that says what, where and what is allowed."""
 

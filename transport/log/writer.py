@@ -18,8 +18,9 @@ from transport.codec import PROTOBUF, decode
 from transport.convoy_pb2 import Deviation
 from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.foxglove import Twin, descriptor_set, twins
-from transport.log.records import LogError, lock
+from transport.log.records import THINNED_NAME, LogError, lock
 from transport.log.scene import Scene
+from transport.thinning import Thinning
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 from vehicles.schedule import Timer
@@ -57,9 +58,17 @@ class LogWriter(Closing):
     """
 
     def __init__(
-        self, path: Path, *, library: str | None = None, scene: Scene | None = None
+        self,
+        path: Path,
+        *,
+        library: str | None = None,
+        scene: Scene | None = None,
+        rates_hz: Mapping[str, float] | None = None,
     ) -> None:
-        """Begin the log; `scene` is what the run looks like. Raises LogError."""
+        """Begin the log; `scene` is what the run looks like. Raises LogError.
+
+        Of the topics in `rates_hz` it holds at most so many messages a second of each vehicle.
+        """
         self._path = path
         self.broken = False
         """True once the file cannot be written any more."""
@@ -80,6 +89,9 @@ class LogWriter(Closing):
         self._channels: dict[tuple[str, str], _Channel] = {}
         self._schemas: dict[str, int] = {}
         self._log_time = 0
+        self._thinning = Thinning(rates_hz) if rates_hz else None
+        if rates_hz:
+            self.metadata(THINNED_NAME, {topic: f"{rate:g}" for topic, rate in rates_hz.items()})
 
     def write(  # noqa: PLR0917 (one record of a log; called for each of very many)
         self,
@@ -102,6 +114,8 @@ class LogWriter(Closing):
         if message is None:
             message = decode(topic, data)
         valid_at: int = getattr(message, topic.instant)
+        if self._thinning and not self._thinning.keeps(topic.name, vehicle, valid_at):
+            return
         if publish_time is None:
             publish_time = valid_at
         publish_time = max(publish_time, 0)  # MCAP's instants are unsigned

@@ -38,6 +38,34 @@ def test_messages_arrive_whole_and_in_order(join: Join) -> None:
     assert heard == sent
 
 
+def test_what_is_collected_waits_until_it_is_fetched(join: Join) -> None:
+    sender, receiver, heard, fetched = join(), join(), Heard(), Heard()
+    fetch = receiver.collect("convoy/lead/gps", fetched, 50)
+    receiver.subscribe("convoy/lead/*", heard)
+    connect(sender, heard, "convoy/lead/log")
+    assert fetch() is False
+
+    def send(count: int) -> list[tuple[str, bytes]]:
+        sent = [("convoy/lead/gps", bytes([k])) for k in range(count)]
+        heard.clear()
+        for key, data in sent:
+            sender.publish(key, data)
+        sender.publish("convoy/lead/other", b"")
+        assert until(lambda: ("convoy/lead/other", b"") in heard)
+        time.sleep(0.05)
+        return sent
+
+    sent = send(49)
+    assert fetched == []
+    assert fetch() is False
+    assert fetched == sent
+    assert fetch() is False
+    fetched.clear()
+    sent = send(80)
+    assert fetch() is True  # the newest are kept
+    assert fetched == sent[-50:]
+
+
 def test_only_what_was_subscribed_to_is_heard(join: Join) -> None:
     sender, receiver, heard, all_heard = join(), join(), Heard(), Heard()
     receiver.subscribe("convoy/*/gps", heard)

@@ -10,7 +10,7 @@ from typing import Any
 from zlib import crc32
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
@@ -89,6 +89,9 @@ def at_once(poses: Iterable[GpsPose]) -> list[tuple[int, GpsPose]]:
 
 @settings(max_examples=12)
 @given(random=st.randoms(use_true_random=False), seed=st.integers(0, 1000))
+@example(random=Random(1), seed=13)  # a wrong bit puts the instant of sending off
+@example(random=Random(1), seed=186)
+@example(random=Random(1), seed=207)
 @pytest.mark.parametrize("frame_check", [True, False])
 def test_another_order_and_time_of_arrival_changes_nothing(
     frame_check: bool, random: Random, seed: int

@@ -1,0 +1,58 @@
+"""Batches of messages: what is packed comes out again, and what is none harms no other."""
+
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transport.codec import MAX_BYTES, RefusedMessageError
+from transport.convoy_pb2 import Records
+from transport.telemetry import MAX_RECORDS_BYTES, BatchRecord, packed, records_key, unpacked
+from transport.topics import TOPICS, key
+
+BATCHED = [topic.name for topic in TOPICS.values() if topic.batched]
+records = st.lists(
+    st.builds(
+        BatchRecord,
+        st.sampled_from(BATCHED),
+        st.integers(-(2**63), 2**63 - 1),
+        st.binary(max_size=200) | st.integers(0, MAX_BYTES).map(bytes),
+    ),
+    max_size=30,
+)
+
+
+@given(records)
+def test_what_is_packed_comes_out_in_its_order_and_no_batch_is_too_large(
+    sent: list[BatchRecord],
+) -> None:
+    batches = list(packed(sent))
+    assert [one for batch in batches for one in unpacked(batch)] == sent
+    assert all(0 < len(batch) <= MAX_RECORDS_BYTES for batch in batches)
+    assert len(batches) <= 1 + sum(len(one.data) + 48 for one in sent) // (MAX_RECORDS_BYTES // 2)
+
+
+@given(st.binary(max_size=300))
+def test_bytes_that_are_no_batch_are_refused_and_nothing_else_happens(data: bytes) -> None:
+    with suppress(RefusedMessageError):
+        assert all(one.topic in ("", *BATCHED) for one in unpacked(data))
+
+
+def test_a_batch_that_is_too_large_is_refused_unread() -> None:
+    with pytest.raises(RefusedMessageError, match="oversized"):
+        list(unpacked(bytes(MAX_RECORDS_BYTES + 1)))
+
+
+def test_a_record_that_may_not_be_in_a_batch_is_told_apart_and_the_others_are_kept() -> None:
+    batch = Records()
+    for topic, size in (("truth", 3), ("gps", 3), ("nonsense", 3), ("command", MAX_BYTES + 1)):
+        batch.record.add(topic=topic, at_ns=7, data=bytes(size))
+    found = list(unpacked(batch.SerializeToString()))
+    assert [one.topic for one in found] == ["truth", "", "", ""]
+
+
+def test_what_others_drive_by_or_wait_for_is_never_in_a_batch() -> None:
+    assert not any(topic.urgent and topic.batched for topic in TOPICS.values())
+    assert {"gps", "start", "end", "log", "health", "change"}.isdisjoint(BATCHED)
+    assert records_key("v2") not in {key("v2", topic) for topic in TOPICS.values()}
