@@ -4,6 +4,7 @@ option           the value of `--rerun`: where the picture goes
 view             opens and closes it there
 picture          turns messages into entities of the recording
 shapes           cars, road, name tags
+detail           how much is drawn of a long convoy
 curves           curves over time, sent in batches
 marks            marks of collisions and the like, in plans and plots
 link_states      how each link was over each half second

@@ -26,6 +26,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
 from transport.colours import Colour
+from transport.picture.detail import Detail
 from transport.picture.link_states import LATE, LOSSES, OK, SILENT
 
 Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Square", "Up"]
@@ -131,10 +132,11 @@ one that between centres of mass along the path."""
 def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
     """Lay out the picture of `vehicles`, lead first, that drive about `gap_m` apart on `road`."""
     flat = road is not None and _is_flat(road)
+    detail = Detail(vehicles)
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                _convoy_view(vehicles, Reach.of(len(vehicles), gap_m, road)),
+                _convoy_view(vehicles, Reach.of(detail.shown, gap_m, road)),
                 _plan_view(vehicles, gap_m, road),
                 _log_view(),
                 row_shares=[4, 2, 2] if flat else [3, 4, 2],
@@ -143,7 +145,7 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
                 rrb.Tabs(
                     _plot("cross_track", legend=len(vehicles) <= LEGEND_HOLDS), _plot("tracking")
                 ),
-                *_closing(vehicles, gap_m),
+                *_closing(detail, gap_m),
                 rrb.Tabs(_plot("true_gap"), _plot("gap"), _plot("speed"), _plot("steering")),
                 rrb.Tabs(
                     _states("mode", "Steers along", hidden=vehicles[0]),
@@ -286,13 +288,13 @@ def _plot(quantity: str, *, legend: bool = False) -> rrb.TimeSeriesView:
     )
 
 
-def _closing(vehicles: Sequence[str], gap_m: float) -> list[rrb.Tabs]:
+def _closing(detail: Detail, gap_m: float) -> list[rrb.Tabs]:
     """Show each follower's road ahead: what is known of it, and what a stop takes.
 
     At first that of the vehicle that the view moves along with. What a stop takes at full speed may
     be far above; it comes down as the car slows down.
     """
-    most = max(3.0 * (len(vehicles) - 1) * gap_m, LEAST_CLOSING_M)
+    most = max(3.0 * (detail.shown - 1) * gap_m, LEAST_CLOSING_M)
     views = [
         rrb.TimeSeriesView(
             name=f"Road ahead of {name} (m)",
@@ -300,9 +302,9 @@ def _closing(vehicles: Sequence[str], gap_m: float) -> list[rrb.Tabs]:
             plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=True),
             axis_y=rrb.ScalarAxis(range=(-0.2 * most, most)),
         )
-        for name in vehicles[1:]
+        for name in detail.names[1:]
     ]
-    return [rrb.Tabs(*views, active_tab=middle(len(vehicles)) - 1)] if views else []
+    return [rrb.Tabs(*views, active_tab=middle(len(detail.names)) - 1)] if views else []
 
 
 def _states(origin: str, name: str, *, hidden: str = "") -> rrb.StateTimelineView:

@@ -12,6 +12,7 @@ from transport.colours import Colour, colour_of
 from transport.picture.blueprint import (
     CLOSING,
     TIMELINE,
+    WORST,
     Reach,
     Road,
     blueprint,
@@ -19,6 +20,7 @@ from transport.picture.blueprint import (
     middle,
 )
 from transport.picture.curves import Curves
+from transport.picture.detail import Detail
 from transport.picture.link_states import LinkStates, message_state
 from transport.picture.marks import Mark, Marks
 from transport.picture.shapes import (
@@ -81,7 +83,8 @@ class Picture:
     """Turns messages into entities of a recording, at the rates that a viewer needs.
 
     Of the cross-track error, the tracking error and the gaps every value is drawn, so that the
-    extreme ones are those of the summary.
+    extreme ones are those of the summary. Of a long convoy that is so for some vehicles; `detail`
+    says which.
     """
 
     def __init__(
@@ -98,7 +101,8 @@ class Picture:
         self._recording = recording
         self._cars = cars
         self._lead = vehicles[0]
-        self._reach = Reach.of(len(vehicles), gap_m, path)
+        self.detail = Detail(vehicles)
+        self._reach = Reach.of(self.detail.shown, gap_m, path)
         self._start: int | None = None
         self._waiting: list[tuple[int, Message]] = []
         self._places: dict[str, int] = {}
@@ -112,8 +116,10 @@ class Picture:
         self._where: dict[str, tuple[float, float]] = {}
         self._yaw: dict[str, float] = {}
         self._seen: dict[str, int] = {}
-        self._followed = vehicles[middle(len(vehicles))]
+        self._followed = self.detail.followed
         self._batch = Timer(BATCH_NS)
+        self._car_ns, self._driven_ns = map(self.detail.period, (CAR_NS, DRIVEN_NS))
+        self._trajectory_ns = self.detail.period(TRAJECTORY_NS)
         self._drawn_at: int | None = None
         self._worst = ""
         self._draw: dict[type[Message], Callable[[Any], None]] = {
@@ -174,10 +180,13 @@ class Picture:
         vehicle, at = truth.vehicle, truth.true_at_ns
         self._seen[vehicle] = at
         self._place(vehicle)
-        for foot in self._cross_track_error.add(truth):
-            self._curves.add("cross_track", foot.vehicle, foot.at_ns, foot.lateral)
-            self._errors[foot.vehicle] = foot.lateral
-        if not self._is_due(vehicle, "car", at, CAR_NS):
+        car_is_due = self._is_due(vehicle, "car", at, self._car_ns)
+        if car_is_due or vehicle in self.detail:
+            for foot in self._cross_track_error.add(truth):
+                if foot.vehicle in self.detail:
+                    self._curves.add("cross_track", foot.vehicle, foot.at_ns, foot.lateral)
+                self._errors[foot.vehicle] = foot.lateral
+        if not car_is_due:
             return
         self._at(at)
         self._where[vehicle] = (truth.east_m, truth.north_m)
@@ -188,11 +197,11 @@ class Picture:
             self._move_along(truth)
         driven = self._driven[vehicle]
         driven.append((truth.east_m, truth.north_m))
-        if self._is_due(vehicle, "driven", at, DRIVEN_NS):
+        if self._is_due(vehicle, "driven", at, self._driven_ns):
             piece = rr.LineStrips2D.from_fields(strips=[driven])
             self._recording.log(f"world/driven/{vehicle}", piece)
             del driven[:-1]
-        if self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
+        if vehicle in self.detail and self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
             self._curves.add("speed", vehicle, at, truth.speed_mps)
             self._show_links(vehicle, at)
 
@@ -200,8 +209,11 @@ class Picture:
         """Let the view follow this vehicle, with a larger unit where not all would be in it."""
         c, s = math.cos(truth.yaw_rad), math.sin(truth.yaw_rad)
         unit = 1.0
+        place = self._place(truth.vehicle)
         for name, (east, north) in self._where.items():
             if truth.true_at_ns - self._seen[name] > AWAY_NS:
+                continue
+            if not self.detail.shows(self._place(name), place):
                 continue
             to_east, to_north = east - truth.east_m, north - truth.north_m
             need = self._reach.need(to_east * c + to_north * s, to_north * c - to_east * s)
@@ -211,7 +223,9 @@ class Picture:
 
     def _trajectory(self, trajectory: CompositeTrajectory) -> None:
         vehicle, at = trajectory.vehicle, trajectory.decided_at_ns
-        if not self._is_due(vehicle, "trajectory", at, TRAJECTORY_NS):
+        if vehicle not in self.detail:
+            return
+        if not self._is_due(vehicle, "trajectory", at, self._trajectory_ns):
             return
         self._at(at)
         points = [(east, north) for east, north, _ in points_along(trajectory, SPACING_M)]
@@ -229,6 +243,8 @@ class Picture:
         place = self._place(vehicle)
         mode = hazard_in(tracking.mode) if tracking.hazard else tracking.mode
         self._state(f"mode/{vehicle}", mode, at)
+        if vehicle not in self.detail:
+            return
         self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
         if not place:
             return
@@ -270,10 +286,12 @@ class Picture:
     def _command(self, command: Command) -> None:
         vehicle, at = command.vehicle, command.decided_at_ns
         self._place(vehicle)
-        if self._is_due(vehicle, "steering", at, CURVE_NS):
+        if vehicle in self.detail and self._is_due(vehicle, "steering", at, CURVE_NS):
             self._curves.add("steering", vehicle, at, math.degrees(command.steering_rad))
 
     def _verdict(self, verdict: LinkVerdict) -> None:
+        if verdict.vehicle not in self.detail:
+            return
         link = f"{verdict.vehicle}/from_{verdict.sender}"
         self._links.count(link, verdict)
         state = message_state(verdict)
@@ -292,12 +310,18 @@ class Picture:
         name = max(self._errors, key=lambda one: abs(self._errors[one]), default="")
         if not name or abs(self._errors[name]) <= FAR_OFF_M:
             name = ""
-        self._at(max(self._seen.values(), default=now))
+        newest = max(self._seen.values(), default=now)
+        self._at(newest)
         if self._worst not in {name, ""}:
             self._ring(self._worst, "")
         if name:
             self._ring(name, f"{name} {self._errors[name]:+.2f} m")
         self._worst = name
+        if self._errors and not self.detail.is_all:  # whose curves are not all there
+            worst = max(map(abs, self._errors.values()))
+            words = f"furthest of {len(self._errors)}"
+            self._curves.style("cross_track", "worst", words, WORST, 2.5)
+            self._curves.add("cross_track", "worst", newest, worst)
 
     def _ring(self, vehicle: str, label: str) -> None:
         """Ring a vehicle with a label, or without one no more."""

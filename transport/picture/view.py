@@ -83,6 +83,10 @@ class RerunView(Closing):
             lane_m=lane_m,
         )
 
+    def details(self, vehicle: str) -> bool:
+        """Whether everything is drawn of a vehicle, its gap too, and not only where it is."""
+        return self._picture is not None and vehicle in self._picture.detail
+
     def draw(self, now: int, message: Message) -> None:
         """Draw a message that was recorded at instant `now` (ns)."""
         if self._picture is not None:
