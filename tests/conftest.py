@@ -6,8 +6,10 @@
 hostile messages.
 """
 
+import gc
 import os
 import sys
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,9 @@ settings.load_profile("deterministic")
 
 
 SYSTEM = Path(__file__).parent / "system"
+
+COLLECTED_EVERY = 10_000
+"""So many objects more than before a test has when the garbage collector looks through them."""
 
 # Where the environment forbids to keep compiled modules, each of several hundred processes that
 # tests start would compile the project anew.
@@ -44,10 +49,27 @@ def pytest_configure(config: pytest.Config) -> None:
         settings.load_profile(CAMPAIGN)
     config.addinivalue_line("markers", "campaign(few, all): random cases, and with --campaign")
     config.addinivalue_line("markers", "long: takes more than ten seconds and is begun early")
+    config.addinivalue_line("markers", "forks: copies this process, which is to be small by then")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Keep all that is made here from the garbage collector: it stays for the whole session.
+
+    Half a million objects, which would be looked at again and again, found to be in use, and
+    copied in every process that is forked.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.set_threshold(COLLECTED_EVERY)
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what is long, then with the convoys of real processes.
+    """Begin with what forks often, then with what is long and the convoys of real processes.
 
     Of two workers of `-n` one gets the first half of the list: it spends most of its time waiting
     for convoys, and leaves its core to the other one, which calculates. Whoever is through first
@@ -55,7 +77,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     must be short.
     """
     items.sort(
-        key=lambda one: (one.get_closest_marker("long") is None, SYSTEM not in one.path.parents)
+        key=lambda one: (
+            one.get_closest_marker("forks") is None,
+            one.get_closest_marker("long") is None,
+            SYSTEM not in one.path.parents,
+        )
     )
 
 

@@ -281,6 +281,12 @@ class Scenario:
         """The scenario as one self-contained TOML file, which `scenario_from_text` reads back."""
         return _text_of(self.tables)
 
+    @cached_property
+    def digest(self) -> str:
+        """Sixteen letters that stand for all it says but its name and its seed."""
+        neutral = self.tables.model_copy(update={"seed": 0, "name": "any"})
+        return hashlib.sha256(_text_of(neutral).encode()).hexdigest()[:16]
+
 
 def _text_of(tables: ScenarioTables) -> str:
     """Every key of a scenario as TOML."""

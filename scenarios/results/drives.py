@@ -14,6 +14,8 @@ from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 Array = NDArray[np.float64]
+KINDS = frozenset((TruePose, Tracking))
+"""Kinds of message of which drives are made."""
 
 
 @dataclass(frozen=True)

@@ -283,7 +283,7 @@ class EventDetector:
         self._first_at = min(self._first_at, pose.true_at_ns)
         self._places[pose.vehicle] = (pose.east_m, pose.north_m)
         if met := self.encounters.add(pose):
-            self.collisions += sum(episode.kind == "collision" for episode in met)
+            self.collisions += sum([episode.kind == "collision" for episode in met])
             self._found += met
         if pose.friction_ratio >= SLIDING_SHARE:
             self._found += self._slide.add(pose)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
@@ -134,11 +135,15 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
         metrics.add(message)
         if isinstance(message, RunStart):
             start_at = message.start_at_ns
+    thinned = reader.thinned
+    if thinned:
+        held = ", ".join(thinned)
+        warn(f"{log}: holds but some of its {held}, and these figures are of what it holds")
     try:
         identity = RunIdentity.of_values(reader.metadata().get(METADATA_NAME, {}))
     except ValueError as error:
         raise LogError(f"{log} (metadata {METADATA_NAME}): {error}") from error
-    return summarise(
+    summary = summarise(
         identity,
         scenario,
         metrics,
@@ -146,6 +151,9 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
         reason="the log is damaged" if reader.damage else "the log breaks off",
         rejected={},
     )
+    if "truth" in thinned:  # what was not to be logged is no hole
+        return replace(summary, holes=tuple(one for one in summary.holes if one.kind == "pose"))
+    return summary
 
 
 def scenario_in(log: Path, attachments: Mapping[str, bytes]) -> Scenario:

@@ -344,7 +344,7 @@ class Metrics:
             name=name,
             role="lead" if is_lead else "follower",
             poses=figures.poses,
-            missing_poses=sum(hole.poses for hole in self._holes(name, ran_ns)),
+            missing_poses=sum([hole.poses for hole in self._holes(name, ran_ns)]),
             silent_from_s=self._silent_from(figures, ran_ns),
             lateral_error_m_max=figures.lateral_error.largest,
             lateral_error_m_rms=figures.lateral_error.rms,

@@ -9,8 +9,10 @@ rehearsal    a virtual run whose drives stay in memory
 unlogged     a virtual run of which only the figures stay
 replay       a recorded vehicle put back on the road
 recorder     every message into log, figures and picture
+watchers     who watches a run, and waits while the log has to catch up
 run_folder   the folder of a run, taken by one at a time
 run_log      the two files of a run
+forked       runs that share their beginnings
 pool         many jobs on several processes
 stop         why and how a process has to stop; exit codes
 """

@@ -2,12 +2,14 @@
 
 import os
 import signal
+import time
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_all_start_methods, get_context, parent_process
 from threading import Thread
 from typing import Any, ParamSpec, TypeVar
 
@@ -15,6 +17,11 @@ Key = TypeVar("Key", bound=Hashable)
 Job = Callable[[], Any]
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+
+PAUSES_S = (0.0, 0.05, 0.5)
+"""Before each further attempt to start a worker: what it is forked from may not be up yet."""
+IMPORTED = ("scenarios.runs.virtual", "scenarios.runs.unlogged")
+"""What workers run is imported once for all of them."""
 
 
 def cores() -> int:
@@ -26,14 +33,17 @@ class WorkerPool(Executor):
     """So many worker processes, each of which imports the project once.
 
     What a worker does that dies ends with `BrokenProcessPool`; the others do not notice, and the
-    next call of `submit` puts a new one in its place. They are spawned, as threads and a fork do
-    not go together, and end with this process, even if it is killed outright.
+    next call of `submit` puts a new one in its place. They are forked from a process that has
+    imported everything and has no threads, as this one has; where there is no fork they are
+    spawned. They end with this process, even if it is killed outright.
     """
 
     def __init__(self, workers: int) -> None:
         """Start nothing yet: each worker comes with the first thing that it is to do."""
         # Inherited by the workers; see the same line of the command line.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        # After a Ctrl-C Python itself tidies up, and would complain that it had to.
+        os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
         self._processes = [_one_process() for _ in range(workers)]
         self._futures: list[list[Future[Any]]] = [[] for _ in range(workers)]
 
@@ -43,14 +53,20 @@ class WorkerPool(Executor):
         """Give it to the worker that has least to do."""
         self._futures = [[one for one in of if not one.done()] for of in self._futures]
         place = min(range(len(self._futures)), key=lambda number: len(self._futures[number]))
-        with _deaf_to_ctrl_c():  # which the workers inherit: they end with their parent
-            try:
-                future = self._processes[place].submit(fn, *args, **kwargs)
-            except BrokenProcessPool:
-                self._processes[place] = _one_process()
-                future = self._processes[place].submit(fn, *args, **kwargs)
+        future = self._submit_to(place, partial(fn, *args, **kwargs))
         self._futures[place].append(future)
         return future
+
+    def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
+        """Give work to a worker, or to a new one in its place if it has died."""
+        with _deaf_to_ctrl_c():  # which the workers inherit: they end with their parent
+            for pause_s in PAUSES_S:
+                try:
+                    return self._processes[place].submit(work)
+                except (BrokenProcessPool, OSError, EOFError):  # or what it is forked from died
+                    self._processes[place] = _one_process()
+                    time.sleep(pause_s)
+            return self._processes[place].submit(work)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Let the workers end, once they have done what is not cancelled."""
@@ -61,7 +77,11 @@ class WorkerPool(Executor):
 
 
 def _one_process() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(1, get_context("spawn"), initializer=_end_with_parent)
+    if "forkserver" not in get_all_start_methods():
+        return ProcessPoolExecutor(1, get_context("spawn"), initializer=_end_with_parent)
+    context = get_context("forkserver")
+    context.set_forkserver_preload(list(IMPORTED))
+    return ProcessPoolExecutor(1, context, initializer=_end_with_parent)
 
 
 RunAll = Callable[[Mapping[Any, Job]], Iterator[tuple[Any, Any]]]

@@ -126,10 +126,12 @@ class Recorder:
             raise RefusedMessageError("early", "the run has not begun")
         if isinstance(message, GpsPose):
             self._gates[vehicle].check(message, at)
-        elif valid_at(message) < self._start_at - EARLY_NS:
-            raise RefusedMessageError("early", f"valid at {valid_at(message)}")
-        elif valid_at(message) > at + HORIZON_NS:
-            raise RefusedMessageError("future", f"valid at {valid_at(message)}")
+        else:
+            valid = valid_at(message)
+            if valid < self._start_at - EARLY_NS:
+                raise RefusedMessageError("early", f"valid at {valid}")
+            if valid > at + HORIZON_NS:
+                raise RefusedMessageError("future", f"valid at {valid}")
         if message.seq in self._seen[key_expression]:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
         return topic, message

@@ -1,41 +1,28 @@
 """A virtual run whose drives stay in memory, with or without a log; vehicles may be replayed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.drives import DriveRecorder, Trial
-from scenarios.runs.node.sink import BusSink
+from scenarios.results.drives import KINDS, DriveRecorder, Trial
 from scenarios.runs.recorder import Listener
 from scenarios.runs.replay import Replay
 from scenarios.runs.stop import Stop
+from scenarios.runs.unlogged import FiguresSink
 from scenarios.runs.virtual import VirtualConvoy, run_virtual
-from transport.bus.bus import Bus
 from transport.log.records import LogError
 from vehicles.messages import GpsPose, Message
 
 
-class RehearsalSink:
+class RehearsalSink(FiguresSink):
     """Publishes the pose for the convoy and gives the rest to whoever listens, not encoded."""
-
-    def __init__(self, vehicle: str, bus: Bus, listen: Callable[[Message], None]) -> None:
-        self._to_convoy = BusSink(vehicle, bus)
-        self._listen = listen
 
     def send(self, message: Message) -> None:
         """Take one message; a pose waits until `flush`."""
         if isinstance(message, GpsPose):
             self._to_convoy.send(message)
         else:
-            self._listen(message)
-
-    def flush(self) -> None:
-        """Publish the poses that wait."""
-        self._to_convoy.flush()
-
-    def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - whoever listens may read all
-        """Everything may be read."""
-        return True
+            self._take(message)
 
 
 def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
@@ -45,16 +32,22 @@ def rehearse(scenario: Scenario, replays: Sequence[Replay] = ()) -> Trial:
     what the vehicles do, is the same as in a logged run.
     """
     drives = DriveRecorder()
-    overhear(scenario, drives.listen, replays)
+    overhear(scenario, drives.listen, replays, KINDS)
     return drives.trial(scenario)
 
 
 def overhear(
-    scenario: Scenario, listen: Callable[[Message], None], replays: Sequence[Replay] = ()
+    scenario: Scenario,
+    listen: Callable[[Message], None],
+    replays: Sequence[Replay] = (),
+    kinds: Container[type[Message]] | None = None,
 ) -> None:
-    """Run `scenario` in virtual time without a log; `listen` gets all that is not a pose."""
+    """Run `scenario` in virtual time without a log; `listen` gets all that is not a pose.
+
+    If it reads only some `kinds` of message, others need not be made.
+    """
     convoy = VirtualConvoy(scenario)
-    convoy.build(lambda vehicle: RehearsalSink(vehicle, convoy.bus, listen), replays)
+    convoy.build(lambda vehicle: RehearsalSink(vehicle, convoy.bus, listen, kinds), replays)
     convoy.run(Stop())
 
 

@@ -91,6 +91,7 @@ def _acts_at(message: GpsPose | TruePose) -> int:
 def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
     """Read what `log` holds of `vehicle`; raises LogError if that is nothing."""
     reader = LogReader(log)
+    reader.require_whole("truth")
     poses: list[GpsPose] = []
     truth: list[TruePose] = []
     started_at: int | None = None

@@ -60,7 +60,9 @@ class RunLog:
         self._replayed = replayed
         self._identity = RunIdentity.here(scenario, clock, run_id)
         folder.mkdir(parents=True, exist_ok=True)
-        self._writer = LogWriter(folder / LOG_NAME, scene=scene_of(scenario))
+        self._writer = LogWriter(
+            folder / LOG_NAME, scene=scene_of(scenario), rates_hz=scenario.tables.log.rates_hz
+        )
         write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())

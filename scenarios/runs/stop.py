@@ -8,7 +8,8 @@ completes what it writes.
 
 import os
 import signal
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from threading import Event, Thread
 from types import FrameType
 
@@ -17,6 +18,8 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 """What was given cannot be used."""
 ASKING = (signal.SIGINT, signal.SIGTERM)
+REST = 0
+"""No signal's number: by it the watch for signals is told to rest."""
 
 
 class Stop:
@@ -58,14 +61,23 @@ class _Watch:
     def __init__(self, *, say: bool) -> None:
         self.stop = Stop()
         self._say = say
-        self._asked, writing = os.pipe()
-        os.set_blocking(writing, False)
-        signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-        Thread(target=self._wait, name="signals", daemon=True).start()
+        self._asked, self._writing = os.pipe()
+        os.set_blocking(self._writing, False)
+        signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
+        self.begin()
+
+    def begin(self) -> None:
+        """Watch, on a thread of its own."""
+        self._thread = Thread(target=self._wait, name="signals", daemon=True)
+        self._thread.start()
+
+    def rest(self) -> None:
+        """End the thread; what comes from now on waits for the next one."""
+        os.write(self._writing, bytes([REST]))
+        self._thread.join()
 
     def _wait(self) -> None:
-        while True:
-            number = os.read(self._asked, 1)[0]
+        while (number := os.read(self._asked, 1)[0]) != REST:
             if number not in ASKING:
                 continue
             if self._say and not self.stop.launched:
@@ -93,6 +105,22 @@ def end_on_signals(*, say: bool) -> None:
     global _watch  # noqa: PLW0603 - signals are the process's, not an object's
     _watch = _Watch(say=say)
     _ask_on_signals(_watch.stop)
+
+
+@contextmanager
+def without_watch() -> Iterator[None]:
+    """Do without the thread that watches for signals, as a process must that is about to fork.
+
+    A signal is noted meanwhile, and seen to afterwards. Call it in the main thread.
+    """
+    if _watch is None:
+        yield
+        return
+    _watch.rest()
+    try:
+        yield
+    finally:
+        _watch.begin()
 
 
 def stop_on_signals() -> Stop:

@@ -126,7 +126,9 @@ class VirtualConvoy:
         self._scenario = scenario
         self._steppers: list[Stepper] = []
         self._live: list[tuple[VehicleBuilder, Node | ReplayedNode]] = []
-        self._branches = deque(branches)
+        self._due: deque[tuple[int, Callable[[], None]]] = deque(
+            (branch.at, partial(self._redraw, branch.seed)) for branch in branches
+        )
         self.left: set[str] = set()
 
     def build(
@@ -172,6 +174,22 @@ class VirtualConvoy:
 
         return step_or_leave
 
+    def call(self, after: int, do: Callable[[], None]) -> None:
+        """Let something be done between two instants: after all that happens until `after` (ns).
+
+        To be called in order of time.
+        """
+        self._due.append((after, do))
+
+    def judge_by(self, scenario: Scenario) -> None:
+        """From now on let the links be those of `scenario`, which is the same in all else.
+
+        It has to be the same in all that was sent so far as well: what links remember stays.
+        """
+        self._scenario = scenario
+        for builder, _ in self._live:
+            builder.judge_by(scenario)
+
     def _redraw(self, seed: int) -> None:
         """Between two instants: what the vehicles draw and send from now on comes of `seed`."""
         numbers = {builder.name: node.outbox.next_pose for builder, node in self._live}
@@ -188,8 +206,8 @@ class VirtualConvoy:
             for tick, step in steps_in_order(self._steppers):
                 if tick.at >= end_at:  # a recorded drive may be longer than the run
                     break
-                while self._branches and self._branches[0].at < tick.at:
-                    self._redraw(self._branches.popleft().seed)
+                while self._due and self._due[0][0] < tick.at:
+                    self._due.popleft()[1]()
                 self.clock.wait_until(tick.at)
                 step(tick)
                 if stop.asked:

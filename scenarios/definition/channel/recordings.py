@@ -166,7 +166,9 @@ def _links_of(path: Path) -> dict[tuple[str, str], dict[int, LinkVerdict]]:
 
     found: dict[tuple[str, str], dict[int, LinkVerdict]] = {}
     try:
-        for _, receiver, message in LogReader(path).messages(("verdict",)):
+        reader = LogReader(path)
+        reader.require_whole("verdict")
+        for _, receiver, message in reader.messages(("verdict",)):
             verdict = cast("LinkVerdict", message)
             found.setdefault((verdict.sender, receiver), {})[verdict.pose_seq] = verdict
     except LogError as error:

@@ -104,9 +104,10 @@ class StraightDrive:
             yield passage, verdict.visible_at, reason
 
     def _passages(self, messages: int) -> Iterator[Passage]:
+        rate_hz, speed_mps = self.rate_hz, self.speed_mps
         for seq in range(messages):
-            sent_at = round(seq * SECOND / self.rate_hz)
-            driven = self.speed_mps * sent_at / SECOND
+            sent_at = round(seq * SECOND / rate_hz)
+            driven = speed_mps * sent_at / SECOND
             ahead = Whereabouts(self.distance_m + driven, 0.0, driven)
             yield Passage(
                 seq, sent_at, USUAL_MESSAGE_BYTES, ahead, Whereabouts(driven, 0.0, driven)

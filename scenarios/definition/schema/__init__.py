@@ -9,5 +9,6 @@ channel/     the tables of a link
 degradation  what followers do when messages fail
 changes      what is done to a running convoy
 limits       what a run has to hold
+log          what the log of a run holds
 tables       all others, and the file as a whole
 """

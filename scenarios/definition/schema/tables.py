@@ -16,6 +16,7 @@ from scenarios.definition.schema.degradation import DegradationTable
 from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
+from scenarios.definition.schema.log import LogTable
 from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.sending import EveryFixSending, SendingTable
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
@@ -261,6 +262,7 @@ class ScenarioTables(Table):
     links: LinkTable = LinkTable()
     events: EventsTable = EventsTable()
     limits: LimitsTable = LimitsTable()
+    log: LogTable = LogTable()
     link: Annotated[tuple[LinkEntry, ...], Field(strict=False)] = ()
     change: Changes = ()
     parameters: ParametersTable = ParametersTable()

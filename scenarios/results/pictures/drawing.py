@@ -28,7 +28,7 @@ class RunDrawing(Closing):
         self._marked = 0
         names = list(metrics.vehicles)
         self._behind = dict(pairwise(names))
-        self._drawn_at = dict.fromkeys(names, 0)
+        self._drawn_at = {name: 0 for name in names if view.details(name)}
 
     def draw(self, now: int, message: Message) -> None:
         """Draw a message that was recorded at instant `now` (ns)."""
@@ -39,8 +39,9 @@ class RunDrawing(Closing):
         self._view.draw(now, message)
         if isinstance(message, TruePose):
             for name in (message.vehicle, self._behind.get(message.vehicle, "")):
-                self._draw_gap(name)
-        self._draw_marks()
+                if name in self._drawn_at:
+                    self._draw_gap(name)
+            self._draw_marks()
 
     def _draw_gap(self, name: str) -> None:
         gap = self._events.encounters.gaps.get(name)

@@ -12,11 +12,15 @@ from transport.bus.bus import Bus
 from transport.reasons import counts_as_loss
 from transport.topics import CONDUCTOR, control_key
 from vehicles.messages import LinkVerdict, Message, RunStart, SourceStatus, Tracking, TruePose
-from vehicles.schedule import SECOND
+from vehicles.schedule import SECOND, Timer
 
 RECENT_NS = 3 * SECOND
 """The loss of a link is that of the last so many seconds: long enough for some tens of messages."""
 MOST_VERDICTS = 4096
+ASKED_NS = 5 * SECOND
+"""Whoever has asked in the last so many seconds asks again soon."""
+SELDOM_NS = SECOND
+"""How old an answer is at most for the first who asks."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,10 +115,19 @@ class StatusBoard:
             lambda: deque(maxlen=MOST_VERDICTS)
         )
         self._drawn = b""
+        self._questions = 0
+        self._known_questions = 0
+        self._asked_until = 0
+        self._seldom = Timer(SELDOM_NS)
 
     def listen_on(self, bus: Bus) -> None:
         """Answer from now on, with nothing before the start."""
-        bus.answer(control_key(CONDUCTOR), lambda _: self._drawn)
+
+        def answer(_: bytes) -> bytes:
+            self._questions += 1
+            return self._drawn
+
+        bus.answer(control_key(CONDUCTOR), answer)
 
     def listen(self, _at: int, message: Message) -> None:
         """Take one recorded message."""
@@ -130,9 +143,15 @@ class StatusBoard:
             case RunStart():
                 self._start_at = message.start_at_ns
 
-    def draw(self) -> None:
-        """Bring the answer up to date."""
-        if self._start_at is not None:
+    def draw(self, now: int) -> None:
+        """Bring the answer up to date at instant `now` (ns): at each call while somebody asks.
+
+        Of a long convoy it takes milliseconds, so otherwise it is done seldom.
+        """
+        if self._questions != self._known_questions:
+            self._known_questions, self._asked_until = self._questions, now + ASKED_NS
+        is_due = self._seldom.is_due(now) or now < self._asked_until
+        if self._start_at is not None and is_due:
             self._drawn = self.status(self._start_at).text.encode()
 
     def status(self, start_at: int) -> RunStatus:

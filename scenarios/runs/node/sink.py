@@ -1,12 +1,21 @@
 """Where the messages of one vehicle go: onto the bus, or wherever a run needs them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
+from zlib import crc32
 
 from transport.bus.bus import Bus
 from transport.codec import encode
-from transport.topics import TOPIC_OF, Topic, key
-from vehicles.messages import Message
+from transport.telemetry import BatchRecord, packed, records_key
+from transport.thinning import Thinning
+from transport.topics import TOPIC_OF, Topic, key, valid_at
+from vehicles.messages import Command, CompositeTrajectory, Message
+from vehicles.schedule import MILLISECOND
+
+BATCH_NS = 100 * MILLISECOND
+"""How long a message waits for others at most, where it may wait."""
+LOG_ONLY = {TOPIC_OF[kind].name for kind in (CompositeTrajectory, Command)}
+"""Topics of which no figure of a run is made."""
 
 OnSent = Callable[[Topic, bytes, Message], None]
 """Is given each message as it is sent, with its bytes: the recorder of a run in virtual time."""
@@ -57,3 +66,73 @@ class BusSink:
     def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - whoever listens may read all
         """Everything may be read."""
         return True
+
+
+def _record_of(message: Message) -> BatchRecord:
+    topic = TOPIC_OF[type(message)]
+    return BatchRecord(topic.name, valid_at(message), encode(message))
+
+
+class BatchingSink:
+    """Publishes at once what others need at once, and all else in batches; on the wall clock.
+
+    What waits is encoded when its batch goes out: a tick finds the processor's caches cold, many
+    messages one after the other do so but once.
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        bus: Bus,
+        now: Callable[[], int],
+        on_sent: OnSent | None = None,
+        *,
+        logged_hz: Mapping[str, float] | None = None,
+    ) -> None:
+        """`now` is the clock (ns); `on_sent` is called for each message that goes alone.
+
+        Of topics in `logged_hz` that only the log needs no more is sent than it is to hold.
+        """
+        self._vehicle = vehicle
+        rates_hz = (logged_hz or {}).items()
+        self._thinning = Thinning({name: rate for name, rate in rates_hz if name in LOG_ONLY})
+        self._alone = BusSink(vehicle, bus, on_sent)
+        self._bus = bus
+        self._key = records_key(vehicle)
+        self._now = now
+        self._waiting: list[Message] = []
+        self._turn = crc32(vehicle.encode()) % BATCH_NS  # those of a convoy send one by one
+        self._span = self._present_span()
+
+    def send(self, message: Message) -> None:
+        """Take `message`; `flush` sends it, or a later one."""
+        topic = TOPIC_OF[type(message)]
+        if not topic.batched:
+            self._alone.send(message)
+        elif self._thinning.keeps(topic.name, self._vehicle, getattr(message, topic.instant)):
+            self._waiting.append(message)
+
+    def flush(self) -> None:
+        """Publish what cannot wait, and the batch when it is time."""
+        self._alone.flush()
+        if (span := self._present_span()) != self._span:
+            self._span = span
+            self._send_batch()
+
+    def _present_span(self) -> int:
+        """Number of the span of time for which a batch goes out."""
+        return (self._now() - self._turn) // BATCH_NS
+
+    def flush_all(self) -> None:
+        """Publish all that waits."""
+        self._alone.flush()
+        self._send_batch()
+
+    def _send_batch(self) -> None:
+        for batch in packed(map(_record_of, self._waiting)):
+            self._bus.publish(self._key, batch)
+        self._waiting.clear()
+
+    def reads(self, kind: type[Message]) -> bool:
+        """Whether the log, or a figure, takes anything of a kind."""
+        return not self._thinning.drops_all(TOPIC_OF[kind].name)

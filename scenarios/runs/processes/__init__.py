@@ -2,6 +2,7 @@
 
 launcher      `convoy run`: starts the router, the recorder and the vehicles, in this order
 supervisor    starts processes, sees them end, leaves none behind
+forking       a process forked from this one, ready in milliseconds
 router        the Zenoh router
 recording     the recorder: gathers the convoy, writes the log, ends the run
 arrivals      what waits for the recorder

@@ -1,7 +1,9 @@
 """What has come for the recorder and waits to be recorded: bounded, whoever sends it."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from heapq import heappop, heappush
+from itertools import count
 from queue import Empty, Queue
 from threading import Lock
 
@@ -13,6 +15,8 @@ MOST_BYTES = 32 * 2**20
 its share of it even then. So a flood under some keys pushes out nothing under the others."""
 OVERHEAD_BYTES = 160
 """What a message takes in the queue beside its bytes."""
+MOST_HELD_BYTES = 32 * 2**20
+"""What may wait for what was sent before it, ten times what a hundred vehicles send meanwhile."""
 Arrival = tuple[int, str, bytes]
 """Instant of arrival (ns), key and bytes."""
 
@@ -20,9 +24,16 @@ Arrival = tuple[int, str, bytes]
 class Arrivals:
     """A queue from the bus's thread to the recorder's; what it refuses it counts, by reason."""
 
-    def __init__(self, keys: Iterable[str], most_bytes: int = MOST_BYTES) -> None:
-        """Take nothing but what comes under `keys`."""
-        self._keys = {key: key for key in keys}
+    def __init__(
+        self,
+        keys: Iterable[str],
+        most_bytes: int = MOST_BYTES,
+        *,
+        larger: Mapping[str, int] | None = None,
+    ) -> None:
+        """Take nothing but what comes under `keys`, or under one that may have `larger` bytes."""
+        self._larger = dict(larger or {})
+        self._keys = {key: key for key in (*keys, *self._larger)}
         self._most = most_bytes
         self._share = most_bytes // len(self._keys)
         self._held: Counter[str] = Counter()
@@ -43,7 +54,7 @@ class Arrivals:
         with self._lock:
             if key is None:
                 self._refused["unknown"] += 1
-            elif len(data) > MAX_BYTES:
+            elif len(data) > self._larger.get(key, MAX_BYTES):
                 self._refused["oversized"] += 1
             elif self._total + size > self._most and self._held[key] + size > self._share:
                 self._refused["overflow"] += 1
@@ -70,3 +81,30 @@ class Arrivals:
         with self._lock:
             refused, self._refused = self._refused, Counter()
         return refused
+
+
+class SendingOrder:
+    """What has come, by the instants at which it was sent: batches come later than what is alone.
+
+    What comes so late that others have been given away already comes after them. Of more than
+    `most_bytes` the first do not wait any longer.
+    """
+
+    def __init__(self, most_bytes: int = MOST_HELD_BYTES) -> None:
+        self._heap: list[tuple[int, int, Arrival]] = []
+        self._numbers = count()
+        self._most = most_bytes
+        self._held = 0
+
+    def put(self, sent_at: int, arrival: Arrival) -> None:
+        """Take what was sent at `sent_at` (ns)."""
+        self._held += len(arrival[2]) + OVERHEAD_BYTES
+        heappush(self._heap, (sent_at, next(self._numbers), arrival))
+
+    def until(self, instant: int | None = None) -> Iterator[Arrival]:
+        """Yield, and give away, what was sent up to an instant (ns); without one everything."""
+        heap = self._heap
+        while heap and (instant is None or heap[0][0] <= instant or self._held > self._most):
+            arrival = heappop(heap)[2]
+            self._held -= len(arrival[2]) + OVERHEAD_BYTES
+            yield arrival

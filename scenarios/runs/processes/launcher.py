@@ -18,6 +18,8 @@ from transport.log.records import LogError
 from transport.log.repair import repair
 
 WATCH_PERIOD_S = 0.05
+NOTICED_S = 0.1
+"""Until then each process knows that its router has ended, on a busy machine too."""
 ROUTER, RECORDER = "router", "recorder"
 SAID_BY_RECORDER = "the run failed"
 """Reason of a run whose recorder has said the true one."""
@@ -112,7 +114,11 @@ def launch(
             )
     except BusError as error:  # our own router, on a port of its own choice: no fault of the input
         outcome.fail(f"{error}; the run ends")
+    except OSError as error:  # the system allows no more processes, memory or open files
+        outcome.fail(f"cannot start all processes: {error.strerror}; the run ends")
     finally:
+        if outcome.router_ended:  # the recorder should have noticed before it is asked to stop
+            sleep(NOTICED_S)
         _stop_all(plan, supervisor, outcome)
     if outcome.router_ended and recorder.exit_code == 0:  # it was the last second of the run
         outcome.reason, outcome.exit_code = "", 0

@@ -8,7 +8,8 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
 from scenarios.runs.control.status import StatusBoard
-from scenarios.runs.processes.arrivals import Arrivals
+from scenarios.runs.node.sink import BATCH_NS
+from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
 from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
 from scenarios.runs.processes.membership import Membership
@@ -16,21 +17,31 @@ from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
 from scenarios.runs.recorder import Listener
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
+from scenarios.runs.watchers import Watchers
 from transport.bus.zenoh_bus import ZenohBus
 from transport.clock import WallClock, poll
+from transport.codec import RefusedMessageError
 from transport.log.records import LogError
+from transport.telemetry import MAX_RECORDS_BYTES, records_key, unpacked
 from transport.topics import CONDUCTOR, TOPICS, key
 from vehicles.schedule import SECOND, Timer
 
 POLL_S = 0.02
-FLUSH_NS = SECOND * 2 // 5
+FLUSH_NS = SECOND // 5
 """Between two flushes of the log; a kill loses at most half a second."""
+HELD_NS = BATCH_NS + SECOND // 10
+"""How long what has come waits for what was sent before it in a batch."""
+OLDEST_NS = SECOND
+"""What was sent longer ago than this is logged as if it had been so long ago."""
+MOST_WAITING = 2000
+"""Messages and batches that may wait to be recorded while the picture is drawn, two thirds of a
+second of a hundred vehicles."""
 SHOW_NS = SECOND // 5
 """Between two pictures of how the run goes, for those who ask."""
 ANNOUNCE_NS = SECOND // 4
 """Between two announcements of the start, for vehicles whose subscription came late."""
 EVERYTHING = "convoy/**"
-HEALTH = "/health"
+HEALTH = "health"
 GATHER_S = 60.0
 CANCELLED_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
@@ -70,6 +81,7 @@ class RecorderProcess:
             gather_until=self._clock.now() + round(gather_s * SECOND),
         )
         metrics = metrics or Metrics.of(scenario)
+        self._watchers = Watchers(listeners, lambda: len(self._arrivals) > MOST_WAITING)
         self._board = StatusBoard(scenario, membership.run, metrics)
         self._run = RunLog(
             scenario,
@@ -77,12 +89,22 @@ class RecorderProcess:
             clock="wall",
             run_id=folder.name,
             metrics=metrics,
-            listeners=(self._conductor.listen, self._board.listen, *listeners),
+            listeners=(self._conductor.listen, self._board.listen, self._watchers.listen),
         )
         self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
         self._flushing, self._showing = Timer(FLUSH_NS), Timer(SHOW_NS)
         self._own: list[tuple[str, bytes]] = []
-        self._arrivals = Arrivals(self._run.recorder.keys)
+        self._batches = {records_key(name): name for name in scenario.vehicle_names}
+        self._keys = {
+            (name, topic.name): key(name, topic)
+            for name in scenario.vehicle_names
+            for topic in TOPICS.values()
+        }
+        self._health_keys = {self._keys[name, HEALTH] for name in scenario.vehicle_names}
+        self._arrivals = Arrivals(
+            self._run.recorder.keys, larger=dict.fromkeys(self._batches, MAX_RECORDS_BYTES)
+        )
+        self._in_order = SendingOrder()
         self._last_health: dict[str, bytes] = {}
         answer_for_clock(bus, CONDUCTOR, self._clock.now)
         self._board.listen_on(bus)
@@ -96,6 +118,10 @@ class RecorderProcess:
                 self._advance()
             except LogError as error:  # the disk is full, or the log was removed
                 self._conductor.stop(str(error))
+        with suppress(LogError):  # the run has a reason to end already
+            self._record_arrivals()
+        if account := self._watchers.account():
+            self._run.recorder.say(self._clock.now(), account, "warning")
         end = self._run.end(self._clock.now(), self._conductor.reason)
         self._own_message("end", end)
         if self._conductor.reason:
@@ -187,17 +213,36 @@ class RecorderProcess:
         for _ in range(max(1, len(self._arrivals))):
             arrival = self._arrivals.take(POLL_S)
             if arrival is None:
-                return
-            at, key_expression, data = arrival
+                break
+            self._put_in_order(arrival)
+        is_over = self._conductor.phase is Phase.OVER
+        waiting = None if is_over else self._clock.now() - HELD_NS
+        for at, key_expression, data in self._in_order.until(waiting):
             if (key_expression, data) not in self._own:
                 self._record(key_expression, data, at)
 
+    def _put_in_order(self, arrival: Arrival) -> None:
+        """Let a message wait for what was sent before it, and each of a batch by itself."""
+        at, key_expression, data = arrival
+        vehicle = self._batches.get(key_expression)
+        if vehicle is None:
+            self._in_order.put(at, arrival)
+            return
+        try:
+            for record in unpacked(data):
+                sent_at = min(max(record.at, at - OLDEST_NS), at)
+                # Of a topic that no batch may have, the batch's key, which the recorder refuses.
+                of_it = self._keys.get((vehicle, record.topic), key_expression)
+                self._in_order.put(sent_at, (sent_at, of_it, record.data))
+        except RefusedMessageError as refusal:
+            self._run.recorder.rejected[refusal.reason] += 1
+
     def _record(self, key_expression: str, data: bytes, at: int) -> None:
         """Record a message; a vehicle's last counters, which it repeats until heard, but once."""
-        if self._last_health.get(key_expression) == data:
-            return
-        recorded = self._run.recorder.accept(key_expression, data, at)
-        if recorded and key_expression.endswith(HEALTH):
+        accept = self._run.recorder.accept
+        if key_expression not in self._health_keys:
+            accept(key_expression, data, at)
+        elif self._last_health.get(key_expression) != data and accept(key_expression, data, at):
             self._last_health[key_expression] = data
 
     def _advance(self) -> None:
@@ -217,7 +262,7 @@ class RecorderProcess:
             if self._reporting.is_due(now):
                 self._run.recorder.report_health(now)
         if self._showing.is_due(now):
-            self._board.draw()
+            self._board.draw(now)
         if self._flushing.is_due(now):
             self._run.flush()
 

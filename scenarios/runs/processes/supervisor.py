@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
+from scenarios.runs.processes.forking import Become, ForkedProcess, can_fork, fork
 from scenarios.runs.processes.router import LISTENING
 from transport.bus.bus import BusError
 from transport.clock import poll
@@ -35,7 +36,7 @@ class Child:
     """A child process that this process started."""
 
     name: str
-    process: "subprocess.Popen[bytes]"
+    process: "subprocess.Popen[bytes] | ForkedProcess"
 
     @property
     def exit_code(self) -> int | None:
@@ -53,6 +54,16 @@ def describe(child: ChildProcess) -> str:
     return f"{child.name} ended with exit code {code}"
 
 
+def spawn(arguments: Sequence[str], *, piped: bool) -> "subprocess.Popen[bytes]":
+    """Start `convoy ARGUMENTS` as a program of its own."""
+    return subprocess.Popen(  # noqa: S603 - our own command line, no shell
+        [sys.executable, "-m", "scenarios.cli", *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE if piped else None,
+        start_new_session=True,
+    )
+
+
 class Supervisor:
     """Starts and stops the child processes of a run.
 
@@ -61,32 +72,25 @@ class Supervisor:
     and the child stops by itself.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, become: Become | None = None) -> None:
+        """Children are forked and do `become`, where that can be; else each is a new program."""
         self.children: list[Child] = []
+        self._become = become if become is not None and can_fork() else None
 
-    def start(self, name: str, arguments: Sequence[str]) -> Child:
-        """Start `convoy ARGUMENTS` as a child."""
-        child = Child(name, self._spawn(arguments))
+    def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
+        """Start `convoy ARGUMENTS` as a child; with `piped` its output comes here."""
+        if self._become is not None:
+            child = Child(name, fork(name, arguments, self._become, piped=piped))
+        else:
+            child = Child(name, spawn(arguments, piped=piped))
         self.children.append(child)
         return child
 
-    def _spawn(
-        self, arguments: Sequence[str], stdout: int | None = None
-    ) -> "subprocess.Popen[bytes]":
-        return subprocess.Popen(  # noqa: S603 - our own command line, no shell
-            [sys.executable, "-m", "scenarios.cli", *arguments],
-            stdin=subprocess.PIPE,
-            stdout=stdout,
-            start_new_session=True,
-        )
-
     def start_router(self) -> str:
         """Start a router on a free port of the loopback interface; returns its endpoint."""
-        process = self._spawn(
-            ["router", "--leash", "-l", "tcp/127.0.0.1:0"], stdout=subprocess.PIPE
-        )
-        self.children.append(Child("router", process))
-        first_line = process.stdout.readline().decode() if process.stdout else ""
+        arguments = ["router", "--leash", "-l", "tcp/127.0.0.1:0"]
+        output = self.start("router", arguments, piped=True).process.stdout
+        first_line = output.readline().decode() if output else ""
         if not first_line.startswith(LISTENING):
             raise BusError("the router did not start")
         return first_line.removeprefix(LISTENING).strip()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import dropwhile
+from time import sleep
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.control.answering import LiveControl
@@ -10,7 +11,7 @@ from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import ProcessProbe
 from scenarios.runs.node.replayed import ReplayedNode
-from scenarios.runs.node.sink import BusSink
+from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
 from scenarios.runs.processes.restart import (
@@ -21,10 +22,11 @@ from scenarios.runs.processes.restart import (
 )
 from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from transport.bus.bus import Bus
+from transport.bus.bus import Bus, Fetch
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.clock import Tick, WallClock, late_after, poll
 from transport.codec import RefusedMessageError, decode
+from transport.links.inbox import QUEUE, Inbox
 from transport.topics import CONDUCTOR, TOPICS, Topic, key
 from vehicles.messages import Health, Message, RunEnd, RunStart
 from vehicles.schedule import SECOND, Timer
@@ -37,6 +39,10 @@ WATCH_NS = SECOND // 4
 repetitions of the final counters, until the end of the run is heard."""
 END_NS = 8 * SECOND
 """How long a vehicle that has finished waits until the recorder's log is complete."""
+HELD_UP_NS = SECOND // 5
+"""A tick later than this after one that was not: the whole process was held up."""
+SETTLING_S = 0.02
+"""What the transport's threads get after that, to bring in what came for the missed ticks."""
 Say = Callable[[str], None]
 
 
@@ -156,6 +162,7 @@ class VehicleProcess:
         self._router = RouterWatch()
         self._watching = Timer(WATCH_NS)
         self._last_words: tuple[str, bytes] | None = None
+        self._fetches: list[Fetch] = []
         self.exit_code = 0
         answer_for_clock(bus, builder.name, self._clock.now)
         self._control = LiveControl(builder.scenario, builder.name, self._clock.now)
@@ -225,17 +232,21 @@ class VehicleProcess:
         end_at = start_at + self._builder.duration_ns
         late_after_ns = late_after(self._builder.control_rate_hz)
         probe = ProcessProbe(late_after_ns, before.lateness if before else None)
-        node = self._builder.node(
-            start_at,
-            BusSink(self._builder.name, self._bus, self._keep_last_words),
-            probe,
-            before.node if before else None,
+        sink = BatchingSink(
+            self._builder.name,
+            self._bus,
+            self._clock.now,
+            self._keep_last_words,
+            logged_hz=self._builder.scenario.tables.log.rates_hz,
         )
-        for sender_key in node.inbox.keys:
-            self._bus.subscribe(sender_key, node.inbox.on_bytes)
+        node = self._builder.node(start_at, sink, probe, before.node if before else None)
+        self._fetches = [
+            self._bus.collect(sender_key, node.inbox.on_bytes, QUEUE)
+            for sender_key in node.inbox.keys
+        ]
         self._control.begin(start_at, node.agenda)
         say(f"{self._builder.name}: {self._run} {'goes on' if before else 'starts'}")
-        self._drive(node, start_at, probe)
+        self._drive(node, start_at, probe, sink)
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
         finished = not self._stop.asked
         node.outbox.publish_health(min(self._clock.now(), end_at), final=True)
@@ -256,7 +267,9 @@ class VehicleProcess:
         start = self._announced.start
         return None if start is None else start.start_at_ns
 
-    def _drive(self, node: Node | ReplayedNode, start_at: int, probe: ProcessProbe) -> None:
+    def _drive(
+        self, node: Node | ReplayedNode, start_at: int, probe: ProcessProbe, sink: BatchingSink
+    ) -> None:
         step = stepping(node, self._builder.name, start_at)
         before = self._before.node if self._before else None
         ticks = self._builder.ticks(start_at)
@@ -268,15 +281,27 @@ class VehicleProcess:
             for tick in punctual(ticks, self._clock, probe, back_at):
                 if self.is_called_off:
                     break
+                self._fetch(node.inbox)
                 step(tick)
                 if tick.at >= back_at:
                     self._start_anew_if_down(node, tick.at, probe)
                 if self._watching.is_due(now := self._clock.now()):
                     self._check_company(now)
+            sink.flush_all()
+        except SoftwareLostError:
+            sink.flush_all()
+            raise
         except VehicleFaultError as fault:
+            sink.flush_all()
             node.outbox.publish_fault(self._clock.now(), fault.text)
             poll(lambda: self.is_called_off, every_s=POLL_S, at_most_s=END_NS / SECOND)
             raise
+
+    def _fetch(self, inbox: Inbox) -> None:
+        """Take in what has come since the last tick."""
+        for fetch in self._fetches:
+            if fetch():
+                inbox.note_overflow()
 
     def _start_anew_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
         """Raise SoftwareLostError if the software of the vehicle has crashed by `now` (ns)."""
@@ -327,10 +352,17 @@ def punctual(
 ) -> Iterator[Tick]:
     """Yield each tick at its instant; after a delay the missed ones follow one by one, at once.
 
-    None is late before `back_at` (ns): until then the process was away, as asked.
+    None is late before `back_at` (ns): until then the process was away, as asked. One that was
+    held up as a whole first lets its transport take in what has come meanwhile: else the missed
+    ticks would be made good faster than that, each as if nothing had been heard.
     """
+    was_held_up = False
     for tick in ticks:
         lateness = clock.wait_until(tick.at)
         if tick.at >= back_at:
             probe.tick_began(lateness)
+        is_held_up = lateness > HELD_UP_NS
+        if is_held_up and not was_held_up:
+            sleep(SETTLING_S)
+        was_held_up = is_held_up
         yield tick

@@ -8,6 +8,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from hypothesis import given
@@ -72,9 +73,10 @@ def senders(vehicle: str) -> list[str]:
     return {"v1": [], "v2": ["v1"], "v3": ["v1", "v2"], "v4": ["v1", "v3"]}[vehicle]
 
 
-def check_source(plain: Record, found: Explanation, start: int, now: int) -> None:
+def check_source(
+    plain: Record, plane: LocalPlane, found: Explanation, start: int, now: int
+) -> None:
     vehicle = found.vehicle
-    plane = LocalPlane(load_scenario("lane_change").origin)
     for source in found.sources:
         verdicts = [v for v in plain[vehicle, "verdict"] if v.sender == source.sender]
         heard = [v for v in verdicts if v.outcome == "delivered" and v.heard_at_ns <= now]
@@ -128,19 +130,20 @@ def cause(sender: str, receiver: str, reason: str) -> str:
 
 def brute_way_left(places: list[tuple[float, float]], here: tuple[float, float]) -> float:
     """The way to the end from the nearest of many points laid along the polyline."""
-    fine = [places[0]]
-    for before, after in pairwise(places):
-        steps = max(1, int(hypot(after[0] - before[0], after[1] - before[1]) / 0.01))
-        for k in range(1, steps + 1):
-            share = k / steps
-            fine.append(tuple(b + share * (a - b) for a, b in zip(after, before, strict=True)))  # type: ignore[arg-type]
-    nearest = min(range(len(fine)), key=lambda k: hypot(fine[k][0] - here[0], fine[k][1] - here[1]))
-    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(fine[nearest:]))
+    ends = np.array(places)
+    fine = [ends[:1]]
+    for before, after in pairwise(ends):
+        steps = max(1, int(hypot(*(after - before)) / 0.01))
+        fine.append(before + np.arange(1, steps + 1)[:, None] / steps * (after - before))
+    points = np.concatenate(fine)
+    nearest = int(np.argmin(np.hypot(*(points - here).T)))
+    return float(np.hypot(*np.diff(points[nearest:], axis=0).T).sum())
 
 
 def test_what_is_said_of_a_hundred_instants_is_in_the_log(log: Path, plain: Record) -> None:
     start = plain["run", "start"][0].start_at_ns
     known = {name: RecordedKnowledge.of(log, name) for name in ("v1", "v2", "v3", "v4")}
+    plane = LocalPlane(load_scenario("lane_change").origin)
     said = 0
     for vehicle, at_s in instants():
         found = known[vehicle].at(at_s)
@@ -149,7 +152,7 @@ def test_what_is_said_of_a_hundred_instants_is_in_the_log(log: Path, plain: Reco
         assert found.decided_at_s == pytest.approx((decision.decided_at_ns - start) / 1e9)
         assert (found.mode, found.reason) == (decision.mode, decision.reason)
         assert [source.sender for source in found.sources] == senders(vehicle)
-        check_source(plain, found, start, decision.decided_at_ns)
+        check_source(plain, plane, found, start, decision.decided_at_ns)
         assert all(source.sender in found.sentence for source in found.sources)
         said += len(found.sources)
     assert said > INSTANTS  # the draw is not of leads only

@@ -60,7 +60,7 @@ def log(folder: Path) -> bytes:
 
 @pytest.mark.parametrize("changes", CASES.values(), ids=CASES)
 def test_it_drives_and_the_same_again(changes: tuple[str, ...], tmp_path: Path) -> None:
-    scenario = made(*changes, "convoy.vehicles=3", seconds=3.0)
+    scenario = made(*changes, "convoy.vehicles=3", seconds=2.5)
     summary = ran(scenario, tmp_path / "one")
     assert (summary.outcome, summary.holes) == ("completed", ())
     assert not summary.recorder_rejected_messages

@@ -1,15 +1,26 @@
 """Where messages go: onto a bus when a tick is complete, or to the drives of a rehearsal."""
 
+from collections import Counter
+from itertools import pairwise
+
 from scenarios.results.drives import DriveRecorder
-from scenarios.runs.node.sink import BusSink
+from scenarios.runs.node.sink import BATCH_NS, BatchingSink, BusSink
 from scenarios.runs.rehearsal import RehearsalSink
 from tests.made.scenarios.messages import gps, health, tracking, truth
 from tests.made.transport import drive
 from tests.made.transport.bus import Heard
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import encode
+from transport.telemetry import unpacked
 from transport.topics import Topic
-from vehicles.messages import Message
+from vehicles.messages import (
+    Command,
+    CompositeTrajectory,
+    LinkVerdict,
+    Message,
+    TruePose,
+)
+from vehicles.schedule import SECOND
 
 
 class TakenDown(DriveRecorder):
@@ -73,3 +84,66 @@ def test_a_rehearsal_publishes_the_pose_alone_and_keeps_the_rest() -> None:
     sink.flush()
     assert heard == [("convoy/v2/gps", encode(pose))]
     assert drives.messages == others
+
+
+def test_what_only_the_log_needs_goes_in_batches_and_the_rest_at_once() -> None:
+    bus, heard = listened_to()
+    at = [0]
+    sink = BatchingSink("v1", bus, lambda: at[0])
+    instants = []
+    for tick in range(50):
+        at[0] = tick * SECOND // 50
+        sink.send(truth("v1", tick, 1.0, 0.0))
+        sink.send(gps("v1", tick))
+        before = len(heard)
+        sink.flush()
+        assert heard[before] == ("convoy/v1/gps", encode(gps("v1", tick)))
+        assert len(heard) - before <= 2
+        instants += [at[0]] * (len(heard) - before - 1)
+    spans = {later - earlier for earlier, later in pairwise(instants)}
+    assert spans == {BATCH_NS}
+    sink.send(truth("v1", 50, 1.0, 0.0))
+    sink.send(health("v1"))
+    sink.flush_all()
+    assert [where for where, _ in heard[-2:]] == ["convoy/v1/health", "convoy/v1/records"]
+    truths = [
+        one for where, data in heard if where == "convoy/v1/records" for one in unpacked(data)
+    ]
+    assert [one.data for one in truths] == [encode(truth("v1", k, 1.0, 0.0)) for k in range(51)]
+    assert truths[7].at == truth("v1", 7, 1.0, 0.0).true_at_ns
+    sink.flush_all()
+    assert len(heard) == 50 + len(instants) + 2
+
+
+def test_the_vehicles_of_a_convoy_take_turns() -> None:
+    bus, heard = listened_to()
+    at = [0]
+    sinks = [BatchingSink(f"v{k}", bus, lambda: at[0]) for k in range(1, 41)]
+    loads: list[int] = []
+    for tick in range(5):
+        at[0] = SECOND + tick * SECOND // 50
+        for k, sink in enumerate(sinks, 1):
+            sink.send(truth(f"v{k}", tick, 1.0, 0.0))
+            sink.flush()
+        loads.append(len(heard) - sum(loads))
+    assert max(loads[1:]) < 20  # of forty
+
+
+def test_of_what_only_the_log_needs_no_more_is_sent_than_it_is_to_hold() -> None:
+    bus, heard = listened_to()
+    at = [0]
+    rates = {"trajectory": 5.0, "command": 0.0, "truth": 1.0, "verdict": 0.0}
+    sink = BatchingSink("v2", bus, lambda: at[0], logged_hz=rates)
+    for tick in range(50):
+        at[0] = tick * SECOND // 50
+        sink.send(drive.trajectory("v2", tick))
+        sink.send(truth("v2", tick, 1.0, 0.0))
+        sink.flush()
+    sink.flush_all()
+    records = [record for _, data in heard for record in unpacked(data)]
+    counts = Counter(record.topic for record in records)
+    assert counts == {"trajectory": 5, "truth": 50}  # figures are made of every true pose
+    assert not sink.reads(Command)
+    assert sink.reads(CompositeTrajectory)
+    assert sink.reads(TruePose)
+    assert sink.reads(LinkVerdict)

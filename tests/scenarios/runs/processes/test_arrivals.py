@@ -4,7 +4,12 @@ import time
 from collections import Counter
 from threading import Timer
 
-from scenarios.runs.processes.arrivals import MOST_BYTES, OVERHEAD_BYTES, Arrivals
+from scenarios.runs.processes.arrivals import (
+    MOST_BYTES,
+    OVERHEAD_BYTES,
+    Arrivals,
+    SendingOrder,
+)
 from transport.codec import MAX_BYTES
 
 KEYS = [f"convoy/v{vehicle}/{topic}" for vehicle in range(20) for topic in "abcdefghij"]
@@ -85,3 +90,37 @@ def test_a_signal_that_is_handled_for_long_does_not_make_a_wait_without_end() ->
     finally:
         rescue.cancel()
         signal.signal(signal.SIGUSR1, before)
+
+
+def test_only_some_keys_may_have_larger_messages() -> None:
+    arrivals = Arrivals(["small"], larger={"large": 50_000})
+    for key in ("small", "large"):
+        arrivals.put(0, key, bytes(MAX_BYTES + 1))
+    arrivals.put(0, "large", bytes(50_001))
+    assert [key for _, key, _ in drained(arrivals)] == ["large"]
+    assert arrivals.refusals() == {"oversized": 2}
+
+
+def test_what_came_is_given_in_the_order_in_which_it_was_sent() -> None:
+    held = SendingOrder()
+    sent = [30, 10, 20, 10, 50]
+    for number, at in enumerate(sent):
+        held.put(at, (at, f"{number}", b""))
+    assert [key for _, key, _ in held.until(9)] == []
+    assert [key for _, key, _ in held.until(20)] == ["1", "3", "2"]  # equal ones as they came
+    held.put(5, (5, "late", b""))
+    assert [key for _, key, _ in held.until(20)] == ["late"]
+    assert [key for _, key, _ in held.until()] == ["0", "4"]
+
+
+def test_a_flood_does_not_wait_for_its_turn() -> None:
+    size = 1000
+    held = SendingOrder(most_bytes=20 * (size + OVERHEAD_BYTES))
+    for at in range(30):
+        held.put(at, (at, "x", bytes(size)))
+    assert [at for at, _, _ in held.until(-1)] == list(range(10))
+    held.put(100, (100, "x", bytes(size)))
+    assert [at for at, _, _ in held.until(-1)] == [10]
+    assert [at for at, _, _ in held.until()] == [*range(11, 30), 100]
+    held.put(0, (0, "x", bytes(size)))  # it counts what it has given away, too
+    assert list(held.until(-1)) == []

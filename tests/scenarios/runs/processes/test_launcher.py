@@ -10,6 +10,7 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.log_summary import LOG_NAME
 from scenarios.runs.processes.launcher import (
+    NOTICED_S,
     SAID_BY_RECORDER,
     WATCH_PERIOD_S,
     LaunchPlan,
@@ -211,7 +212,7 @@ def test_the_convoy_goes_on_without_the_dead_if_it_should(folder: Path) -> None:
 def test_without_its_router_no_run_goes_on(folder: Path, *, goes_on: bool) -> None:
     launched = play(folder, (5.0, "router", -9), (20.0, "recorder", 0), goes_on=goes_on)
     assert launched.ending == (1, "router was killed by signal 9; the run ends")
-    assert launched.over == pytest.approx(5.0, abs=2 * WATCH_PERIOD_S)
+    assert launched.over == pytest.approx(5.0, abs=2 * WATCH_PERIOD_S + NOTICED_S)
 
 
 def test_a_recorder_that_completed_its_run_decides_over_the_router(folder: Path) -> None:

@@ -34,8 +34,8 @@ def supervisor() -> Iterator[Supervisor]:
     started: list[Child] = []
     spawn = one.start
 
-    def start(name: str, arguments: tuple[str, ...]) -> Child:
-        child = spawn(name, arguments)
+    def start(name: str, arguments: tuple[str, ...], *, piped: bool = False) -> Child:
+        child = spawn(name, arguments, piped=piped)
         started.append(child)
         return child
 

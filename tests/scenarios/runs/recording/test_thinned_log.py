@@ -1,0 +1,127 @@
+"""A log that holds but some of its messages, as `[log]` of its scenario asks."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from scenarios.cli.main import cli
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.log_summary import LOG_NAME, summary_of
+from scenarios.results.summary import RunSummary
+from scenarios.runs.run_log import RunLog
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
+from tests.made.scenarios.messages import START, at, truth
+from transport.codec import encode
+from transport.log.reader import LogReader
+
+DURATION_S = 4
+SETTINGS = (f"duration_s={DURATION_S}", "convoy.vehicles=3", "links.loss_ratio=0.2")
+THINNED = (
+    "log.truth_rate_hz=10", "log.trajectory_rate_hz=2", "log.tracking_rate_hz=5",
+    "log.command_rate_hz=0", "log.verdicts=false",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("thinned")
+
+
+@cache
+def run(folder: Path, *settings: str) -> tuple[Path, RunSummary]:
+    """Log and summary of a run with these settings."""
+    place = folder / ("thinned" if settings else "whole")
+    summary = run_virtual(load_scenario("lane_change", [*SETTINGS, *settings]), place, Stop())
+    return place / LOG_NAME, summary
+
+
+def held(log: Path) -> dict[tuple[str, str], list[bytes]]:
+    """Messages by vehicle and kind, as bytes: a NaN in them equals no other."""
+    found: dict[tuple[str, str], list[bytes]] = {}
+    for _, vehicle, message in LogReader(log).messages():
+        found.setdefault((vehicle, type(message).__name__), []).append(encode(message))
+    return found
+
+
+def test_the_log_holds_what_was_asked_for_and_nothing_else_changes(folder: Path) -> None:
+    whole, thinned = held(run(folder)[0]), held(run(folder, *THINNED)[0])
+    assert {kind for _, kind in thinned} == {kind for _, kind in whole} - {"Command", "LinkVerdict"}
+    per_second = {"TruePose": 10, "CompositeTrajectory": 2, "Tracking": 5}
+    for (vehicle, kind), messages in thinned.items():
+        if kind not in per_second:
+            assert kind == "RunStart" or messages == whole[vehicle, kind]  # it names the run
+            continue
+        assert all(message in whole[vehicle, kind] for message in messages)
+        # The first in each period; a follower's trajectory begins when it has heard something.
+        assert 0 <= per_second[kind] * DURATION_S + 1 - len(messages) <= 1
+
+
+def test_the_figures_are_those_of_all_messages(folder: Path) -> None:
+    def figures(summary: RunSummary) -> dict[str, Any]:
+        rows = summary.vehicles, summary.links, summary.events, summary.holes, summary.limits
+        return {"rows": rows, "outcome": summary.outcome, "warnings": summary.warnings}
+
+    log, thinned = run(folder, *THINNED)
+    assert figures(thinned) == figures(run(folder)[1])
+    assert not thinned.holes
+    assert summary_of(log) == thinned
+
+
+def test_the_log_is_smaller(folder: Path) -> None:
+    assert run(folder, *THINNED)[0].stat().st_size < 0.5 * run(folder)[0].stat().st_size
+
+
+@pytest.mark.parametrize(
+    ("arguments", "topic", "holds"),
+    [
+        (["explain", "LOG", "--vehicle", "v2", "--at", "2"], "truth", "at most 10 a second"),
+        (["blame", "LOG", "--limit", "lane"], "truth", "at most 10 a second"),
+        (["channel", "fit", "LOG"], "truth", "at most 10 a second"),
+        (
+            ["run", "lane_change", "--clock", "virtual", "--out", "OUT", "--set",
+             'links.loss={kind="log", file="LOG"}'],
+            "verdict", "none",
+        ),
+    ],
+)  # fmt: skip
+def test_what_needs_all_of_it_says_so(
+    folder: Path, tmp_path: Path, arguments: list[str], topic: str, holds: str
+) -> None:
+    log, _ = run(folder, *THINNED)
+    places = {"LOG": str(log), "OUT": str(tmp_path / "run")}
+    for word, place in places.items():
+        arguments = [argument.replace(word, place) for argument in arguments]
+    found = CliRunner().invoke(cli, arguments)
+    assert found.exit_code == 2, found.output
+    lines = [line for line in found.output.splitlines() if "[log]" in line]
+    assert len(lines) == 1
+    assert f"holds {holds} of the messages of {topic}" in lines[0]
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("rates", [(), ("log.truth_rate_hz=5",)])
+def test_what_was_not_to_be_logged_is_no_hole_of_a_log_that_breaks_off(
+    tmp_path: Path, rates: tuple[str, ...]
+) -> None:
+    scenario = load_scenario("lane_change", [*SETTINGS, *rates])
+    recorder_is_killed = RunLog(scenario, tmp_path / "run", clock="wall", run_id="x")
+    recorder_is_killed.start(START, START)
+    for tick in range(100):
+        if 30 <= tick < 60:
+            continue  # these never came
+        message = truth("v1", tick, 0.6 * tick, 0.0)
+        recorder_is_killed.recorder.accept("convoy/v1/truth", encode(message), at(2.5))
+    recorder_is_killed.flush()
+    warnings: list[str] = []
+    found = summary_of(tmp_path / "run" / LOG_NAME, warnings.append)
+    assert found.reason == "the log breaks off"
+    if rates:
+        assert found.holes == ()
+        assert "these figures are of what it holds" in warnings[0]
+    else:
+        assert [(hole.kind, hole.poses) for hole in found.holes] == [("true pose", 30)]
+        assert warnings == []
