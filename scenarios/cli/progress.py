@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from scenarios.cli.tables import worst_rows
 from scenarios.results.metrics import Metrics
 from transport.reasons import counts_as_loss
 from vehicles.messages import LogText, Message, RunStart, TruePose
@@ -15,12 +16,15 @@ from vehicles.schedule import SECOND
 REDRAW_S = 0.25
 PLAIN_EVERY_S = 5.0
 """Without a terminal, a plain line this often."""
+MOST_ROWS = 10
+"""Of more vehicles than this only the worst have a row."""
 
 
 class Progress:
     """Shows time, true error and gap, speed and messages of each vehicle, live.
 
-    The figures are those of `metrics`, which takes each message before this does.
+    Of a long convoy it shows those that were furthest off the lead's path so far, and a line about
+    all. The figures are those of `metrics`, which takes each message before this does.
     """
 
     def __init__(self, metrics: Metrics, duration_s: float) -> None:
@@ -72,15 +76,25 @@ class Progress:
             self._console.print(self._line(), highlight=False, soft_wrap=True)
 
     def _line(self) -> str:
+        return f"{self._seconds():6.1f} of {self._duration_s:.1f} s  {self._of_all()}"
+
+    def _of_all(self) -> str:
+        """Say the worst of all vehicles, and the sums of their messages."""
         figures = self._metrics.vehicles.values()
         worst = max(abs(one.cross_track_error.latest) for one in figures)
         largest = max(one.cross_track_error.largest for one in figures)
         gap = _metres(min(map(self._gap, self._metrics.vehicles)))
         heard, lost, late = map(sum, zip(*map(self._messages, self._metrics.vehicles), strict=True))
         return (
-            f"{self._seconds():6.1f} of {self._duration_s:.1f} s"
-            f"  true lateral error {worst * 100:.1f} cm, largest {largest * 100:.1f} cm"
+            f"true lateral error {worst * 100:.1f} cm, largest {largest * 100:.1f} cm"
             f"  true gap {gap} m  heard {heard}  lost {lost}  late {late}"
+        )
+
+    def _shown(self) -> list[str]:
+        """Names of the vehicles that have a row, in the order of the convoy."""
+        vehicles = self._metrics.vehicles
+        return worst_rows(
+            list(vehicles), lambda name: vehicles[name].cross_track_error.largest, MOST_ROWS
         )
 
     def _gap(self, name: str) -> float:
@@ -103,14 +117,22 @@ class Progress:
 
     def _table(self) -> Table:
         title = f"{self._seconds():.1f} of {self._duration_s:.1f} s"
-        table = Table(title=title, box=None, padding=(0, 1, 0, 0))  # lines would cost columns
+        names = self._shown()
+        caption = None
+        if len(names) < len(self._metrics.vehicles):
+            count = len(self._metrics.vehicles)
+            caption = f"the worst {len(names)} of {count}; all: {self._of_all()}"
+        table = Table(
+            title=title, caption=caption, box=None, padding=(0, 1, 0, 0)
+        )  # lines would cost columns
         table.add_column("vehicle", no_wrap=True)
         for heading in ("true\nerror cm", "largest\ncm", "true\ngap m", "believed\nerror cm"):
             table.add_column(heading, justify="right", no_wrap=True)
         table.add_column("steers\nalong", no_wrap=True)
         for heading in ("speed\nm/s", "heard", "lost", "late"):
             table.add_column(heading, justify="right", no_wrap=True)
-        for name, figures in self._metrics.vehicles.items():
+        for name in names:
+            figures = self._metrics.vehicles[name]
             true = figures.cross_track_error
             table.add_row(
                 name,

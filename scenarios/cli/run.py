@@ -1,9 +1,10 @@
 """Commands that drive a convoy: all of it, or its parts by hand."""
 
 import sys
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +19,9 @@ from scenarios.cli.options import (
     zenoh_options,
 )
 from scenarios.runs.stop import stop_on_request
+
+if TYPE_CHECKING:  # reading a scenario takes imports that no command needs to show its help
+    from scenarios.definition.scenario import Scenario
 
 
 @click.command(
@@ -36,6 +40,13 @@ Examples:
     show_default=True,
     help="Real processes in real time, or one process as fast as it goes.",
 )
+@click.option(
+    "--start",
+    type=click.Choice(["fork", "spawn"]),
+    default="fork",
+    show_default=True,
+    help="Fork the processes from this one, ready at once, or start each as a new program.",
+)
 @run_option
 @log_options
 def run(
@@ -44,6 +55,7 @@ def run(
     overrides: tuple[str, ...],
     seed: int | None,
     clock: str,
+    start: str,
     run_name: str | None,
     out: Path | None,
     rerun: str,
@@ -63,6 +75,7 @@ def run(
                 overrides,
                 seed,
                 clock=clock,
+                be_part=be_part if start == "fork" else None,
                 run_name=run_name,
                 out=out,
                 rerun=rerun,
@@ -84,7 +97,10 @@ Examples:
 def router(*, until_empty: bool, leash: bool, **flags: Any) -> None:
     """Start the Zenoh router that the vehicles and the recorder meet at."""
     stop = stop_on_request(with_launcher=leash)
+    from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.router import route
+
+    name_process("router")
 
     with clear_errors():
         sys.exit(route(zenoh_from(flags), stop, until_empty=until_empty))
@@ -117,7 +133,10 @@ Examples:
 )
 @click.option("--quiet", is_flag=True, help="Print only what goes wrong.")
 @leash_option
+@click.pass_obj
 def vehicle(
+    known: "Scenario | None",
+    /,
     *,
     scenario: str,
     overrides: tuple[str, ...],
@@ -132,11 +151,14 @@ def vehicle(
     """Be one vehicle of SCENARIO; starts when the recorder says so."""
     stop = stop_on_request(with_launcher=leash)
     from scenarios.definition.scenario import load_scenario
+    from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.membership import checked_run_name
     from scenarios.runs.processes.vehicle import run_vehicle
 
+    name_process(name)
     with clear_errors():
-        convoy = load_scenario(scenario, overrides, seed)
+        # Who was forked from a process that has read the scenario is given it.
+        convoy = known or load_scenario(scenario, overrides, seed)
         options = zenoh_from(flags, checked_run_name(run_name or convoy.name))
         complain = partial(click.echo, err=True)
         sys.exit(
@@ -174,7 +196,10 @@ Examples:
     help="How long to wait until all vehicles are present.",
 )
 @leash_option
+@click.pass_obj
 def record(
+    known: "Scenario | None",
+    /,
     *,
     scenario: str,
     overrides: tuple[str, ...],
@@ -191,10 +216,12 @@ def record(
     stop = stop_on_request(with_launcher=leash)
     from scenarios.cli.running import record_run
     from scenarios.definition.scenario import load_scenario
+    from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.membership import checked_run_name
 
+    name_process("recorder")
     with clear_errors():
-        convoy = load_scenario(scenario, overrides, seed)
+        convoy = known or load_scenario(scenario, overrides, seed)
         sys.exit(
             record_run(
                 convoy,
@@ -207,3 +234,10 @@ def record(
                 launched=leash,
             )
         )
+
+
+def be_part(scenario: "Scenario", arguments: Sequence[str]) -> None:
+    """Be the part of a run of `scenario` that `convoy ARGUMENTS` is, in a forked process."""
+    part, *flags = arguments
+    command = {"router": router, "record": record, "vehicle": vehicle}[part]
+    command.main(flags, prog_name=f"convoy {part}", obj=scenario)

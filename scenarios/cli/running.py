@@ -1,9 +1,11 @@
 """What the commands `run` and `record` do: prepare the folder, run, show, sum up."""
 
 import secrets
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 import click
@@ -39,6 +41,11 @@ from transport.log.records import LogError
 from transport.picture.option import parse_rerun_option, refuse_foreign_file
 from transport.picture.viewer_process import ViewerError, require_display
 
+BePart = Callable[[Scenario, Sequence[str]], None]
+"""Does, of a run of a scenario, what `convoy ARGUMENTS` does, and ends by SystemExit."""
+PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle")
+"""Modules of the parts of a run; those of the recorder are imported above."""
+
 
 def run_scenario(
     name: str,
@@ -46,12 +53,16 @@ def run_scenario(
     seed: int | None,
     *,
     clock: str,
+    be_part: BePart | None,
     run_name: str | None,
     out: Path | None,
     rerun: str,
     quiet: bool,
 ) -> int:
-    """`convoy run`: returns the exit code."""
+    """`convoy run`: returns the exit code.
+
+    Its processes are forked and do `be_part`; without it each is a program started anew.
+    """
     scenario = load_scenario(name, overrides, seed)
     common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
     for line in warnings(scenario):
@@ -63,7 +74,7 @@ def run_scenario(
             return _run_virtual(scenario, folder, rerun, quiet=quiet)
         recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
         plan = LaunchPlan(scenario, again(name, overrides, seed), folder, recorder_flags, common)
-        return _run_processes(plan, quiet=quiet)
+        return _run_processes(plan, be_part, quiet=quiet)
 
 
 def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
@@ -76,8 +87,7 @@ def _run_virtual(scenario: Scenario, folder: Path, rerun: str, *, quiet: bool) -
     stop = stop_on_signals()
     metrics = Metrics.of(scenario)
     with (
-        # Whoever makes many runs wants no layout of each: it takes a fifth of the run.
-        nullcontext() if quiet and rerun == "off" else rerun_layout(folder, scenario),
+        _layout(folder, scenario, rerun, quiet=quiet),
         listeners(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
     ):
         stop.begun = True
@@ -88,9 +98,20 @@ def _run_virtual(scenario: Scenario, folder: Path, rerun: str, *, quiet: bool) -
     return stop.exit_code if summary.reason else 0
 
 
-def _run_processes(plan: LaunchPlan, *, quiet: bool) -> int:
+def _layout(
+    folder: Path, scenario: Scenario, rerun: str, *, quiet: bool
+) -> AbstractContextManager[None]:
+    """Write Rerun's layout for the log meanwhile, but for who makes many runs: it takes a while."""
+    return nullcontext() if quiet and rerun == "off" else rerun_layout(folder, scenario)
+
+
+def _run_processes(plan: LaunchPlan, be_part: BePart | None, *, quiet: bool) -> int:
     stop = stop_on_signals()
-    outcome = launch(plan, stop, Supervisor())
+    become = None
+    if be_part is not None:
+        prepare_parts(plan.scenario)
+        become = partial(be_part, plan.scenario)
+    outcome = launch(plan, stop, Supervisor(become))
     said = {"", stop.reason, SAID_BY_RECORDER}  # a signal was said when it came
     if outcome.reason not in said:
         console = Console(stderr=True)
@@ -99,6 +120,15 @@ def _run_processes(plan: LaunchPlan, *, quiet: bool) -> int:
         with suppress(LogError):  # killed before the first message
             sum_up(plan.folder, quiet=quiet)
     return outcome.exit_code
+
+
+def prepare_parts(scenario: Scenario) -> None:
+    """Do once what every part of a run of `scenario` would do first."""
+    for module in PARTS:
+        import_module(module)
+    Fingerprint.of(scenario)
+    for vehicle in scenario.vehicle_names:
+        scenario.vehicle(vehicle)
 
 
 def record_run(
@@ -126,7 +156,7 @@ def record_run(
         member.join()
         metrics = Metrics.of(scenario)
         with (
-            rerun_layout(folder, scenario),
+            _layout(folder, scenario, rerun, quiet=quiet),
             listeners(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
         ):
             stop.begun = True

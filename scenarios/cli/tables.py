@@ -1,9 +1,9 @@
 """The figures of a run as tables for a person; `summary.json` holds the same for machines."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -22,9 +22,11 @@ if TYPE_CHECKING:  # brings scipy, which a run does without
     from scenarios.studies.gains.results import GainsReport, SampledAt
 
 
+Row = TypeVar("Row")
 MOST_EVENTS = 40
 MOST_HOLES = 10
-"""So many are printed; the summary has them all."""
+MOST_LINKS = 40
+"""So many are printed, of links those that lost most; the summary has them all."""
 SHOWN_AGES_MS = ("200", "500", "1000")
 """Of the ages up to which data may count as fresh."""
 
@@ -217,7 +219,7 @@ def link_table(summary: RunSummary) -> Table:
     table.add_column("link", no_wrap=True)
     for heading in ("loss, %", "in a row", "latency, ms", "sent", "heard", "dropped", "late"):
         table.add_column(heading, justify="right")
-    for row in summary.links:
+    for row in _worst_links(summary):
         table.add_row(
             f"{row.sender} → {row.receiver}"
             + (f", {row.requested.preset}" if row.requested.preset else ""),
@@ -229,7 +231,24 @@ def link_table(summary: RunSummary) -> Table:
             _dropped(row),
             str(row.late),
         )
+    _note_more_links(summary, table)
     return table
+
+
+def worst_rows(rows: Sequence[Row], trouble: Callable[[Row], float], most: int | None) -> list[Row]:
+    """The `most` rows with the largest `trouble`, in their own order; all of them for None."""
+    worst = sorted(range(len(rows)), key=lambda place: -trouble(rows[place]))[:most]
+    return [rows[place] for place in sorted(worst)]
+
+
+def _worst_links(summary: RunSummary) -> list[LinkSummary]:
+    """The links that are printed, in the order of the summary."""
+    return worst_rows(summary.links, lambda row: row.loss_ratio, MOST_LINKS)
+
+
+def _note_more_links(summary: RunSummary, table: Table) -> None:
+    if len(summary.links) > MOST_LINKS:
+        table.caption = f"{len(summary.links) - MOST_LINKS} more, see summary.json"
 
 
 def _dropped(row: LinkSummary) -> str:
@@ -250,7 +269,7 @@ def freshness_table(summary: RunSummary) -> Table:
     counts = any(row.false_alarms.counted is not None for row in summary.links)
     if counts:
         table.add_column("false alarms\nlaw / run", justify="right", no_wrap=True)
-    for row in summary.links:
+    for row in _worst_links(summary):
         gaps = row.arrival_gap_ms_mean, row.arrival_gap_ms_p95, row.arrival_gap_ms_max
         ages = row.age_ms_mean, row.age_ms_p95, row.age_ms_max
         table.add_row(
@@ -260,6 +279,7 @@ def freshness_table(summary: RunSummary) -> Table:
             *(_figure(row.safe_time_ratio.get(limit), 100.0) for limit in SHOWN_AGES_MS),
             *([_alarms(row.false_alarms)] if counts else []),
         )
+    _note_more_links(summary, table)
     return table
 
 

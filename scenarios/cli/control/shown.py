@@ -7,6 +7,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 
+from scenarios.cli.tables import worst_rows
 from scenarios.runs.control.status import RunStatus, SourceFigures, VehicleFiguresNow
 from scenarios.runs.stop import Stop
 from transport.bus.bus import BusError
@@ -14,6 +15,10 @@ from transport.clock import poll
 from transport.texts import printable
 
 POLL_S = 0.05
+MOST_ROWS = 10
+"""Of more vehicles, or links, than this a table that refreshes has only the worst."""
+HAZARD_M = 1000.0
+"""True error of which hazard lights are worth more."""
 NUMBERS = (
     "speed\nm/s", "error\ncm", "gap\nm", "knows\nm", "lead\nage s", "rec.\n%", "ahead\nage s",
     "rec.\n%",
@@ -43,10 +48,10 @@ def show(
                 return found
         return found
     with Live(console=console, auto_refresh=False) as live:
-        live.update(tables(first), refresh=True)
+        live.update(tables(first, MOST_ROWS), refresh=True)
         while not _wait(stop, every_s):
             try:
-                live.update(tables(read()), refresh=True)
+                live.update(tables(read(), MOST_ROWS), refresh=True)
             except BusError:
                 return True
     return True
@@ -65,28 +70,41 @@ def _print(status: RunStatus | None, console: Console, *, as_json: bool) -> bool
     return status is not None
 
 
-def tables(status: RunStatus | None) -> Group:
-    """The vehicles and the links of a run."""
+def tables(status: RunStatus | None, most: int | None = None) -> Group:
+    """The vehicles and the links of a run, or the worst of them, `most` of each."""
     if status is None:
         return Group("has not started yet")
+    shown = worst_rows(status.vehicles, _trouble, most)
+    lossy = worst_rows(status.links, lambda link: link.loss_ratio or 0.0, most)
     title = f"{printable(status.run)}: {status.at_s:.1f} of {status.duration_s:.1f} s"
-    vehicles = Table(title=title, box=None, padding=(0, 1, 0, 0))
+    caption = _left_out("vehicles", len(shown), len(status.vehicles))
+    vehicles = Table(title=title, caption=caption, box=None, padding=(0, 1, 0, 0))
     for heading in ("vehicle", "steers\nalong"):
         vehicles.add_column(heading, no_wrap=True)
     for heading in NUMBERS:
         vehicles.add_column(heading, justify="right", no_wrap=True)
     vehicles.add_column("sources")
-    for one in status.vehicles:
+    for one in shown:
         vehicles.add_row(*_row(one))
-    links = Table(box=None, padding=(0, 1, 0, 0))
+    caption = _left_out("links", len(lossy), len(status.links))
+    links = Table(caption=caption, min_width=len(caption or ""), box=None, padding=(0, 1, 0, 0))
     links.add_column("link", no_wrap=True)
     links.add_column("lost in\n3 s, %", justify="right", no_wrap=True)
     links.add_column("", no_wrap=True)
-    for link in status.links:
+    for link in lossy:
         lost = "-" if link.loss_ratio is None else f"{100 * link.loss_ratio:.0f}"
         name = printable(f"{link.sender} → {link.receiver}")
         links.add_row(name, lost, "changed" if link.changed else "")
     return Group(vehicles, links)
+
+
+def _trouble(one: VehicleFiguresNow) -> float:
+    """How much a vehicle wants to be looked at: with hazard lights most, then by its true error."""
+    return (HAZARD_M if one.hazard else 0.0) + abs(one.true_error_m or 0.0)
+
+
+def _left_out(what: str, shown: int, there: int) -> str | None:
+    return f"the worst {shown} of {there} {what}" if shown < there else None
 
 
 def _row(one: VehicleFiguresNow) -> tuple[str, ...]:

@@ -76,6 +76,12 @@ def _topics() -> None:
         "the recorder finds of a follower ten times a second, for plots, with the fields "
         f"{', '.join(Deviation.DESCRIPTOR.fields_by_name)}."
     )
+    together = [name for name, topic in TOPICS.items() if topic.batched]
+    _say(
+        "On the wire messages are under convoy/VEHICLE/TOPIC, behind the name of the run; but "
+        f"{', '.join(together)}, which only log and picture need, come together, ten times a "
+        "second, under convoy/VEHICLE/records (the message Records of transport/convoy.proto)."
+    )
     rows = [(name, topic.message.__name__, topic.meaning) for name, topic in TOPICS.items()]
     _print("topics", rows)
     beside = [

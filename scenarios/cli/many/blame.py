@@ -79,6 +79,8 @@ def blame(
     from rich.console import Console
 
     from scenarios.results.log_summary import log_in
+    from scenarios.runs.forked import can_fork
+    from scenarios.runs.pool import cores
     from scenarios.studies.many.blame import picture, report, study
     from scenarios.studies.many.files import refuse_existing
     from scenarios.studies.many.limit import parsed_limit
@@ -86,9 +88,18 @@ def blame(
     with clear_errors():
         asked = parsed_limit(limit)
         refuse_existing(*(out / name for name in (report.PICTURE, report.TWIN, report.SMALLEST)))
+        # Neither this process, which has threads, nor one of dask may be forked.
+        shared = can_fork() and workers != 0 and not scheduler
+        abreast = (workers or cores()) if shared else 0
         with engine(workers, scheduler) as run_all:
             found = study.blame(
-                log_in(log), asked, figure, click.echo, run_all, most_runs=most_runs
+                log_in(log),
+                asked,
+                figure,
+                click.echo,
+                run_all,
+                most_runs=most_runs,
+                abreast=abreast,
             )
         written = report.write_files(found, out)
         picture.draw(found, out / report.PICTURE)

@@ -117,6 +117,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     import time
     from dataclasses import replace
 
+    from scenarios.cli.run import be_part
     from scenarios.cli.running import run_scenario
     from scenarios.definition.errors import ScenarioError
     from scenarios.results.log_summary import LOG_NAME, summary_of
@@ -135,6 +136,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
             one.overrides,
             one.seed,
             clock="wall",
+            be_part=be_part,
             run_name=None,
             out=folder,
             rerun="off",

@@ -24,6 +24,8 @@ from vehicles.schedule import SECOND
 
 Measure = Literal["limit", "silence"]
 """How near a run is to a limit: by what the limit is about, or by how long nothing was received."""
+KINDS = frozenset((TruePose, Tracking))
+"""Kinds of message that limits and measures are about."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +234,7 @@ class WatchedRun:
 
     def run(self) -> Watched:
         """Run until the limit is broken, or to the end."""
-        self.convoy.build(lambda vehicle: FiguresSink(vehicle, self.convoy.bus, self.take))
+        self.convoy.build(lambda vehicle: FiguresSink(vehicle, self.convoy.bus, self.take, KINDS))
         try:
             self.convoy.run(self._stop)
         except VehicleFaultError as fault:

@@ -151,6 +151,32 @@ def test_a_terminal_shows_a_row_for_each_vehicle(
     assert rows["v2"] == ["-10.0", "34.5", "10.0", "25.0", "composite", "20.0", "6", "1", "4"]
 
 
+def test_of_a_long_convoy_the_worst_have_a_row_and_all_a_line(
+    clock: FakeTime, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+    convoy = {f"v{place}": BodySize(5.0, 2.0, 0.0) for place in range(1, 41)}
+    metrics = Metrics(tuple(convoy), {}, events=EventDetector(convoy))
+    with Progress(metrics, 35.0) as progress:
+        shown = Shown(metrics, progress)
+        shown.listen(START, start())
+        shown.listen(START, truth("v1", 0, 0.0, 0.0))
+        for place, name in enumerate(convoy):
+            off = 0.01 * (place % 20)  # v20 and v40 19 cm, v16 to v20 and v36 to v40 the worst ten
+            if place:
+                shown.listen(START, truth(name, 0, -15.0 * place, off))
+        capsys.readouterr()
+        clock.now += REDRAW_S
+        shown.listen(START, gps("v1", 0))
+        err = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err)
+    rows = [line.split()[0] for line in map(str.strip, err.splitlines()) if re.match(r"v\d", line)]
+    assert rows == [*(f"v{place}" for place in (*range(16, 21), *range(36, 41)))]
+    words = " ".join(err.split())
+    assert "the worst 10 of 40; all: true lateral error 19.0 cm, largest 19.0 cm" in words
+    assert "true gap 10.0 m heard 0 lost 0 late 0" in words
+
+
 def test_the_live_table_fits_a_terminal_of_eighty_columns(
     live: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,7 +5,7 @@
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from math import isfinite
 from pathlib import Path
@@ -27,6 +27,7 @@ from transport.links.laws.effect import Passage
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict, LogText, Message, RunEnd, TruePose
 from vehicles.schedule import MILLISECOND
+from vehicles.theory.sampled_loop import SampledLoop, sampled_stability
 
 TWICE = 6
 """Each so many-th scenario is run twice."""
@@ -39,10 +40,18 @@ COUNTED = {
 
 
 @pytest.fixture(scope="module", autouse=True)
-def each_remedy_is_sought_once() -> Iterator[None]:
-    """`check` and `run` say the same of one car: seconds of search, if its loop is far off."""
+def remedies_are_sought_at_one_rate(request: pytest.FixtureRequest) -> Iterator[None]:
+    """All rates take seconds of a car whose loop is far off: once, and with `--campaign` only."""
+
+    def at_the_highest(
+        loop_at: Callable[[float], SampledLoop], speed: float, most: int
+    ) -> int | None:
+        return most if sampled_stability(loop_at(most), speed).stable else None
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sampled_loop, "_remedy", cache(sampled_loop._remedy))
+        if not request.config.getoption("--campaign"):
+            patch.setattr(sampled_loop, "lowest_stable_rate", at_the_highest)
         yield
 
 

@@ -147,6 +147,16 @@ def test_events_are_rows_with_their_figures() -> None:
     assert "events" not in printed(summary())
 
 
+def test_of_very_many_links_those_that_lost_most_are_printed() -> None:
+    figures = summary()
+    lossy = figures.links[0]
+    many = [replace(lossy, sender=f"s{place}", loss_ratio=0.01 * place) for place in range(60)]
+    text = printed(replace(figures, links=tuple(many)), width=120)
+    shown = re.findall(r"^ *(s\d+) →", text, re.MULTILINE)
+    assert shown == [f"s{place}" for place in range(20, 60)] * 2  # links, then freshness
+    assert text.count("20 more, see summary.json") == 2
+
+
 def test_what_was_not_recorded_is_said_below() -> None:
     hole = RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)
     figures = summary()

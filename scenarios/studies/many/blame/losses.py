@@ -27,6 +27,9 @@ class LostMessage:
     number: int
 
 
+Losses = frozenset[LostMessage]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fate:
     """What became of a message: when it was sent, and its delay from then on (ns).
@@ -109,6 +112,7 @@ def read_run(log: Path) -> RecordedRun:
     reader = LogReader(log)
     if reader.damage:
         raise LogError(reader.damage)
+    reader.require_whole("verdict", "tracking", "truth")
     if reader.truncated:
         raise LogError(f"{log}: breaks off; blame needs the log of a run that was ended")
     run = RecordedRun(log, session_of(log))

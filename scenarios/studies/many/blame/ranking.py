@@ -8,9 +8,9 @@ Bursts that overlap in time are a moment and stay together until a moment is all
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from scenarios.studies.many.blame.losses import Burst, moments_of
+from scenarios.studies.many.blame.losses import Burst, Losses, moments_of
 from scenarios.studies.many.blame.rerun import BlameAnswer
-from scenarios.studies.many.blame.trials import Losses, Trials
+from scenarios.studies.many.blame.trials import Trials
 
 Group = tuple[Burst, ...]
 NEGLIGIBLE_M = 0.01

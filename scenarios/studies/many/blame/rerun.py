@@ -1,6 +1,6 @@
 """One run again with other losses: how bad it gets, and whether it breaks a limit."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -8,6 +8,7 @@ from math import inf
 from typing import Literal
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.drives import KINDS
 from scenarios.results.events import detector_of
 from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.rehearsal import RehearsalSink
@@ -60,7 +61,7 @@ class RerunWatch:
     """Takes the true poses and what is steered along of a run, live or from a log."""
 
     def __init__(self, scenario: Scenario, question: BlameQuestion, start_at: int) -> None:
-        self._question = question
+        self.question = question
         self._start_at = start_at
         self._detector = detector_of(scenario)
         self._detector.begin(start_at)
@@ -77,18 +78,18 @@ class RerunWatch:
         """Take one message; what is no figure is passed over."""
         if isinstance(message, TruePose):
             self.now = message.true_at_ns - self._start_at
-            if self.now > self._question.until:
+            if self.now > self.question.until:
                 return
             self._truth[message.vehicle, self.now] = message.east_m, message.north_m
             self._detector.add_truth(message)
             for foot in self._path.add(message):
                 error = abs(foot.lateral)
                 self._note("error", foot.vehicle, foot.at_ns, error)
-                self._judge("error_m", beyond=error > self._question.limit.bound)
+                self._judge("error_m", beyond=error > self.question.limit.bound)
             for name, at, gap in self._gaps(message):
                 self._note("gap", name, at, -gap)
-                self._judge("gap_m", beyond=gap < self._question.limit.bound)
-        elif isinstance(message, Tracking) and self.now <= self._question.until:
+                self._judge("gap_m", beyond=gap < self.question.limit.bound)
+        elif isinstance(message, Tracking) and self.now <= self.question.until:
             self._detector.add_tracking(message)
         self._hear_of_events()
 
@@ -101,7 +102,7 @@ class RerunWatch:
                 yield name, gap.now_at_ns, gap.now_m
 
     def _note(self, figure: FigureName, vehicle: str, at: int, badness: float) -> None:
-        if figure != self._question.figure:
+        if figure != self.question.figure:
             return
         after = at - self._start_at
         self._series[vehicle].append((after / SECOND, abs(badness)))
@@ -109,11 +110,11 @@ class RerunWatch:
             self._worst = badness, vehicle, after
 
     def _judge(self, word: str, *, beyond: bool) -> None:
-        if beyond and self._question.limit.word == word and self.broken_at is None:
+        if beyond and self.question.limit.word == word and self.broken_at is None:
             self.broken_at = self.now
 
     def _hear_of_events(self) -> None:
-        kind = EVENTS.get(self._question.limit.word)
+        kind = EVENTS.get(self.question.limit.word)
         for event in self._detector.news():
             if event.kind == kind and self.broken_at is None:
                 self.broken_at = self.now
@@ -143,6 +144,46 @@ def answer_of(
     return watch.answer(whole=True)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What is asked of a run, and if it may end once the limit is broken; `whole`: with series."""
+
+    question: BlameQuestion
+    whole: bool = False
+    ends_when_broken: bool = False
+
+
+class Rerun:
+    """A run in virtual time without a log, until what is asked of it is answered."""
+
+    def __init__(self, scenario: Scenario, asked: Asked) -> None:
+        self.convoy = VirtualConvoy(scenario)
+        self.watch = RerunWatch(scenario, asked.question, scenario.start_at_ns)
+        self._asked = asked
+        self._stop = Stop()
+
+    def turn(self, scenario: Scenario, asked: Asked) -> None:
+        """Go on with other losses, the same so far, and another question about the same figures."""
+        self.convoy.judge_by(scenario)
+        self._asked = asked
+        self.watch.question = asked.question
+
+    def run(self) -> BlameAnswer:
+        """Drive; what it came to."""
+        bus = self.convoy.bus
+        self.convoy.build(lambda vehicle: RehearsalSink(vehicle, bus, self._listen, KINDS))
+        with suppress(VehicleFaultError):  # what it came to until a vehicle cannot drive on counts
+            self.convoy.run(self._stop)
+        return self.watch.answer(whole=self._asked.whole)
+
+    def _listen(self, message: Message) -> None:
+        watch, asked = self.watch, self._asked
+        watch.listen(message)
+        broken = asked.ends_when_broken and watch.broken_at is not None
+        if broken or watch.now > asked.question.until:
+            self._stop.ask("answered", 0)
+
+
 def drive(
     scenario: Scenario,
     question: BlameQuestion,
@@ -151,20 +192,10 @@ def drive(
     ends_when_broken: bool = False,
 ) -> BlameAnswer:
     """Run in virtual time without a log until the question is answered."""
-    watch = RerunWatch(scenario, question, scenario.start_at_ns)
-    stop = Stop()
-
-    def listen(message: Message) -> None:
-        watch.listen(message)
-        if watch.now > question.until or (ends_when_broken and watch.broken_at is not None):
-            stop.ask("answered", 0)
-
-    _run(scenario, listen, stop)
-    return watch.answer(whole=whole)
+    asked = Asked(question=question, whole=whole, ends_when_broken=ends_when_broken)
+    return run_anew(scenario, asked)
 
 
-def _run(scenario: Scenario, listen: Callable[[Message], None], stop: Stop) -> None:
-    convoy = VirtualConvoy(scenario)
-    convoy.build(lambda vehicle: RehearsalSink(vehicle, convoy.bus, listen))
-    with suppress(VehicleFaultError):  # what it came to until a vehicle cannot drive on counts
-        convoy.run(stop)
+def run_anew(scenario: Scenario, asked: Asked) -> BlameAnswer:
+    """The same, from the start, for what is asked."""
+    return Rerun(scenario, asked).run()

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from functools import partial
 
 from scenarios.studies.many.blame.ddmin import Item, ddmin, trimmed
-from scenarios.studies.many.blame.losses import Burst, LostMessage, bursts_of
+from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of
 from scenarios.studies.many.blame.ranking import Blamed, losses_of
-from scenarios.studies.many.blame.trials import Losses, Trials
+from scenarios.studies.many.blame.trials import Trials
 
 
 @dataclass(frozen=True, slots=True)

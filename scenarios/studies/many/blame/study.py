@@ -51,13 +51,17 @@ def blame(
     run_all: RunAll,
     *,
     most_runs: int = MOST_RUNS,
+    abreast: int = 0,
 ) -> Blame:
     """Find what was to blame for the worst figure of a log, and for the breach of `limit`.
 
     Raises LogError, also if the losses of the log do not lead to what it says. Runs are driven by
-    `run_all`.
+    `run_all`: on one worker of it that shares their beginnings, so many `abreast`, or with 0 each
+    from the start.
     """
-    return _Search(limit, figure, say, run_all, cores(), most_runs).blame(read_run(log))
+    at_once = cores()
+    search = _Search(limit, figure, say, run_all, at_once, most_runs, abreast)
+    return search.blame(read_run(log))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +74,7 @@ class _Search:
     run_all: RunAll
     at_once: int
     most_runs: int
+    abreast: int
 
     def blame(self, run: RecordedRun) -> Blame:
         """Compare the run with itself, rank, shrink."""
@@ -127,6 +132,7 @@ class _Search:
             at_once=self.at_once,
             most_runs=self.most_runs,
             say=self.say,
+            abreast=self.abreast,
         )
 
 

@@ -1,16 +1,16 @@
 """Runs with other losses, several at once, none of them twice."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 from scenarios.runs.pool import RunAll
 from scenarios.studies.many.blame.imposed import LossFree
-from scenarios.studies.many.blame.losses import LostMessage
-from scenarios.studies.many.blame.rerun import EVER, BlameAnswer, BlameQuestion, drive
+from scenarios.studies.many.blame.losses import Losses
+from scenarios.studies.many.blame.parting import drive_parting
+from scenarios.studies.many.blame.rerun import EVER, Asked, BlameAnswer, BlameQuestion, run_anew
 
-Losses = frozenset[LostMessage]
 SAY_EVERY_S = 3.0
 
 
@@ -19,7 +19,9 @@ class Trials:
     """Runs of one convoy, each with the losses that are asked for.
 
     `runs` counts those driven; `most_runs` is how many there may be. `at_once` runs are begun
-    together. A set of losses breaks the limit if it does so until `breaks_by` (ns after the start).
+    together: so many `abreast` on one worker that shares their beginnings, or with 0 on several
+    from the start. A set of losses breaks the limit if it does so until `breaks_by` (ns after the
+    start).
     """
 
     convoy: LossFree
@@ -29,6 +31,7 @@ class Trials:
     at_once: int
     most_runs: int
     say: Callable[[str], None]
+    abreast: int = 0
     runs: int = 0
     doing: str = ""
     _answers: dict[Losses, BlameAnswer] = field(default_factory=dict)
@@ -49,19 +52,14 @@ class Trials:
     def answers(self, of: Iterable[Losses], *, whole: bool = False) -> list[BlameAnswer]:
         """What runs with these losses, and no others, come to."""
         wanted = list(of)
-        new = {
-            losses: partial(drive, self.convoy.losing(losses), self.question, whole=whole)
-            for losses in dict.fromkeys(wanted)
-            if whole or losses not in self._answers
-        }
-        self._answers |= self._done(new)
+        new = [one for one in dict.fromkeys(wanted) if whole or one not in self._answers]
+        self._answers |= self._driven(new, Asked(question=self.question, whole=whole))
         return [self._answers[losses] for losses in wanted]
 
     def whole_run(self, losses: Losses) -> BlameAnswer:
         """What a run with these losses comes to, to its very end."""
-        question = replace(self.question, until=EVER)
-        job = partial(drive, self.convoy.losing(losses), question, whole=True)
-        return self._done({losses: job})[losses]
+        asked = Asked(question=replace(self.question, until=EVER), whole=True)
+        return self._driven([losses], asked)[losses]
 
     def first_that_breaks(self, sets: Sequence[Losses]) -> int | None:
         """The place of the first set of losses that breaks the limit, None if none does.
@@ -80,24 +78,35 @@ class Trials:
 
     def _try(self, sets: Sequence[Losses]) -> None:
         question = replace(self.question, until=self.breaks_by)
-        new = {
-            losses: partial(drive, self.convoy.losing(losses), question, ends_when_broken=True)
-            for losses in dict.fromkeys(sets)
-            if losses not in self._broken and losses not in self._answers
-        }
-        found = self._done(new) | {one: self._answers[one] for one in sets if one in self._answers}
+        known = self._broken.keys() | self._answers.keys()
+        new = [losses for losses in dict.fromkeys(sets) if losses not in known]
+        driven = self._driven(new, Asked(question=question, ends_when_broken=True))
+        found = driven | {one: self._answers[one] for one in sets if one in self._answers}
         self._broken |= {losses: self.is_breach(answer) for losses, answer in found.items()}
 
     def is_breach(self, answer: BlameAnswer) -> bool:
         """Whether the limit was broken in time."""
         return answer.broken_at is not None and answer.broken_at <= self.breaks_by
 
-    def _done(self, jobs: Mapping[Losses, Callable[[], BlameAnswer]]) -> dict[Losses, BlameAnswer]:
+    def _driven(self, sets: Sequence[Losses], asked: Asked) -> dict[Losses, BlameAnswer]:
         found: dict[Losses, BlameAnswer] = {}
-        for losses, answer in self.run_all(jobs):
+        for losses, answer in self._results(sets, asked):
             found[losses] = answer
             self.runs += 1
             if time.monotonic() - self._said > SAY_EVERY_S:
                 self._said = time.monotonic()
                 self.say(f"{self.seconds:5.1f} s  {self.runs} runs: {self.doing}")
         return found
+
+    def _results(
+        self, sets: Sequence[Losses], asked: Asked
+    ) -> Iterable[tuple[Losses, BlameAnswer]]:
+        if not self.abreast:
+            jobs = {one: partial(run_anew, self.convoy.losing(one), asked) for one in sets}
+            yield from self.run_all(jobs)
+        elif sets:
+            # One job, so that it is always the same worker that has it, where copies stay.
+            some = [(one, asked) for one in sets]
+            together = {"": partial(drive_parting, self.convoy, some, self.abreast)}
+            for _, answers in self.run_all(together):
+                yield from zip(sets, answers, strict=True)

@@ -3,6 +3,7 @@
 import io
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -72,6 +73,33 @@ def test_it_is_shown_in_eighty_columns() -> None:
     for name in drive.VEHICLES:
         assert sum(line.startswith(f"{name} ") for line in text.splitlines()) >= 1
     assert "…" not in text
+
+
+def test_of_a_long_convoy_a_table_that_refreshes_has_the_worst() -> None:
+    status = board().status(drive.START)
+    one, link = status.vehicles[-1], status.links[0]
+    many = replace(
+        status,
+        vehicles=tuple(
+            replace(one, name=f"c{place}", true_error_m=-0.1 * place, hazard=place == 1)
+            for place in range(40)
+        ),
+        links=tuple(
+            replace(link, sender=f"s{place}", loss_ratio=0.01 * place) for place in range(40)
+        ),
+    )
+    out = io.StringIO()
+    Console(file=out, width=80).print(tables(many, 3))
+    first = [line.split()[0] for line in out.getvalue().splitlines() if line.strip()]
+    assert [word for word in first if word[0] in "cs" and word[1:].isdigit()] == [
+        *("c1", "c38", "c39"),  # the one with hazard lights, then those furthest off
+        *("s37", "s38", "s39"),
+    ]
+    assert "the worst 3 of 40 vehicles" in out.getvalue()
+    assert "the worst 3 of 40 links" in out.getvalue()
+    _, text = printed(lambda: many, Stop())
+    assert all(f"c{place} " in text for place in range(40))  # shown once, it has all
+    assert "the worst" not in text
 
 
 def test_before_the_start_there_is_nothing_to_show() -> None:

@@ -1,6 +1,7 @@
 """`convoy sweep` as a user has it: killed and started again, a run repeated, refusals in a line."""
 
 import csv
+import os
 import random
 import shlex
 import signal
@@ -96,12 +97,31 @@ def test_driver_and_worker_killed_at_random_instants_cost_time_only(
     before = lines(tmp_path)
     driver = started(tmp_path)
     wait_for(lambda: lines(tmp_path) > before)
-    for child in psutil.Process(driver.pid).children():
-        if "spawn_main" in " ".join(child.cmdline()):
+    for child in psutil.Process(driver.pid).children(recursive=True):
+        if "forkserver" in " ".join(child.cmdline()):  # they, and what they are forked from
             child.kill()
     assert driver.wait(120.0) == 0
     assert tables(tmp_path) == tables(whole)
     assert lines(tmp_path) == LINES
+
+
+def test_a_ctrl_c_ends_it_with_one_line_and_leaves_no_process(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "scenarios.cli", "sweep", *ASKED, f"--out={tmp_path}"]
+    with subprocess.Popen(
+        [*command, "--workers=2"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,  # with its workers, as in a terminal
+    ) as driver:
+        assert driver.stderr is not None
+        wait_for(lambda: lines(tmp_path) > 0)
+        workers = psutil.Process(driver.pid).children(recursive=True)
+        os.killpg(driver.pid, signal.SIGINT)
+        said = driver.stderr.read().splitlines()
+        assert driver.wait(60.0) == 130
+    wait_for(lambda: ended(workers))
+    assert [line for line in said if line and " runs" not in line] == ["stopped by SIGINT"]
 
 
 def test_the_command_of_a_run_repeats_it_bit_for_bit(whole: Path, tmp_path: Path) -> None:

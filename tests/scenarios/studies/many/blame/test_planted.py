@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.runs.pool import warm_workers
+from scenarios.runs.forked import can_fork
+from scenarios.runs.pool import cores, warm_workers
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from scenarios.studies.many.blame.rerun import BlameQuestion, drive
@@ -20,8 +21,10 @@ def found_again(convoy: Convoy, case: int, folder: Path, workers: int | None) ->
     """Blame the log of a planted run, and check that it is the burst and nothing else."""
     cause = planted(convoy, case)
     run_virtual(cause.scenario, folder, Stop())
+    abreast = cores() if workers is None and can_fork() else 0
     with warm_workers(workers) as run_all:
-        found = blame(folder / "run.mcap", LANE, "error", lambda _: None, run_all)
+        log, said = folder / "run.mcap", lambda _: None
+        found = blame(log, LANE, "error", said, run_all, abreast=abreast)
     worst = {(one.link, one.number) for one in found.rows[0].losses}
     assert worst & cause.messages, f"case {case}: blames {found.rows[0]}"
     assert found.smallest is not None

@@ -7,11 +7,11 @@ from typing import Any, cast
 import pytest
 
 from scenarios.studies.many.blame.imposed import LossFree
-from scenarios.studies.many.blame.losses import Burst, LostMessage, bursts_of, moments_of
+from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, moments_of
 from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_alone
 from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion
 from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
-from scenarios.studies.many.blame.trials import Losses, Trials
+from scenarios.studies.many.blame.trials import Trials
 from scenarios.studies.many.limit import Limit
 
 ErrorOf = Callable[[Losses], float]
