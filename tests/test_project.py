@@ -5,6 +5,7 @@ import fnmatch
 import importlib.metadata
 import importlib.util
 import re
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -23,8 +24,9 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("vehicles", "transport", "scenarios")
 TOP_LEVEL = {
     *PACKAGES, "tests",
-    "pyproject.toml", "requirements.lock", "requirements-container.lock", "README.md", "LICENSE",
-    "docker-compose.yml", "Dockerfile", ".dockerignore", ".gitignore", ".ci",
+    "pyproject.toml", "setup.py", "requirements.lock", "requirements-container.lock",
+    "README.md", "LICENSE", "docker-compose.yml", "Dockerfile", ".dockerignore", ".gitignore",
+    ".ci",
 }  # fmt: skip
 GENERATED = {"transport/convoy_pb2.py"}
 MOST_STATEMENTS = 40
@@ -169,11 +171,38 @@ def test_everything_that_ships_is_in_the_distribution() -> None:
     shipped = project["tool"]["setuptools"]["package-data"]
     for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*") if path.is_file()):
         package, inside = path.relative_to(ROOT).parts[0], Path(*path.relative_to(ROOT).parts[1:])
+        if path.suffix == ".so":  # was compiled in place
+            continue
         if path.suffix in {".py", ".pyi", ".pyc"}:
             assert "__pycache__" in inside.parts or (path.parent / "__init__.py").exists(), path
         else:
             patterns = [*shipped.get(package, []), *shipped["*"]]
             assert any(fnmatch.fnmatch(str(inside), pattern) for pattern in patterns), path
+
+
+# ---- What can be compiled
+
+
+def compiled_modules(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Paths of the modules that setup.py compiles where it is asked to."""
+    monkeypatch.setattr("setuptools.setup", lambda **_: None)
+    monkeypatch.chdir(ROOT)
+    found: list[str] = runpy.run_path("setup.py")["compiled"]()
+    return found
+
+
+def test_compiled_modules_calculate_as_interpreted_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """See setup.py."""
+    modules = compiled_modules(monkeypatch)
+    assert {"vehicles/geometry/arc_spline.py", "scenarios/results/metrics.py"} < set(modules)
+    for name in modules:
+        tree = ast.parse((ROOT / name).read_text(encoding="utf-8"))
+        for one in ast.walk(tree):
+            if isinstance(one, ast.Call) and ast.unparse(one.func) == "sum":
+                assert not isinstance(one.args[0], ast.GeneratorExp), f"{name}:{one.lineno}"
+            if isinstance(one, ast.GeneratorExp):
+                over = {ast.unparse(of.iter).partition("(")[0] for of in one.generators}
+                assert not over & {"count", "cycle", "repeat"}, f"{name}:{one.lineno}"
 
 
 # ---- Dependencies

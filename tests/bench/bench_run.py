@@ -1,7 +1,8 @@
 """What a run costs and how punctual it is: `python -m tests.bench.bench_run [--seconds 35]`.
 
 Prints a row for each figure with its limit: memory and processor of each vehicle process at 50 Hz
-and 20 Hz, late ticks of ten vehicles in real time, the time that `lane_change` takes in virtual
+and 20 Hz, how soon ten are ready, forked and spawned, and with how much memory of their own, late
+ticks of ten vehicles in real time, the time that `lane_change` takes in virtual
 time (also as a multiple of a plain Python loop timed beside it), and how many true poses of the
 wall-clock run equal those of the virtual run to the bit. Whatever else the machine does is said
 with it: on a busy one only the equality, the memory and the multiple mean much.
@@ -28,6 +29,8 @@ from tests.system.logs import Run, agreement
 from tests.system.processes import Process, run_to_the_end, start
 
 MEMORY_MB, CPU_RATIO, LATE_RATIO, VIRTUAL_S = 80.0, 0.06, 0.01, 1.5
+READY_S, OWN_MB = {"fork": 1.5, "spawn": None}, {"fork": 15.0, "spawn": 80.0}
+"""From the command to all ten present, and memory of a vehicle, shared pages counted in part."""
 SETTLED_S = 1.0
 """After the start, when what comes only once is over."""
 ROUNDS = 5
@@ -87,6 +90,33 @@ def drive(folder: Path, name: str, vehicles: int, seconds: float) -> tuple[Run, 
         if convoy.wait() != 0:
             raise SystemExit(convoy.err)
     return Run(folder / name), usage
+
+
+def readiness(folder: Path, vehicles: int, how: str) -> Iterator[Row]:
+    """Rows about the start of a convoy whose processes come to be by `how`."""
+    asked = (f"--set=convoy.vehicles={vehicles}", "--set=duration_s=5", f"--start={how}")
+    began = time.monotonic()
+    with start("run", "lane_change", *asked, "--out", f"ready-{how}", folder=folder) as convoy:
+        convoy.await_start()
+        took, limit = time.monotonic() - began, READY_S[how]
+        time.sleep(SETTLED_S)
+        own = [
+            part.memory_full_info().pss
+            for name, part in convoy.parts().items()
+            if name.startswith("v")
+        ]
+        convoy.popen.terminate()
+        convoy.wait()
+    yield Row(
+        f"{how}: command to all present, s",
+        f"{took:.1f}",
+        "" if limit is None else f"{limit}",
+        None if limit is None else took < limit,
+    )
+    most = max(own) * 1e-6
+    yield Row(
+        f"{how}: memory of its own, MB", f"{most:.1f} at most", f"{OWN_MB[how]}", most < OWN_MB[how]
+    )
 
 
 def costs(run: Run, usage: Usage) -> Iterator[Row]:
@@ -208,6 +238,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         print_rows("virtual time", list(virtual_time(folder)))
+        rows = [row for how in READY_S for row in readiness(folder, given.vehicles, how)]
+        print_rows(f"start of {given.vehicles} vehicles", rows)
         run, usage = drive(folder, "four", 4, given.seconds)
         run_to_the_end(
             *("run", "lane_change", f"--set=duration_s={given.seconds}", "--clock=virtual"),

@@ -16,10 +16,11 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from statistics import median
+from typing import Any, Self
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -70,14 +71,20 @@ def serve() -> None:
             print(json.dumps([time.process_time() - began, summary.reason]), flush=True)
 
 
-class Tree:
-    """A process that times runs of one checkout."""
+def code(folder: Path) -> str:
+    """How the code in a folder runs: `compiled` in place by setup.py, or `interpreted`."""
+    found = any((folder / "vehicles" / "geometry").glob("arc_spline.*.so"))
+    return "compiled" if found else "interpreted"
 
-    def __init__(self, folder: Path) -> None:
-        command = [sys.executable, "-c", f"{inspect.getsource(serve)}\nserve()"]
+
+class Served:
+    """A process that does in one checkout what `serve` does: it answers each line with a line."""
+
+    def __init__(self, folder: Path, serve: Callable[[], None]) -> None:
+        """`serve` is run by its source text, with the modules of `folder`."""
         environment = os.environ | {"PYTHONPATH": str(folder), "OPENBLAS_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            command,
+            [sys.executable, "-c", f"{inspect.getsource(serve)}\n{serve.__name__}()"],
             cwd=folder,
             env=environment,
             stdin=subprocess.PIPE,
@@ -85,22 +92,33 @@ class Tree:
             text=True,
         )
 
-    def __enter__(self) -> "Tree":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._process.communicate()
 
-    def time_s(self, case: str, seed: int, overrides: Sequence[str]) -> float:
-        """Processor time (s) of one run, its set-up included; ends the bench if it fails."""
+    def ask(self, *question: object) -> list[Any]:
+        """Its answer to a question; ends the bench if it has none."""
         to_it, of_it = self._process.stdin, self._process.stdout
         assert to_it is not None
         assert of_it is not None
-        print(json.dumps([case, seed, list(overrides)]), file=to_it, flush=True)
+        print(json.dumps(question), file=to_it, flush=True)
         answer = of_it.readline()
         if not answer:
             raise SystemExit(f"a run ended with exit code {self._process.wait()}")
-        spent, reason = json.loads(answer)
+        return list(json.loads(answer))
+
+
+class Tree(Served):
+    """A process that times runs of one checkout."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, serve)
+
+    def time_s(self, case: str, seed: int, overrides: Sequence[str]) -> float:
+        """Processor time (s) of one run, its set-up included; ends the bench if it fails."""
+        spent, reason = self.ask(case, seed, list(overrides))
         if reason:
             raise SystemExit(f"{case}: the run failed: {reason}")
         return float(spent)
@@ -202,6 +220,7 @@ def main() -> None:
             folders[given.against] = stack.enter_context(checked_out(given.against))
         trees = {name: stack.enter_context(Tree(folder)) for name, folder in folders.items()}
         times, loop = measured(trees, given.seconds, given.rounds)
+        print("code:", ", ".join(f"{name} {code(folder)}" for name, folder in folders.items()))
     table = Table(box=SIMPLE_HEAD)
     for heading in ("", "this tree", given.against or "-", "ratio", "asked", ""):
         table.add_column(heading)

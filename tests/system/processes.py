@@ -13,12 +13,17 @@ from uuid import uuid4
 
 import psutil
 
+PART = "convoy-"
+"""Begins the system's names of a run's parts."""
 MARK = "CONVOY_TEST_MARK"
 """Every process inherits this variable, so none of a test's processes can hide."""
 PATIENCE_S = 60.0
 """Longest wait for what must happen, on a machine that has other things to do."""
-SETTLE_S = 5.0
-"""After whatever happened, no process is left behind after this time."""
+SETTLE_S = 10.0
+"""After whatever happened, no process is left behind after this time.
+
+A run itself takes at most five seconds for it; the rest is for a machine with other things to do.
+"""
 DRIVING = "vehicles are present"
 """The recorder says so half a second before the start."""
 
@@ -52,7 +57,15 @@ class Process:
 
     def parts(self) -> dict[str, psutil.Process]:
         """Return the processes of a run by name: launcher, router, recorder, v1, v2, …"""
-        return {_name(process.cmdline()): process for process in self.everyone()}
+        return {self._name(process): process for process in self.everyone()}
+
+    def _name(self, process: psutil.Process) -> str:
+        """Name of a part of a run; that of none while it is being made, or has just ended."""
+        with suppress(psutil.Error):
+            name = process.name()
+            if name.startswith(PART):
+                return name.removeprefix(PART)
+        return "launcher" if process.pid == self.popen.pid else ""
 
     def part(self, name: str) -> psutil.Process:
         """Return one process of a run, as soon as it is there."""
@@ -134,11 +147,3 @@ def _mark_of(process: psutil.Process) -> str | None:
         return process.environ().get(MARK)
     except psutil.Error:
         return None
-
-
-def _name(command: list[str]) -> str:
-    after = command.index("scenarios.cli") + 1 if "scenarios.cli" in command else 0
-    part = command[after] if after < len(command) else ""  # seen while it was being made
-    if part == "vehicle" and "--name" in command:
-        return command[command.index("--name") + 1]
-    return {"run": "launcher", "record": "recorder"}.get(part, part)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import chdir
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.refusal import models_of
 from scenarios.definition.schema.links import LinkTable
+from scenarios.studies.channel.costs import drives
 from scenarios.studies.cuts import campaign
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.keys import BASE
@@ -104,16 +105,23 @@ def subcommand(arguments: Sequence[str]) -> str:
     return " ".join(arguments[: 2 if arguments[0] in {"channel", "reference"} else 1])
 
 
-HERE = ("reproduce", "channel cuts")
+HERE = ("reproduce", "channel cuts", "channel figure")
 """Commands whose drives a test can only shorten in its own process."""
 
 
 @pytest.fixture
 def shorter(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let those commands drive less: one run of the paper, and two reactions of four."""
+    """Let those commands drive less: one run of the paper, a few short cuts, a few channels."""
     one = Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)
     monkeypatch.setitem(RUNS_OF_CASE, "base", {BASE: one})
     monkeypatch.setattr(campaign, "REACTIONS", campaign.REACTIONS[:2])
+    monkeypatch.setattr(campaign, "CUT_AT_S", (3.0, 5.0))
+    monkeypatch.setattr(campaign, "LONG_S", 4.0)
+    few = replace(
+        drives.QUICK, gaps_m=(8.0,), loss_ratios=(0.0, 0.6), bursts_messages=(1.25,),
+        map_seeds=1, burst_seeds=1,
+    )  # fmt: skip
+    monkeypatch.setattr(drives, "QUICK", few)
 
 
 def is_for_a_process(arguments: Sequence[str], before: Sequence[str]) -> bool:
@@ -136,6 +144,11 @@ def test_the_two_commands_set_themselves_up() -> None:
     assert "requirements.lock" in first
     assert first.endswith("convoy run")
     assert "pytest" in second
+
+
+def test_the_command_that_compiles_is_there() -> None:
+    """It takes minutes: `test_compiled` does what it does, with `--campaign`."""
+    assert "CONVOY_COMPILE=1 pip install ." in indented_lines()
 
 
 WHILE_DRIVING = tuple(

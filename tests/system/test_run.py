@@ -79,7 +79,8 @@ class Glimpse:
 
 def beginning(scenario: str) -> tuple[str, ...]:
     """Arguments that let processes drive the first seconds of a scenario into folder `wall`."""
-    return ("run", scenario, f"--set=duration_s={GLIMPSE_S}", "--quiet", "--out=wall")
+    how = "--start=spawn" if scenario == "highway" else "--start=fork"
+    return ("run", scenario, f"--set=duration_s={GLIMPSE_S}", "--quiet", "--out=wall", how)
 
 
 def glimpse(scenario: str, folder: Path) -> Glimpse:

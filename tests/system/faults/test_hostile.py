@@ -3,11 +3,13 @@
 import random
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from scenarios.runs.control.open_runs import open_runs
 from tests.made.scenarios.hostile_messages import Put, Stranger
 from tests.system.logs import (
     Run,
@@ -20,13 +22,16 @@ from tests.system.logs import (
 from tests.system.processes import Process, run_to_the_end, start
 from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.codec import encode
+from transport.codec import RefusedMessageError, encode
+from transport.telemetry import BatchRecord, packed, records_key, unpacked
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking
 
-BURST, BREATH_S = 20, 0.005
+BURST, BREATH_S = 20, 0.01
 """Messages put at once, and the pause after them: of more than its queue holds a router drops what
 is honest, too."""
+LOST_RATIO = 0.05
+"""Of the log, on a machine that is too busy to pass all of a flood on; it is named as missing."""
 AROUND_S = 2.0
 """So much longer than the attack is the run."""
 DRAWN = 100
@@ -38,9 +43,9 @@ VEHICLES = ("v1", "v2", "v3")
 
 def way_into(convoy: Process) -> ZenohOptions:
     """Return how to join a run: where its router listens, and its name."""
-    command = convoy.part("recorder").cmdline()
-    endpoint, run = (command[command.index(flag) + 1] for flag in ("-e", "--run"))
-    return ZenohOptions(connect=(endpoint,), run=run)
+    convoy.await_start()
+    of_it = next(one for one in open_runs() if Path(one.folder).parent == convoy.printed.parent)
+    return ZenohOptions(connect=(of_it.endpoint,), run=of_it.run)
 
 
 def examples(run: Run) -> dict[str, dict[Topic, Message]]:
@@ -137,13 +142,43 @@ def one_round(known: dict[str, dict[Topic, Message]]) -> Iterator[Put]:
             for data in spoilt(encode(message)):
                 yield key(vehicle, topic), data
             yield from misplaced(message, known[vehicle])
+        yield from batched(known[vehicle])
     yield from conducting(known["v2"])
     yield key("v1", TOPICS["gps"]), bytes(1_000_000)
 
 
+def batched(known: dict[Topic, Message]) -> Iterator[Put]:
+    """Give batches that are none, and batches with records that are none."""
+    vehicle, at = known[TOPICS["truth"]].vehicle, time.time_ns()
+    truth = encode(known[TOPICS["truth"]])
+    foreign = encode(replace(now(known[TOPICS["truth"]]), vehicle="ghost"))
+    records = [BatchRecord("truth", at, data) for data in (*spoilt(truth), foreign)]
+    records += [
+        BatchRecord(topic, at, truth) for topic in ("gps", "start", "nothing", "", "tracking")
+    ]
+    records += [BatchRecord("truth", instant, truth) for instant in (-(2**63), 0, 2**63 - 1)]
+    for batch in packed(records):
+        yield records_key(vehicle), batch
+        yield records_key(vehicle), batch[:-1]
+    yield records_key(vehicle), truth
+    yield records_key("ghost"), truth
+    yield records_key(vehicle), bytes(70_000)
+
+
+def one_by_one(heard: Sequence[Put]) -> Iterator[Put]:
+    """Give what was heard with each message by itself."""
+    for where, data in heard:
+        first, _, topic = where.rpartition("/")
+        if topic == "records":
+            with suppress(RefusedMessageError):  # one of ours
+                yield from ((f"{first}/{one.topic}", one.data) for one in unpacked(data))
+        else:
+            yield where, data
+
+
 def drawn(stranger: Stranger, heard: Sequence[Put]) -> Iterator[Put]:
     """Give what a stranger draws from what it heard."""
-    honest = [put for put in heard if CONDUCTOR not in put[0].split("/")]
+    honest = [put for put in one_by_one(heard) if CONDUCTOR not in put[0].split("/")]
     for _ in range(DRAWN if honest else 0):
         where, data = stranger.refusable(honest)
         # Zenoh itself refuses such a key, and of a flood drops what is honest, too.
@@ -202,10 +237,13 @@ def test_a_stranger_on_the_bus_changes_nothing_but_counters(tmp_path: Path, camp
         assert "Traceback" not in convoy.err
     run = Run(tmp_path / "run")
     assert_sound(run.log)
-    assert_nothing_missing(run, duration_s)
     assert_summary_is_in_the_log(run)
     assert_equal_while_nothing_was_late(run, virtual, within_m=0.05)
-    assert agreement(run, virtual).compared == 3 * duration_s * 50
+    missing = 3 * duration_s * 50 - agreement(run, virtual).compared
+    if not run.summary["holes"]:
+        assert_nothing_missing(run, duration_s)
+        assert missing == 0
+    assert missing < LOST_RATIO * 3 * duration_s * 50
     assert_same_kinds_of_text(run, virtual)
     assert_counted(run, sent)
 

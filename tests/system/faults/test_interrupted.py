@@ -15,7 +15,7 @@ from scenarios.runs.processes.router import LISTENING
 from tests.system.logs import Run, assert_sound
 from tests.system.processes import until
 
-SOON_S = 2.5
+SOON_S = 5.0
 """A recorder gives a frozen router a second; a machine with other things to do adds to it."""
 PATIENCE_S = 60.0
 NOBODY = "tcp/127.0.0.1:1"

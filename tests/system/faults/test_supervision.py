@@ -26,7 +26,7 @@ LONG_S = 35.0
 """No run of these tests comes to such an end by itself."""
 LOST_S = 0.5
 """At most so much of a run may be missing in its log; see `assert_log_reaches`."""
-BUSY_S = 0.25
+BUSY_S = 0.75
 """A machine with other things to do flushes, and asks for the time, so much later."""
 CONVOY = ("v1", "v2", "v3")
 
@@ -93,7 +93,7 @@ def test_a_router_that_is_killed_in_the_last_second_leaves_a_completed_run(tmp_p
 
 def test_when_the_launcher_is_killed_all_follow(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
-        convoy.drive(0.6)
+        convoy.drive(1.6)  # so that what may be missing is not all of it
         parts = len(CONVOY) + 3
         # At first there may be one more, which writes the layout of the log.
         assert until(lambda: len(convoy.everyone()) == parts)
@@ -150,10 +150,14 @@ def test_a_vehicle_that_is_held_up_makes_good_every_tick(tmp_path: Path) -> None
     assert run.vehicle("v2")["late_ticks"] >= 0.7 * held_s * 50
     assert run.vehicle("v2")["lateness_ms_max"] > 700 * held_s
     assert any("ticks came late" in text for text in run.texts("v2"))
+    ways = []
     for one, other in pairwise(run.truths["v2"].values()):
         assert other.true_at_ns - one.true_at_ns == 20_000_000
-        way = hypot(other.east_m - one.east_m, other.north_m - one.north_m)
-        assert way == pytest.approx(0.6, rel=0.02)  # 30 m/s for 20 ms, and never a leap
+        ways.append(hypot(other.east_m - one.east_m, other.north_m - one.north_m))
+    # 30 m/s for 20 ms, less where the lead was not heard in time and v2 braked, and never a leap.
+    assert ways[0] == pytest.approx(0.6, rel=0.001)
+    assert 0.25 < min(ways) <= max(ways) < 0.62
+    assert all(abs(after - before) < 10.0 * 0.02**2 for before, after in pairwise(ways))
     # What v2 had to say meanwhile came late to v3, and was counted.
     links = {(row["sender"], row["receiver"]): row for row in run.summary["links"]}
     assert links["v2", "v3"]["late"] >= 0.7 * held_s * 20
@@ -166,7 +170,7 @@ def test_a_vehicle_that_hangs_for_good_ends_the_run(tmp_path: Path) -> None:
         convoy.drive(0.3)
         convoy.part("v3").suspend()
         assert convoy.wait() == 1
-        assert until(lambda: not convoy.everyone(), 1.0)
+        assert convoy.is_gone_in_time()
         assert "ended early: v3 died " in convoy.out
     assert Run(tmp_path / "run").summary["reason"].startswith("v3 died")
 
