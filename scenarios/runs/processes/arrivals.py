@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import count
 from queue import Empty, Queue
@@ -10,9 +11,9 @@ from threading import Lock
 from transport.codec import MAX_BYTES
 from transport.reasons import RefusalReason
 
-MOST_BYTES = 32 * 2**20
-"""What may wait of all keys together, four minutes of what four vehicles send; each key may fill
-its share of it even then. So a flood under some keys pushes out nothing under the others."""
+MOST_BYTES = 64 * 2**20
+"""What may wait of all keys together, half a minute of what forty vehicles send; each key may
+fill its share of it even then. So a flood under some keys pushes out nothing under the others."""
 OVERHEAD_BYTES = 160
 """What a message takes in the queue beside its bytes."""
 MOST_HELD_BYTES = 32 * 2**20
@@ -46,6 +47,13 @@ class Arrivals:
 
     def __len__(self) -> int:
         return self._queue.qsize()
+
+    @property
+    def came_first_at(self) -> int | None:
+        """Instant (ns) at which came what waits the longest; None if nothing waits."""
+        with suppress(IndexError):
+            return self._queue.queue[0][0]
+        return None
 
     def put(self, at: int, key_expression: str, data: bytes) -> None:
         """Take what has come at instant `at` (ns), if there is room; called on any thread."""

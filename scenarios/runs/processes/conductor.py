@@ -129,15 +129,22 @@ class Conductor:
         """Whether a vehicle that is present has not sent its final counters."""
         return bool(self._alive - self._finished)
 
-    def advance(self, now: int, *, connected: bool) -> list[str]:
-        """Move on to `now`; returns what happened, a line each, for the log and the user."""
+    def advance(
+        self, now: int, *, connected: bool, recorded_until: int | None = None
+    ) -> list[str]:
+        """Move on to `now`; returns what happened, a line each, for the log and the user.
+
+        Of a recorder that is behind only what came until `recorded_until` (ns) is known: of a
+        vehicle its last words are perhaps still to read.
+        """
         if self._advanced_at is not None and now - self._advanced_at > HELD_UP_NS:
             self._patient_from = now
         self._advanced_at = now
         if self.phase is Phase.GATHERING:
             return self._gather(now)
         if self.phase is Phase.RUNNING:
-            return self._run(now, connected=connected)
+            known_until = now if recorded_until is None else min(now, recorded_until)
+            return self._run(now, known_until, connected=connected)
         return []
 
     def stop_as_asked(self, reason: str, now: int, *, connected: bool) -> list[str]:
@@ -177,7 +184,7 @@ class Conductor:
         self._said_missing = missing
         return [f"waiting for {', '.join(missing)}"]
 
-    def _run(self, now: int, *, connected: bool) -> list[str]:
+    def _run(self, now: int, known_until: int, *, connected: bool) -> list[str]:
         lines: list[str] = []
         outage = self._router.look(now, connected=connected)
         if self._router.lost_at is not None:
@@ -193,9 +200,9 @@ class Conductor:
         if not self._goes_on:
             for vehicle, why in self._faults.items():
                 self.stop(f"{vehicle}: {why}")
-        lines += self._count_the_dead(now)
-        lines += self._count_the_early(now)
-        self._end_if_over(now)
+        lines += self._count_the_dead(known_until)
+        lines += self._count_the_early(known_until)
+        self._end_if_over(known_until)
         return lines
 
     def _when_lost(self) -> str:

@@ -36,6 +36,10 @@ OLDEST_NS = SECOND
 MOST_WAITING = 2000
 """Messages and batches that may wait to be recorded while the picture is drawn, two thirds of a
 second of a hundred vehicles."""
+MOST_AT_ONCE = 200
+"""Messages and batches that are recorded in one go: who is behind still has a run to lead."""
+BEHIND_NS = SECOND
+"""A recorder that is so far behind when the run has ended says why the run is not over yet."""
 SHOW_NS = SECOND // 5
 """Between two pictures of how the run goes, for those who ask."""
 ANNOUNCE_NS = SECOND // 4
@@ -106,6 +110,7 @@ class RecorderProcess:
         )
         self._in_order = SendingOrder()
         self._last_health: dict[str, bytes] = {}
+        self._said_behind = False
         answer_for_clock(bus, CONDUCTOR, self._clock.now)
         self._board.listen_on(bus)
         bus.subscribe(EVERYTHING, self._arrive)
@@ -206,18 +211,19 @@ class RecorderProcess:
     def _record_arrivals(self) -> None:
         """Record what has arrived; if nothing has, wait at most `POLL_S` for something.
 
-        What arrives meanwhile is left for the next call: under a flood of messages this would not
-        return, and the run has to be advanced and the log flushed.
+        What arrives meanwhile, or is too much at once, is left for the next call: under a flood of
+        messages this would not return, and the run has to be advanced and the log flushed.
         """
         self._run.recorder.rejected.update(self._arrivals.refusals())
-        for _ in range(max(1, len(self._arrivals))):
+        is_over = self._conductor.phase is Phase.OVER
+        waiting = len(self._arrivals)
+        for _ in range(max(1, waiting if is_over else min(waiting, MOST_AT_ONCE))):
             arrival = self._arrivals.take(POLL_S)
             if arrival is None:
                 break
             self._put_in_order(arrival)
-        is_over = self._conductor.phase is Phase.OVER
-        waiting = None if is_over else self._clock.now() - HELD_NS
-        for at, key_expression, data in self._in_order.until(waiting):
+        sent_until = None if is_over else self._clock.now() - HELD_NS
+        for at, key_expression, data in self._in_order.until(sent_until):
             if (key_expression, data) not in self._own:
                 self._record(key_expression, data, at)
 
@@ -251,10 +257,15 @@ class RecorderProcess:
         self._note_requests(now)
         if self._conductor.phase is Phase.GATHERING and not self._conductor.missing():
             self._compare_clocks()
+        recorded_until = self._arrivals.came_first_at or self._clock.now()
         now = self._clock.now()
-        for line in self._conductor.advance(now, connected=self._bus.connected()):
+        connected = self._bus.connected()
+        for line in self._conductor.advance(
+            now, connected=connected, recorded_until=recorded_until
+        ):
             self._run.recorder.say(now, line)
         if self._conductor.phase is Phase.RUNNING:
+            self._say_if_behind(now, now - recorded_until)
             if not self._own:
                 self._own_message("start", self._run.start(now, self._conductor.start_at))
             if self._announcing.is_due(now):
@@ -265,6 +276,13 @@ class RecorderProcess:
             self._board.draw(now)
         if self._flushing.is_due(now):
             self._run.flush()
+
+    def _say_if_behind(self, now: int, behind: int) -> None:
+        """Say once why a run whose time is up is not over."""
+        if behind > BEHIND_NS and now > self._conductor.end_at and not self._said_behind:
+            self._said_behind = True
+            line = f"the log is {behind / SECOND:.1f} s behind and is completed first"
+            self._run.recorder.say(now, line, "warning")
 
     def _note_requests(self, now: int) -> None:
         """End the run if somebody asks for it, or its limits do."""

@@ -38,7 +38,8 @@ WATCH_NS = SECOND // 4
 """Between two looks whether router and recorder are still there, and after the end between two
 repetitions of the final counters, until the end of the run is heard."""
 END_NS = 8 * SECOND
-"""How long a vehicle that has finished waits until the recorder's log is complete."""
+"""How long a vehicle that has finished waits for a sign of the recorder, which completes the log:
+one that has to catch up may take longer than that, but says meanwhile that the run is on."""
 HELD_UP_NS = SECOND // 5
 """A tick later than this after one that was not: the whole process was held up."""
 SETTLING_S = 0.02
@@ -113,9 +114,12 @@ class RunAnnouncements:
     without a start says that the run does not take place.
     """
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, now: Callable[[], int]) -> None:
         self.start: RunStart | None = None
         self.end: RunEnd | None = None
+        self.heard_at = 0
+        """Instant (ns) of the last announcement; they are repeated while the run is on."""
+        self._now = now
         for name in ("start", "end"):
             bus.subscribe(key(CONDUCTOR, TOPICS[name]), self._receive)
 
@@ -126,6 +130,7 @@ class RunAnnouncements:
             return
         if message.vehicle != CONDUCTOR:
             return
+        self.heard_at = self._now()
         if isinstance(message, RunStart):
             self.start = self.start or message
         elif isinstance(message, RunEnd) and not self._is_the_start(message):
@@ -157,7 +162,7 @@ class VehicleProcess:
         self._before = before
         self._clock = WallClock(stop.event, before.clock_offset if before else None)
         self._joined_at = self._clock.now()
-        self._announced = RunAnnouncements(bus)
+        self._announced = RunAnnouncements(bus, self._clock.now)
         self._recorder = RecorderWatch(membership, bus)
         self._router = RouterWatch()
         self._watching = Timer(WATCH_NS)
@@ -336,7 +341,7 @@ class VehicleProcess:
         if self._router.was_lost_at_last(end_at):  # the recorder comes to the same result
             return self._router.is_lost_for_good(now)
         self._check_company(now)
-        if now > max(end_at, self._router.back_at) + END_NS:
+        if now > max(end_at, self._router.back_at, self._announced.heard_at) + END_NS:
             raise RunOffError(f"{self._run} failed: no word of its end from the recorder")
         if self._last_words is not None:
             self._bus.publish(*self._last_words)

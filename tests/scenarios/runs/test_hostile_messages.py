@@ -111,7 +111,7 @@ def drive(
         metrics=metrics,
         listeners=(conductor.listen, lambda _, message: own.update([message.vehicle]), *watchers),
     )
-    announced = RunAnnouncements(bus)
+    announced = RunAnnouncements(bus, clock.now)
     bus.publish(key(CONDUCTOR, TOPICS["start"]), run.start(clock.now(), clock.now()))
     own.clear()
     before = run.recorder.recorded

@@ -382,6 +382,30 @@ def test_a_recorder_that_was_held_up_over_the_end_reads_what_came_meanwhile() ->
     assert told.reason == ""
 
 
+def test_a_recorder_that_is_behind_judges_nobody_before_it_has_read_what_came() -> None:
+    told = play(*ALL_COME, until=ENDED - 1.0)
+    goes = ENDED + 0.2
+    told.conductor.presence("v2", alive=False, at=at(goes))  # its last words are still to read
+    for now, read in ((ENDED + 4.0, ENDED - 1.0), (ENDED + 20.0, ENDED + 0.1)):
+        assert not told.conductor.advance(at(now), connected=True, recorded_until=at(read))
+        assert told.conductor.phase is Phase.RUNNING
+    for name in CONVOY:
+        told.conductor.listen(at(ENDED + 0.1), health(name, seconds=ENDED, final=True))
+    told.conductor.advance(at(ENDED + 20.1), connected=True, recorded_until=at(goes))
+    assert told.conductor.phase is Phase.OVER
+    assert told.reason == ""
+
+
+def test_a_recorder_that_has_caught_up_judges_as_one_that_was_never_behind() -> None:
+    told = play(*ALL_COME, until=STARTED + 7.0)
+    gone, dead = at(STARTED + 7.0), at(STARTED + 7.0 + DEATH_S)
+    told.conductor.presence("v2", alive=False, at=gone)
+    told.conductor.advance(at(STARTED + 9.0), connected=True, recorded_until=dead - PERIOD_NS)
+    assert told.conductor.phase is Phase.RUNNING
+    told.conductor.advance(at(STARTED + 9.1), connected=True, recorded_until=dead)
+    assert told.reason == "v2 died 7.0 s after the start"
+
+
 # ---- Stopping
 
 

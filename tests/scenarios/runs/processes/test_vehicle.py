@@ -1,19 +1,21 @@
-"""A vehicle that hears of a start that lies behind: too late, or with a clock that is wrong."""
+"""What a vehicle makes of what the recorder announces, and of its silence."""
 
 import time
+from threading import Event, Thread
 
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
+from scenarios.runs.processes import vehicle as process
 from scenarios.runs.processes.clock_offset import answer_for_clock
-from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
+from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint, Membership
 from scenarios.runs.processes.vehicle import RunOffError, VehicleProcess
 from scenarios.runs.stop import Stop
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.codec import encode
 from transport.topics import CONDUCTOR, TOPICS, key
-from vehicles.messages import RunStart
+from vehicles.messages import RunEnd, RunStart
 from vehicles.schedule import SECOND
 
 
@@ -52,3 +54,44 @@ def test_a_start_that_lies_behind_is_told_apart_from_a_clock_ahead(
     recorder.publish(key(CONDUCTOR, TOPICS["start"]), encode(start))
     with pytest.raises(RunOffError, match=f"^{why}$"):
         vehicle.await_start(lambda _: None, 1.0)
+
+
+@pytest.mark.parametrize("says_the_run_is_on", [True, False])
+def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
+    monkeypatch: pytest.MonkeyPatch, *, says_the_run_is_on: bool
+) -> None:
+    patience_s, needed_s, over = 0.4, 1.6, Event()
+    monkeypatch.setattr(process, "END_NS", round(patience_s * SECOND))
+    monkeypatch.setattr(process, "WATCH_NS", SECOND // 50)
+    network = MemoryNetwork()
+    recorder, bus = MemoryBus(network), MemoryBus(network)
+    scenario = load_scenario("lane_change", ["duration_s=0.2"])
+    fingerprint = Fingerprint.of(scenario)
+    Membership(recorder, "mine", RECORDER, "recorder", fingerprint).join()
+    membership = Membership(bus, "mine", VEHICLE, "v1", fingerprint)
+    vehicle = VehicleProcess(VehicleBuilder(scenario, "v1"), bus, membership, Stop())
+    start_at = time.time_ns() + SECOND // 5
+    start = encode(RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=start_at, run_id="x"))
+    ended_at = start_at + round((0.2 + needed_s) * SECOND)
+    end = encode(RunEnd(vehicle=CONDUCTOR, seq=0, end_at_ns=ended_at, reason=""))
+    recorder.publish(key(CONDUCTOR, TOPICS["start"]), start)
+
+    def catch_up() -> None:
+        while not over.wait(0.1) and time.time_ns() < ended_at:
+            if says_the_run_is_on:
+                recorder.publish(key(CONDUCTOR, TOPICS["start"]), start)
+        recorder.publish(key(CONDUCTOR, TOPICS["end"]), end)
+
+    announcer = Thread(target=catch_up)
+    announcer.start()
+    try:
+        vehicle.await_start(lambda _: None, 1.0)
+        if says_the_run_is_on:
+            vehicle.drive(lambda _: None)
+            assert vehicle.exit_code == 0
+        else:
+            with pytest.raises(RunOffError, match="no word of its end from the recorder"):
+                vehicle.drive(lambda _: None)
+    finally:
+        over.set()
+        announcer.join()
