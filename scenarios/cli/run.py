@@ -22,6 +22,7 @@ from scenarios.runs.stop import stop_on_request
 
 if TYPE_CHECKING:  # reading a scenario takes imports that no command needs to show its help
     from scenarios.definition.scenario import Scenario
+    from scenarios.runs.processes.forking import Deed
 
 
 @click.command(
@@ -236,8 +237,16 @@ def record(
         )
 
 
-def be_part(scenario: "Scenario", arguments: Sequence[str]) -> None:
-    """Be the part of a run of `scenario` that `convoy ARGUMENTS` is, in a forked process."""
+def be_part(scenario: "Scenario", arguments: Sequence[str]) -> "Deed":
+    """Prepare what the part of a run of `scenario` does that `convoy ARGUMENTS` is.
+
+    The command line is read here, and not in each child, which would copy the memory for that.
+    """
     part, *flags = arguments
     command = {"router": router, "record": record, "vehicle": vehicle}[part]
-    command.main(flags, prog_name=f"convoy {part}", obj=scenario)
+    return partial(_be, command.make_context(f"convoy {part}", flags, obj=scenario))
+
+
+def _be(part: click.Context) -> None:
+    with part:
+        part.command.invoke(part)

@@ -22,6 +22,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.drawing import open_drawing
 from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.results.summary import RunSummary
+from scenarios.runs.processes.forking import Deed
 from scenarios.runs.processes.launcher import SAID_BY_RECORDER, LaunchPlan, launch
 from scenarios.runs.processes.membership import (
     RECORDER,
@@ -41,8 +42,8 @@ from transport.log.records import LogError
 from transport.picture.option import parse_rerun_option, refuse_foreign_file
 from transport.picture.viewer_process import ViewerError, require_display
 
-BePart = Callable[[Scenario, Sequence[str]], None]
-"""Does, of a run of a scenario, what `convoy ARGUMENTS` does, and ends by SystemExit."""
+BePart = Callable[[Scenario, Sequence[str]], Deed]
+"""Prepares, of a run of a scenario, what a forked process does as `convoy ARGUMENTS`."""
 PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle")
 """Modules of the parts of a run; those of the recorder are imported above."""
 

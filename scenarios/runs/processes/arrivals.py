@@ -51,9 +51,10 @@ class Arrivals:
     @property
     def came_first_at(self) -> int | None:
         """Instant (ns) at which came what waits the longest; None if nothing waits."""
+        first: Arrival | None = None
         with suppress(IndexError):
-            return self._queue.queue[0][0]
-        return None
+            first = self._queue.queue[0]
+        return None if first is None else first[0]
 
     def put(self, at: int, key_expression: str, data: bytes) -> None:
         """Take what has come at instant `at` (ns), if there is room; called on any thread."""

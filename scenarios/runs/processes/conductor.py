@@ -129,9 +129,7 @@ class Conductor:
         """Whether a vehicle that is present has not sent its final counters."""
         return bool(self._alive - self._finished)
 
-    def advance(
-        self, now: int, *, connected: bool, recorded_until: int | None = None
-    ) -> list[str]:
+    def advance(self, now: int, *, connected: bool, recorded_until: int | None = None) -> list[str]:
         """Move on to `now`; returns what happened, a line each, for the log and the user.
 
         Of a recorder that is behind only what came until `recorded_until` (ns) is known: of a

@@ -19,8 +19,10 @@ from typing import BinaryIO, NoReturn
 
 from scenarios.runs.stop import ASKING, EXIT_FAILED, end_on_signals, without_watch
 
-Become = Callable[[Sequence[str]], None]
-"""Does what `convoy ARGUMENTS` does, and ends by SystemExit."""
+Deed = Callable[[], None]
+"""What a child does; it may end by SystemExit."""
+Become = Callable[[Sequence[str]], Deed]
+"""Prepares, before the fork, what a child does that is to do what `convoy ARGUMENTS` does."""
 EVERY_FILE = 1 << 20
 """Above the numbers of all files that a process has open."""
 LONGEST_NAME = 15
@@ -84,8 +86,8 @@ class ForkedProcess:
         return self._exit_code
 
 
-def fork(name: str, arguments: Sequence[str], become: Become, *, piped: bool) -> ForkedProcess:
-    """Fork a child called `name` that does what `convoy ARGUMENTS` does.
+def fork(name: str, arguments: Sequence[str], deed: Deed, *, piped: bool) -> ForkedProcess:
+    """Fork a child called `name` that does a deed, which is that of `convoy ARGUMENTS`.
 
     Its standard input is a pipe from here, and with `piped` its standard output one to here.
     """
@@ -97,7 +99,7 @@ def fork(name: str, arguments: Sequence[str], become: Become, *, piped: bool) ->
     with without_watch(), _signals_held():
         pid = os.fork()
         if pid == 0:
-            _live(name, arguments, become, leash, output)
+            _live(name, arguments, deed, leash, output)
     os.close(leash)
     if piped:
         os.close(output)
@@ -114,12 +116,12 @@ def _signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _live(name: str, arguments: Sequence[str], become: Become, leash: int, output: int) -> NoReturn:
+def _live(name: str, arguments: Sequence[str], deed: Deed, leash: int, output: int) -> NoReturn:
     """Be the child, from its first instant to its end."""
     code = EXIT_FAILED
     try:
         _come_of_age(name, arguments, leash, output)
-        become(arguments)
+        deed()
         code = 0
     except SystemExit as end:
         code = _exit_code_of(end)

@@ -73,14 +73,14 @@ class Supervisor:
     """
 
     def __init__(self, become: Become | None = None) -> None:
-        """Children are forked and do `become`, where that can be; else each is a new program."""
+        """Fork the children, where that can be, to do what `become` prepares; else start programs."""
         self.children: list[Child] = []
         self._become = become if become is not None and can_fork() else None
 
     def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
         """Start `convoy ARGUMENTS` as a child; with `piped` its output comes here."""
         if self._become is not None:
-            child = Child(name, fork(name, arguments, self._become, piped=piped))
+            child = Child(name, fork(name, arguments, self._become(arguments), piped=piped))
         else:
             child = Child(name, spawn(arguments, piped=piped))
         self.children.append(child)

@@ -17,6 +17,7 @@ from tests.made.transport.bus import until
 SOON_S = 15.0
 PRELUDE = """
 import atexit, json, os, signal, sys, threading, time
+from functools import partial
 import psutil
 from scenarios.runs.processes.forking import can_fork
 from scenarios.runs.processes.supervisor import Supervisor, describe
@@ -31,6 +32,9 @@ def wait_for_the_end(arguments):
     while not stop.asked:
         time.sleep(0.005)
     sys.exit(f"{arguments[0]}: {stop.reason}" if stop.orphaned else stop.exit_code)
+
+def doing(deed):
+    return lambda arguments: partial(deed, arguments)
 
 def ended(child):
     while child.exit_code is None:
@@ -71,7 +75,7 @@ def become(arguments):
         "files": [file.path for file in psutil.Process().open_files()],
         "blocked": [int(number) for number in signal.pthread_sigmask(signal.SIG_BLOCK, ())],
     }), flush=True)
-supervisor = Supervisor(become)
+supervisor = Supervisor(doing(become))
 child = supervisor.start("v7", ["vehicle", "--name", "v7"], piped=True)
 said = json.loads(child.process.stdout.readline())
 assert ended(child) == "v7 ended with exit code 0"
@@ -103,7 +107,7 @@ print(json.dumps(said))
 def test_its_end_is_that_of_a_program(deed: str, end: str) -> None:
     done = parent(
         f"""
-supervisor = Supervisor(lambda arguments: [{deed!r}, exec({deed!r})])
+supervisor = Supervisor(doing(lambda arguments: [{deed!r}, exec({deed!r})]))
 print(ended(supervisor.start("one", ["one"])))
 """
     )
@@ -111,12 +115,24 @@ print(ended(supervisor.start("one", ["one"])))
     assert ("what went wrong" in done.stderr) == ("what went wrong" in deed)
 
 
+def test_what_a_child_does_is_prepared_before_it_is_there() -> None:
+    done = parent(
+        """
+def prepare(arguments):
+    prepared = os.getpid()
+    return lambda: print(arguments, prepared == os.getppid())
+Supervisor(prepare).start("one", ["one", "two"]).process.wait()
+"""
+    )
+    assert done.stdout == "['one', 'two'] True\n"
+
+
 def test_last_deeds_are_those_of_the_process_that_planned_them() -> None:
     done = parent(
         """
 atexit.register(print, "the parent's")
 print("before", end=" ")  # what waits to be written is written once
-supervisor = Supervisor(lambda arguments: atexit.register(print, "the child's"))
+supervisor = Supervisor(doing(lambda arguments: atexit.register(print, "the child's")))
 supervisor.start("one", ["one"]).process.wait()
 """
     )
@@ -126,7 +142,7 @@ supervisor.start("one", ["one"]).process.wait()
 def test_a_child_hears_its_reason_and_no_signal_to_it_is_lost() -> None:
     done = parent(
         """
-supervisor = Supervisor(wait_for_the_end)
+supervisor = Supervisor(doing(wait_for_the_end))
 told = supervisor.start("told", ["told"], piped=True)
 told.process.stdout.readline()
 supervisor.tell("told", "v2 died")
@@ -147,7 +163,7 @@ assert can_fork()
 leave = threading.Event()
 threading.Thread(target=leave.wait).start()
 assert not can_fork()
-child = Supervisor(lambda arguments: print("forked")).start("one", ["nonsense"])
+child = Supervisor(doing(lambda arguments: print("forked"))).start("one", ["nonsense"])
 print(ended(child))
 leave.set()
 """
@@ -157,7 +173,7 @@ leave.set()
 
 def test_when_the_parent_is_killed_every_child_ends() -> None:
     script = """
-supervisor = Supervisor(wait_for_the_end)
+supervisor = Supervisor(doing(wait_for_the_end))
 children = [supervisor.start(name, [name], piped=True) for name in ("one", "two", "three")]
 for child in children:
     child.process.stdout.readline()
