@@ -73,7 +73,7 @@ class Supervisor:
     """
 
     def __init__(self, become: Become | None = None) -> None:
-        """Fork the children, where that can be, to do what `become` prepares; else start programs."""
+        """Let children do what `become` prepares, forked where that can be; else start programs."""
         self.children: list[Child] = []
         self._become = become if become is not None and can_fork() else None
 
