@@ -71,10 +71,10 @@ def pytest_collection() -> Generator[None, object, object]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what forks often, then with what is long and the convoys of real processes.
 
-    Of two workers of `-n` one gets the first half of the list: it spends most of its time waiting
-    for convoys, and leaves its core to the other one, which calculates. Whoever is through first
-    takes over from the end of the other one's list (`--dist=worksteal`), so that what is left last
-    must be short.
+    Of three workers of `-n` one gets the first third of the list: it spends most of its time
+    waiting for convoys, and leaves two cores to the others, which calculate. Whoever is through
+    first takes over from the end of another one's list (`--dist=worksteal`), so that what is left
+    last must be short.
     """
     items.sort(
         key=lambda one: (
