@@ -16,7 +16,6 @@ from vehicles.messages import (
     Command,
     CompositeTrajectory,
     GpsPose,
-    Message,
     Mode,
     Tracking,
 )
@@ -45,13 +44,6 @@ class Decision:
     situation: Situation = field(default_factory=Situation)
     remarks: tuple[str, ...] = ()
     fresh: bool = True
-
-    def messages(self, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
-        """The decision as messages for the log: tracking, command, and the trajectory if any."""
-        told = self.tracking(vehicle, seq, now), self.command(vehicle, seq, now)
-        if self.fit is None:
-            return told
-        return *told, self.trajectory(self.fit, vehicle, seq, now)
 
     def tracking(self, vehicle: str, seq: int, now: int) -> Tracking:
         """What is known at a command (Sections III-A and III-B), as a message for the log."""

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.made.vehicles import told_decisions
 from tests.made.vehicles.exact_drives import (
     CONTROL_HZ,
     PLANE,
@@ -216,7 +217,7 @@ def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
         assert math.isfinite(decision.errors.lateral)
         if keeps_gap:
             assert -6.0 <= decision.actuation.acceleration <= 2.0
-        decision.messages("v3", k, now)
+        told_decisions.told(decision, "v3", k, now)
 
 
 def pose_of(

@@ -15,7 +15,7 @@ from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.car.positioning.drift import GaussMarkov, begun, truncated
-from vehicles.car.positioning.fix_states import FixStates, Outage, Sojourn, StateSchedule
+from vehicles.car.positioning.fix_states import FixStates, Outage, Sojourn
 from vehicles.messages import FixState
 from vehicles.schedule import SECOND
 
@@ -192,11 +192,3 @@ class ReceiverErrors:
             return value
         kept = exp(-(now - self._entered.at) / SECOND / errors.drift.time_constant)
         return begun(value, self._entered.first, self._entered.jump, kept)
-
-
-def without_states(
-    model: ErrorModel, state: FixState, start_at: int, own: Streams, shared: Streams
-) -> ReceiverErrors:
-    """Errors of a receiver that stays in one state of NMEA 0183 and is blind nowhere."""
-    schedule = StateSchedule(state, (), start_at)
-    return ReceiverErrors(model, schedule, (), start_at, own, shared)

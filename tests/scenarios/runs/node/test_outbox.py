@@ -10,6 +10,7 @@ from scenarios.runs.node.probe import NoProbe, Probe, Usage
 from scenarios.runs.node.sink import BusSink, Sink
 from tests.made.scenarios.messages import START, at, gps
 from tests.made.transport.links import inbox as inbox_of
+from tests.made.vehicles.told_decisions import told
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import ticks
 from transport.codec import decode, encode
@@ -137,8 +138,8 @@ def test_a_tick_tells_fix_truth_and_decision() -> None:
             friction_ratio=TYRES.friction_share,
         )
     ]  # fmt: skip
-    told = DECISION.messages("v3", 0, at(0.1))
-    assert [message for message in bus.published if message in told] == list(told)
+    messages = told(DECISION, "v3", 0, at(0.1))
+    assert [message for message in bus.published if message in messages] == list(messages)
 
 
 class Figures(BusSink):

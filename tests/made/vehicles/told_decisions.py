@@ -1,0 +1,12 @@
+"""What a vehicle tells the log of one of its decisions."""
+
+from vehicles.driver.decision import Decision
+from vehicles.messages import Message
+
+
+def told(decision: Decision, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
+    """Tracking, command, and the trajectory if there is one."""
+    always = decision.tracking(vehicle, seq, now), decision.command(vehicle, seq, now)
+    if decision.fit is None:
+        return always
+    return *always, decision.trajectory(decision.fit, vehicle, seq, now)
