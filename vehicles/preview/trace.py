@@ -292,13 +292,17 @@ class Trace:
 
         The preview data of Section III-A, which sorts by distance and keeps none behind.
 
-        Where fewer than `least_samples` lie there, the next ones on both sides are taken in.
+        If any behind count, the newest of them does, however far behind it lies: a curve that only
+        samples ahead determine is extrapolated to the ego, and may pass metres beside it. Where
+        fewer than `least_samples` lie there, the next ones on both sides are taken in.
         Thinned to every second, fourth, … sample until at most `window_samples` are left. The same
         ones are left out while the ego moves, so that thinning does not shake the fit.
         """
         here = self._locate(east, north)
         line = self._line
         first = bisect_left(line.station, here - behind)
+        if behind > 0.0:
+            first = min(first, max(bisect_right(line.station, here) - 1, 0))
         last = bisect_right(line.station, here + ahead)
         if last - first < self.settings.least_samples:
             first, last = self._widened(here, first, last)

@@ -83,8 +83,8 @@ def fit_composite(
 
     Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (J of eq. (5),
     with e the distance from the curve); a source alone gets all the weight. A sample that has
-    jumped out of the tolerance is left out, once (the paper's rules leave none out). None if the
-    samples support no trajectory.
+    jumped out of the tolerance is left out, once (the paper's rules leave none out), but never all
+    behind the ego. None if the samples support no trajectory.
     """
     merged = _merge(lead, predecessor, alpha)
     curve = None if merged is None else _curve(merged, settings)
@@ -93,13 +93,21 @@ def fit_composite(
     most, outliers = largest(curve.offsets), 0
     if most > settings.tolerance and settings.trajectory == "fitted":
         keep = without_jumps(*merged.places, curve.offsets, settings.tolerance)
-        kept = None if keep is None else merged.where(keep)
+        kept = None if keep is None or _only_ahead(merged, keep) else merged.where(keep)
         again = None if kept is None else _curve(kept, settings)
         if kept is not None and again is not None:
             outliers = len(merged.source) - len(kept.source)
             merged, curve = kept, again
             most = largest(curve.offsets)
     return Fit(curve.spline, *merged.places, merged.source, curve.rms, most, outliers)
+
+
+def _only_ahead(merged: _Merged, keep: NDArray[np.bool_]) -> bool:
+    """Whether without those that are not to be kept the curve has to be extrapolated to the ego."""
+    station = merged.columns[2]
+    first: float = station.item(0)
+    kept: float = station.item(int(keep.argmax()))
+    return first <= 0.0 < kept
 
 
 def fuse(

@@ -3,10 +3,13 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
+from vehicles.preview.trajectory import FitSettings, fit_composite
 from vehicles.schedule import SECOND
 
 SPEED, PERIOD = 20.0, SECOND // 20
@@ -87,3 +90,29 @@ def test_without_being_told_of_a_hole_nothing_is_put_there() -> None:
     told(ROADS["left"], trace, range(50))
     told(ROADS["left"], trace, range(80, 100))
     assert len(trace) == 70
+
+
+@pytest.mark.parametrize("road", ["straight", "left", "right"])
+@pytest.mark.parametrize("hole", [6, 9, 13])
+def test_in_a_hole_the_trajectory_passes_where_the_car_is(road: str, hole: int) -> None:
+    """A few samples a metre apart lie ahead: by these alone it is more than half a metre off."""
+    path, settings, random = ROADS[road], FitSettings(), np.random.default_rng(hole)
+    behind, ahead = settings.behind(SPEED / 2), settings.ahead(SPEED)
+    off: dict[str, list[float]] = {"with one behind": [], "by those ahead": []}
+    for _ in range(200):
+        trace = Trace()
+        for seq in (*range(100), *range(99 + hole, 104 + hole)):
+            point = path.at(float(seq))
+            east, north = (point.east, point.north) + 0.02 * random.standard_normal(2)
+            trace.add(seq * PERIOD, east, north, point.yaw, SPEED)
+        car = path.at(99.0 + hole - 5.0)
+        window = trace.window(car.east, car.north, behind, ahead)
+        assert window.station[0] < 0.0
+        only = Window(*(values[window.station > 0.0] for values in window))
+        for name, seen in (("with one behind", window), ("by those ahead", only)):
+            fit = fit_composite(seen, None, alpha=0.5, settings=settings)
+            assert fit is not None
+            off[name].append(abs(fit.spline.project(car.east, car.north).lateral))
+    assert max(off["with one behind"]) < 0.45
+    assert max(off["by those ahead"]) > 0.55
+    assert np.median(off["with one behind"]) < 0.05

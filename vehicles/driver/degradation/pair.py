@@ -63,7 +63,7 @@ class SourcePair:
             window = source.window(pose.east, pose.north, behind + more, ahead)
             if window is not None:
                 found[mode] = window
-        return self._as_meant(self._without_guesses(found))
+        return self._as_meant(self._without_guesses(found, behind))
 
     def _as_meant(self, found: dict[Mode, Window]) -> dict[Mode, Window]:
         """Bring the predecessor's samples to the path that it meant, while it alone is followed."""
@@ -73,10 +73,23 @@ class SourcePair:
             found["predecessor"] = source.meant.of(window, instants, self._meant.now)
         return found
 
-    def _without_guesses(self, found: dict[Mode, Window]) -> dict[Mode, Window]:
-        """Leave out what bridges the holes of one source where the other one told the way."""
+    def _without_guesses(self, found: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
+        """Leave out what bridges holes where a source that counts told the way beside the car.
+
+        That is up to `behind` (m) in front of it and behind it: inside of a longer hole a bridge is
+        the better guess. Where none behind count, as by the paper's own rules, it only has to tell
+        the way ahead.
+        """
         told = {mode: self.used[mode].trace.told(window) for mode, window in found.items()}
-        return {mode: window for mode, window in told.items() if reaches_ahead(window)} or found
+        told = {mode: window for mode, window in told.items() if reaches_ahead(window)}
+        if behind == 0.0:
+            return told or found
+        for mode, window in told.items():
+            passed = int(window.station.searchsorted(0.0, "right"))
+            beside = window.station[max(passed - 1, 0) : passed + 1].tolist()
+            if self.used[mode].weight and -behind <= beside[0] <= 0.0 <= beside[-1] <= behind:
+                return told
+        return found
 
     def steer_along(self, mode: Mode, span: float) -> None:
         """Steer along `mode` for `span` (s), which may bring in the path that was meant.

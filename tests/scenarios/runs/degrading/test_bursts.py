@@ -1,0 +1,28 @@
+"""Over links that lose in bursts, what a car makes of the road stays near the road.
+
+A burst leaves a hole in what a car knows of its source's way. While the car drives through that
+hole, the few samples behind it must not be extrapolated to where the car is.
+
+`pytest --campaign` drives forty runs.
+"""
+
+import pytest
+
+from scenarios.definition.scenario import load_scenario
+from scenarios.runs.unlogged import UnloggedRun
+
+WORST = {1: 14.0, 13: 35.0}
+"""Seeds with which a car once thought itself 3.1 and 2.1 m off its path, and how long to drive."""
+
+
+@pytest.mark.campaign(len(WORST), 40)
+def test_nobody_swerves_because_of_a_hole_in_what_it_heard(case: int) -> None:
+    seed = (*WORST, *range(50, 90))[case]
+    duration_s, vehicles = WORST.get(seed, 35.0), 6 if seed == 1 else 5
+    asked = ["links.preset=bursty", f"convoy.vehicles={vehicles}", f"duration_s={duration_s}"]
+    summary = UnloggedRun(load_scenario("lossy_lane_change", asked, seed)).run()
+    for row in summary.vehicles[1:]:
+        assert row.believed_minus_true_error_m_max is not None
+        assert row.believed_minus_true_error_m_max < 0.5, row.name
+        assert row.sliding_s == 0.0, row.name
+    assert any(row.reaction.recoveries for row in summary.vehicles)
