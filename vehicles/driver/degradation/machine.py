@@ -14,6 +14,8 @@ from vehicles.schedule import SECOND
 
 SLOWING: tuple[Mode, ...] = ("coast", "stop")
 """In these modes nobody is relied on, and a follower that degrades slows down."""
+FALLEN_BACK = 5.0
+"""Who fell back because all it heard was of road behind it follows again with so much (m) ahead."""
 NOTHING_HEARD = "nothing heard yet"
 
 
@@ -43,15 +45,17 @@ class ModeMachine:
 
     Steered along is who is relied on. Who hears nobody coasts as long as a stop within the known
     path needs no more than comfortable braking, and stops otherwise, until somebody is relied on
-    again. A source is given up at once and relied on again only after its probation (`Source`), and
-    a mode that was the worse one is left for a better one only after as long, so that none is
-    entered twice within one.
+    again. Who hears somebody, but only of road behind the car, coasts until enough lies ahead. A
+    source is given up at once and relied on again only after its probation (`Source`), and a mode
+    that was the worse one is left for a better one only after as long, so that none is entered
+    twice within one.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
         self._comfortable = settings.comfortable.deceleration
         self._dwell = settings.probation
         self._worse_at = 0
+        self._outrun_since: int | None = None
         self._mode: Mode = "straight"
         self._relied: list[Source] = []
         self._trusted: set[str] = set()
@@ -73,7 +77,10 @@ class ModeMachine:
         by_mode = {mode: one for mode, one in pair.used.items() if one.relied_on}
         relied = list(by_mode.values())
         soon = (now - self._worse_at) / SECOND < self._dwell
-        mode = self._next(pair, list(by_mode), situation, speed, has_path=has_path, soon=soon)
+        has_way = not self._is_outrun(now, pair, situation)
+        mode = self._next(
+            pair, list(by_mode), situation, speed, has_path=has_path, has_way=has_way, soon=soon
+        )
         why = ""
         if len(relied) < len(pair.used):
             why = _missing(one for one in pair.used.values() if one not in relied)
@@ -91,6 +98,21 @@ class ModeMachine:
         self._mode, self._relied = mode, relied
         return mode, why
 
+    def _is_outrun(self, now: int, pair: SourcePair, situation: Situation) -> bool:
+        """Whether all that is heard has for long been told of road that lies behind the car.
+
+        So it is where a gap takes less time to drive than a message takes to come: the car never
+        knows where to drive, unless it falls back.
+        """
+        heard = any(one.freshness.status in ("fresh", "late") for one in pair.used.values())
+        enough = FALLEN_BACK if self._mode in SLOWING else 0.0
+        if not (heard and situation.known <= enough):
+            self._outrun_since = None
+        elif self._outrun_since is None:
+            self._outrun_since = now
+        since = self._outrun_since
+        return since is not None and (now - since) / SECOND > self._dwell
+
     def _next(
         self,
         pair: SourcePair,
@@ -99,19 +121,20 @@ class ModeMachine:
         speed: float,
         *,
         has_path: bool,
+        has_way: bool,
         soon: bool,
     ) -> Mode:
         """The mode that follows; to a better one not too `soon` after one to a worse."""
-        if relied and has_path and not (soon and self._mode in SLOWING):
+        if relied and has_path and has_way and not (soon and self._mode in SLOWING):
             if len(relied) == 1 or (soon and self._mode in relied):
                 return self._mode if self._mode in relied else relied[0]
             return "composite"
         given_up = [one.status in ("lost", "distrusted", "probation") for one in pair.used.values()]
-        if self._mode not in SLOWING and (
-            relied or not any(given_up)
-        ):  # nobody was heard, or nothing came of it yet
-            return "straight"
+        if self._mode not in SLOWING and has_way and (relied or not any(given_up)):
+            return "straight"  # nobody was heard, or nothing came of it yet
         known = 0.0 if isnan(situation.known) else situation.known
+        if not has_way:  # those ahead are heard, so that there is no need to stop: it falls back
+            return "coast"
         if self._mode == "stop" or needed_deceleration(speed, known) > self._comfortable:
             return "stop"
         return "coast"
