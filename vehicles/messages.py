@@ -14,8 +14,8 @@ from typing import Annotated, Literal, NamedTuple
 
 Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "straight"]
 """What a vehicle steers along: its own path (the lead), the composite of both sources, one source
-only, what it still knows of the road without hearing anybody (slowing down in "coast", braking to a
-standstill in "stop"), or straight ahead (nothing heard yet)."""
+only, what it still knows of the road without hearing anybody, or only of road behind it (slowing
+down in "coast", braking to a standstill in "stop"), or straight ahead (nothing heard yet)."""
 
 SourceStatus = Literal["unheard", "fresh", "late", "lost", "distrusted", "probation"]
 """What a follower makes of a source: never heard; heard as expected; some messages overdue; silent

@@ -147,7 +147,7 @@ def reaction_table(summary: RunSummary) -> Table:
     for heading in (
         "changes\nof mode",
         "recovered",
-        "after, s\nmean / longest",
+        "after, s\nmean / max",
         "hazards",
         "stops",
         "blind, m\ndriven / predicted",
