@@ -13,7 +13,7 @@ from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
 SLOWING: tuple[Mode, ...] = ("coast", "stop")
-"""In these modes nobody is relied on, and a follower that degrades slows down."""
+"""In these modes nobody tells the road ahead, and a follower that degrades slows down."""
 FALLEN_BACK = 5.0
 """Who fell back because all it heard was of road behind it follows again with so much (m) ahead."""
 NOTHING_HEARD = "nothing heard yet"
@@ -87,7 +87,7 @@ class ModeMachine:
         if mode == "straight":
             why = why if has_path else NOTHING_HEARD
         elif mode in SLOWING:
-            why += _road_left(situation, speed)
+            why = "; ".join(filter(None, [why, _road_left(situation, speed)]))
         if mode != self._mode:
             if mode in SLOWING or self._mode == "composite":
                 self._worse_at = now
@@ -174,10 +174,8 @@ def _end(known: float) -> str:
 def _road_left(situation: Situation, speed: float) -> str:
     """How a stop fits into the known path, in words."""
     if isnan(situation.known):
-        return "; no path known"
+        return "no path known"
     needed = needed_deceleration(speed, situation.known)
     if situation.blind > 0.0:
-        return (
-            f"; {max(situation.known, 0.0):.1f} m known, {situation.blind:.1f} m too short to stop"
-        )
-    return f"; {situation.known:.1f} m known, a stop within takes {needed:.1f} m/s²"
+        return f"{max(situation.known, 0.0):.1f} m known, {situation.blind:.1f} m too short to stop"
+    return f"{situation.known:.1f} m known, a stop within takes {needed:.1f} m/s²"
