@@ -3,14 +3,24 @@
 from dataclasses import replace
 from functools import cache, partial
 from math import inf, sqrt
+from random import Random
 
 import numpy as np
 import pytest
 
+from scenarios.runs.pool import warm_workers
 from scenarios.studies.many.limit import parsed_limit
 from scenarios.studies.many.risk.branched import Splitting, gone_on, repeated
+from scenarios.studies.many.risk.estimated import RiskQuestion, risk_of
 from scenarios.studies.many.risk.splitting import Mean, mean_of, split
-from tests.made.scenarios.known_runs import KnownRuns, SilentRuns, small_convoy
+from scenarios.studies.many.watched import watched
+from tests.made.scenarios.risks.known_runs import KnownRuns, SilentRuns, small_convoy
+from tests.made.scenarios.risks.lost_path_runs import (
+    MESSAGES,
+    loses_path,
+    lost_path_convoy,
+    probability,
+)
 
 RATIO = 0.1
 WORK = Splitting(
@@ -22,6 +32,8 @@ WORK = Splitting(
 )
 RARE = {"1e-3": (1.0, 1.107271e-3), "1e-6": (4.0, 1.0e-6)}
 """Bounds of the true error (m), and the probability that a run with RATIO of losses is beyond."""
+RARE_RATIO = 0.065
+"""Of independent losses, six of which come in a row about once in a million runs."""
 
 
 @cache
@@ -105,3 +117,54 @@ def estimate(known: KnownRuns, seed: int, paths: int) -> tuple[Mean, int]:
         for number in range(10)
     ]
     return mean_of([one.estimate for one in found]), sum(one.runs for one in found)
+
+
+@pytest.mark.campaign(20, 1000)
+def test_six_losses_in_a_row_lose_the_path_whenever_they_come(campaign: int) -> None:
+    """Or the risk below is not known."""
+    random, found = Random(3), set[bool]()
+    for _ in range(campaign):
+        ratio = random.choice((0.6, 0.75, 0.85))
+        lost = [number for number in range(MESSAGES) if random.random() < ratio]
+        law = f"links.loss={{kind='listed', lost_numbers='{','.join(map(str, lost))}'}}"
+        run = lost_path_convoy("links.loss_ratio=0", *([law] if lost else []))
+        broken = watched(run.scenario, parsed_limit("path_lost")).broken
+        assert broken == loses_path(lost), lost
+        found.add(broken)
+    assert found == {False, True}
+
+
+def test_the_law_of_rows_is_what_drawn_losses_do() -> None:
+    random, count, ratio = np.random.default_rng(5), 20_000, 0.5
+    lost = random.random((count, MESSAGES)) < ratio
+    share = sum(loses_path(np.flatnonzero(one).tolist()) for one in lost) / count
+    told = probability(ratio)
+    assert abs(share - told) < 4.0 * sqrt(told * (1.0 - told) / count)
+
+
+@pytest.mark.long
+@pytest.mark.campaign(0, 8)
+def test_one_in_a_million_is_told_within_half_by_twenty_thousand_runs(campaign: int) -> None:
+    """By real runs, two minutes for each seed on two cores."""
+    if not campaign:
+        pytest.skip("drives 20 000 runs for each seed; with --campaign")
+    truth = probability(RARE_RATIO)
+    assert 0.5e-6 < truth < 2e-6
+    inside = 0
+    with warm_workers() as run_all:
+        for seed in range(1, campaign + 1):
+            asked = RiskQuestion(
+                variant=replace(lost_path_convoy(f"links.loss_ratio={RARE_RATIO}"), seed=seed),
+                limit=parsed_limit("path_lost"),
+                method="splitting",
+                measure="silence",
+                to=1e-9,
+                most_runs=20_000,
+                paths=150,
+            )
+            risk = risk_of(asked, run_all, print)
+            assert risk.runs <= 20_000
+            assert risk.relative_half_width < 0.5
+            assert abs(risk.probability - truth) < 3.0 * risk.standard_error
+            inside += risk.low < truth < risk.high
+    assert inside >= campaign - 2

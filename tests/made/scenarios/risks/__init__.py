@@ -1,0 +1,1 @@
+"""Runs whose probability to break a limit is known."""
