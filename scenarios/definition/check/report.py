@@ -10,6 +10,7 @@ import numpy as np
 
 from scenarios.definition.check.links import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
+from scenarios.definition.check.receivers import receiver_warnings
 from scenarios.definition.check.sampled_loop import sampled_loop_warnings
 from scenarios.definition.road.replayed import replay_warnings
 from scenarios.definition.road.route import place_of
@@ -232,6 +233,7 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *_replay_warnings(scenario),
         *_vehicle_warnings(scenario),
         *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
+        *receiver_warnings(scenario),
         *sampled_loop_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *_speed_warnings(scenario, run),
     )
