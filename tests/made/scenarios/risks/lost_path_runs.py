@@ -1,7 +1,7 @@
-"""A small convoy that loses its path by six losses in a row, whenever they come.
+"""A small convoy that loses its path by nine losses in a row, whenever they come.
 
 On a straight road, where a follower that extrapolates drives on for as long as it knows road ahead.
-So the probability that it loses its path is that of six losses in a row, for any ratio of them.
+So the probability that it loses its path is that of nine losses in a row, for any ratio of them.
 """
 
 from collections.abc import Collection
@@ -9,16 +9,16 @@ from collections.abc import Collection
 from scenarios.studies.many.variant import Variant
 from tests.made.scenarios.risks.known_runs import small_convoy
 
-MESSAGES, ROW, LAST = 20, 6, 18
+MESSAGES, ROW, LAST = 20, 9, 18
 """Messages of a run, how many lost ones in a row break the limit, and the last that may be it."""
 SETTINGS = (
-    "duration_s=4.0", "path.segments=[{length_m=200.0}]", "convoy.gap_m=20",
+    "duration_s=4.0", "path.segments=[{length_m=200.0}]", "convoy.gap_m=32",
     "control.degradation.reaction='extrapolate'", "events.path_lost_s=0.2",
 )  # fmt: skip
 
 
 def lost_path_convoy(*settings: str) -> Variant:
-    """Two cars at 20 m/s, 20 m apart, for four seconds."""
+    """Two cars at 20 m/s, 32 m apart, for four seconds."""
     return small_convoy(*SETTINGS, *settings)
 
 
