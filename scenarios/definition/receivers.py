@@ -1,6 +1,7 @@
 """The errors of a vehicle's GNSS receiver, from what its table asks for."""
 
 from collections.abc import Iterator
+from math import hypot
 from typing import get_args
 
 from scenarios.definition.schema.gnss import (
@@ -102,10 +103,23 @@ def assumed_deviation(table: GnssTable) -> float:
     if table.is_plain:
         return table.position_noise_m
     model = error_model(table)
-    found = [
-        model.deviation(state, shared=False) for state in WITH_A_FIX if state in states_of(table)
-    ]
+    found = [model.deviation(state, shared=False) for state in _with_a_fix(table)]
     return max(found, default=table.position_noise_m)
+
+
+def lasting_deviation(table: GnssTable) -> float:
+    """Standard deviation (m) per axis of drawn errors that last, in the worst state it can be in.
+
+    Without white noise, which is averaged, and what all have in common.
+    """
+    model = error_model(table)
+    drifts = [model.states[state].drift.deviation for state in _with_a_fix(table)]
+    return hypot(max(drifts, default=0.0), model.bias.deviation)
+
+
+def _with_a_fix(table: GnssTable) -> list[FixState]:
+    """The states with a fix that a receiver can be in."""
+    return [state for state in WITH_A_FIX if state in states_of(table)]
 
 
 def own_deviation(table: GnssTable) -> float:

@@ -2,13 +2,27 @@
 
 from collections.abc import Iterator
 from math import hypot
+from typing import NamedTuple
 
-from scenarios.definition.receivers import WITH_A_FIX, error_model, states_of
+from scenarios.definition.receivers import lasting_deviation
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.vehicle_setup import VehicleSetup
 
 DEVIATIONS = 2.0
 """So many standard deviations are looked at: one pair of receivers in twenty is further apart."""
+
+
+class _Lasting(NamedTuple):
+    """Errors of a receiver that last: standard deviation (m) per axis, and a given bias (m)."""
+
+    deviation: float = 0.0
+    east: float = 0.0
+    north: float = 0.0
+
+    def from_another(self, other: "_Lasting") -> float:
+        """By how much (m) two receivers may differ."""
+        given = hypot(self.east - other.east, self.north - other.north)
+        return DEVIATIONS * hypot(self.deviation, other.deviation) + given
 
 
 def receiver_warnings(scenario: Scenario) -> Iterator[str]:
@@ -17,47 +31,30 @@ def receiver_warnings(scenario: Scenario) -> Iterator[str]:
     A path is followed as far aside as the receivers of its sender and of the follower differ. Only
     what lasts counts (drift and bias): white noise is averaged by fit and filter.
     """
-    apart = {
-        name: DEVIATIONS * _difference(scenario, name)
-        for name in scenario.vehicle_names[1:]
-        if name not in scenario.replays
-    }
-    rooms = {name: _room(scenario, name) for name in apart}
-    beyond = [name for name, aside in apart.items() if aside > rooms[name]]
+    setups = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
+    errors = {name: _lasting(setup) for name, setup in setups.items()}
+    beyond: dict[str, float] = {}
+    rooms: dict[str, float] = {}
+    for name in scenario.vehicle_names[1:]:
+        if name in scenario.replays:
+            continue
+        setup = setups[name]
+        own = _Lasting() if setup.knows_itself else errors[name]
+        apart = max(own.from_another(errors[sender]) for sender in setup.senders)
+        room = 0.5 * max(scenario.tables.events.lane_width_m - setup.parameters.width, 0.0)
+        if apart > room:
+            beyond[name], rooms[name] = apart, room
     if beyond:
         yield (
             f"{', '.join(beyond)}: the receivers that they steer by differ by up to "
-            f"{max(apart[name] for name in beyond):.1f} m (two standard deviations of drift and "
-            f"bias), the lane leaves {min(rooms[name] for name in beyond):.1f} m beside a car: "
-            "expect departures from it even on clean links, and slides where the speed is high; "
-            'gnss.preset = "rtk_fixed" and "rtk_float" are receivers that suffice'
+            f"{max(beyond.values()):.1f} m (two standard deviations of drift and bias), the lane "
+            f"leaves {min(rooms.values()):.1f} m beside a car: expect departures from it even on "
+            "clean links, and slides where the speed is high; better receivers are "
+            'gnss.preset = "rtk_fixed" and "rtk_float"'
         )
 
 
-def _difference(scenario: Scenario, name: str) -> float:
-    """Standard deviation (m) per axis between a follower's receiver and the worst of its senders'.
-
-    One that knows its own state exactly is off by what its senders are.
-    """
-    setup = scenario.vehicle(name)
-    own = 0.0 if setup.knows_itself else lasting_deviation(setup)
-    return hypot(own, max(lasting_deviation(scenario.vehicle(one)) for one in setup.senders))
-
-
-def _room(scenario: Scenario, name: str) -> float:
-    """Room (m) between the side of a car in the middle of its lane and the edge of that."""
-    width = scenario.vehicle(name).parameters.width
-    return 0.5 * max(scenario.tables.events.lane_width_m - width, 0.0)
-
-
-def lasting_deviation(setup: VehicleSetup) -> float:
-    """Standard deviation (m) per axis of the errors of a receiver that last, in its worst state.
-
-    Without what all have in common. A bias that is given, `bias.east_m` and `bias.north_m`, counts
-    in full where `DEVIATIONS` of them are looked at.
-    """
-    model = error_model(setup.gnss)
-    given = hypot(model.bias.east, model.bias.north) / DEVIATIONS
-    states = states_of(setup.gnss)
-    drifts = [model.states[one].drift.deviation for one in WITH_A_FIX if one in states]
-    return hypot(max(drifts, default=0.0), model.bias.deviation, given)
+def _lasting(setup: VehicleSetup) -> _Lasting:
+    bias = setup.gnss.bias
+    east, north = (bias.east_m, bias.north_m) if bias else (0.0, 0.0)
+    return _Lasting(lasting_deviation(setup.gnss), east, north)

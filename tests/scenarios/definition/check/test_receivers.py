@@ -22,6 +22,7 @@ def said(*overrides: str) -> list[str]:
         ("gnss.preset=rtk_float",),
         ("gnss.position_noise_m=0.5",),  # white: it is averaged
         ("gnss.common_drift={deviation_m=3.0}",),  # moves all alike
+        ("gnss.bias={east_m=3.0, north_m=-2.0}",),  # so does this
         ("gnss.preset=single", "events.lane_width_m=20"),
     ],
 )
