@@ -45,6 +45,7 @@ class GpsPose(_message.Message):
     HAZARD_FIELD_NUMBER: _builtins.int
     ACCELERATION_MPS2_FIELD_NUMBER: _builtins.int
     PATH_OFFSET_M_FIELD_NUMBER: _builtins.int
+    STOPS_AT_NS_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     measured_at_ns: _builtins.int
@@ -64,6 +65,7 @@ class GpsPose(_message.Message):
     hazard: _builtins.bool
     acceleration_mps2: _builtins.float
     path_offset_m: _builtins.float
+    stops_at_ns: _builtins.int
     def __init__(
         self,
         *,
@@ -86,10 +88,11 @@ class GpsPose(_message.Message):
         hazard: _builtins.bool | None = ...,
         acceleration_mps2: _builtins.float | None = ...,
         path_offset_m: _builtins.float | None = ...,
+        stops_at_ns: _builtins.int | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_driven_m", b"_true_driven_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_driven_m", b"true_driven_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__acceleration_mps2: _TypeAlias = _typing.Literal["acceleration_mps2"]  # noqa: Y015
     _WhichOneofArgType__acceleration_mps2: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2"]  # noqa: Y015
@@ -119,6 +122,8 @@ class GpsPose(_message.Message):
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__speed_mps: _TypeAlias = _typing.Literal["speed_mps"]  # noqa: Y015
     _WhichOneofArgType__speed_mps: _TypeAlias = _typing.Literal["_speed_mps", b"_speed_mps"]  # noqa: Y015
+    _WhichOneofReturnType__stops_at_ns: _TypeAlias = _typing.Literal["stops_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__stops_at_ns: _TypeAlias = _typing.Literal["_stops_at_ns", b"_stops_at_ns"]  # noqa: Y015
     _WhichOneofReturnType__true_driven_m: _TypeAlias = _typing.Literal["true_driven_m"]  # noqa: Y015
     _WhichOneofArgType__true_driven_m: _TypeAlias = _typing.Literal["_true_driven_m", b"_true_driven_m"]  # noqa: Y015
     _WhichOneofReturnType__true_east_m: _TypeAlias = _typing.Literal["true_east_m"]  # noqa: Y015
@@ -157,6 +162,8 @@ class GpsPose(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__speed_mps) -> _WhichOneofReturnType__speed_mps | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__stops_at_ns) -> _WhichOneofReturnType__stops_at_ns | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__true_driven_m) -> _WhichOneofReturnType__true_driven_m | None: ...
     @_typing.overload

@@ -35,13 +35,15 @@ class Announcement(NamedTuple):
     """What a vehicle tells those behind beside its pose, as a CAM tells of lights and acceleration.
 
     `acceleration_mps2` is what it asked of its drive, `path_offset_m` how far the place it tells
-    lies to the left of the lead's path, as it knows that path.
+    lies to the left of the lead's path, as it knows that path, `stops_at_ns` when it begins to
+    stop.
     """
 
     mode: Mode = "path"
     hazard: bool = False
     acceleration_mps2: float = 0.0
     path_offset_m: float = float("nan")
+    stops_at_ns: int = 0
 
 
 NOTHING_TOLD = Announcement()
@@ -56,9 +58,10 @@ class GpsPose:
     `acceleration_mps2` tell those behind what the vehicle is about to do: what it steers along,
     whether it warns of itself, and the acceleration that it has asked of its drive. `path_offset_m`
     is how far the place that it tells lies to the left of the lead's path, as a follower knows that
-    path: NaN from whoever has none to know, the lead itself among them. The true place of the
-    antenna, and the metres driven since the start, are for the emulated channel alone, whose losses
-    depend on them: no vehicle uses them.
+    path: NaN from whoever has none to know, the lead itself among them. `stops_at_ns` is the
+    instant from which on it stops, or will unless it hears more; 0 if it does not mean to. The true
+    place of the antenna, and the metres driven since the start, are for the emulated channel alone,
+    whose losses depend on them: no vehicle uses them.
     """
 
     vehicle: str
@@ -80,6 +83,7 @@ class GpsPose:
     hazard: bool
     acceleration_mps2: float
     path_offset_m: FloatOrNan
+    stops_at_ns: int
 
 
 @dataclass(slots=True, kw_only=True)

@@ -202,6 +202,7 @@ def to_message(
         hazard=told.hazard,
         acceleration_mps2=told.acceleration_mps2,
         path_offset_m=told.path_offset_m,
+        stops_at_ns=told.stops_at_ns,
         true_east_m=true_place[0],
         true_north_m=true_place[1],
         true_driven_m=true_place[2],

@@ -111,7 +111,11 @@ class Decision:
     def announcement(self) -> Announcement:
         """What is told to those behind beside the pose (beyond the paper, as in a CAM)."""
         return Announcement(
-            self.mode, self.situation.hazard, self.actuation.acceleration, self.path_offset
+            mode=self.mode,
+            hazard=self.situation.hazard,
+            acceleration_mps2=self.actuation.acceleration,
+            path_offset_m=self.path_offset,
+            stops_at_ns=self.situation.stops_at,
         )
 
     def trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:

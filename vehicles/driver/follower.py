@@ -151,6 +151,7 @@ class Follower:
         situation.predecessor_weight = self._sources.alpha(self._alpha)
         situation.hazard = self._mode == "stop" or self._rejoining.under_way
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
+        situation.stops_at = self._sources.stops_at(self._mode)
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,

@@ -50,6 +50,7 @@ def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
         hazard=False,
         acceleration_mps2=0.0,
         path_offset_m=0.0,
+        stops_at_ns=0,
         true_east_m=0.0,
         true_north_m=0.0,
         true_driven_m=0.0,

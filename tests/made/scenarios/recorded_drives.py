@@ -120,6 +120,7 @@ def write_log(path: Path, points: Drive) -> None:
                     hazard=False,
                     acceleration_mps2=0.0,
                     path_offset_m=0.0,
+                    stops_at_ns=0,
                     true_east_m=0.0,
                     true_north_m=0.0,
                     true_driven_m=0.0,

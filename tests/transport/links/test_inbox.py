@@ -45,6 +45,7 @@ def pose(seq: int, vehicle: str = "lead") -> GpsPose:
         hazard=False,
         acceleration_mps2=0.0,
         path_offset_m=0.0,
+        stops_at_ns=0,
         true_east_m=0.0,
         true_north_m=0.0,
         true_driven_m=0.0,

@@ -42,6 +42,7 @@ class SourcePair:
         self._meant = MeantShare(settings.probation, wanted=wanted)
         self._settings = settings
         self._looked_at = 0
+        self._alone_at = 0
 
     def hear(self, now: int, fix: Fix, message: GpsPose, belief: Belief) -> Source:
         """Take a message heard at `now` (ns) to its source, which is returned (Section III-A)."""
@@ -129,6 +130,23 @@ class SourcePair:
             firm_stop=_stop(speed, acceleration, settings.firm),
             blind=nan if isnan(known) else max(hardest - known, 0.0),
         )
+
+    def stops_at(self, mode: Mode) -> int:
+        """Instant (ns) from which on a car that steers along `mode` stops, unless it hears more.
+
+        0 if nothing says so. That is when the last source that it relies on is lost, as soon as a
+        message of each is overdue; and not later than the predecessor's, behind which it stops too.
+        Beyond the paper.
+        """
+        if self._settings.reaction != "degrade":
+            return 0
+        relied = [one for one in self.used.values() if one.relied_on]
+        if relied:
+            self._alone_at = max([one.lost_at for one in relied])
+        misses_all = all(one.is_missed for one in relied)
+        own = self._alone_at if misses_all and mode != "coast" else 0
+        ahead = self.predecessor.stops_at
+        return min(own, ahead) if own and ahead else own or ahead
 
 
 def _stop(speed: float, acceleration: float, braking: Braking) -> float:

@@ -13,8 +13,8 @@ class SourceFreshness:
     `age` (s) is that of the newest sample, counted from when it was measured, `silence` (s) the
     time since it was heard, `period` (s) the time between messages as expected, `share` that of the
     messages of the last second which were received. Its path is known up to `known` (m) ahead of
-    the car, negative where it ends behind. `mode`, `hazard` and `acceleration` (m/s²) are what it
-    announced last.
+    the car, negative where it ends behind. `lost_at` (ns) is when it is lost unless it is heard
+    again. `mode`, `hazard`, `acceleration` (m/s²) and `stops_at` (ns) are what it announced last.
     """
 
     status: SourceStatus = "unheard"
@@ -26,6 +26,8 @@ class SourceFreshness:
     mode: Mode = "path"
     hazard: bool = False
     acceleration: float = 0.0
+    lost_at: int = 0
+    stops_at: int = 0
 
     @property
     def is_lost(self) -> bool:
@@ -42,7 +44,8 @@ class Situation:
     distances (m), `blind` how far the car would drive beyond the known path in the hardest stop (m,
     0 if it stops within).
     `predecessor_weight` is the predecessor's weight in the trajectory, `hazard` whether the car
-    warns those behind.
+    warns those behind, `stops_at` (ns) when it begins to stop unless it hears more, as it announces
+    to them, 0 if it does not mean to.
     """
 
     lead: SourceFreshness = field(default_factory=SourceFreshness)
@@ -53,3 +56,4 @@ class Situation:
     blind: float = nan
     predecessor_weight: float = nan
     hazard: bool = False
+    stops_at: int = 0

@@ -15,6 +15,8 @@ from vehicles.schedule import SECOND
 
 RELIED_ON = ("fresh", "late")
 """A source of such a status is steered along and counted on."""
+MISSED_AFTER = 1.5
+"""Periods of silence after which a message is overdue."""
 LEAST_SAMPLES = 3
 """Fewer samples of a source than these determine no trajectory."""
 
@@ -87,7 +89,25 @@ class Source:
             mode=seen.mode,
             hazard=seen.hazard,
             acceleration=seen.acceleration,
+            lost_at=seen.lost_at,
+            stops_at=seen.stops_at,
         )
+
+    @property
+    def lost_at(self) -> int:
+        """When it is lost (ns) unless it is heard again, as of the last look (beyond the paper)."""
+        return self._now.lost_at
+
+    @property
+    def stops_at(self) -> int:
+        """When it begins to stop (ns), as it announced last, or 0 (beyond the paper)."""
+        return self._now.stops_at
+
+    @property
+    def is_missed(self) -> bool:
+        """Whether a message of it is overdue, long before it counts as late (beyond the paper)."""
+        usual = self._now.period / max(self._reception.usual_share, 0.05)
+        return self._now.silence > MISSED_AFTER * usual
 
     def hear(self, now: int, fix: Fix, message: GpsPose, belief: Belief) -> None:
         """Take a message heard at `now` (ns) to its trace, if it is believed (Section III-A)."""
@@ -118,6 +138,7 @@ class Source:
         seen = self._now
         seen.mode, seen.hazard = message.mode, message.hazard
         seen.acceleration = message.acceleration_mps2
+        seen.stops_at = message.stops_at_ns
         if seen.status == "unheard":
             seen.status = "fresh"
         elif seen.is_lost:
@@ -161,6 +182,7 @@ class Source:
         seen, settings = self._now, self._settings
         late = seen.silence > settings.late_periods * seen.period
         after = settings.lost_after_silence(seen.period)
+        seen.lost_at = now + round((after - seen.silence) * SECOND)
         refused = self._refused_at is not None and (now - self._refused_at) / SECOND <= after
         if (late and refused) or seen.silence > after:
             if not seen.is_lost:

@@ -35,6 +35,7 @@ def pose_of(vehicle: str, at: int, mode: Mode = "composite", *, hazard: bool = F
         hazard=hazard,
         acceleration_mps2=0.0,
         path_offset_m=0.0,
+        stops_at_ns=0,
     )
 
 

@@ -1,0 +1,51 @@
+"""Cars that fall silent one after the other stop one behind the other, not in one place."""
+
+import pytest
+
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.summary import RunSummary
+from scenarios.runs.unlogged import UnloggedRun
+from vehicles.driver.degradation.pair import SourcePair
+
+LENGTH_M = 4.93
+GUARD_MARGIN_M = 1.0
+"""Who sees the one ahead stand far off drives up to it this close."""
+
+
+def driven(preset: str, gap_m: float, seed: int, *more: str) -> RunSummary:
+    """Six cars at 30 m/s, past the instants at which the last of them has come to a stand."""
+    asked = ("convoy.vehicles=6", "duration_s=22", f"links.preset={preset}")
+    return UnloggedRun(
+        load_scenario("lane_change", (*asked, f"convoy.gap_m={gap_m}", *more), seed)
+    ).run()
+
+
+def least_gap_m(summary: RunSummary) -> float:
+    return min(row.true_gap_m_min for row in summary.vehicles if row.true_gap_m_min is not None)
+
+
+def collisions(summary: RunSummary) -> int:
+    return sum(event.kind == "collision" for event in summary.events)
+
+
+@pytest.mark.campaign(2, 50)
+@pytest.mark.parametrize(
+    ("preset", "gap_m", "rate_hz"),
+    [("tunnel", 8, 20), ("tunnel", 15, 20), ("tunnel", 15, 10), ("lead_lost", 8, 20)],
+)
+def test_nobody_drives_into_the_one_ahead(
+    preset: str, gap_m: float, rate_hz: int, case: int
+) -> None:
+    summary = driven(preset, gap_m, case + 1, f"gnss.rate_hz={rate_hz}")
+    stops = sum(row.ticks_by_mode.get("stop", 0) > 0 for row in summary.vehicles)
+    assert stops >= 2  # it did happen
+    assert collisions(summary) == 0
+    assert least_gap_m(summary) > min(0.5 * (gap_m - LENGTH_M), 0.8 * GUARD_MARGIN_M)
+
+
+@pytest.mark.parametrize("preset", ["tunnel", "lead_lost"])
+def test_if_none_announced_its_stop_some_would(
+    preset: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SourcePair, "stops_at", lambda _pair, _mode: 0)
+    assert collisions(driven(preset, 8, 1)) > 0

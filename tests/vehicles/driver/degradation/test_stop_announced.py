@@ -1,0 +1,127 @@
+"""When a follower announces to stop, from what it hears and what its predecessor announced."""
+
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.made.vehicles.exact_drives import PLANE, START
+from vehicles.car.gnss import Fix, to_message
+from vehicles.driver.degradation.pair import SourcePair
+from vehicles.driver.degradation.settings import DegradationSettings, Reaction
+from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.trust.gate import Belief
+from vehicles.driver.ego.own_state import Pose
+from vehicles.messages import Announcement, Mode
+from vehicles.schedule import MILLISECOND, SECOND
+
+TICK, PERIOD, LATENCY, SPEED = 20 * MILLISECOND, 50 * MILLISECOND, 20 * MILLISECOND, 20.0
+LOST_AFTER, OVERDUE = 500 * MILLISECOND, 75 * MILLISECOND
+BELIEVED = Belief(believed=True, reason="", deviation=0.02)
+
+
+class Heard:
+    """A pair whose lead is heard until one instant and whose predecessor until another (s)."""
+
+    def __init__(
+        self,
+        lead_until: float,
+        ahead_until: float,
+        *,
+        reaction: Reaction = "degrade",
+        told: int = 0,
+    ) -> None:
+        settings = DegradationSettings(reaction=reaction)
+        lead, ahead = (Source(name, PERIOD / SECOND, settings) for name in ("v1", "v2"))
+        self.sources = (lead, ahead)
+        self.pair = SourcePair(lead, ahead, "composite", settings)
+        self.until = {"v1": lead_until, "v2": ahead_until}
+        self.told = told
+        self.last = {"v1": 0, "v2": 0}
+
+    def looks(self, seconds: float, mode: Mode = "composite") -> Iterator[tuple[int, int]]:
+        """Instant, and when the follower announces to stop."""
+        sent = START
+        for tick in range(round(seconds * 50)):
+            now = START + tick * TICK
+            while sent + LATENCY <= now:
+                self._hear(now, sent)
+                sent += PERIOD
+            for source in self.sources:
+                source.usable = True
+            self.pair.look(now, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, anew=True)
+            yield now, self.pair.stops_at(mode)
+
+    def _hear(self, now: int, sent: int) -> None:
+        for source, gap in zip(self.sources, (30.0, 15.0), strict=True):
+            if sent - START >= self.until[source.name] * SECOND:
+                continue
+            east, seq = gap + SPEED * (sent - START) / SECOND, (sent - START) // PERIOD
+            told = Announcement(stops_at_ns=self.told if source.name == "v2" else 0)
+            message = to_message(
+                Fix(seq, sent, east, 0.0, 0.0, SPEED, 0.0),
+                source.name,
+                PLANE,
+                seq=seq,
+                sent_at=sent,
+                true_place=(east, 0.0, 0.0),
+                told=told,
+            )
+            source.hear(now, Fix(seq, sent, east, 0.0, 0.0, SPEED, 0.0), message, BELIEVED)
+            self.last[source.name] = now
+
+
+def test_who_hears_as_usual_announces_nothing() -> None:
+    assert {stops for _, stops in Heard(9.0, 9.0).looks(3.0)} == {0}
+
+
+@pytest.mark.parametrize("silent", ["lead", "predecessor"])
+def test_who_hears_one_of_two_announces_nothing(silent: str) -> None:
+    heard = Heard(*((1.0, 9.0) if silent == "lead" else (9.0, 1.0)))
+    assert {stops for _, stops in heard.looks(3.0)} == {0}
+
+
+@given(st.floats(0.5, 2.0), st.floats(0.5, 2.0))
+def test_who_misses_both_announces_when_the_later_is_lost(lead: float, ahead: float) -> None:
+    heard = Heard(lead, ahead)
+    looks = list(heard.looks(3.0))
+    last = max(heard.last.values())
+    for now, stops in looks:
+        if now > last + OVERDUE:
+            assert stops == pytest.approx(last + LOST_AFTER, abs=2)  # also once it is lost
+        elif now <= last:
+            assert stops == 0
+    # It is lost from the first tick after that instant on, not before.
+    lost = [now for now, _ in looks if now > last + LOST_AFTER]
+    assert lost
+
+
+def test_who_is_heard_again_takes_it_back() -> None:
+    heard = Heard(1.0, 1.0)
+    for now, stops in heard.looks(3.0):
+        if now == START + 1300 * MILLISECOND:
+            assert stops > now
+            heard.until = {"v1": 9.0, "v2": 9.0}
+        if now > START + 1350 * MILLISECOND:
+            assert stops == 0
+
+
+def test_who_coasts_does_not_announce_to_stop() -> None:
+    assert {stops for _, stops in Heard(1.0, 1.0).looks(3.0, "coast")} == {0}
+
+
+@given(st.integers(-500, 3000))
+def test_it_stops_no_later_than_its_predecessor(told_ms: int) -> None:
+    told = START + told_ms * MILLISECOND
+    heard = Heard(1.0, 1.0, told=told)
+    for now, stops in heard.looks(3.0):
+        last = max(heard.last.values())
+        if now > START + 2 * TICK:
+            alone = last + LOST_AFTER if now > last + OVERDUE else told
+            assert stops == pytest.approx(min(told, alone), abs=2)
+
+
+@pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
+def test_the_baselines_never_stop(reaction: Reaction) -> None:
+    assert {stops for _, stops in Heard(1.0, 1.0, reaction=reaction, told=1).looks(3.0)} == {0}
