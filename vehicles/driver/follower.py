@@ -168,7 +168,8 @@ class Follower:
     def _fit(self, now: int, pose: Pose) -> None:
         """Fit the received samples; without enough of them keep the last trajectory."""
         slowing = self._reaction == "degrade" and self._mode in SLOWING
-        windows = self._sources.windows(pose, self._settings, slowing=slowing)
+        runs_out = slowing or (self._reaction == "degrade" and self._sources.run_out)
+        windows = self._sources.windows(pose, self._settings, slowing=runs_out)
         along = fuse(
             self._fusion,
             windows.get("lead"),

@@ -131,6 +131,11 @@ class SourcePair:
             blind=nan if isnan(known) else max(hardest - known, 0.0),
         )
 
+    @property
+    def run_out(self) -> bool:
+        """Whether none that is relied on tells more of the road (beyond the paper)."""
+        return all(one.runs_out for one in self.used.values() if one.relied_on)
+
     def stops_at(self, mode: Mode) -> int:
         """Instant (ns) from which on a car that steers along `mode` stops, unless it hears more.
 

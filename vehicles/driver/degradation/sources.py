@@ -104,6 +104,11 @@ class Source:
         return self._now.stops_at
 
     @property
+    def runs_out(self) -> bool:
+        """Whether it tells no more of the road: it is late or astray (beyond the paper)."""
+        return self._now.status == "late" or self._strayed
+
+    @property
     def is_missed(self) -> bool:
         """Whether a message of it is overdue, long before it counts as late (beyond the paper)."""
         usual = self._now.period / max(self._reception.usual_share, 0.05)

@@ -8,6 +8,7 @@ from scenarios.runs.unlogged import UnloggedRun
 from vehicles.driver.degradation.pair import SourcePair
 
 LENGTH_M = 4.93
+LANE_M = 3.6
 GUARD_MARGIN_M = 1.0
 """Who sees the one ahead stand far off drives up to it this close."""
 
@@ -22,6 +23,10 @@ def driven(preset: str, gap_m: float, seed: int, *more: str) -> RunSummary:
 
 def least_gap_m(summary: RunSummary) -> float:
     return min(row.true_gap_m_min for row in summary.vehicles if row.true_gap_m_min is not None)
+
+
+def largest_error_m(summary: RunSummary) -> float:
+    return max(row.cross_track_error_m_max or 0.0 for row in summary.vehicles)
 
 
 def collisions(summary: RunSummary) -> int:
@@ -39,6 +44,8 @@ def test_nobody_drives_into_the_one_ahead(
     summary = driven(preset, gap_m, case + 1, f"gnss.rate_hz={rate_hz}")
     assert any("stop" in row.ticks_by_mode for row in summary.vehicles)
     assert collisions(summary) == 0
+    # 80 m blind, along what they knew of a straight from so many samples.
+    assert largest_error_m(summary) < LANE_M * 20 / rate_hz
     assert least_gap_m(summary) > min(0.5 * (gap_m - LENGTH_M), 0.8 * GUARD_MARGIN_M)
 
 

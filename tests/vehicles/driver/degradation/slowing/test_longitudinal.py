@@ -2,133 +2,32 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from math import inf, nan
 from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.vehicles.two_cars import (
+    HARDEST,
+    LIMITS,
+    TICK,
+    Road,
+    Told,
+    keeping,
+    profile,
+)
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
-from vehicles.driver.degradation.slowing.longitudinal import GuardedCar, SpeedGuard
 from vehicles.driver.degradation.slowing.stopping import friction_left
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     GapKeeping,
-    GapLimits,
     GapPolicy,
-    ProfileSpeed,
-    SpeedCommand,
     SpeedLaw,
-    SpeedProfile,
     VehiclesAhead,
 )
-from vehicles.messages import Mode, SourceStatus
 from vehicles.schedule import MILLISECOND, SECOND
-
-TICK, PERIOD, LATENCY = 20 * MILLISECOND, 50 * MILLISECOND, 20 * MILLISECOND
-LENGTH, LIMITS = 4.93, GapLimits(2.0, 6.0)
-POLICY = GapPolicy(8.0, 0.5)
-HARDEST = DegradationSettings().hardest
-
-
-class Road:
-    """Two cars on a straight: the follower hears some messages of the one ahead, exact and late.
-
-    `heard` tells whether the message of an instant (s) is, `braking` what the one ahead does then.
-    """
-
-    def __init__(
-        self,
-        law: SpeedLaw,
-        *,
-        speed: float = 25.0,
-        gap: float | None = None,
-        reaction: Reaction = "degrade",
-        friction: float = 0.9,
-        policy: GapPolicy = POLICY,
-    ) -> None:
-        self.gap = policy.desired(speed) if gap is None else gap
-        car = GuardedCar(
-            length=LENGTH,
-            friction=friction,
-            policy=policy,
-            limits=LIMITS,
-            initial_gap=self.gap,
-            period=PERIOD / SECOND,
-        )
-        self.guard = SpeedGuard(law, DegradationSettings(reaction=reaction), car)
-        self.law = law
-        self.ahead, self.place = self.gap, 0.0
-        self.ahead_speed = self.speed = speed
-        self.ahead_acceleration = 0.0
-        self.now = 0
-        self.heard: list[tuple[int, float, float, float]] = []
-        self.known: tuple[int, float, float, float] | None = None
-        self.yaw_rate = 0.0
-        self.lead: SourceStatus = "fresh"
-        self.mode: Mode = "composite"
-        self.path = nan
-        self.commands: list[float] = []
-        self.least = inf
-
-    def tick(self, acceleration: float, *, heard: bool, hazard: bool = False) -> SpeedCommand:
-        """One control period: send, hear, decide, move on."""
-        self.ahead_acceleration = acceleration
-        if heard and self.now % PERIOD < TICK:
-            self.heard.append((self.now, self.ahead, self.ahead_speed, acceleration))
-        while self.heard and self.heard[0][0] + LATENCY <= self.now:
-            self.known = self.heard.pop(0)
-        pose = Pose(self.place, 0.0, 0.0, self.speed, self.yaw_rate)
-        vehicles, situation = self._seen(hazard=hazard)
-        command = self.guard.command(self.now, pose, vehicles, situation, self.mode)
-        self.commands.append(command.acceleration)
-        self._move(command.acceleration)
-        return command
-
-    def _seen(self, *, hazard: bool) -> tuple[VehiclesAhead, Situation]:
-        situation = Situation(lead=SourceFreshness(status=self.lead), known=self.path)
-        if self.known is None:
-            return VehiclesAhead(), situation
-        measured_at, place, speed, acceleration = self.known
-        age = (self.now - measured_at) / SECOND
-        situation.predecessor = SourceFreshness(
-            status="fresh", age=age, hazard=hazard, acceleration=acceleration
-        )
-        return VehiclesAhead(place + speed * age - self.place, speed, speed), situation
-
-    def _move(self, acceleration: float) -> None:
-        span = TICK / SECOND
-        after = max(self.speed + acceleration * span, 0.0)
-        self.place += 0.5 * (self.speed + after) * span
-        self.path -= 0.5 * (self.speed + after) * span
-        self.speed = after
-        after = max(self.ahead_speed + self.ahead_acceleration * span, 0.0)
-        self.ahead += 0.5 * (self.ahead_speed + after) * span
-        self.ahead_speed = after
-        self.now += TICK
-        self.least = min(self.least, self.ahead - self.place - LENGTH)
-
-
-def keeping() -> GapKeeping:
-    return GapKeeping(POLICY, LIMITS)
-
-
-def profile(speed: float = 25.0) -> ProfileSpeed:
-    return ProfileSpeed(SpeedProfile((0.0,), (speed,)), 0, TICK / SECOND)
-
-
-class Told:
-    """A speed law that keeps what it asked."""
-
-    def __init__(self, law: SpeedLaw) -> None:
-        self.law = law
-        self.asked: list[SpeedCommand] = []
-
-    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
-        self.asked.append(self.law.command(now, pose, ahead))
-        return self.asked[-1]
 
 
 @pytest.mark.parametrize(("law", "braking"), [(keeping(), -0.5), (profile(), -0.02)])

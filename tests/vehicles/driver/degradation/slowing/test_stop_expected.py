@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.vehicles.driver.degradation.slowing.test_longitudinal import (
+from tests.made.vehicles.two_cars import (
     HARDEST,
     LENGTH,
     TICK,
