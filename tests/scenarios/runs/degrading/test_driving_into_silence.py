@@ -49,6 +49,15 @@ def test_nobody_drives_into_the_one_ahead(
     assert least_gap_m(summary) > min(0.5 * (gap_m - LENGTH_M), 0.8 * GUARD_MARGIN_M)
 
 
+@pytest.mark.campaign(1, 50)
+def test_one_link_lost_stops_the_whole_convoy_at_once(case: int) -> None:
+    lost = "change=[{kind='link', sender='v1', receiver='v2', loss_ratio=1.0, at_s=12}]"
+    summary = driven("clear", 8, case + 1, lost)
+    assert "stop" in summary.vehicles[1].ticks_by_mode
+    assert collisions(summary) == 0
+    assert least_gap_m(summary) > 2.0  # of 3.07 m; it was 0, with a collision for each car
+
+
 @pytest.mark.parametrize("preset", ["tunnel", "lead_lost"])
 def test_if_none_announced_its_stop_some_would(
     preset: str, monkeypatch: pytest.MonkeyPatch
