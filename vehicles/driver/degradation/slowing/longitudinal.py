@@ -8,7 +8,8 @@ from math import inf, isfinite, isnan, nan
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.situation import Situation, SourceFreshness
+from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.slowing.announced import AnnouncedStop
 from vehicles.driver.degradation.slowing.lateness import AgeWatch
 from vehicles.driver.degradation.slowing.stopping import (
     friction_left,
@@ -122,7 +123,7 @@ class SpeedGuard:
         self._following = False
         self._settled_at = 0
         self._promised = False
-        self._stop_heard_at = 0
+        self._announced = AnnouncedStop(settings.hardest)
         self._headway = 0.0
         self._lead_speed = nan
 
@@ -144,7 +145,7 @@ class SpeedGuard:
         warned = predecessor.hazard or predecessor.mode in ("coast", "stop")
         warned = warned or 0 < predecessor.stops_at <= now
         blind = mode in ("coast", "stop") and not isnan(situation.known)
-        expects_stop = self._expects_stop(now, predecessor)
+        expects_stop = self._announced.is_expected(now, predecessor)
         awake = blind or warned or self._ages.is_awake(now)
         self._follow_or_not(tick, awake=awake)
         reserve, opening = self._reserve(tick, seen), self._opening(tick)
@@ -235,32 +236,10 @@ class SpeedGuard:
         most = min(needed, braking.deceleration, hardest.deceleration)
         return max(-most, self._last - braking.jerk * tick.span)
 
-    def _expects_stop(self, now: int, predecessor: SourceFreshness) -> bool:
-        """Whether the predecessor is taken to stop as hard as it can, since it announced to stop.
-
-        So it is until it is heard of what it does instead, or until its brakes have gripped. Else
-        cars that drive into silence one after the other would begin to brake one after the other at
-        one and the same place, and all come to stand there.
-        """
-        since = (now - predecessor.stops_at) / SECOND
-        if not predecessor.stops_at or since < 0.0:
-            self._stop_heard_at = 0
-            return False
-        if predecessor.age >= since or predecessor.is_lost or predecessor.status == "late":
-            return True
-        self._stop_heard_at = self._stop_heard_at or now
-        hardest = self._settings.hardest
-        return now - self._stop_heard_at <= hardest.deceleration / hardest.jerk * SECOND
-
     def _stopping_behind(self, tick: _Instant, seen: _Sample) -> float:
-        """Mildest braking (m/s²) to stand behind a predecessor that stops as hard as it can.
-
-        It drove on as at its newest sample until the instant that it had announced.
-        """
-        braking, told = self._settings.hardest, tick.situation.predecessor
-        free = (told.stops_at - tick.now) / SECOND + seen.age
-        braked = min(max(told.acceleration, -braking.deceleration), 0.0) if free <= 0.0 else 0.0
-        way = seen.speed * max(free, 0.0) + stopping_distance(seen.speed, braked, braking)
+        """Mildest braking (m/s²) to stand behind a predecessor that stops as it announced."""
+        told = tick.situation.predecessor
+        way = self._announced.way(tick.now, seen.speed, told)
         left = seen.gap + way - self._car.length - GUARD_MARGIN
         hardest = tick.hardest
         needed = needed_deceleration(tick.pose.speed, left, self._last, hardest.jerk)
