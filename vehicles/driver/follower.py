@@ -14,6 +14,7 @@ from vehicles.driver.degradation.meant_path import path_offset
 from vehicles.driver.degradation.pair import SourcePair
 from vehicles.driver.degradation.rejoining import Rejoining
 from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
 from vehicles.driver.degradation.sources import Source
 from vehicles.driver.degradation.trust.beliefs import Beliefs
@@ -87,6 +88,7 @@ class Follower:
         self._driven = 0.0
         self._behind = WayBehind(), WayBehind()
         self._fitted = False
+        self._stops_behind = False
         self._rejoining = Rejoining()
         self._mode: Mode = "straight"
         self._refit = Timer(REFIT_AFTER)
@@ -162,7 +164,17 @@ class Follower:
             target_speed=speed.target_speed,
             gap=ahead.gap,
             situation=situation,
-            remarks=self._beliefs.remarks(),
+            remarks=self._beliefs.remarks() + self._brakes_with(situation),
+        )
+
+    def _brakes_with(self, situation: Situation) -> tuple[str, ...]:
+        """A line for the log when it begins to stop behind a predecessor that announced to stop."""
+        before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
+        if before or not self._stops_behind:
+            return ()
+        name, seen = self._sources.predecessor.name, situation.predecessor
+        return (
+            f"brakes with {name}, which was to stop by now and was heard {seen.silence:.2f} s ago",
         )
 
     def _fit(self, now: int, pose: Pose) -> None:

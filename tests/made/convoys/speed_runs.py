@@ -7,15 +7,16 @@ from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import VirtualConvoy
-from vehicles.messages import Command, GpsPose, Message, TruePose
+from vehicles.messages import Command, GpsPose, LogText, Message, TruePose
 
 
 @dataclass
 class Driven:
-    """True poses and commands by vehicle."""
+    """True poses, commands and lines of the log by vehicle."""
 
     truth: defaultdict[str, list[TruePose]] = field(default_factory=lambda: defaultdict(list))
     commands: defaultdict[str, list[Command]] = field(default_factory=lambda: defaultdict(list))
+    texts: defaultdict[str, list[LogText]] = field(default_factory=lambda: defaultdict(list))
 
 
 def drive(scenario: Scenario) -> Driven:
@@ -31,6 +32,8 @@ def drive(scenario: Scenario) -> Driven:
                     driven.truth[message.vehicle].append(message)
                 case Command():
                     driven.commands[message.vehicle].append(message)
+                case LogText():
+                    driven.texts[message.vehicle].append(message)
 
     convoy.build(lambda name: Kept(name, convoy.bus))
     convoy.run(Stop())

@@ -5,6 +5,7 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.unlogged import UnloggedRun
+from tests.made.convoys.speed_runs import drive
 from vehicles.driver.degradation.pair import SourcePair
 
 LENGTH_M = 4.93
@@ -56,6 +57,16 @@ def test_one_link_lost_stops_the_whole_convoy_at_once(case: int) -> None:
     assert "stop" in summary.vehicles[1].ticks_by_mode
     assert collisions(summary) == 0
     assert least_gap_m(summary) > 2.0  # of 3.07 m; it was 0, with a collision for each car
+
+
+def test_the_log_says_why_a_car_brakes_whose_road_is_known() -> None:
+    asked = ("duration_s=12", "links.preset=tunnel")
+    said = drive(load_scenario("lane_change", asked)).texts
+    braked = [text for text in said["v3"] if text.text.startswith("brakes with v2")]
+    own = [text for text in said["v3"] if text.text.startswith("steers along: stop")]
+    assert len(braked) == len(own) == 1
+    assert braked[0].logged_at_ns < own[0].logged_at_ns
+    assert not [text for text in said["v2"] if "brakes with" in text.text]  # it heard none brake
 
 
 @pytest.mark.parametrize("preset", ["tunnel", "lead_lost"])

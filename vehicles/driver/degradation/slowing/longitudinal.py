@@ -103,7 +103,8 @@ class SpeedGuard:
     Beyond the paper, whose followers drive the profile whatever they hear. It brakes within the
     known road where nobody is heard; it opens the gap while the predecessor is heard late or the
     lead not at all; it keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS);
-    and it catches up.
+    and it catches up. It `stops_behind` a predecessor that is taken to stop, as that announced, if
+    this takes more than comfortable braking.
     """
 
     def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
@@ -124,6 +125,7 @@ class SpeedGuard:
         self._settled_at = 0
         self._promised = False
         self._announced = AnnouncedStop(settings.hardest)
+        self.stops_behind = False
         self._headway = 0.0
         self._lead_speed = nan
 
@@ -138,6 +140,7 @@ class SpeedGuard:
         span = self._advance(now, pose)
         if self._settings.reaction != "degrade":
             return asked
+        self.stops_behind = False
         tick = _Instant(now, span, pose, ahead, situation, asked, self._hardest(pose))
         predecessor = situation.predecessor
         seen = self._predecessor(tick)
@@ -164,6 +167,7 @@ class SpeedGuard:
             wanted = min(wanted, self._guarded(tick, reserve))
         if expects_stop:
             wanted = min(wanted, self._stopping_behind(tick, seen))
+        self.stops_behind = expects_stop and wanted < -self._settings.comfortable.deceleration
         if blind:
             wanted = min(wanted, self._stopping(tick, firmly=mode == "stop"))
         return self._released(tick, wanted, free)

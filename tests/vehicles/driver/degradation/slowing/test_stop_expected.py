@@ -76,12 +76,14 @@ def test_it_stops_bracing_itself_once_the_one_ahead_is_heard_to_go_on() -> None:
     road = Announced(profile())
     while road.now < ANNOUNCED + 6 * TICK:
         road.tick(0.0, heard=road.now < ANNOUNCED - SECOND // 3)
-    assert road.commands[-1] < -0.5
+    assert road.commands[-1] < -1.0
+    assert road.guard.stops_behind
     road.stops_at = 0
     for _ in range(1500):
         road.tick(0.0, heard=True)
     assert road.speed == pytest.approx(25.0, abs=0.1)
     assert abs(road.commands[-1]) < 0.05
+    assert not road.guard.stops_behind
 
 
 @given(st.floats(0.5, 3.0), st.floats(10.0, 36.0))
