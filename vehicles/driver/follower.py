@@ -179,9 +179,10 @@ class Follower:
 
     def _fit(self, now: int, pose: Pose) -> None:
         """Fit the received samples; without enough of them keep the last trajectory."""
-        slowing = self._reaction == "degrade" and self._mode in SLOWING
-        runs_out = slowing or (self._reaction == "degrade" and self._sources.run_out)
-        windows = self._sources.windows(pose, self._settings, slowing=runs_out)
+        degrades = self._reaction == "degrade"
+        slowing = degrades and self._mode in SLOWING
+        runs_out = slowing or (degrades and self._sources.run_out)
+        windows = self._sources.windows(pose, self._settings, runs_out=runs_out)
         along = fuse(
             self._fusion,
             windows.get("lead"),

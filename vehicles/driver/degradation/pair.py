@@ -50,17 +50,17 @@ class SourcePair:
         source.hear(now, fix, message, belief)
         return source
 
-    def windows(self, pose: Pose, settings: FitSettings, *, slowing: bool) -> dict[Mode, Window]:
+    def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[Mode, Window]:
         """Samples around the ego of those that reach ahead of it (preview data, Section III-A).
 
-        While a car is `slowing` down towards the end of the known path, more of it behind makes up
-        for what is missing ahead, so that the curve is no less certain where it has to be held.
+        While the known path `runs_out`, more of it behind makes up for what is missing ahead, so
+        that the curve is no less certain where it has to be held.
         """
         behind, ahead = settings.behind(pose.speed), settings.ahead(pose.speed)
         found: dict[Mode, Window] = {}
         for mode, source in self.used.items():
             known = 0.0 if isnan(source.known) else source.known
-            more = min(max(ahead - known, 0.0), ahead) if slowing else 0.0
+            more = min(max(ahead - known, 0.0), ahead) if runs_out else 0.0
             window = source.window(pose.east, pose.north, behind + more, ahead)
             if window is not None:
                 found[mode] = window

@@ -16,7 +16,9 @@ from vehicles.schedule import SECOND
 RELIED_ON = ("fresh", "late")
 """A source of such a status is steered along and counted on."""
 MISSED_AFTER = 1.5
-"""Periods of silence after which a message is overdue."""
+"""A message is overdue after so many times what usually lies between two that come."""
+LEAST_SHARE = 0.05
+"""A source is expected to deliver this share of its messages at least."""
 LEAST_SAMPLES = 3
 """Fewer samples of a source than these determine no trajectory."""
 
@@ -111,7 +113,7 @@ class Source:
     @property
     def is_missed(self) -> bool:
         """Whether a message of it is overdue, long before it counts as late (beyond the paper)."""
-        usual = self._now.period / max(self._reception.usual_share, 0.05)
+        usual = self._now.period / max(self._reception.usual_share, LEAST_SHARE)
         return self._now.silence > MISSED_AFTER * usual
 
     def hear(self, now: int, fix: Fix, message: GpsPose, belief: Belief) -> None:
