@@ -14,7 +14,7 @@ from scenarios.cli.options import scenario_options
 @click.command(
     epilog="""\b
 Examples:
-  convoy worst lane_change --burst 1.5s
+  convoy worst lane_change --burst 1.5s --seeds 5
   convoy worst lane_change --burst 800ms --link lead:* --link v2:v3 --from 4s --to 9s
   convoy worst my.toml --burst 2s --figure gap_m --write worst.toml
 """
@@ -41,6 +41,10 @@ Examples:
     "--finest", "finest_s", type=TimeSpan(), default=0.05, show_default="50ms", metavar="TIME",
     help="Distance of those tried last; messages are 50 ms apart.",
 )  # fmt: skip
+@click.option(
+    "--seeds", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
+    help="Drive each instant with N seeds; the worst has the worst mean.",
+)  # fmt: skip
 @engine_options
 @click.option(
     "--write", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
@@ -62,6 +66,7 @@ def worst(
     to_s: float | None,
     step_s: float,
     finest_s: float,
+    seeds: int,
     workers: int | None,
     scheduler: str,
     file: Path | None,
@@ -69,8 +74,9 @@ def worst(
 ) -> None:
     """Find the instant at which a burst of losses does most harm in SCENARIO.
 
-    It is put at a grid of instants, then closer and closer around the three worst. All runs have
-    the same seed, which is the same noise.
+    It is put at a grid of instants, then closer and closer around the three worst. All have the
+    same seed or seeds, which is the same noise. With one seed the worst instant may be one at which
+    that noise is large; with several it is the road's.
     """
     from scenarios.studies.drills.worst import WorstSearch, base_of, burst_of, span_of
     from scenarios.studies.drills.written import as_json, write_drill
@@ -90,11 +96,13 @@ def worst(
                 lambda line: click.echo(line, err=True),
                 run_all,
                 changes=len(loaded.tables.change),
+                seeds=seeds,
             )
             found = search.look(span)
+        of_seeds = f" (mean of {seeds} seeds {found.mean:.3f})" if seeds > 1 else ""
         click.echo(
-            f"worst at {found.at_s:g} s: {figure} {found.figure:.3f}, of {len(found.figures)} "
-            f"instants\n{found.variant.command}"
+            f"worst at {found.at_s:g} s: {figure} {found.figure:.3f}{of_seeds}, "
+            f"of {len(found.figures)} instants\n{found.variant.command}"
         )
         if file is not None:
             write_drill(found, file)

@@ -120,9 +120,10 @@ def span_of(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstInstant:
-    """What a search has found: the instant, the figure there, and all that was tried.
+    """What a search has found: the instant, the worst run there, and all that was tried.
 
-    `figures` are by instant (s), in order of time.
+    `figure` is that of `variant`, the seed that comes off worst at this instant; `figures` are the
+    means over all seeds by instant (s), in order of time.
     """
 
     word: str
@@ -131,13 +132,20 @@ class WorstInstant:
     figures: Mapping[float, float]
     variant: Variant
 
+    @property
+    def mean(self) -> float:
+        """Mean of the figure over the seeds, by which this instant is the worst."""
+        return self.figures[self.at_s]
+
 
 @dataclass(slots=True)
 class WorstSearch:
     """A search for the instant at which `burst` makes a figure of `base` worst.
 
     `word` names the figure, "error_m" (the largest true error) or "gap_m" (the smallest true gap).
-    All runs share the seed of `base`, which has so many `changes` of its own.
+    An instant is as bad as its mean over `seeds` runs, from the seed of `base` on: with one seed
+    alone an instant may be the worst for what the noise is there. All instants share the seeds.
+    `base` has so many `changes` of its own.
     """
 
     base: Variant
@@ -146,6 +154,8 @@ class WorstSearch:
     progress: Callable[[str], None]
     run_all: RunAll
     changes: int = 0
+    seeds: int = 1
+    _runs: dict[float, dict[int, float]] = field(default_factory=dict)
     _found: dict[float, float] = field(default_factory=dict)
     _began: float = field(default_factory=time.monotonic)
     _said: float = 0.0
@@ -159,19 +169,22 @@ class WorstSearch:
             near = {at for peak in self._peaks(2.0 * step) for at in span.beside(peak, step)}
             self._try(sorted(near - self._found.keys()))
         at = self._worst()[0]
+        runs = self._runs[at]
+        seed = max(sorted(runs), key=runs.__getitem__)
         return WorstInstant(
             word=self.word,
             at_s=at,
-            figure=self._figure(at),
-            figures={one: self._figure(one) for one in sorted(self._found)},
-            variant=self.variant(at),
+            figure=self._figure(runs[seed]),
+            figures={one: self._figure(self._found[one]) for one in sorted(self._found)},
+            variant=self.variant(at, seed),
         )
 
-    def variant(self, at_s: float) -> Variant:
-        """The run with the burst at an instant."""
+    def variant(self, at_s: float, seed: int | None = None) -> Variant:
+        """The run with the burst at an instant, with the seed of `base` or another."""
         return replace(
             self.base,
             overrides=(*self.base.overrides, *self.burst.overrides(at_s, self.changes)),
+            seed=self.base.seed if seed is None else seed,
         )
 
     def _peaks(self, apart_s: float) -> list[float]:
@@ -186,20 +199,29 @@ class WorstSearch:
         """Instants, the worst first; of equal ones the earliest."""
         return sorted(self._found, key=lambda at: (-self._found[at], at))
 
-    def _figure(self, at: float) -> float:
-        return -self._found[at] if self.word == "gap_m" else self._found[at]
+    def _figure(self, severity: float) -> float:
+        return -severity if self.word == "gap_m" else severity
 
     def _try(self, instants: Sequence[float]) -> None:
-        jobs = {at: partial(_severity, self.variant(at), self.word) for at in instants}
-        for at, severity in self.run_all(jobs):
-            self._found[at] = severity
+        seeds = range(self.base.seed, self.base.seed + self.seeds)
+        jobs = {
+            (at, seed): partial(_severity, self.variant(at, seed), self.word)
+            for at in instants
+            for seed in seeds
+        }
+        for (at, seed), severity in self.run_all(jobs):
+            runs = self._runs.setdefault(at, {})
+            runs[seed] = severity
+            if len(runs) < self.seeds:
+                continue
+            self._found[at] = sum(runs[one] for one in seeds) / self.seeds
             now = time.monotonic()
             if now - self._said > SAY_EVERY_S:
                 self._said = now
                 worst = self._worst()[0]
                 self.progress(
                     f"{now - self._began:5.1f} s  {len(self._found)} instants, the worst at "
-                    f"{worst:g} s: {self.word} {self._figure(worst):.3f}"
+                    f"{worst:g} s: {self.word} {self._figure(self._found[worst]):.3f}"
                 )
 
 

@@ -74,6 +74,7 @@ def as_json(found: WorstInstant, burst: SoughtBurst) -> str:
         "figure": found.word,
         "at_s": found.at_s,
         found.word: found.figure,
+        "mean": found.mean,
         "command": found.variant.command,
         "tried": tried,
     }

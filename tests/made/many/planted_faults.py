@@ -98,7 +98,7 @@ PLANTS = (
     Plant("both_lost", (ERROR,), fault=WHEELS_STRAIGHT),
     Plant("both_lost", ("modes[0]",), (EXTRAPOLATE,)),
     Plant("both_lost", ("recovery[0]",), (SLOW,)),
-    Plant("burst_worst", (ERROR,), fault=WHEELS_STRAIGHT),
+    Plant("burst_worst", (ERROR,), fault=WHEELS_ASKEW),
     Plant("burst_worst", ("recovery[0]",), ("control.degradation.probation_s=5.0",)),
     Plant("tunnel", (ERROR,), fault=WHEELS_ASKEW),
     Plant("tunnel", (GAP,), (_alone("v3"),)),

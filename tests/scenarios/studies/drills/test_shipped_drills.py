@@ -89,14 +89,14 @@ def test_what_is_planted_breaks_its_limits(case: int, monkeypatch: pytest.Monkey
     assert set(plant.breaks) <= broken, plant
 
 
-WORST_AT_S, BURST = 7.407, SoughtBurst(for_s=1.0)
+WORST_AT_S, BURST = 8.219, SoughtBurst(for_s=1.0)
 SETTINGS = ("convoy.vehicles=3", "duration_s=12")
 
 
-def search() -> WorstSearch:
+def search(seeds: int = SEEDS) -> WorstSearch:
     """The search whose command stands in the head of the file."""
     base = base_of("lane_change", SETTINGS, None)
-    return WorstSearch(base, BURST, "error_m", lambda _: None, in_this_process)
+    return WorstSearch(base, BURST, "error_m", lambda _: None, in_this_process, seeds=seeds)
 
 
 def test_the_burst_is_at_the_instant_that_was_found() -> None:
@@ -115,12 +115,12 @@ def test_the_burst_is_at_the_instant_that_was_found() -> None:
 
 @pytest.mark.campaign(1, 2)
 def test_the_burst_is_at_the_worst_instant(case: int) -> None:
-    """Worse than a second earlier; in a campaign it is what the search finds."""
+    """Worse than a second later; in a campaign it is what the search finds."""
     if case:
         span = SearchSpan(from_s=3.0, to_s=10.0, step_s=0.5, finest_s=0.05)
         assert search().look(span).at_s == WORST_AT_S
         return
-    span = SearchSpan(from_s=WORST_AT_S - 1.0, to_s=WORST_AT_S, step_s=1.0, finest_s=1.0)
-    found = search().look(span)
+    span = SearchSpan(from_s=WORST_AT_S, to_s=WORST_AT_S + 1.0, step_s=1.0, finest_s=1.0)
+    found = search(seeds=1).look(span)
     assert found.at_s == WORST_AT_S
-    assert found.figure > 1.5 * found.figures[round(WORST_AT_S - 1.0, 3)]
+    assert found.figure > 5.0 * found.figures[round(WORST_AT_S + 1.0, 3)]

@@ -30,17 +30,37 @@ from scenarios.studies.drills.written import as_json, drill_text, write_drill
 SHORT = ("duration_s=6.0", "convoy.vehicles=2")
 BASE = base_of("lane_change", SHORT, None)
 SCENARIO = BASE.scenario
+Job = tuple[float, int]
 
 
 def searched(figure: Any, span: SearchSpan, word: str = "error_m") -> WorstInstant:
     """What a search finds where `figure` is that of each instant, without a drive."""
 
-    def run_all(jobs: Mapping[float, Any]) -> Iterator[tuple[float, float]]:
-        for at in reversed(jobs):
-            yield at, figure(at) if word == "error_m" else -figure(at)
+    def run_all(jobs: Mapping[Job, Any]) -> Iterator[tuple[Job, float]]:
+        for at, seed in reversed(list(jobs)):
+            yield (at, seed), figure(at) if word == "error_m" else -figure(at)
 
     burst = SoughtBurst(for_s=1.0)
     return WorstSearch(BASE, burst, word, lambda _: None, run_all).look(span)
+
+
+def test_with_seeds_it_is_the_worst_mean_and_the_worst_run_of_it() -> None:
+    """Of one seed the noise is largest at 3 s; what all have in common is at 8 s."""
+
+    def run_all(jobs: Mapping[Job, Any]) -> Iterator[tuple[Job, float]]:
+        for at, seed in reversed(list(jobs)):
+            noise = 1.0 if (at, seed) == (3.0, 4) else 0.1 * seed
+            yield (at, seed), noise + max(0.5 - abs(at - 8.0), 0.0)
+
+    base = base_of("lane_change", SHORT, 4)
+    burst = SoughtBurst(for_s=1.0)
+    found = WorstSearch(base, burst, "error_m", lambda _: None, run_all, seeds=3).look(SPAN)
+    assert found.at_s == 8.0
+    assert found.mean == pytest.approx(0.5 + 0.1 * 5)
+    assert found.variant.seed == 6
+    assert found.figure == pytest.approx(0.5 + 0.1 * 6)
+    alone = WorstSearch(base, burst, "error_m", lambda _: None, run_all).look(SPAN)
+    assert (alone.at_s, alone.mean, alone.figure) == (3.0, 1.0, 1.0)
 
 
 SPAN = SearchSpan(from_s=1.0, to_s=11.0, step_s=0.5, finest_s=0.05)
