@@ -115,8 +115,8 @@ def largest_singular_value(
     s = 1j * np.asarray(frequencies, dtype=np.float64)
     plain = propagation(parameters, gains, speed, "instantaneous")
     outputs = [np.polyval(n(parameters, speed), s) for n in (lateral_numerator, heading_numerator)]
-    feedback = [gains.lateral, np.abs(gains.heading + gains.yaw_rate * s)]
-    sizes = np.hypot(*np.abs(outputs)) * np.hypot(*feedback)
+    feedback = np.hypot(gains.lateral, np.abs(gains.heading + gains.yaw_rate * s))
+    sizes = np.hypot(*np.abs(outputs)) * feedback
     return np.asarray(sizes / np.abs(np.polyval(plain.denominator, s)))
 
 

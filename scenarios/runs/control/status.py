@@ -94,7 +94,7 @@ class RunStatus:
             ]
             links = tuple(LinkFiguresNow(**row) for row in fields.pop("links"))
             return cls(**fields, vehicles=tuple(vehicles), links=links)
-        except (KeyError, TypeError, AttributeError, RecursionError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
             raise ValueError("no status of a run") from error
 
 

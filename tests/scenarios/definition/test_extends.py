@@ -191,7 +191,7 @@ def test_no_scenario_that_ships_repeats_the_road_of_another() -> None:
         ("''", '""', ""),
         ("3", "3", ""),
         ("['base.toml']", '["base.toml"]', ""),
-        (r'"a\u0000b"', r'"a\u0000b"', "null byte"),
+        (r'"a\u0000b"', r'"a\u0000b"', "embedded null"),
         (f"'{'x' * 300}.toml'", '"xxx', "file name too long"),
     ],
 )

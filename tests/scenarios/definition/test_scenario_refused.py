@@ -149,7 +149,7 @@ BROKEN_TEXT = {
     "trace with a zero byte in its name": (
         "name = 'a'\n[path]\nkind = 'trace'\nfile = \"a\\u0000b\"\n",
         "path.file",
-        "null byte",
+        "embedded null",
     ),
     "points that are none": (
         "name = 'a'\n[path]\nkind = 'points'\neast_m = []\nnorth_m = []\n",
