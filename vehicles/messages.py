@@ -59,9 +59,9 @@ class GpsPose:
     whether it warns of itself, and the acceleration that it has asked of its drive. `path_offset_m`
     is how far the place that it tells lies to the left of the lead's path, as a follower knows that
     path: NaN from whoever has none to know, the lead itself among them. `stops_at_ns` is the
-    instant from which on it stops, or will unless it hears more; 0 if it does not mean to. The true
-    place of the antenna, and the metres driven since the start, are for the emulated channel alone,
-    whose losses depend on them: no vehicle uses them.
+    instant from which on it brakes hard to stop, or will unless it hears more; 0 if it does not
+    mean to. The true place of the antenna, and the metres driven since the start, are for the
+    emulated channel alone, whose losses depend on them: no vehicle uses them.
     """
 
     vehicle: str

@@ -153,7 +153,7 @@ class Follower:
         situation.predecessor_weight = self._sources.alpha(self._alpha)
         situation.hazard = self._mode == "stop" or self._rejoining.under_way
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
-        situation.stops_at = self._sources.stops_at(self._mode)
+        situation.stops_at = self._sources.stops_at(self._mode, self._speed_guard.brakes_at)
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
@@ -168,13 +168,13 @@ class Follower:
         )
 
     def _brakes_with(self, situation: Situation) -> tuple[str, ...]:
-        """A line for the log when it begins to stop behind a predecessor that announced to stop."""
+        """A line for the log when it begins to stop behind a predecessor that announced to."""
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
         if before or not self._stops_behind:
             return ()
         name, seen = self._sources.predecessor.name, situation.predecessor
         return (
-            f"brakes with {name}, which was to stop by now and was heard {seen.silence:.2f} s ago",
+            f"brakes with {name}, which was to brake by now and was heard {seen.silence:.2f} s ago",
         )
 
     def _fit(self, now: int, pose: Pose) -> None:

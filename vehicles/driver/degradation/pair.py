@@ -136,11 +136,12 @@ class SourcePair:
         """Whether none that is relied on tells more of the road (beyond the paper)."""
         return all(one.runs_out for one in self.used.values() if one.relied_on)
 
-    def stops_at(self, mode: Mode) -> int:
+    def stops_at(self, mode: Mode, brakes_at: int) -> int:
         """Instant (ns) from which on a car that steers along `mode` stops, unless it hears more.
 
         0 if nothing says so. That is when the last source that it relies on is lost, as soon as a
-        message of each is overdue; and not later than the predecessor's, behind which it stops too.
+        message of each is overdue; or when its guard has to brake behind the predecessor
+        (`brakes_at`, 0 for not); and not later than the predecessor's, behind which it stops too.
         Beyond the paper.
         """
         if self._settings.reaction != "degrade":
@@ -150,8 +151,7 @@ class SourcePair:
             self._alone_at = max([one.lost_at for one in relied])
         misses_all = all(one.is_missed for one in relied)
         own = self._alone_at if misses_all and mode != "coast" else 0
-        ahead = self.predecessor.stops_at
-        return min(own, ahead) if own and ahead else own or ahead
+        return min([at for at in (own, brakes_at, self.predecessor.stops_at) if at], default=0)
 
 
 def _stop(speed: float, acceleration: float, braking: Braking) -> float:

@@ -7,6 +7,7 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.unlogged import UnloggedRun
 from tests.made.convoys.speed_runs import drive
 from vehicles.driver.degradation.pair import SourcePair
+from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
 
 LENGTH_M = 4.93
 LANE_M = 3.6
@@ -70,5 +71,15 @@ def test_the_log_says_why_a_car_brakes_whose_road_is_known() -> None:
 
 
 def test_if_none_announced_its_stop_some_would(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SourcePair, "stops_at", lambda _pair, _mode: 0)
+    monkeypatch.setattr(SourcePair, "stops_at", lambda *_: 0)
     assert collisions(driven("tunnel", 8, 1)) > 0
+
+
+def test_nobody_is_hit_who_brakes_for_lack_of_messages_himself() -> None:
+    """Shadowed links in a dense convoy: each at its own time, for one to three seconds."""
+    assert collisions(driven("lte_v2x_dense", 8, 1, "duration_s=24")) == 0
+
+
+def test_if_guards_announced_nothing_some_would_be_hit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SpeedGuard, "_brakes_at", lambda *_, **__: 0)
+    assert collisions(driven("lte_v2x_dense", 8, 1, "duration_s=24")) > 0

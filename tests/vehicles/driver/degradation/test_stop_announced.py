@@ -31,6 +31,7 @@ class Heard:
         *,
         reaction: Reaction = "degrade",
         told: int = 0,
+        brakes_at: int = 0,
     ) -> None:
         settings = DegradationSettings(reaction=reaction)
         lead, ahead = (Source(name, PERIOD / SECOND, settings) for name in ("v1", "v2"))
@@ -38,6 +39,7 @@ class Heard:
         self.pair = SourcePair(lead, ahead, "composite", settings)
         self.until = {"v1": lead_until, "v2": ahead_until}
         self.told = told
+        self.brakes_at = brakes_at
         self.last = {"v1": 0, "v2": 0}
 
     def looks(self, seconds: float, mode: Mode = "composite") -> Iterator[tuple[int, int]]:
@@ -51,7 +53,7 @@ class Heard:
             for source in self.sources:
                 source.usable = True
             self.pair.look(now, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, anew=True)
-            yield now, self.pair.stops_at(mode)
+            yield now, self.pair.stops_at(mode, self.brakes_at)
 
     def _hear(self, now: int, sent: int) -> None:
         for source, gap in zip(self.sources, (30.0, 15.0), strict=True):
@@ -95,6 +97,20 @@ def test_who_misses_both_announces_when_the_later_is_lost(lead: float, ahead: fl
     # It is lost from the first tick after that instant on, not before.
     lost = [now for now, _ in looks if now > last + LOST_AFTER]
     assert lost
+
+
+@pytest.mark.parametrize("ahead_until", [1.0, 9.0])
+def test_a_guard_that_will_brake_is_announced_whoever_is_heard(ahead_until: float) -> None:
+    heard = Heard(9.0, ahead_until, brakes_at=START + SECOND)
+    assert {stops for _, stops in heard.looks(3.0)} == {START + SECOND}
+
+
+def test_of_road_and_guard_the_earlier_counts() -> None:
+    for brakes_at in (START, START + 9 * SECOND):
+        heard = Heard(1.0, 1.0, brakes_at=brakes_at)
+        *_, (_, stops) = heard.looks(3.0)
+        lost = max(heard.last.values()) + LOST_AFTER
+        assert stops == pytest.approx(min(brakes_at, lost), abs=2)
 
 
 def test_who_is_heard_again_takes_it_back() -> None:

@@ -51,6 +51,13 @@ class AgeWatch:
             if growth >= self.growth(now):
                 self._peak, self._peak_at = growth, now
 
+    def is_longest(self, now: int) -> bool:
+        """Whether what is known at `now` (ns) is late, and older than it was lately.
+
+        Beyond the paper.
+        """
+        return self._peak_at == now
+
     def is_awake(self, now: int) -> bool:
         """Whether messages are late at `now` (ns), or were within the probation.
 

@@ -104,7 +104,8 @@ class SpeedGuard:
     known road where nobody is heard; it opens the gap while the predecessor is heard late or the
     lead not at all; it keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS);
     and it catches up. It `stops_behind` a predecessor that is taken to stop, as that announced, if
-    this takes more than comfortable braking.
+    this takes more than comfortable braking. `brakes_at` (ns) is when it has to brake hard itself
+    unless the predecessor is heard, 0 if it will not.
     """
 
     def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
@@ -126,6 +127,7 @@ class SpeedGuard:
         self._promised = False
         self._announced = AnnouncedStop(settings.hardest)
         self.stops_behind = False
+        self.brakes_at = 0
         self._headway = 0.0
         self._lead_speed = nan
 
@@ -156,9 +158,11 @@ class SpeedGuard:
         if not (awake or self._following or self._held or opening or alone):
             self._lead_speed = ahead.lead_speed
             self._promised = reserve >= 0.0
+            self.brakes_at = 0
             self._last = asked.acceleration
             return asked
         self._promised = self._promised or reserve >= 0.0
+        self.brakes_at = self._brakes_at(tick, seen, reserve)
         # Who hears nobody stops within the known road, however wide the gap should be.
         free = wanted = self._kept_gap(tick, 0.0 if blind else opening)
         if warned and ahead.gap < self._car.policy.desired(pose.speed) + self._car.length:
@@ -227,6 +231,20 @@ class SpeedGuard:
             most = min(most, self._settings.comfortable.deceleration)
             jerk = self._settings.comfortable.jerk
         return max(-share * most, self._last - jerk * tick.span)
+
+    def _brakes_at(self, tick: _Instant, seen: _Sample, reserve: float) -> int:
+        """When the guard has to brake hard (ns) unless the predecessor is heard, or 0.
+
+        Only a silence that is longer than all lately is worth telling: for others the gap was
+        opened. Where the safe distance was never kept, it brakes comfortably.
+        """
+        if tick.now - round(seen.age * SECOND) < self.brakes_at <= tick.now:
+            return self.brakes_at  # it does, and has heard nothing newer
+        if not (self._promised and self._ages.is_longest(tick.now)):
+            return 0
+        if self._last < -self._settings.firm.deceleration:
+            return tick.now
+        return tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
 
     def _stopping(self, tick: _Instant, *, firmly: bool) -> float:
         """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
