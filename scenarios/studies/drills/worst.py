@@ -156,7 +156,6 @@ class WorstSearch:
     changes: int = 0
     seeds: int = 1
     _runs: dict[float, dict[int, float]] = field(default_factory=dict)
-    _found: dict[float, float] = field(default_factory=dict)
     _began: float = field(default_factory=time.monotonic)
     _said: float = 0.0
 
@@ -167,7 +166,8 @@ class WorstSearch:
         while step > span.finest_s:
             step *= 0.5
             near = {at for peak in self._peaks(2.0 * step) for at in span.beside(peak, step)}
-            self._try(sorted(near - self._found.keys()))
+            self._try(sorted(near - self._runs.keys()))
+        means = self._means()
         at = self._worst()[0]
         runs = self._runs[at]
         seed = max(sorted(runs), key=runs.__getitem__)
@@ -175,7 +175,7 @@ class WorstSearch:
             word=self.word,
             at_s=at,
             figure=self._figure(runs[seed]),
-            figures={one: self._figure(self._found[one]) for one in sorted(self._found)},
+            figures={one: self._figure(means[one]) for one in sorted(means)},
             variant=self.variant(at, seed),
         )
 
@@ -197,7 +197,16 @@ class WorstSearch:
 
     def _worst(self) -> list[float]:
         """Instants, the worst first; of equal ones the earliest."""
-        return sorted(self._found, key=lambda at: (-self._found[at], at))
+        means = self._means()
+        return sorted(means, key=lambda at: (-means[at], at))
+
+    def _means(self) -> dict[float, float]:
+        """Mean severity by instant, of those that were driven with all seeds."""
+        return {
+            at: sum(runs[seed] for seed in sorted(runs)) / self.seeds
+            for at, runs in self._runs.items()
+            if len(runs) == self.seeds
+        }
 
     def _figure(self, severity: float) -> float:
         return -severity if self.word == "gap_m" else severity
@@ -210,18 +219,14 @@ class WorstSearch:
             for seed in seeds
         }
         for (at, seed), severity in self.run_all(jobs):
-            runs = self._runs.setdefault(at, {})
-            runs[seed] = severity
-            if len(runs) < self.seeds:
-                continue
-            self._found[at] = sum(runs[one] for one in seeds) / self.seeds
-            now = time.monotonic()
-            if now - self._said > SAY_EVERY_S:
+            self._runs.setdefault(at, {})[seed] = severity
+            means, now = self._means(), time.monotonic()
+            if means and now - self._said > SAY_EVERY_S:
                 self._said = now
                 worst = self._worst()[0]
                 self.progress(
-                    f"{now - self._began:5.1f} s  {len(self._found)} instants, the worst at "
-                    f"{worst:g} s: {self.word} {self._figure(self._found[worst]):.3f}"
+                    f"{now - self._began:5.1f} s  {len(means)} instants, the worst at "
+                    f"{worst:g} s: {self.word} {self._figure(means[worst]):.3f}"
                 )
 
 
