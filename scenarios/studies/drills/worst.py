@@ -167,15 +167,15 @@ class WorstSearch:
             step *= 0.5
             near = {at for peak in self._peaks(2.0 * step) for at in span.beside(peak, step)}
             self._try(sorted(near - self._runs.keys()))
-        means = self._means()
-        at = self._worst()[0]
+        worst = self._worst()
+        at = worst[0][0]
         runs = self._runs[at]
         seed = max(sorted(runs), key=runs.__getitem__)
         return WorstInstant(
             word=self.word,
             at_s=at,
             figure=self._figure(runs[seed]),
-            figures={one: self._figure(means[one]) for one in sorted(means)},
+            figures={one: self._figure(mean) for one, mean in sorted(worst)},
             variant=self.variant(at, seed),
         )
 
@@ -190,23 +190,19 @@ class WorstSearch:
     def _peaks(self, apart_s: float) -> list[float]:
         """The worst instants that are further apart, for those beside a peak are as bad."""
         peaks: list[float] = []
-        for at in self._worst():
+        for at, _ in self._worst():
             if len(peaks) < PEAKS and all(abs(at - one) > apart_s + 1e-6 for one in peaks):
                 peaks.append(at)
         return peaks
 
-    def _worst(self) -> list[float]:
-        """Instants, the worst first; of equal ones the earliest."""
-        means = self._means()
-        return sorted(means, key=lambda at: (-means[at], at))
-
-    def _means(self) -> dict[float, float]:
-        """Mean severity by instant, of those that were driven with all seeds."""
-        return {
-            at: sum(runs[seed] for seed in sorted(runs)) / self.seeds
+    def _worst(self) -> list[tuple[float, float]]:
+        """Instants driven with all seeds, and mean severities: worst first, of equals earliest."""
+        means = [
+            (at, sum(runs[seed] for seed in sorted(runs)) / self.seeds)
             for at, runs in self._runs.items()
             if len(runs) == self.seeds
-        }
+        ]
+        return sorted(means, key=lambda one: (-one[1], one[0]))
 
     def _figure(self, severity: float) -> float:
         return -severity if self.word == "gap_m" else severity
@@ -220,13 +216,13 @@ class WorstSearch:
         }
         for (at, seed), severity in self.run_all(jobs):
             self._runs.setdefault(at, {})[seed] = severity
-            means, now = self._means(), time.monotonic()
-            if means and now - self._said > SAY_EVERY_S:
+            now = time.monotonic()
+            if now - self._said > SAY_EVERY_S and (worst := self._worst()):
                 self._said = now
-                worst = self._worst()[0]
+                there, mean = worst[0]
                 self.progress(
-                    f"{now - self._began:5.1f} s  {len(means)} instants, the worst at "
-                    f"{worst:g} s: {self.word} {self._figure(means[worst]):.3f}"
+                    f"{now - self._began:5.1f} s  {len(worst)} instants, the worst at "
+                    f"{there:g} s: {self.word} {self._figure(mean):.3f}"
                 )
 
 

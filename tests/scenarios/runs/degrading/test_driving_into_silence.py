@@ -81,5 +81,5 @@ def test_nobody_is_hit_who_brakes_for_lack_of_messages_himself() -> None:
 
 
 def test_if_guards_announced_nothing_some_would_be_hit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SpeedGuard, "_brakes_at", lambda *_, **__: 0)
+    monkeypatch.setattr(SpeedGuard, "_brakes_at", lambda *_: 0)
     assert collisions(driven("lte_v2x_dense", 8, 1, "duration_s=24")) > 0
