@@ -75,6 +75,7 @@ class Follower:
         # The first follower's predecessor is the lead: one source, whatever the fusion.
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
         self._settings = settings
+        self._stated_noise = settings.with_stated_noise()
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
         self._beliefs = beliefs or Beliefs()
@@ -183,12 +184,13 @@ class Follower:
         slowing = degrades and self._mode in SLOWING
         runs_out = slowing or (degrades and self._sources.run_out)
         windows = self._sources.windows(pose, self._settings, runs_out=runs_out)
+        guessed = self._sources.have_guesses(windows)
         along = fuse(
             self._fusion,
             windows.get("lead"),
             windows.get("predecessor"),
             alpha=self._sources.alpha(self._alpha),
-            settings=self._settings,
+            settings=self._stated_noise if guessed else self._settings,
         )
         if slowing and along and not self._fitted:  # heard again, after driving on without a path
             self._rejoining.want()

@@ -9,7 +9,7 @@ from one shape to another while samples come and go, where a choice would make t
 """
 
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, hypot, inf, log, sqrt
 from typing import Literal
 
@@ -46,6 +46,9 @@ which no further shape is tried. Half of all lines and arcs stay below."""
 UNLIKE = 3.0
 """Variance from an arc or a clothoid, in that of the noise, from which on it is tried without
 asking where the samples drift to. Noise alone is above that once in 1e8 times with 40 samples."""
+TELLING = 8.0
+"""Weight of the samples, each one's being one, from which on their residuals say how good they are:
+an arc leaves five of them then."""
 POOR = 2.0
 """Scatter, in tolerances, from which on the samples are taken for those of poor receivers. Two good
 ones that drive a few decimetres beside one another scatter by less."""
@@ -100,6 +103,15 @@ class FitSettings:
         if joins:
             return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
         return (0.0, self.evidence, self.rate_evidence)[freedom - 2]
+
+    def with_stated_noise(self) -> "FitSettings":
+        """Give those for samples whose residuals say nothing of the noise: it is as stated.
+
+        Beyond Section III-A. Guessed points (a bridge over what was lost) lie on a smooth curve,
+        and a few samples may by chance: the noise would be taken for less than a millimetre, and
+        that of the others for a shape.
+        """
+        return replace(self, noise_floor=self.position_noise)
 
     @property
     def reach(self) -> float:
@@ -202,6 +214,8 @@ def _tried(
     if through is None or arc is None:
         return None
     count = through.weight
+    if count < TELLING:
+        settings = settings.with_stated_noise()
     graphs, joined = [best_line(through), arc], None
     variance = _variance(arc.distance, arc.freedom, count, settings)
     noise = _noise(variance, settings)

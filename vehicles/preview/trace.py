@@ -277,6 +277,18 @@ class Trace:
             keep &= (stations < low + 1e-6) | (stations > high - 1e-6)
         return Window(*(values[keep] for values in window))
 
+    def has_guesses(self, window: Window) -> bool:
+        """Whether points of a bridge are in the window cut out last (not in Section III-A)."""
+        line, here = self._line, self._here
+        if here is None:
+            return False
+        if line.at[0] == BRIDGE_AT:
+            first = bisect_right(line.at, BRIDGE_AT)
+            told_from = line.station[first] if first < len(line) else inf
+            if window.station.item(0) + here < told_from - 1e-6:
+                return True
+        return len(self.told(window).station) < len(window.station)
+
     def instants(self, window: Window) -> list[int]:
         """Instants (ns) of the samples of the window cut out last (time stamps, Section III-B)."""
         here = self._here or 0.0

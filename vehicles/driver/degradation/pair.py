@@ -1,6 +1,6 @@
 """The sources of a follower: lead and predecessor, which are one for the first follower."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import isnan, nan
 
 from vehicles.car.gnss import Fix
@@ -65,6 +65,10 @@ class SourcePair:
             if window is not None:
                 found[mode] = window
         return self._as_meant(self._without_guesses(found, behind))
+
+    def have_guesses(self, windows: Mapping[Mode, Window]) -> bool:
+        """Whether some of the samples cut out last only bridge what nobody told (Section III-A)."""
+        return any(self.used[mode].trace.has_guesses(one) for mode, one in windows.items())
 
     def _as_meant(self, found: dict[Mode, Window]) -> dict[Mode, Window]:
         """Bring the predecessor's samples to the path that it meant, while it alone is followed."""

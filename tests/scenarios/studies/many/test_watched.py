@@ -12,7 +12,7 @@ from scenarios.studies.many.watched import WatchedRun, watched, with_seed
 
 SHORT = ["duration_s=2.5", "convoy.vehicles=3"]
 RUNS = {
-    "broken": [*SHORT, "links.loss_ratio=0.93", "seed=1"],
+    "broken": [*SHORT, "links.loss_ratio=0.93", "seed=16"],
     "held": [*SHORT, "links.loss_ratio=0.2"],
     "a collision ends it": [*SHORT, "links.loss_ratio=0.93", "convoy.gap_m=5.02",
                             "limits.collisions_max=0"],
