@@ -4,9 +4,9 @@ import re
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from importlib.metadata import version
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.summary import installed_versions
 from transport.bus.bus import Bus, BusError, Member
 from transport.texts import printable
 from vehicles.schedule import SECOND
@@ -51,7 +51,7 @@ class Fingerprint:
     @classmethod
     def of(cls, scenario: Scenario) -> "Fingerprint":
         """Fingerprint of a scenario, driven by the version installed here."""
-        here = version("convoy-emulator")
+        here = installed_versions()["convoy-emulator"]
         return cls(scenario.name, str(scenario.seed), here, scenario.digest)
 
     @property

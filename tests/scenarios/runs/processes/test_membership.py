@@ -107,7 +107,10 @@ def test_a_vehicle_of_something_else_is_refused_with_what_differs(
 def test_a_vehicle_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     here = Network()
     here.join(VEHICLE, "v1", scenario())
-    monkeypatch.setattr("scenarios.runs.processes.membership.version", lambda _: "99.0")
+    monkeypatch.setattr(
+        "scenarios.runs.processes.membership.installed_versions",
+        lambda: {"convoy-emulator": "99.0"},
+    )
     with pytest.raises(BusError, match=r"^run mine: v1 has version .*, here it is 99\.0$"):
         here.join(VEHICLE, "v2", scenario())
 
