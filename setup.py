@@ -26,7 +26,10 @@ ROOMS = {
 """Rooms of which all modules are compiled but these: they cannot be, or take no time in a run."""
 MODULES = (
     *("transport/codec", "scenarios/runs/recorder"),
-    *(f"transport/links/{name}" for name in ("arrival", "gate", "inbox", "line", "link")),
+    *(
+        f"transport/links/{name}"
+        for name in ("arrival", "gate", "inbox", "line", "link", "remembered")
+    ),
     *(f"scenarios/runs/node/{name}" for name in ("node", "outbox", "phases")),
     *(
         f"scenarios/results/{name}"

@@ -1,9 +1,10 @@
 """Directed links in the receiver, and what comes through them.
 
-laws      the impairments, each an effect of its own
-link      the verdict of one link on one message
-arrival   what the channel makes of a message's content: copies, wrong bits, falsehoods
-line      what a link's messages do to one another
-gate      which poses can be true at all
-inbox     what one vehicle receives, tick by tick
+laws        the impairments, each an effect of its own
+link        the verdict of one link on one message
+arrival     what the channel makes of a message's content: copies, wrong bits, falsehoods
+line        what a link's messages do to one another
+gate        which poses can be true at all
+remembered  the numbers that came and the places passed, in little memory
+inbox       what one vehicle receives, tick by tick
 """

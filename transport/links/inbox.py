@@ -12,16 +12,13 @@ from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGat
 from transport.links.laws.effect import NOWHERE, Passage, Whereabouts
 from transport.links.line import Line
 from transport.links.link import Link, Verdict
+from transport.links.remembered import NumbersHeard, PlacesPassed
 from transport.reasons import counts_as_late
 from transport.topics import key
 from vehicles.messages import GpsPose, LinkVerdict
 
 QUEUE = 4096
 """Messages that wait at most for a tick to take them; the oldest go first."""
-WINDOW = 8192
-"""Sequence numbers that lie further behind a sender's newest are refused, so memory is bounded."""
-PLACES = 4096
-"""Ticks of which the receiver remembers where it was, for messages that came late: a minute."""
 
 
 @dataclass(slots=True)
@@ -31,6 +28,7 @@ class IncomingLink:
     `content` is what the channel makes of messages themselves, where it is asked for any of it.
     `line` holds messages that depend on one another until their fate is known; `held` are their
     poses, by number, and whether they came late.
+    `numbers` are those that came, lost or not.
     `delivered`, `dropped` (by reason) and `late` count verdicts put out; a late message is among
     the delivered or the dropped as well.
     """
@@ -43,23 +41,11 @@ class IncomingLink:
     late: int = 0
     line: Line | None = field(init=False)
     held: dict[int, tuple[GpsPose, bool]] = field(default_factory=dict)
-    _newest: int = -1
-    _seen: set[int] = field(default_factory=set)
+    numbers: NumbersHeard = field(default_factory=NumbersHeard)
 
     def __post_init__(self) -> None:
         """Begin the line, if the link's messages depend on one another."""
         self.line = Line(self.link) if self.link.stages else None
-
-    def check_new(self, seq: int) -> None:
-        """Note that `seq` came; raises RefusedMessageError if it did before or is far behind."""
-        if seq <= self._newest - WINDOW:
-            raise RefusedMessageError("past", f"number {seq} is far behind {self._newest}")
-        if seq in self._seen:
-            raise RefusedMessageError("duplicate", f"number {seq} came before")
-        self._seen.add(seq)
-        self._newest = max(self._newest, seq)
-        if len(self._seen) >= 2 * WINDOW:
-            self._seen = {one for one in self._seen if one > self._newest - WINDOW}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +87,7 @@ class Inbox:
         self._before = before or InboxCounts()
         self._refused: Counter[str] = Counter(self._before.rejected)
         self._overflow = 0
-        self._places: deque[tuple[int, Whereabouts]] = deque(maxlen=PLACES)
+        self._places = PlacesPassed()
         self._arrived: deque[tuple[str, bytes]] = deque(maxlen=QUEUE)
         self._lock = Lock()
         self._verdicts: list[LinkVerdict] = []
@@ -127,7 +113,7 @@ class Inbox:
 
     def pass_by(self, now: int, here: Whereabouts) -> None:
         """Be `here` at the tick at `now` (ns) without hearing anything; what came waits."""
-        self._places.append((now, here))
+        self._places.add(now, here)
 
     def let_go(self, now: int, here: Whereabouts) -> None:
         """Be `here` at the tick at `now` (ns), where nobody listens: what was sent by now is gone.
@@ -245,7 +231,7 @@ class Inbox:
         pose = link.gate.admit(data, now)
         if pose.sent_at_ns < self._heard_from:  # while nobody listened
             return
-        link.check_new(pose.seq)
+        link.numbers.add(pose.seq)
         passage = self._passage(pose, len(data))
         judged = link.link.judge(passage)
         if link.content is not None:
@@ -273,14 +259,7 @@ class Inbox:
 
     def _passage(self, pose: GpsPose, size: int) -> Passage:
         sender = Whereabouts(pose.true_east_m, pose.true_north_m, pose.true_driven_m)
-        return Passage(pose.seq, pose.sent_at_ns, size, sender, self._place_at(pose.sent_at_ns))
-
-    def _place_at(self, instant: int) -> Whereabouts:
-        """Where the receiver was at its last tick until `instant`, or at the first it remembers."""
-        for at, place in reversed(self._places):
-            if at <= instant:
-                return place
-        return self._places[0][1]
+        return Passage(pose.seq, pose.sent_at_ns, size, sender, self._places.at(pose.sent_at_ns))
 
     def _hand_over(self, now: int) -> list[GpsPose]:
         delivered: list[GpsPose] = []
@@ -311,7 +290,7 @@ class Inbox:
         """Hand over what the channel made of message `seq` besides, unless its number tells it."""
         if nth == COPY and link.content is not None and link.content.filters:
             try:
-                link.check_new(seq)
+                link.numbers.add(seq)
             except RefusedMessageError as refusal:
                 self._refused[refusal.reason] += 1
                 return []
