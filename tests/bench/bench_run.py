@@ -49,10 +49,14 @@ class Row:
 
 @dataclass(frozen=True)
 class Usage:
-    """What the processes of a run used, as shares of one core and resident bytes, by name."""
+    """What the processes of a run used, by name, as shares of one core and bytes.
+
+    `memory` is resident, of `own` memory shared pages are counted in part.
+    """
 
     cpu: dict[str, float]
     memory: dict[str, int]
+    own: dict[str, int]
     others_cpu: float
 
 
@@ -65,7 +69,8 @@ def watch(convoy: Process, seconds: float) -> Usage:
     busy, span = busy_s() - busy_before, time.monotonic() - began
     cpu = {name: (used_s(part) - before[name]) / span for name, part in parts.items()}
     memory = {name: part.memory_info().rss for name, part in parts.items()}
-    return Usage(cpu, memory, max(busy / span - sum(cpu.values()), 0.0))
+    own = {name: part.memory_full_info().pss for name, part in parts.items()}
+    return Usage(cpu, memory, own, max(busy / span - sum(cpu.values()), 0.0))
 
 
 def used_s(process: psutil.Process) -> float:

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.bench.bench_run import (
+    OWN_MB,
     SETTLED_S,
     Row,
     Usage,
@@ -86,6 +87,9 @@ def rows(run: Run, usage: Usage, *, failed: bool, limit: float | None) -> Iterat
     if names:
         mean = sum(usage.cpu[name] for name in names) / len(names)
         yield Row("processor, a vehicle, % of a core", f"{100 * mean:.2f}")
+        own = max(usage.own[name] for name in names) / 1e6
+        most = OWN_MB["fork"]
+        yield Row("memory of its own at the end, MB", f"{own:.1f} at most", f"{most}", own < most)
     for name in ("recorder", "router"):
         if name in usage.cpu:
             memory = usage.memory[name] / 1e6
