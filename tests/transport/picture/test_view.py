@@ -17,6 +17,7 @@ import numpy as np
 import psutil
 import pytest
 
+from tests.made.ended import has_ended
 from tests.made.scenarios import messages as made
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
@@ -448,6 +449,6 @@ def test_the_web_page_stays_on_this_machine_and_dies_with_us() -> None:
         os.kill(server.pid, signal.SIGKILL)
         server.wait()
     deadline = time.monotonic() + 5.0
-    while time.monotonic() < deadline and page.is_running() and page.status() != "zombie":
+    while time.monotonic() < deadline and not has_ended(page):
         time.sleep(0.02)
-    assert not page.is_running() or page.status() == "zombie"
+    assert has_ended(page)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -18,6 +19,7 @@ from click.testing import CliRunner, Result
 from scenarios.cli.main import cli
 from scenarios.results.summary import to_json
 from scenarios.studies.many.engine.journal import JOURNAL
+from tests.made.ended import has_ended
 from tests.made.many.small_sweeps import (
     FIGURES,
     LIMITS,
@@ -74,7 +76,17 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 
 def ended(processes: Sequence[psutil.Process]) -> bool:
-    return all(not one.is_running() or one.status() == psutil.STATUS_ZOMBIE for one in processes)
+    return all(has_ended(one) for one in processes)
+
+
+def workers_of(driver: "subprocess.Popen[bytes]") -> list[psutil.Process]:
+    """Its workers, and what they are forked from."""
+    found = []
+    for child in psutil.Process(driver.pid).children(recursive=True):
+        with suppress(psutil.NoSuchProcess):  # one that has just ended
+            if "forkserver" in " ".join(child.cmdline()):
+                found.append(child)
+    return found
 
 
 @pytest.mark.long
@@ -97,9 +109,9 @@ def test_driver_and_worker_killed_at_random_instants_cost_time_only(
     before = lines(tmp_path)
     driver = started(tmp_path)
     wait_for(lambda: lines(tmp_path) > before)
-    for child in psutil.Process(driver.pid).children(recursive=True):
-        if "forkserver" in " ".join(child.cmdline()):  # they, and what they are forked from
-            child.kill()
+    for worker in workers_of(driver):
+        with suppress(psutil.NoSuchProcess):  # one that ended with what it was forked from
+            worker.kill()
     assert driver.wait(120.0) == 0
     assert tables(tmp_path) == tables(whole)
     assert lines(tmp_path) == LINES

@@ -12,6 +12,7 @@ from typing import Any
 import psutil
 import pytest
 
+from tests.made.ended import has_ended
 from tests.made.transport.bus import until
 
 SOON_S = 15.0
@@ -193,7 +194,3 @@ time.sleep(60)
         assert until(lambda: all(has_ended(child) for child in children[:2]), SOON_S)
         children[2].resume()
         assert until(lambda: has_ended(children[2]), SOON_S)
-
-
-def has_ended(process: psutil.Process) -> bool:
-    return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE

@@ -14,6 +14,7 @@ import psutil
 import pytest
 
 from scenarios.runs.processes.supervisor import Child, Supervisor, describe
+from tests.made.ended import has_ended
 from transport.bus.bus import BusError
 
 SOON_S = 15.0
@@ -153,5 +154,5 @@ def test_a_killed_launcher_leaves_no_process_behind() -> None:
         launcher.kill()
         launcher.wait(SOON_S)
     killed_at = time.monotonic()
-    until(lambda: not router.is_running() or router.status() == psutil.STATUS_ZOMBIE)
+    until(lambda: has_ended(router))
     assert time.monotonic() - killed_at < 5.0
