@@ -68,7 +68,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         " predicted_blind_m_max, the most that it expected of that when it began to stop, hazards,"
         " how often it warned those behind",
         "ticks": "instants of its schedule, for control or GNSS, that it went through",
-        "late_ticks": "ticks that began more than half a control period late",
+        "late_ticks": "ticks that began more than half a control period after the vehicle's turn",
         "lateness_ms_max": "the worst of them",
         "rejected_messages": "messages that the vehicle received and refused",
         "memory_bytes_max": "of the process; 0 in virtual time",

@@ -24,7 +24,7 @@ from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus, Fetch
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.clock import Tick, WallClock, late_after, poll
+from transport.clock import Clock, Tick, WallClock, late_after, poll
 from transport.codec import RefusedMessageError, decode
 from transport.links.inbox import QUEUE, Inbox
 from transport.topics import CONDUCTOR, TOPICS, Topic, key
@@ -283,7 +283,8 @@ class VehicleProcess:
             ticks = dropwhile(lambda tick: tick.at <= before.at, ticks)
             back_at = before.until
         try:
-            for tick in punctual(ticks, self._clock, probe, back_at):
+            turn_ns = self._builder.turn_ns
+            for tick in punctual(ticks, self._clock, probe, turn_ns=turn_ns, back_at=back_at):
                 if self.is_called_off:
                     break
                 self._fetch(node.inbox)
@@ -353,17 +354,18 @@ class VehicleProcess:
 
 
 def punctual(
-    ticks: Iterable[Tick], clock: WallClock, probe: ProcessProbe, back_at: int = 0
+    ticks: Iterable[Tick], clock: Clock, probe: ProcessProbe, *, turn_ns: int, back_at: int
 ) -> Iterator[Tick]:
-    """Yield each tick at its instant; after a delay the missed ones follow one by one, at once.
+    """Yield each tick `turn_ns` after its instant, when it is the vehicle's turn.
 
-    None is late before `back_at` (ns): until then the process was away, as asked. One that was
-    held up as a whole first lets its transport take in what has come meanwhile: else the missed
-    ticks would be made good faster than that, each as if nothing had been heard.
+    After a delay the missed ones follow one by one, at once. None is late before `back_at` (ns):
+    until then the process was away, as asked. One that was held up as a whole first lets its
+    transport take in what has come meanwhile: else the missed ticks would be made good faster than
+    that, each as if nothing had been heard.
     """
     was_held_up = False
     for tick in ticks:
-        lateness = clock.wait_until(tick.at)
+        lateness = clock.wait_until(tick.at + turn_ns)
         if tick.at >= back_at:
             probe.tick_began(lateness)
         is_held_up = lateness > HELD_UP_NS

@@ -88,6 +88,19 @@ class VehicleBuilder:
         besides = instants_besides(self._scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, besides=besides)
 
+    @property
+    def turn_ns(self) -> int:
+        """By how many ns the vehicle begins its ticks after their instants, on the wall clock.
+
+        Vehicles take turns over a control period, from the lead back, lest all want the same
+        processors at once. None is left less time for what it hears, since it hears only those
+        that have their turn before it; where the lead waits for the others, all begin at once.
+        """
+        if self._scenario.tables.speed.lead_waits:
+            return 0
+        vehicles = len(self._scenario.vehicle_names)
+        return round(self._setup.place * SECOND / (self.control_rate_hz * vehicles))
+
     def node(
         self, start_at: int, sink: Sink, probe: Probe, handover: Handover | None = None
     ) -> Node | ReplayedNode:

@@ -225,3 +225,21 @@ def test_followers_keep_the_profile_or_a_gap() -> None:
         asked[made.tables.speed.followers] = second.car.body.speed
     assert asked["same"] == pytest.approx(30.0, abs=0.05)
     assert asked["gap"] > 30.3  # 30 m are more than 8 + 0.5 * 30
+
+
+@pytest.mark.parametrize("vehicles", [2, 3, 7, 40])
+def test_vehicles_take_turns_after_those_that_they_hear(vehicles: int) -> None:
+    made = scenario(f"convoy.vehicles={vehicles}", "control.rate_hz=50", "convoy.gap_m=10")
+    turns = {name: VehicleBuilder(made, name).turn_ns for name in made.vehicle_names}
+    assert turns["v1"] == 0
+    assert max(turns.values()) < SECOND // 50
+    for before, after in pairwise(turns.values()):
+        assert after - before == pytest.approx(SECOND / 50 / vehicles, abs=1.0)
+    for name, turn in turns.items():
+        assert all(turns[sender] < turn for sender in made.vehicle(name).senders)
+
+
+def test_where_the_lead_waits_for_those_behind_all_begin_at_once() -> None:
+    made = scenario("speed.lead_waits=true")
+    assert made.vehicle("v1").senders
+    assert {VehicleBuilder(made, name).turn_ns for name in made.vehicle_names} == {0}

@@ -7,16 +7,18 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
+from scenarios.runs.node.probe import Lateness, ProcessProbe
 from scenarios.runs.processes import vehicle as process
 from scenarios.runs.processes.clock_offset import answer_for_clock
 from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint, Membership
-from scenarios.runs.processes.vehicle import RunOffError, VehicleProcess
+from scenarios.runs.processes.vehicle import RunOffError, VehicleProcess, punctual
 from scenarios.runs.stop import Stop
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.clock import VirtualClock, late_after, ticks
 from transport.codec import encode
 from transport.topics import CONDUCTOR, TOPICS, key
 from vehicles.messages import RunEnd, RunStart
-from vehicles.schedule import SECOND
+from vehicles.schedule import MILLISECOND, SECOND
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +97,16 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
     finally:
         over.set()
         announcer.join()
+
+
+def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
+    start_at = 1_790_000_000 * SECOND
+    clock, probe = VirtualClock(start_at), ProcessProbe(late_after(50.0))
+    schedule = ticks(start_at, start_at + SECOND // 10, 50.0)
+    begun_ms = []
+    for tick in punctual(schedule, clock, probe, turn_ns=15 * MILLISECOND, back_at=start_at):
+        begun_ms.append((clock.now() - tick.at) // MILLISECOND)
+        if len(begun_ms) == 3:
+            clock.wait_until(clock.now() + 32 * MILLISECOND)  # what it does takes so long
+    assert begun_ms == [15, 15, 15, 27, 15]
+    assert probe.lateness == Lateness(1, 12 * MILLISECOND)
