@@ -34,8 +34,15 @@ BASE_SEEDS = 4
 OTHER_SEEDS = 3
 """Noisy runs of every other case, up to the end of its first lane change."""
 
-FIRST_CHANGE_S = {A: 31.0, B: 31.0, C: 17.0, D: 15.0, VARIABLE_SPEED: 15.0}
+FIRST_CHANGE_S = {BASE: 15.0, A: 31.0, B: 31.0, C: 17.0, D: 15.0, VARIABLE_SPEED: 15.0}
 """When (s) the last car is through the first lane change, at the speed of each case."""
+
+BOTH_CHANGES = (BASE, D, VARIABLE_SPEED, LONG_WITH, LONG_WITHOUT)
+"""Runs that also on moved roads last until their end.
+
+At constant speed and without noise the second lane change is the mirror image of the first one, so
+that other runs are repeated through the first one only.
+"""
 
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
 """Radii (m) of the curves, which the paper gives as hundreds of metres only."""
@@ -92,9 +99,6 @@ FIELD_UNTIL = "duration_s=45.0"
 
 FIELD_SPEED = 25.0
 """Speed (m/s) of the field experiment."""
-
-FIRST_CHANGE = ("duration_s=15.0",)
-"""The first of the two lane changes only."""
 
 PREDECESSOR_ONLY = ('control.fusion="predecessor"',)
 SLIP_COMPENSATED = ('control.controller="slip_compensated"',)
@@ -171,6 +175,11 @@ def at_the_same_times(speed: float) -> tuple[str, ...]:
     return (road(radius, speed, speed, where), "duration_s=15.0")
 
 
+def _first_change(case: RunKey) -> tuple[str, ...]:
+    """Override by which a run of a case ends once all cars are through the first lane change."""
+    return (f"duration_s={FIRST_CHANGE_S[case]}",)
+
+
 def _noisy(key: RunKey, scenario: str, seeds: int, *changes: str) -> dict[RunKey, Experiment]:
     return {
         key.noisy(seed): Experiment(scenario=scenario, overrides=(*changes, *NOISE), seed=seed)
@@ -181,11 +190,12 @@ def _noisy(key: RunKey, scenario: str, seeds: int, *changes: str) -> dict[RunKey
 def _in_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunKey, Experiment]:
     """An exact run, and the same with the road of its case moved by less than between samples."""
     speed, begins = ROADS[case]
+    until = () if key in BOTH_CHANGES else _first_change(case)
     found = {key: exact}
     for phase in PHASES:
         distance = phase * SAMPLING_S * speed
         place = road(500.0, 30.0, 30.0, (begins[0] + distance, begins[1] + distance))
-        overrides = (*exact.overrides, place)
+        overrides = (*exact.overrides, place, *until)
         found[key.moved(phase)] = replace(exact, overrides=overrides, logged=False)
     return found
 
@@ -201,30 +211,29 @@ def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
 
 def _paper(key: RunKey) -> dict[RunKey, Experiment]:
     """One of the paper's other cases, and the same with a trajectory for each source."""
-    name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
-    blend = Experiment(scenario=name, overrides=('control.fusion="blend"', until))
-    return {**_repeated(key, OTHER_SEEDS, until), key.varied("blend"): blend}
+    name, until = f"paper_{key}", _first_change(key)
+    blend = Experiment(scenario=name, overrides=('control.fusion="blend"', *until))
+    return {**_repeated(key, OTHER_SEEDS, *until), key.varied("blend"): blend}
 
 
-def _first_change(*changes: str) -> Experiment:
-    return Experiment(overrides=(*FIRST_CHANGE, *changes))
+def _changed(*changes: str) -> Experiment:
+    """The base case with something changed, through the first lane change."""
+    return Experiment(overrides=(*_first_change(BASE), *changes))
 
 
 def _base() -> dict[RunKey, Experiment]:
     knows_loading = "control.knows_loading=true"
     return {
         **_repeated(BASE, BASE_SEEDS),
-        BASE.varied("as_is"): _first_change(),
-        BASE.varied("blend"): _first_change('control.fusion="blend"'),
-        BASE.varied("lead_only"): _first_change("control.alpha_ratio=0.0"),
-        BASE.varied("slip_compensated"): _first_change(*SLIP_COMPENSATED),
-        BASE.varied("slip_compensated_knows_loading"): _first_change(
-            *SLIP_COMPENSATED, knows_loading
-        ),
-        BASE.varied("knows_loading"): _first_change(knows_loading),
-        BASE.varied("gap_25_m"): _first_change("convoy.gap_m=25.0"),
-        BASE.varied("own_state_estimated"): _first_change(*OWN_STATE_ESTIMATED),
-        BASE.varied("paper_prefix"): _first_change('control.trajectory="paper_prefix"'),
+        BASE.varied("as_is"): _changed(),
+        BASE.varied("blend"): _changed('control.fusion="blend"'),
+        BASE.varied("lead_only"): _changed("control.alpha_ratio=0.0"),
+        BASE.varied("slip_compensated"): _changed(*SLIP_COMPENSATED),
+        BASE.varied("slip_compensated_knows_loading"): _changed(*SLIP_COMPENSATED, knows_loading),
+        BASE.varied("knows_loading"): _changed(knows_loading),
+        BASE.varied("gap_25_m"): _changed("convoy.gap_m=25.0"),
+        BASE.varied("own_state_estimated"): _changed(*OWN_STATE_ESTIMATED),
+        BASE.varied("paper_prefix"): _changed('control.trajectory="paper_prefix"'),
     }
 
 
@@ -237,12 +246,12 @@ def _laws() -> dict[RunKey, Experiment]:
 
 
 def _a_or_c(key: RunKey, speed: float) -> dict[RunKey, Experiment]:
-    name, until = f"paper_{key}", f"duration_s={FIRST_CHANGE_S[key]}"
+    name, until = f"paper_{key}", _first_change(key)
     return {
         **_paper(key),
         key.varied("same_times"): Experiment(scenario=name, overrides=at_the_same_times(speed)),
         key.varied("slip_compensated"): Experiment(
-            scenario=name, overrides=(*SLIP_COMPENSATED, until)
+            scenario=name, overrides=(*SLIP_COMPENSATED, *until)
         ),
     }
 

@@ -245,10 +245,11 @@ def _method() -> Iterator[str]:
         "change, the field experiment's repetitions up to the end of the first bend.",
         "- What a fit makes of a bend depends on where the samples fall on it. Exact runs are "
         "repeated with the road moved by a quarter, half and three quarters of 0.1 s, after which "
-        "the pattern of poses and decisions repeats. One rule for all: a claim on runs holds if it "
-        "does in all its exact runs (these four phases, or the radii or frequencies tried), does "
-        "not if in none, and is undecided in between. What noise changes is said beside it and "
-        "decides nothing.",
+        "the pattern of poses and decisions repeats; A to C, runs without the lead's data and runs "
+        "by other laws through the first lane change, of which the second is the mirror image. One "
+        "rule for all: a claim on runs holds if it does in all its exact runs (these four phases, "
+        "or the radii or frequencies tried), does not if in none, and is undecided in between. "
+        "What noise changes is said beside it and decides nothing.",
         "- The paper measures errors against the trajectory that a car itself has fitted. That is "
         "given first, largest values of the followers front to back; true errors are distances "
         f"from the lead's driven path. Values that differ by less than {1000 * SAME:.0f} mm count "
