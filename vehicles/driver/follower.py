@@ -25,12 +25,17 @@ from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors, WayBehind, track
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Mode
+from vehicles.preview.curve_fit import TELLING
+from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit, FitSettings, Fusion, fuse
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
 REFIT_AFTER = 50 * MILLISECOND
 """Without new poses the trajectory is fitted again this often (ns), so that a source that stopped
 sending is noticed."""
+JUST_BEGUN = 3
+"""So many samples heard at most, behind a straight bridge from the own place, make no bend: that
+they leave its line may be noise of the one that the bridge ends at."""
 
 
 class Follower:
@@ -76,6 +81,7 @@ class Follower:
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
         self._settings = settings
         self._stated_noise = settings.with_stated_noise()
+        self._wary, self._straight = settings.wary(), settings.straight()
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
         self._beliefs = beliefs or Beliefs()
@@ -184,19 +190,27 @@ class Follower:
         slowing = degrades and self._mode in SLOWING
         runs_out = slowing or (degrades and self._sources.run_out)
         windows = self._sources.windows(pose, self._settings, runs_out=runs_out)
-        guessed = self._sources.have_guesses(windows)
         along = fuse(
             self._fusion,
             windows.get("lead"),
             windows.get("predecessor"),
             alpha=self._sources.alpha(self._alpha),
-            settings=self._stated_noise if guessed else self._settings,
+            settings=self._settings_for(windows),
         )
         if slowing and along and not self._fitted:  # heard again, after driving on without a path
             self._rejoining.want()
         self._fitted = bool(along)
         self._along = along or self._along
         self._gap, self._gap_at = self._measured_gap(now, pose), now
+
+    def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
+        """Settings of the fit: what samples tell of noise and bends if some are mere guesses."""
+        if not self._sources.have_guesses(windows):
+            return self._settings
+        heard = self._sources.heard(windows)
+        if heard < TELLING:
+            return self._wary if heard > JUST_BEGUN else self._straight
+        return self._stated_noise
 
     def _steer(self, now: int, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
         """Errors and command along each trajectory, blended by their shares."""

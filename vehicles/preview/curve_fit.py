@@ -49,6 +49,8 @@ asking where the samples drift to. Noise alone is above that once in 1e8 times w
 TELLING = 8.0
 """Weight of the samples, each one's being one, from which on their residuals say how good they are:
 an arc leaves five of them then."""
+FEW = 4.0
+"""Weight of samples up to which a bend must explain more: an arc leaves one of four."""
 POOR = 2.0
 """Scatter, in tolerances, from which on the samples are taken for those of poor receivers. Two good
 ones that drive a few decimetres beside one another scatter by less."""
@@ -65,11 +67,12 @@ class FitSettings:
     not explained. `position_noise` is what a sample is assumed to be off by (RTK, 2 cm); smaller
     residuals lower that, down to `noise_floor`. An arc instead of a line must lower the sum of
     squared residuals by `evidence` times the noise squared, a clothoid by `rate_evidence`, a join
-    of line and arc by `join_evidence`, one of two arcs by another `arcs_evidence`. By what it is
-    short of, divided by twice the `temperature`, a curve loses weight exponentially; one with less
-    than `ignored` times the weight of the best counts nothing. A join is sought at some of
-    `joins` places, each piece being at least `piece_min` long and `piece_ratio` of the whole; the
-    best is refined in up to `passes`. `span_min` is the least travel that has a direction.
+    of line and arc by `join_evidence`, one of two arcs by another `arcs_evidence`; of few samples
+    each asks `few_evidence` more. By what it is short of, divided by twice the `temperature`, a
+    curve loses weight exponentially; one with less than `ignored` times the weight of the best
+    counts nothing. A join is sought at some of `joins` places, each piece being at least
+    `piece_min` long and `piece_ratio` of the whole; the best is refined in up to `passes`.
+    `span_min` is the least travel that has a direction.
 
     `trajectory` says who fits; the paper's own rules know preview time, tolerance and `span_min`.
     """
@@ -85,6 +88,7 @@ class FitSettings:
     rate_evidence: float = 14.0
     join_evidence: float = 22.0
     arcs_evidence: float = 8.0
+    few_evidence: float = 14.0
     temperature: float = 2.5
     ignored: float = 0.15
     joins: int = 7
@@ -112,6 +116,23 @@ class FitSettings:
         that of the others for a shape.
         """
         return replace(self, noise_floor=self.position_noise)
+
+    def wary(self) -> "FitSettings":
+        """Give those for few samples: a bend of Section III-A must explain `few_evidence` more.
+
+        One that they make by chance is driven on for as long as nothing more is heard.
+        """
+        return replace(
+            self.with_stated_noise(),
+            evidence=self.evidence + self.few_evidence,
+            rate_evidence=self.rate_evidence + self.few_evidence,
+            join_evidence=self.join_evidence + self.few_evidence,
+        )
+
+    def straight(self) -> "FitSettings":
+        """Give those for samples too few to tell a bend of Section III-A from noise: for a line."""
+        stated = self.with_stated_noise()
+        return replace(stated, evidence=inf, rate_evidence=inf, join_evidence=inf)
 
     @property
     def reach(self) -> float:
@@ -175,6 +196,9 @@ def fit_curve(columns: Floats, weight: Floats | None, settings: FitSettings) -> 
 
 def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
     """Mean of the curves that explain the samples, each with the weight of its evidence."""
+    count = data.total[ONE][ONE]
+    if count < TELLING:
+        settings = settings.with_stated_noise() if count > FEW else settings.wary()
     found = _tried(data, settings)
     if found is None:
         return None
@@ -214,8 +238,6 @@ def _tried(
     if through is None or arc is None:
         return None
     count = through.weight
-    if count < TELLING:
-        settings = settings.with_stated_noise()
     graphs, joined = [best_line(through), arc], None
     variance = _variance(arc.distance, arc.freedom, count, settings)
     noise = _noise(variance, settings)

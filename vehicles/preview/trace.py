@@ -30,15 +30,16 @@ FORGET_CHUNK = 64
 class Trace:
     """The samples of one source, received and stored as in Section III-A.
 
-    `newest` is the newest sample taken as true. Counted are `repeated` samples (no further along: a
-    stopped source, a message that came twice), `rejected` ones (jumps, not finite), `late` ones
-    (out of order, kept or not) and `restarts` at a new place.
+    `newest` is the newest sample taken as true, `heard` how many were since the start. Counted are
+    `repeated` samples (no further along: a stopped source, a message that came twice), `rejected`
+    ones (jumps, not finite), `late` ones (out of order, kept or not) and `restarts` at a new place.
     """
 
     def __init__(self, settings: TraceSettings | None = None) -> None:
         """Start empty."""
         self.settings = settings or TraceSettings()
         self.newest: Sample | None = None
+        self.heard = 0
         self.repeated = 0
         self.rejected = 0
         self.late = 0
@@ -93,6 +94,7 @@ class Trace:
             if after_hole:
                 self._fill(sample)
             self.newest = sample
+            self.heard += 1
             on = step(self._line.point(-1), sample[:4])
             if on < self.settings.spacing:
                 self.repeated += 1
@@ -119,6 +121,7 @@ class Trace:
     def _start(self, sample: Sample) -> None:
         """Start anew at `sample`; what was held before is dropped."""
         self.newest = sample
+        self.heard = 1
         self._line = Polyline()
         self._line.append(sample[:4], 0.0)
         self._first_yaw = sample.yaw
@@ -215,6 +218,7 @@ class Trace:
                 self.repeated += 1
                 return
         self._changed = True
+        self.heard += 1
         if place == 0 or line.at[place - 1] == BRIDGE_AT:
             self._begin_earlier(sample, place)
             return

@@ -70,6 +70,10 @@ class SourcePair:
         """Whether some of the samples cut out last only bridge what nobody told (Section III-A)."""
         return any(self.used[mode].trace.has_guesses(one) for mode, one in windows.items())
 
+    def heard(self, windows: Mapping[Mode, Window]) -> int:
+        """How many samples of these sources were heard since their traces began (Section III-A)."""
+        return sum([self.used[mode].trace.heard for mode in windows])
+
     def _as_meant(self, found: dict[Mode, Window]) -> dict[Mode, Window]:
         """Bring the predecessor's samples to the path that it meant, while it alone is followed."""
         window, source = found.get("predecessor"), self.predecessor

@@ -12,7 +12,8 @@ from scenarios.studies.many.watched import WatchedRun, watched, with_seed
 
 SHORT = ["duration_s=2.5", "convoy.vehicles=3"]
 RUNS = {
-    "broken": [*SHORT, "links.loss_ratio=0.93", "seed=16"],
+    "broken": [*SHORT, "links.loss_ratio=0.93", "control.degradation.reaction='extrapolate'",
+               "path.segments=[{length_m=20.0}, {length_m=200.0, radius_m=500.0, turn='left'}]"],
     "held": [*SHORT, "links.loss_ratio=0.2"],
     "a collision ends it": [*SHORT, "links.loss_ratio=0.93", "convoy.gap_m=5.02",
                             "limits.collisions_max=0"],
