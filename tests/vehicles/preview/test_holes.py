@@ -158,7 +158,7 @@ def test_noisy_samples_behind_a_smooth_bridge_make_no_bend() -> None:
 
 
 def test_four_noisy_samples_make_no_bend_by_chance() -> None:
-    """Of a straight road, 2 cm of noise: at the usual price one in a hundred is a bend of 1/340 m."""
+    """2 cm of noise: at the usual price one of a hundred straight roads is a bend of 1/340 m."""
     random = np.random.default_rng(6)
     station = np.array([-8.5, -5.4, 2.1, 3.6])
     bends = list[float]()
