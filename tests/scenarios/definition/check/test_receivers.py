@@ -63,8 +63,8 @@ def test_who_is_warned_of_leaves_the_lane_on_clean_links_and_who_is_not_does_not
     def departures(preset: str) -> int:
         own = ["duration_s=6", f"gnss.preset={preset}"]
         text = load_scenario("lane_change", own).text
-        runs = [Variant(text=text, name="lane_change", seed=seed).run() for seed in range(1, 6)]
+        runs = [Variant(text=text, name="lane_change", seed=seed).run() for seed in range(1, 4)]
         return sum(any(one.kind == "lane_departure" for one in run.events) for run in runs)
 
-    assert departures("single") == 5
+    assert departures("single") == 3
     assert departures("rtk_float") == 0

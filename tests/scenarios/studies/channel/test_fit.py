@@ -15,7 +15,7 @@ from scenarios.studies.channel.fitting.recorded import RecordedLink
 
 Floats = NDArray[np.float64]
 PERIOD = 0.05
-RUNS = 60
+RUNS = 40
 
 
 def link(
@@ -122,7 +122,7 @@ def test_one_delay_is_the_latency_alone() -> None:
 
 
 def test_correlated_delays_are_found_so() -> None:
-    random, count, rho = np.random.default_rng(8), 2500, 0.6
+    random, count, rho = np.random.default_rng(8), 1200, 0.6
     normal = np.empty(count)
     normal[0] = random.standard_normal()
     for k in range(1, count):
@@ -134,7 +134,7 @@ def test_correlated_delays_are_found_so() -> None:
 
 
 def test_delays_in_order_are_found_behind_those_that_waited() -> None:
-    random, count = np.random.default_rng(5), 3000
+    random, count = np.random.default_rng(5), 1500
     own = 20.0 + random.gamma(2.25, 60.0 / 2.25, count)
     sent = np.arange(count) * PERIOD * 1e3
     fitted = fit_link(link([""] * count, np.maximum.accumulate(sent + own) - sent))
@@ -146,8 +146,8 @@ def test_delays_in_order_are_found_behind_those_that_waited() -> None:
 
 def test_delays_that_no_law_explains_stay_as_they_are() -> None:
     random = np.random.default_rng(3)
-    delays = np.where(random.random(2000) < 0.5, 20.0, 90.0) + random.random(2000)
-    fitted = fit_link(link([""] * 2000, delays))
+    delays = np.where(random.random(1000) < 0.5, 20.0, 90.0) + random.random(1000)
+    fitted = fit_link(link([""] * 1000, delays))
     assert fitted.keys["delay"]["kind"] == "empirical"
     assert np.mean(fitted.keys["delay"]["recorded_ms"]) + fitted.keys["latency_ms"] == (
         pytest.approx(delays.mean(), abs=0.5)
