@@ -1,6 +1,6 @@
 """The summary and the scenario of a run, from its log alone."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,13 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.limits import limit_figures, why_failed
 from scenarios.results.metrics import Metrics
-from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
+from scenarios.results.summary import (
+    RunIdentity,
+    RunSummary,
+    VehicleSummary,
+    from_json,
+    to_json,
+)
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.log.repair import REPAIRED
@@ -23,6 +29,8 @@ METADATA_NAME = "convoy"
 """The log's record of metadata that says which run it is."""
 SILENT_S = 1.0
 """A link without loss that delivered nothing for so long did not work."""
+LATE_SHARE = 0.01
+"""A run of which a larger share of the ticks began late was not one in real time."""
 
 
 def write_summary(folder: Path, summary: RunSummary) -> None:
@@ -69,7 +77,26 @@ def summarise(
         events=events,
         holes=metrics.holes(ran_ns),
         limits=limits,
-        warnings=(*metrics.warnings, *metrics.out_of_linear.values(), *metrics.link_misses()),
+        warnings=(
+            *late_lines(vehicles),
+            *metrics.warnings,
+            *metrics.out_of_linear.values(),
+            *metrics.link_misses(),
+        ),
+    )
+
+
+def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
+    """Say that the vehicles did not keep up with the wall clock, if they did not."""
+    ticks, late = sum([one.ticks for one in vehicles]), sum([one.late_ticks for one in vehicles])
+    if late <= LATE_SHARE * ticks:
+        return
+    worst = max(vehicles, key=lambda one: one.lateness_ms_max)
+    yield (
+        f"{100.0 * late / ticks:.2g} % of the ticks began late, by up to "
+        f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and with them messages and commands: the "
+        f"machine is too slow or too busy to drive {len(vehicles)} vehicles in real time; "
+        "--clock virtual takes the time that it needs"
     )
 
 

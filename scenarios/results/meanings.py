@@ -29,7 +29,8 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "ran_s": "driven",
         "recorder_rejected_messages": "what the recorder refused, by reason",
         "warnings": "who refused a hundred messages of whom, or ten times as many, because of their"
-        " stamps; whose tyres left their linear range, first when",
+        " stamps; whose tyres left their linear range, first when; which links did something else"
+        " than was asked; and if more than one tick in a hundred began late",
     },
     "vehicles": {
         "name": "of the vehicle, in the order of the convoy",

@@ -15,8 +15,9 @@ from scenarios.results.channel.account import LinkSummary
 from scenarios.results.encounters import EventKind
 from scenarios.results.events import RunEvent
 from scenarios.results.holes import RecordHole
-from scenarios.results.log_summary import LOG_NAME, scenario_in, summary_of
+from scenarios.results.log_summary import LOG_NAME, late_lines, scenario_in, summary_of
 from scenarios.results.meanings import MEANINGS
+from scenarios.results.metrics import Metrics
 from scenarios.results.summary import (
     PACKAGES,
     SCHEMA,
@@ -199,3 +200,15 @@ def test_each_field_has_its_meaning() -> None:
         assert kind in MEANINGS["events"]["kind"]
     for figure in FIGURES:
         assert figure in MEANINGS["events"]["figures"]
+
+
+@pytest.mark.parametrize(("late", "said"), [(10, []), (11, ["1.1 %"]), (500, ["50 %"])])
+def test_a_run_that_did_not_keep_up_says_so(late: int, said: list[str]) -> None:
+    """From more than one tick in a hundred on, of all vehicles together."""
+    metrics = Metrics(("v1", "v2"), {})
+    metrics.add(health("v1", 1, ticks=500, final=True))
+    metrics.add(health("v2", 1, ticks=500, late_ticks=late, lateness_ms_max=31.4, final=True))
+    lines = list(late_lines(metrics.vehicle_summaries()))
+    assert [
+        line.partition(" of the ticks began late, by up to 31 ms (v2)")[0] for line in lines
+    ] == (said)

@@ -150,6 +150,11 @@ def test_a_vehicle_that_is_held_up_makes_good_every_tick(tmp_path: Path) -> None
     assert run.vehicle("v2")["late_ticks"] >= 0.7 * held_s * 50
     assert run.vehicle("v2")["lateness_ms_max"] > 700 * held_s
     assert any("ticks came late" in text for text in run.texts("v2"))
+    (said,) = [line for line in run.summary["warnings"] if "of the ticks began late" in line]
+    assert said.startswith(tuple("123456789"))
+    assert "(v2)" in said
+    assert "--clock virtual" in said
+    assert said in convoy.out
     ways = []
     for one, other in pairwise(run.truths["v2"].values()):
         assert other.true_at_ns - one.true_at_ns == 20_000_000
