@@ -56,6 +56,7 @@ class Follower:
         lead: str,
         predecessor: str,
         periods: Mapping[str, float],
+        delays: Mapping[str, float] | None = None,
         alpha: float,
         fusion: Fusion,
         settings: FitSettings,
@@ -66,7 +67,8 @@ class Follower:
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
-        `periods` (s) are those between the messages of its sources, as far as they are known.
+        `periods` (s) are those between the messages of its sources and `delays` (s) how long one
+        takes to come, as far as they are known; left out, none is.
         `limit` is that of the steering command, `load` watches how heavily the car is laden, if
         there are such.
         `beliefs` say which received poses are used; left out, all are.
@@ -85,7 +87,10 @@ class Follower:
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
         self._beliefs = beliefs or Beliefs()
-        named = {name: Source(name, periods[name], degradation) for name in (lead, predecessor)}
+        named = {
+            name: Source(name, periods[name], degradation, (delays or {}).get(name, 0.0))
+            for name in (lead, predecessor)
+        }
         self._sources = SourcePair(named[lead], named[predecessor], fusion, degradation)
         self._reaction = degradation.reaction
         self._modes: Modes = ModesByReach()

@@ -42,7 +42,7 @@ class TraceSettings:
     window_samples: int = 40
     least_samples: int = 4
     bridge_spacing: float = 1.0
-    bridge_length: float = 150.0
+    bridge_length: float = 500.0
     hole: float = 5.0
 
 

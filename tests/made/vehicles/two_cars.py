@@ -60,6 +60,7 @@ class Road:
         self.known: tuple[int, float, float, float] | None = None
         self.yaw_rate = 0.0
         self.lead: SourceStatus = "fresh"
+        self.predecessor_lost_at = 0
         self.mode: Mode = "composite"
         self.path = nan
         self.commands: list[float] = []
@@ -82,6 +83,7 @@ class Road:
     def _seen(self, *, hazard: bool) -> tuple[VehiclesAhead, Situation]:
         situation = Situation(lead=SourceFreshness(status=self.lead), known=self.path)
         if self.known is None:
+            situation.predecessor.lost_at = self.predecessor_lost_at
             return VehiclesAhead(), situation
         measured_at, place, speed, acceleration = self.known
         age = (self.now - measured_at) / SECOND

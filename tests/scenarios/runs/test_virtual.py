@@ -248,10 +248,10 @@ def test_a_link_that_loses_everything_leaves_the_other_source() -> None:
     assert set(why[1:]) == {"v2 never heard"}
 
 
-def test_vehicles_that_hear_nothing_drive_straight_on() -> None:
+def test_vehicles_that_hear_nothing_drive_straight_on_and_stop() -> None:
     deaf = ran("links.loss_ratio=1")
     for name in ("v2", "v3", "v4"):
-        assert deaf.modes(name) == {"straight"}
+        assert deaf.modes(name) == {"straight", "stop"}
         for pose in deaf.of(name, TruePose):
             assert abs(pose.steering_rad) < 0.01
     assert deaf.true_path("v1") == ran().true_path("v1")

@@ -45,10 +45,10 @@ class ModeMachine:
 
     Steered along is who is relied on. Who hears nobody coasts as long as a stop within the known
     path needs no more than comfortable braking, and stops otherwise, until somebody is relied on
-    again. Who hears somebody, but only of road behind the car, coasts until enough lies ahead. A
-    source is given up at once and relied on again only after its probation (`Source`), and a mode
-    that was the worse one is left for a better one only after as long, so that none is entered
-    twice within one.
+    again; who has waited in vain for a first message stops, too. Who hears somebody, but only of
+    road behind the car, coasts until enough lies ahead. A source is given up at once and relied on
+    again only after its probation (`Source`), and a mode that was the worse one is left for a
+    better one only after as long, so that none is entered twice within one.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
@@ -129,9 +129,11 @@ class ModeMachine:
             if len(relied) == 1 or (soon and self._mode in relied):
                 return self._mode if self._mode in relied else relied[0]
             return "composite"
-        given_up = [one.status in ("lost", "distrusted", "probation") for one in pair.used.values()]
-        if self._mode not in SLOWING and has_way and (relied or not any(given_up)):
-            return "straight"  # nobody was heard, or nothing came of it yet
+        used = pair.used.values()
+        given_up = any(one.status in ("lost", "distrusted", "probation") for one in used)
+        given_up = given_up or all(one.never_came for one in used)
+        if self._mode not in SLOWING and has_way and (relied or not given_up):
+            return "straight"  # nobody was heard yet, or nothing came of it
         known = 0.0 if isnan(situation.known) else situation.known
         if not has_way:  # those ahead are heard, so that there is no need to stop: it falls back
             return "coast"

@@ -8,13 +8,16 @@ from vehicles.driver.degradation.meant_path import MeantPath, MeantShare
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.stopping import stopping_distance
-from vehicles.driver.degradation.sources import Source, reaches_ahead
+from vehicles.driver.degradation.sources import RELIED_ON, Source, reaches_ahead
 from vehicles.driver.degradation.trust.gate import Belief
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import GpsPose, Mode
 from vehicles.preview.trace import Window
 from vehicles.preview.trajectory import FitSettings, Fusion
 from vehicles.schedule import SECOND
+
+HOPED_FOR = ("unheard", *RELIED_ON)
+"""Of a source of such a status a trajectory may yet come."""
 
 
 class SourcePair:
@@ -147,17 +150,19 @@ class SourcePair:
     def stops_at(self, mode: Mode, brakes_at: int) -> int:
         """Instant (ns) from which on a car that steers along `mode` stops, unless it hears more.
 
-        0 if nothing says so. That is when the last source that it relies on is lost, as soon as a
-        message of each is overdue; or when its guard has to brake behind the predecessor
-        (`brakes_at`, 0 for not); and not later than the predecessor's, behind which it stops too.
-        Beyond the paper.
+        0 if nothing says so. That is when the last source that it relies on, or waits for, is lost,
+        as soon as a message of each is overdue; or when its guard has to brake behind the
+        predecessor (`brakes_at`, 0 for not); and not later than the predecessor's, behind which it
+        stops too. Beyond the paper.
         """
         if self._settings.reaction != "degrade":
             return 0
-        relied = [one for one in self.used.values() if one.relied_on]
-        if relied:
-            self._alone_at = max([one.lost_at for one in relied])
-        misses_all = all(one.is_missed for one in relied)
+        used = self.used.values()
+        hopes = [one for one in used if one.relied_on]
+        hopes = hopes or [one for one in used if one.status in HOPED_FOR]
+        if hopes:
+            self._alone_at = max([one.lost_at for one in hopes])
+        misses_all = all(one.is_missed for one in hopes)
         own = self._alone_at if misses_all and mode != "coast" else 0
         return min([at for at in (own, brakes_at, self.predecessor.stops_at) if at], default=0)
 

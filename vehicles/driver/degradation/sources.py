@@ -42,8 +42,13 @@ class Source:
     say so: there is another one, whose path is meant.
     """
 
-    def __init__(self, name: str, period: float, settings: DegradationSettings) -> None:
-        """`period` (s) is that between messages, as far as it is known beforehand."""
+    def __init__(
+        self, name: str, period: float, settings: DegradationSettings, delay: float = 0.0
+    ) -> None:
+        """`period` (s) is that between messages, `delay` (s) how long one takes to come.
+
+        Both as far as they are known beforehand; the delay counts for the first one alone.
+        """
         self.name = name
         self.trace = Trace()
         self.meant: MeantPath | None = None
@@ -59,6 +64,10 @@ class Source:
         self._degrades = settings.reaction == "degrade"
         self._refused_at: int | None = None
         self._now = SourceFreshness()
+        self._period = period
+        self._delay = round(delay * SECOND)
+        self._due_from: int | None = None
+        self._waited = 0.0
         self._known = nan
         self._known_of_all = 0.0
 
@@ -113,8 +122,16 @@ class Source:
     @property
     def is_missed(self) -> bool:
         """Whether a message of it is overdue, long before it counts as late (beyond the paper)."""
+        if self._now.status == "unheard":
+            return self._waited > MISSED_AFTER * self._period
         usual = self._now.period / max(self._reception.usual_share, LEAST_SHARE)
         return self._now.silence > MISSED_AFTER * usual
+
+    @property
+    def never_came(self) -> bool:
+        """Whether it was never heard in the time in which others are lost (beyond the paper)."""
+        after = self._settings.lost_after_silence(self._period)
+        return self._now.status == "unheard" and self._waited > after
 
     def hear(self, now: int, fix: Fix, message: GpsPose, belief: Belief) -> None:
         """Take a message heard at `now` (ns) to its trace, if it is believed (Section III-A)."""
@@ -175,6 +192,7 @@ class Source:
         self._known -= driven
         seen.known = self._known
         if at is None:
+            self._wait(now)
             return
         seen.age = (now - at) / SECOND
         seen.silence = reception.silence(now)
@@ -183,6 +201,14 @@ class Source:
         self._judge(now)
         if self._degrades:
             self._weigh(span)
+
+    def _wait(self, now: int) -> None:
+        """Wait for its first message, as long as for any later one."""
+        if self._due_from is None:
+            self._due_from = now + self._delay
+        self._waited = (now - self._due_from) / SECOND
+        after = self._settings.lost_after_silence(self._period)
+        self._now.lost_at = self._due_from + round(after * SECOND)
 
     def _judge(self, now: int) -> None:
         """Lost and distrusted at once, relied on again only after probation."""

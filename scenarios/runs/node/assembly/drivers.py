@@ -1,5 +1,6 @@
 """Makes who drives a vehicle: its software, or a human."""
 
+from scenarios.definition.channel.delay import usual_delay_ms
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import (
@@ -97,6 +98,7 @@ class DriverBuilder:
             lead=setup.lead,
             predecessor=setup.predecessor,
             periods={sender: self._least_period(sender) for sender in setup.senders},
+            delays={sender: self._usual_delay(sender) for sender in setup.senders},
             alpha=steering.alpha_ratio,
             fusion=steering.fusion,
             settings=self._fit_settings(),
@@ -239,6 +241,11 @@ class DriverBuilder:
         setup, link = self._scenario.vehicle(sender), self._scenario.links[sender, self._name]
         rate_hz = link_rate_hz(setup.sending, setup.gnss)
         return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
+
+    def _usual_delay(self, sender: str) -> float:
+        """Time (s) that most messages of `sender` take at most, from the measurement on."""
+        link = self._scenario.links[sender, self._name]
+        return (self._scenario.vehicle(sender).gnss.latency_ms + usual_delay_ms(link)) / 1000.0
 
     def _usual_period(self, sender: str) -> float:
         """Time (s) between messages of `sender` to expect, by its sending and its link."""

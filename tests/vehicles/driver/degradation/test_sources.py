@@ -152,3 +152,18 @@ def test_who_does_not_degrade_keeps_all_weights() -> None:
         degradation=DegradationSettings(reaction="extrapolate"),
     )
     assert {look.weight for look in looks} == {1.0}
+
+
+@given(st.floats(0.02, 0.2), st.floats(0.0, 2.0))
+def test_a_first_message_is_waited_for_as_long_as_any_other(period: float, delay: float) -> None:
+    source = Source("v1", period, DEGRADE, delay)
+    after = DEGRADE.lost_after_silence(period)
+    for tick in range(200):
+        now, waited = START + tick * TICK, tick / 50 - delay
+        source.look(now, 0.0, TICK / SECOND)
+        assert source.status == "unheard"
+        assert source.lost_at == pytest.approx(START + (delay + after) * SECOND, abs=2)
+        if abs(waited - after) > 1e-6:
+            assert source.never_came == (waited > after)
+        if abs(waited - 1.5 * period) > 1e-6:
+            assert source.is_missed == (waited > 1.5 * period)

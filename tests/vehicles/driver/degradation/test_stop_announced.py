@@ -141,3 +141,19 @@ def test_it_stops_no_later_than_its_predecessor(told_ms: int) -> None:
 @pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
 def test_the_baselines_never_stop(reaction: Reaction) -> None:
     assert {stops for _, stops in Heard(1.0, 1.0, reaction=reaction, told=1).looks(3.0)} == {0}
+
+
+def test_who_waits_for_a_first_message_announces_to_stop_without_it() -> None:
+    """From 1.5 periods on, as of any other message; the later of both sources counts."""
+    for now, stops in Heard(0.0, 0.0).looks(2.0, "straight"):
+        assert stops == (START + LOST_AFTER if now > START + OVERDUE else 0)
+
+
+def test_a_first_message_takes_it_back() -> None:
+    heard = Heard(0.0, 0.0)
+    for now, stops in heard.looks(2.0, "straight"):
+        if now == START + 300 * MILLISECOND:
+            assert stops > now
+            heard.until["v1"] = 9.0
+        if now > START + 350 * MILLISECOND:
+            assert stops == 0

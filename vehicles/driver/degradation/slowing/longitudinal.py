@@ -149,7 +149,7 @@ class SpeedGuard:
         self._ages.observe(now, seen.age, predecessor)
         warned = predecessor.hazard or predecessor.mode in ("coast", "stop")
         warned = warned or 0 < predecessor.stops_at <= now
-        blind = mode in ("coast", "stop") and not isnan(situation.known)
+        blind = mode in ("coast", "stop")
         expects_stop = self._announced.is_expected(now, predecessor)
         awake = blind or warned or self._ages.is_awake(now)
         self._follow_or_not(tick, awake=awake)
@@ -218,7 +218,7 @@ class SpeedGuard:
 
         It approaches the hardest braking while the reserve (m) is used up, so that the last instant
         to brake is never passed. A convoy that was closer already, with all it heard, opens gently,
-        so that those behind can follow.
+        so that those behind can follow; but not who has waited in vain for a first message.
         """
         time = reserve / max(tick.pose.speed, 0.1)
         if time >= GUARD_TIME:
@@ -227,7 +227,7 @@ class SpeedGuard:
         most, jerk = tick.hardest.deceleration, tick.hardest.jerk
         if tick.pose.speed < STANDING:
             most = self._settings.comfortable.deceleration
-        elif not self._promised:
+        elif not self._promised and not self._never_heard(tick):
             most = min(most, self._settings.comfortable.deceleration)
             jerk = self._settings.comfortable.jerk
         return max(-share * most, self._last - jerk * tick.span)
@@ -240,11 +240,19 @@ class SpeedGuard:
         """
         if tick.now - round(seen.age * SECOND) < self.brakes_at <= tick.now:
             return self.brakes_at  # it does, and has heard nothing newer
-        if not (self._promised and self._ages.is_longest(tick.now)):
+        predecessor = tick.situation.predecessor
+        waits = predecessor.status == "unheard"
+        if not ((self._promised or waits) and self._ages.is_longest(tick.now)):
             return 0
         if self._last < -self._settings.firm.deceleration:
             return tick.now
-        return tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
+        needed = tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
+        return max(needed, predecessor.lost_at) if waits else needed
+
+    def _never_heard(self, tick: _Instant) -> bool:
+        """Whether the predecessor was never heard in the time in which it would be lost."""
+        predecessor = tick.situation.predecessor
+        return predecessor.status == "unheard" and 0 < predecessor.lost_at <= tick.now
 
     def _stopping(self, tick: _Instant, *, firmly: bool) -> float:
         """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
@@ -253,8 +261,9 @@ class SpeedGuard:
             return -braking.deceleration
         if firmly:
             braking = hardest
-        known = tick.situation.known - STOPS_BEFORE
-        needed = needed_deceleration(tick.pose.speed, known, self._last, braking.jerk)
+        known = 0.0 if isnan(tick.situation.known) else tick.situation.known
+        left = known - STOPS_BEFORE
+        needed = needed_deceleration(tick.pose.speed, left, self._last, braking.jerk)
         most = min(needed, braking.deceleration, hardest.deceleration)
         return max(-most, self._last - braking.jerk * tick.span)
 

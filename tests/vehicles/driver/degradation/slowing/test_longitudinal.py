@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from math import nan
 from random import Random
 
 import pytest
@@ -10,7 +11,9 @@ from hypothesis import strategies as st
 
 from tests.made.vehicles.two_cars import (
     HARDEST,
+    LENGTH,
     LIMITS,
+    PERIOD,
     TICK,
     Road,
     Told,
@@ -171,3 +174,36 @@ def test_without_the_lead_a_constant_distance_becomes_a_headway_that_is_stable(
     kept = road.ahead - road.place
     assert kept == pytest.approx(12.0 + max(headway, 0.35) * 20.0, abs=0.1)
     assert min(road.commands) >= -1.0 - 1e-9
+
+
+def test_who_stops_without_a_known_path_brakes_as_hard_as_it_can() -> None:
+    road = Road(profile())
+    road.mode, road.path = "stop", nan
+    for _ in range(300):
+        road.tick(0.0, heard=True)
+    assert min(road.commands) == pytest.approx(-HARDEST.deceleration)
+    assert road.speed < 0.01
+
+
+@given(st.floats(25.0, 36.0), st.floats(2.0, 6.0))
+def test_behind_one_that_was_never_heard_it_brakes_hard_when_that_would_be_lost(
+    speed: float, gap: float
+) -> None:
+    """Where the convoy begins closer than is safe; and says so beforehand."""
+    lost_at = SECOND // 2
+    road = Road(profile(speed), speed=speed, gap=LENGTH + gap, policy=GapPolicy(LENGTH + gap, 0.0))
+    road.predecessor_lost_at = lost_at
+    said = {}
+    for _ in range(200):
+        now = road.now
+        road.tick(0.0, heard=False)
+        said[now] = road.guard.brakes_at
+    before = [one for k, one in enumerate(road.commands) if k * TICK <= lost_at]
+    comfortable = DegradationSettings().comfortable.deceleration
+    assert min(before) > -comfortable - 1e-9
+    needed = road.commands[(lost_at + SECOND // 2) // TICK]
+    assert needed == pytest.approx(-HARDEST.deceleration)
+    told = {at for now, at in said.items() if 4 * PERIOD < now < lost_at}
+    assert told
+    assert min(told) >= lost_at
+    assert max(told) < lost_at + 0.3 * SECOND

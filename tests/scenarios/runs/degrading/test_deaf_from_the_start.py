@@ -1,0 +1,92 @@
+"""Cars that have hardly heard anybody yet: who waits in vain for a first message stops, too."""
+
+from math import isnan
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.summary import RunSummary
+from scenarios.runs.unlogged import UnloggedRun
+from tests.made.convoys.speed_runs import Driven, drive
+from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
+from vehicles.driver.degradation.sources import Source
+from vehicles.messages import TruePose
+from vehicles.schedule import SECOND
+
+LOST_S = 0.5
+"""A source of twenty messages a second is lost after such a silence."""
+DARK_S = 8.0
+
+
+def convoy(vehicles: int, gap_m: float, *more: str, seed: int = 1) -> Scenario:
+    asked = (f"convoy.vehicles={vehicles}", f"convoy.gap_m={gap_m}", *more)
+    return load_scenario("lane_change", asked, seed)
+
+
+def summary(vehicles: int, gap_m: float, *more: str, seed: int = 1) -> RunSummary:
+    return UnloggedRun(convoy(vehicles, gap_m, *more, seed=seed)).run()
+
+
+def collisions(run: RunSummary) -> int:
+    return sum(event.kind == "collision" for event in run.events)
+
+
+def speed_at(driven: Driven, scenario: Scenario, vehicle: str, seconds: float) -> float:
+    def off(one: TruePose) -> float:
+        return abs(one.true_at_ns - scenario.start_at_ns - seconds * SECOND)
+
+    return min(driven.truth[vehicle], key=off).speed_mps
+
+
+@pytest.mark.parametrize("gap_m", [8, 15])
+def test_all_that_hear_nobody_stop_alike_and_drive_on_when_they_hear(gap_m: float) -> None:
+    dark = f"change=[{{kind='cut', at_s=0, for_s={DARK_S}}}]"
+    scenario = convoy(5, gap_m, dark, "duration_s=24")
+    driven = drive(scenario)
+    for name in ("v2", "v3", "v4", "v5"):
+        speeds = [speed_at(driven, scenario, name, at) for at in (LOST_S, 2.0, DARK_S, 24.0)]
+        assert speeds[0] == pytest.approx(30.0, abs=0.2)
+        # 6 m/s² from then on, half a second later at most: the jerk is 12 m/s³.
+        assert 30.0 - 6.0 * 1.5 - 0.1 < speeds[1] < 30.0 - 6.0 * 1.2
+        assert speeds[2] < 0.05
+        assert speeds[3] > 5.0
+        assert all(abs(one.steering_rad) < 0.01 for one in driven.truth[name][: int(DARK_S * 50)])
+    run = summary(5, gap_m, dark, "duration_s=24")
+    assert collisions(run) == 0
+    assert min(row.true_gap_m_min or 99.0 for row in run.vehicles) > 0.7 * (gap_m - 4.93)
+
+
+@pytest.mark.campaign(1, 100)
+@pytest.mark.parametrize("loss", [0.9, 0.95, 0.98])
+def test_nobody_is_hit_who_brakes_for_want_of_first_messages(loss: float, case: int) -> None:
+    """Where a convoy begins closer than is safe, and hardly a message comes."""
+    own = (f"links.loss_ratio={loss}", "duration_s=8")
+    assert collisions(summary(3, 15.0, *own, seed=25 + case)) == 0
+
+
+def test_if_nobody_missed_first_messages_some_would_be_hit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    own = ("links.loss_ratio=0.95", "duration_s=5")
+    assert collisions(summary(3, 15.0, *own, seed=37)) == 0
+    monkeypatch.setattr(Source, "never_came", property(lambda _: False))
+    monkeypatch.setattr(SpeedGuard, "_never_heard", lambda *_: False)
+    assert collisions(summary(3, 15.0, *own, seed=37)) > 0
+
+
+@pytest.mark.parametrize("gap_m", [15, 35])
+@pytest.mark.parametrize("latency_ms", [400, 700, 1000])
+def test_a_latency_is_no_silence(gap_m: float, latency_ms: float) -> None:
+    """The first message is waited for as long as a message takes to come, and then some."""
+    run = summary(3, gap_m, f"links.latency_ms={latency_ms}", "duration_s=4")
+    assert not any("stop" in row.ticks_by_mode for row in run.vehicles)
+
+
+def test_who_never_hears_the_one_ahead_keeps_away_from_where_it_may_stand() -> None:
+    """v3 hears the lead alone, v2 nobody: it stops, and nobody tells v3."""
+    deaf = ("{sender='v1', receiver='v2'}", "{sender='v2', receiver='v3'}")
+    links = ",".join(one.replace("}", ", loss_ratio=1.0}") for one in deaf)
+    run = summary(3, 15.0, f"link=[{links}]", "duration_s=12")
+    assert collisions(run) == 0
+    assert (run.vehicles[2].true_gap_m_min or 0.0) > 5.0
+    assert run.vehicles[2].gap_m_min is None or isnan(run.vehicles[2].gap_m_min)
