@@ -241,7 +241,7 @@ def test_a_bridge_joins_the_ego_to_the_first_sample() -> None:
     assert seen.station[-2] == pytest.approx(math.hypot(30.0, 10.0), abs=1e-3)
 
 
-@pytest.mark.parametrize("ego", [(35.0, 0.0), (29.5, 0.0), (-300.0, 0.0), (60.0, 40.0)])
+@pytest.mark.parametrize("ego", [(35.0, 0.0), (29.5, 0.0), (-600.0, 0.0), (60.0, 40.0)])
 def test_no_bridge_to_a_sample_beside_behind_or_far_away(ego: tuple[float, float]) -> None:
     trace = Trace()
     send(trace, 0, (30.0, 0.0, 0.0))

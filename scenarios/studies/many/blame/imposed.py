@@ -27,8 +27,9 @@ from vehicles.schedule import SECOND
 
 LOSES = {"loss", "loss_ratio", "collisions", "outages", "radio", "preset", "preset_source"}
 """Keys of a link by which it loses messages; what is left delays or alters them."""
-RECORDED_DELAY = {"latency_ms", "jitter_ms", "rate_hz", "delay", "queue"}
-"""Keys that a recorded delay takes the place of."""
+RECORDED_DELAY = {"queue"}
+"""Keys that are left out where delays were recorded. Those take the place of the others, too, by
+which vehicles know meanwhile what to expect of the link."""
 LIMIT_KEYS = {
     "lane": "lane_departures_max",
     "collision": "collisions_max",
