@@ -91,7 +91,8 @@ class ModeMachine:
         if mode != self._mode:
             if mode in SLOWING or self._mode == "composite":
                 self._worse_at = now
-            back = [self._anew(one) for one in relied if one not in self._relied]
+            goes_on = self._mode in SLOWING and mode not in SLOWING
+            back = [self._anew(one) for one in relied if goes_on or one not in self._relied]
             why = "; ".join(filter(None, [*back, why]))
         if relied != self._relied:
             self._trusted |= {one.name for one in relied}
@@ -144,7 +145,7 @@ class ModeMachine:
     def _anew(self, source: Source) -> str:
         seen = source.freshness
         how = "heard"
-        if source.name in self._trusted:
+        if source.name in self._trusted and source not in self._relied:
             how = f"relied on again after {source.probation.length:.1f} s of probation"
         return f"{source.name} {how}, {seen.age:.2f} s old, {_end(seen.known)}"
 

@@ -90,3 +90,14 @@ def test_who_never_hears_the_one_ahead_keeps_away_from_where_it_may_stand() -> N
     assert collisions(run) == 0
     assert (run.vehicles[2].true_gap_m_min or 0.0) > 5.0
     assert run.vehicles[2].gap_m_min is None or isnan(run.vehicles[2].gap_m_min)
+
+
+def test_who_goes_on_says_whom_it_heard() -> None:
+    """Heard again before it may leave the mode, so that nothing new happens when it does."""
+    dark = "change=[{kind='cut', at_s=0, for_s=0.8}]"
+    driven = drive(convoy(3, 15.0, dark, "duration_s=3"))
+    for name, source in (("v2", "v1"), ("v3", "v2")):
+        lines = [one.text for one in driven.texts[name] if "steers along" in one.text]
+        assert [line.split()[2] for line in lines][:2] == ["straight", "stop"]
+        assert len(lines) > 2
+        assert all(f"{source} heard" in line for line in lines[2:3])
