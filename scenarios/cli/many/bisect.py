@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.command(
     epilog="""\b
 Examples:
-  convoy bisect lossy_lane_change links.loss_ratio --limit error_m=0.5 --range 0:0.9 --any
+  convoy bisect lossy_lane_change links.loss_ratio --limit error_m=0.3 --range 0:0.9 --any
   convoy bisect lossy_lane_change links.loss_ratio --set control.degradation.reaction=extrapolate
   convoy bisect lane_change convoy.gap_m --range 6:30 --to 0.5 --set links.loss_ratio=0.8
 """
