@@ -1,9 +1,12 @@
 """The project as a whole: its checks, its folders, its imports and its dependencies."""
 
 import ast
+import dataclasses
 import fnmatch
+import importlib
 import importlib.metadata
 import importlib.util
+import inspect
 import re
 import runpy
 import subprocess
@@ -13,6 +16,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import grimp
@@ -203,6 +207,35 @@ def test_compiled_modules_calculate_as_interpreted_ones(monkeypatch: pytest.Monk
             if isinstance(one, ast.GeneratorExp):
                 over = {ast.unparse(of.iter).partition("(")[0] for of in one.generators}
                 assert not over & {"count", "cycle", "repeat"}, f"{name}:{one.lineno}"
+
+
+def test_written_initialisers_take_what_those_of_dataclass_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen = set()
+    modules = compiled_modules(monkeypatch)
+    write = runpy.run_path("setup.py")["with_initialisers"]
+    for path in modules:
+        source = (ROOT / path).read_text(encoding="utf-8")
+        name = path.removesuffix(".py").replace("/", ".")
+        there = importlib.import_module(name)
+        module = ModuleType(name)
+        monkeypatch.setitem(sys.modules, name, module)
+        exec(compile(write(source), path, "exec"), module.__dict__)
+        for one in vars(module).values():
+            if dataclasses.is_dataclass(one) and one.__module__ == name and isinstance(one, type):
+                own, like = (
+                    {
+                        it.name: (it.kind, it.default is it.empty)
+                        for it in inspect.signature(kind).parameters.values()
+                    }
+                    for kind in (one, vars(there)[one.__name__])
+                )
+                assert own == like, one
+                if one.__init__.__code__.co_filename == path:
+                    seen.add(one.__name__)
+        monkeypatch.setitem(sys.modules, name, there)
+    assert {"Body", "Decision", "Situation", "Graph", "Fit", "Pose", "VehicleFigures"} <= seen
 
 
 # ---- Dependencies
