@@ -11,14 +11,15 @@ Place = tuple[float, float, float]
 """A point (m, m) and a direction (rad)."""
 STRAIGHT = 1e-12
 """Curvature (1/m) below which a piece is as long as a line: no rounding of turn over curvature."""
-NODES = (
-    (0.046910077030668018, 0.11846344252809454),
-    (0.23076534494715845, 0.23931433524968324),
-    (0.5, 0.28444444444444444),
-    (0.76923465505284155, 0.23931433524968324),
-    (0.95308992296933198, 0.11846344252809454),
+EARLY, EARLIER, LATER, LATE = (
+    0.046910077030668018,
+    0.23076534494715845,
+    0.76923465505284155,
+    0.95308992296933198,
 )
-"""Places and weights of Gauss-Legendre quadrature over (0, 1), exact for polynomials up to x⁹."""
+"""Places, besides the middle, of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
+OUTER, INNER, MIDDLE = 0.11846344252809454, 0.23931433524968324, 0.28444444444444444
+"""Weights of the first and last of these, of those next to them and of the middle."""
 SETTLED = 5e-3
 """A foot on a clothoid that moves less than this (m) has settled: the error left is its cube."""
 MOST_STEPS = 8
@@ -32,13 +33,15 @@ def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float,
     only. Gauss-Legendre quadrature of cos and sin of the turn κs + cs²/2: within 1e-9 of the length
     for turns up to 2 rad, within 1e-5 for a half circle.
     """
-    ahead = left = 0.0
     half = 0.5 * rate
-    for node, weight in NODES:
-        station = node * length
-        turn = station * (curvature + half * station)
-        ahead += weight * cos(turn)
-        left += weight * sin(turn)
+    a, b, c, d, e = EARLY * length, EARLIER * length, 0.5 * length, LATER * length, LATE * length
+    a *= curvature + half * a  # the turns up to these places
+    b *= curvature + half * b
+    c *= curvature + half * c
+    d *= curvature + half * d
+    e *= curvature + half * e
+    ahead = OUTER * cos(a) + INNER * cos(b) + MIDDLE * cos(c) + INNER * cos(d) + OUTER * cos(e)
+    left = OUTER * sin(a) + INNER * sin(b) + MIDDLE * sin(c) + INNER * sin(d) + OUTER * sin(e)
     return length * ahead, length * left
 
 
