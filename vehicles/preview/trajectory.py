@@ -149,21 +149,21 @@ def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Me
         return None if predecessor is None else _alone(predecessor, PREDECESSOR)
     if predecessor is None or not predecessors or alpha <= 0.0:
         return _alone(lead, LEAD)
+    east, north, station = lead
+    next_east, next_north, next_station = predecessor
+    joined = np.concatenate((east, next_east, north, next_north, station, next_station))
+    columns = joined.reshape(3, -1)
+    order = columns[2].argsort(kind="stable")
+    source = (order >= leads).view(np.int8)  # False is LEAD, True is PREDECESSOR
+    weight = None if alpha == 0.5 else _weights(alpha, leads, predecessors).take(source)
+    return _Merged(columns.take(order, 1), weight, source)
+
+
+def _weights(alpha: float, leads: int, predecessors: int) -> Floats:
+    """Weight of a sample of the lead and of one of the predecessor (eq. (5)); both 1 for 1/2."""
     total = (1.0 - alpha) * leads + alpha * predecessors
     scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
-    of_lead, of_predecessor = scale * (1.0 - alpha), scale * alpha
-    joined = np.concatenate(
-        (
-            *(lead.east, predecessor.east),
-            *(lead.north, predecessor.north),
-            *(lead.station, predecessor.station),
-        )
-    ).reshape(3, -1)
-    order = joined[2].argsort(kind="stable")
-    source = (order >= leads).view(np.int8)  # False is LEAD, True is PREDECESSOR
-    same = of_lead == of_predecessor == 1.0
-    weight = None if same else np.array((of_lead, of_predecessor)).take(source)
-    return _Merged(joined.take(order, 1), weight, source)
+    return np.array((scale * (1.0 - alpha), scale * alpha))
 
 
 def _alone(window: Window, source: int) -> _Merged:
