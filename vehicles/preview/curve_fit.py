@@ -23,7 +23,6 @@ from vehicles.preview.fit_arc import (
     FitData,
     Graph,
     LocalCurve,
-    as_curve,
     best_arc,
     best_line,
     centred,
@@ -33,7 +32,7 @@ from vehicles.preview.fit_arc import (
     summed,
 )
 from vehicles.preview.fit_clothoid import best_clothoid
-from vehicles.preview.fit_joined import Search, best_joined
+from vehicles.preview.fit_joined import BestJoined, Search, best_joined
 from vehicles.preview.laying import between, laid
 
 Floats = NDArray[np.float64]
@@ -98,15 +97,13 @@ class FitSettings:
     span_min: float = 1.0
     trajectory: Trajectory = "fitted"
 
-    def price(self, freedom: int, joins: int = 0) -> float:
-        """How much squared residual, in noise squared, so many unknowns and joins must explain.
+    def price_of_join(self, freedom: int) -> float:
+        """How much squared residual, in noise squared, a join and so many unknowns must explain.
 
         Akaike's criterion asks 2 for each (beyond the paper); a join's place may be anywhere, and
         asks more.
         """
-        if joins:
-            return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
-        return (0.0, self.evidence, self.rate_evidence)[freedom - 2]
+        return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
 
     def with_stated_noise(self) -> "FitSettings":
         """Give those for samples whose residuals say nothing of the noise: it is as stated.
@@ -205,29 +202,30 @@ def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
     graphs, joined, noise = found
     scores = _scores(graphs, noise, settings)
     if joined is not None:
-        scores.append(joined.misfit + settings.price(joined.freedom, 1) * noise)
+        scores.append(joined.misfit + settings.price_of_join(joined.freedom) * noise)
     least, fade, ignored = min(scores), -0.5 / (settings.temperature * noise), settings.ignored
     weights = [max(exp(fade * (score - least)) - ignored, 0.0) for score in scores]
     share = 0.0 if joined is None else weights.pop()
     of_smooth = sum(weights)
-    smooth = as_curve(mean(graphs, weights)) if of_smooth > 0.0 else None
+    smooth = mean(graphs, weights, of_smooth) if of_smooth > 0.0 else None
     if joined is None or share == 0.0:
         return smooth
-    return joined if smooth is None else between(smooth, joined, share / (share + of_smooth), data)
+    if smooth is None:
+        return joined.curve
+    return between(smooth, joined.curve, share / (share + of_smooth), data)
 
 
 def _scores(graphs: list[Graph], noise: float, settings: FitSettings) -> list[float]:
     """What line, arc and clothoid leave and cost (m²), the least being the best explanation."""
-    line, arc, *clothoid = graphs
-    scores = [line.distance, arc.distance + settings.evidence * noise]
-    if clothoid:
-        scores.append(clothoid[0].distance + settings.rate_evidence * noise)
+    scores = [graphs[0].distance, graphs[1].distance + settings.evidence * noise]
+    if len(graphs) > 2:
+        scores.append(graphs[2].distance + settings.rate_evidence * noise)
     return scores
 
 
 def _tried(
     data: FitData, settings: FitSettings
-) -> tuple[list[Graph], LocalCurve | None, float] | None:
+) -> tuple[list[Graph], BestJoined | None, float] | None:
     """Curves that may explain the samples and the variance of the noise (m²), if the best does.
 
     Line and arc, and where the samples drift from the arc the clothoid, and where they drift from
@@ -239,15 +237,16 @@ def _tried(
         return None
     count = through.weight
     graphs, joined = [best_line(through), arc], None
-    variance = _variance(arc.distance, arc.freedom, count, settings)
-    noise = _noise(variance, settings)
-    unlike = UNLIKE * settings.position_noise**2
+    stated = settings.position_noise**2
+    variance = _variance(arc.distance, 3, count, stated)
+    noise = _noise(variance, settings.noise_floor**2, stated)
+    unlike = UNLIKE * stated
     if variance > unlike or drift(arc, None, data) > STRAYING * sqrt(noise * count):
         clothoid = best_clothoid(data, through, arc)
         if clothoid is not None:
             graphs.append(clothoid.graph)
-            variance = _variance(clothoid.graph.distance, 4, count, settings)
-            noise = _noise(variance, settings)
+            variance = _variance(clothoid.graph.distance, 4, count, stated)
+            noise = _noise(variance, settings.noise_floor**2, stated)
         if (
             clothoid is None
             or variance > unlike
@@ -256,8 +255,8 @@ def _tried(
             least = min(_scores(graphs, noise, settings))
             joined = _joined(data, through, settings, noise, least)
         if joined is not None:
-            variance = min(variance, _variance(joined.misfit, joined.freedom, count, settings))
-        noise = _noise(variance, settings)
+            variance = min(variance, _variance(joined.misfit, joined.freedom, count, stated))
+            noise = _noise(variance, settings.noise_floor**2, stated)
     if variance > settings.tolerance**2:  # nothing explains the samples
         scatter = _scatter(arc, data)
         noise = scatter if scatter > (POOR * settings.tolerance) ** 2 else noise
@@ -271,33 +270,34 @@ def _scatter(arc: Graph, data: FitData) -> float:
     variance", Annals of Mathematical Statistics 12(4), 1941: large only if receivers are poorer
     than assumed.
     """
-    away = offsets(as_curve(arc), data)
+    away = offsets(mean((arc,), (1.0,), 1.0), data)
     steps = away[1:] - away[:-1]
     return 0.5 * float(np.add.reduce(steps * steps)) / len(steps)
 
 
-def _variance(misfit: float, freedom: int, count: float, settings: FitSettings) -> float:
-    """Variance of the samples' distances (m²), if the curve is right."""
+def _variance(misfit: float, freedom: int, count: float, stated: float) -> float:
+    """Variance of the samples' distances (m²), if the curve is right; `stated` if they are few."""
     spare = count - freedom
-    return misfit / spare if spare >= 1.0 else settings.position_noise**2
+    return misfit / spare if spare >= 1.0 else stated
 
 
-def _noise(variance: float, settings: FitSettings) -> float:
-    """Variance of the noise (m²): as assumed, or less, if a curve comes closer than that."""
-    return min(max(variance, settings.noise_floor**2), settings.position_noise**2)
+def _noise(variance: float, least: float, stated: float) -> float:
+    """Variance of the noise (m²): as stated, or less, if a curve comes closer than that."""
+    held = variance if variance > least else least  # noqa: FURB136 - twice as fast as max
+    return held if held < stated else stated  # noqa: FURB136 - twice as fast as min
 
 
 def _joined(
     data: FitData, line: Centred, settings: FitSettings, noise: float, least: float
-) -> LocalCurve | None:
+) -> BestJoined | None:
     """Try joins at samples, at least three samples away from both ends; one arc or two.
 
     None if it would have no weight beside the curve whose score is `least` (m²).
     """
-    first, last = data.station.item(0), data.station.item(-1)
+    stations: list[float] = data.station.tolist()
+    first, last = stations[0], stations[-1]
     margin = max(settings.piece_min, settings.piece_ratio * (last - first))
     first, last = first + margin, last - margin
-    stations: list[float] = data.station.tolist()
     low = max(bisect_left(stations, first), 2)
     high = min(bisect_right(stations, last), len(stations) - 3)
     if high - low < 2:

@@ -21,7 +21,7 @@ linear-algebra library.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import atan, cos, inf, sin, sqrt
 
 import numpy as np
@@ -42,9 +42,7 @@ class LocalCurve:
     """A curve of one or two pieces (arc spline of Section III-A) in the local frame.
 
     It passes P = (x, y) (m), where two pieces join, with tangent `angle` (rad). There its curvature
-    (1/m) changes from `before` to `after`, and all along it grows by `rate` (1/m²). `misfit` is its
-    weighted sum of squared residuals (m²), `freedom` its number of unknowns: 2 line, 3 arc, 4
-    clothoid, line→arc or arc→line, 5 two arcs.
+    (1/m) changes from `before` to `after`, and all along it grows by `rate` (1/m²).
     """
 
     x: float
@@ -52,9 +50,7 @@ class LocalCurve:
     angle: float
     before: float
     after: float
-    misfit: float
-    freedom: int
-    rate: float = 0.0
+    rate: float
 
 
 @dataclass(slots=True)
@@ -75,7 +71,11 @@ class FitData:
 
 @dataclass(slots=True)
 class Centred:
-    """Linear regression about the weighted mean: weight, means (m), xx (m²), slope, misfit (m²)."""
+    """Linear regression about the weighted mean: weight, means (m), xx (m²), slope, misfit (m²).
+
+    Of x² + y², by which an arc (Section III-A) leaves the line: the sums with 1 and with x about
+    its mean (`square_one`, `square_x`), the sum with itself and what is left of that without 1, x.
+    """
 
     weight: float
     mean_x: float
@@ -83,30 +83,30 @@ class Centred:
     xx: float
     slope: float
     misfit: float
+    square_one: float
+    square_x: float
+    square: float
+    spread: float
 
 
-@dataclass(slots=True)
 class Graph:
-    """Curve y = offset + slope x + half (x² + y²) + rate t, its misfit in y (m²) and freedom.
+    """Curve y = offset + slope x + half (x² + y²) + rate t, and its misfit in y (m²).
 
     Circle of Section III-A.1 in the local frame. With t from `fit_clothoid` its curvature changes;
     graphs may be averaged. `square` is that of the gradient of its equation, `distance` its misfit
     in distances from it instead of in y (m²; J of eq. (5)).
     """
 
-    offset: float
-    slope: float
-    half: float
-    rate: float
-    misfit: float
-    freedom: int
-    square: float = field(init=False)
-    distance: float = field(init=False)
+    __slots__ = ("distance", "half", "misfit", "offset", "rate", "slope", "square")
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self, offset: float, slope: float, half: float, rate: float, misfit: float
+    ) -> None:
         """Work out what is asked for several times; a graph that is no curve is at no distance."""
-        self.square = 1.0 + self.slope * self.slope - 4.0 * self.half * self.offset
-        self.distance = self.misfit / self.square if self.square > 0.0 else inf
+        self.offset, self.slope, self.half, self.rate = offset, slope, half, rate
+        self.misfit = misfit
+        square = self.square = 1.0 + slope * slope - 4.0 * half * offset
+        self.distance = misfit / square if square > 0.0 else inf
 
 
 def summed(away: Floats, ux: float, uy: float, station: Floats, weight: Floats | None) -> FitData:
@@ -137,37 +137,35 @@ def cumulated(data: FitData) -> Floats:
     return np.add.accumulate(data.weighted.take(one, 0) * data.rows.take(other, 0), 1)
 
 
-def seen_from(x: float, y: float, angle: float) -> tuple[Factors, Factors, Factors]:
-    """Factors of x² + y², x, y and 1 in the distances ahead and to the left of a place, and ρ².
-
-    In the frame of P of Section III-A.1, with ρ the distance from P; elementary algebra.
-    """
-    ux, uy = cos(angle), sin(angle)
-    return (
-        (0.0, ux, uy, -ux * x - uy * y),
-        (0.0, -uy, ux, uy * x - ux * y),
-        (1.0, -2.0 * x, -2.0 * y, x * x + y * y),
-    )
-
-
 def offsets(curve: LocalCurve, data: FitData) -> Floats:
     """Distance of each sample from the curve (m, left positive), to first order.
 
     The e of Section III-A.1 divided by −2R, left turns having a positive R.
     """
-    ahead, left, square = seen_from(curve.x, curve.y, curve.angle)
+    x, y, rate = curve.x, curve.y, curve.rate
+    ux, uy = cos(curve.angle), sin(curve.angle)
     half, other = 0.5 * curve.after, 0.5 * curve.before
-    if half == other and curve.rate == 0.0:
-        away = [own - half * all_round for own, all_round in zip(left, square, strict=True)]
-        straight: Floats = np.einsum("i,ik->k", away, data.rows)
+    # Factors of x² + y², x, y and 1 in the distance to the left of P, and in its square from P.
+    aside, square = uy * x - ux * y, x * x + y * y
+    if half == other and rate == 0.0:
+        rows = data.rows  # one after the other they take less time than an einsum
+        straight: Floats = rows[SQUARE] * -half
+        straight += rows[X] * (2.0 * half * x - uy)
+        straight += rows[Y] * (2.0 * half * y + ux)
+        straight += aside - half * square
         return straight
-    seen = np.einsum("ai,ik->ak", (ahead, left, square), data.rows)
-    xi, eta, rho = seen[0], seen[1], seen[2]  # unpacked at once it takes three times as long
-    found: Floats = eta - half * rho
+    left = (0.0, -uy, ux, aside)
+    ahead = (0.0, ux, uy, -ux * x - uy * y)
+    seen = np.einsum("ai,ik->ak", (ahead, left, (1.0, -2.0 * x, -2.0 * y, square)), data.rows)
+    xi, rho = seen[0], seen[2]  # unpacked at once it takes three times as long
+    found: Floats = seen[1]
+    found -= half * rho
     if half != other:
         found += (half - other) * rho * (xi <= 0.0)
-    if curve.rate != 0.0:
-        found -= curve.rate * cubic(xi, np.abs(rho, out=rho), 0.5 * (half + other))
+    if rate != 0.0:
+        bent = cubic(xi, np.abs(rho, rho), 0.5 * (half + other))
+        bent *= rate
+        found -= bent
     return found
 
 
@@ -185,26 +183,40 @@ def cubic(along: Floats, square: Floats, half: float) -> Floats:
     series += 1.0 / 6.0
     series *= square
     series *= np.sqrt(square)
-    return np.copysign(series, along, series)
+    found: Floats = np.copysign(series, along, series)
+    return found
 
 
 def centred(data: FitData) -> Centred | None:
     """Line through the samples by linear regression of y on x; None if they determine none."""
-    total = data.total
-    weight = total[ONE][ONE]
-    mean_x, mean_y = total[X][ONE] / weight, total[Y][ONE] / weight
-    xx = total[X][X] - weight * mean_x * mean_x
-    if not xx > DETERMINED * total[X][X]:
+    (square, square_x, _, square_one), (_, all_xx, all_xy, all_x), of_y, of_one = data.total
+    weight = of_one[ONE]
+    mean_x, mean_y = all_x / weight, of_y[ONE] / weight
+    xx = all_xx - weight * mean_x * mean_x
+    if not xx > DETERMINED * all_xx:
         return None
-    xy = total[X][Y] - weight * mean_x * mean_y
-    yy = total[Y][Y] - weight * mean_y * mean_y
+    xy = all_xy - weight * mean_x * mean_y
+    yy = of_y[Y] - weight * mean_y * mean_y
     slope = xy / xx
-    return Centred(weight, mean_x, mean_y, xx, slope, max(yy - slope * xy, 0.0))
+    square_x -= mean_x * square_one
+    spread = square - square_one * square_one / weight - square_x * square_x / xx
+    return Centred(
+        weight,
+        mean_x,
+        mean_y,
+        xx,
+        slope,
+        max(yy - slope * xy, 0.0),
+        square_one,
+        square_x,
+        square,
+        spread,
+    )
 
 
 def best_line(line: Centred) -> Graph:
     """Give the line of least squares (linear regression; Section III-A joins two samples)."""
-    return Graph(line.mean_y - line.slope * line.mean_x, line.slope, 0.0, 0.0, line.misfit, 2)
+    return Graph(line.mean_y - line.slope * line.mean_x, line.slope, 0.0, 0.0, line.misfit)
 
 
 def best_arc(data: FitData, line: Centred) -> Graph | None:
@@ -213,16 +225,14 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
     Minimises J of eq. (5) with e divided by −2R, times the gradient of the graph: three linear
     equations, as Section III-A.1 says.
     """
-    row = data.total[SQUARE]
-    cross_x = row[X] - line.mean_x * row[ONE]
-    cross = row[Y] - line.mean_y * row[ONE] - line.slope * cross_x
-    spread = row[SQUARE] - row[ONE] * row[ONE] / line.weight - cross_x * cross_x / line.xx
-    if not spread > DETERMINED * row[SQUARE]:
+    spread, square_one, square_x = line.spread, line.square_one, line.square_x
+    if not spread > DETERMINED * line.square:
         return None
+    cross = data.total[SQUARE][Y] - line.mean_y * square_one - line.slope * square_x
     half = cross / spread
-    slope = line.slope - half * cross_x / line.xx
-    offset = line.mean_y - slope * line.mean_x - half * row[ONE] / line.weight
-    found = Graph(offset, slope, half, 0.0, max(line.misfit - half * cross, 0.0), 3)
+    slope = line.slope - half * square_x / line.xx
+    offset = line.mean_y - slope * line.mean_x - half * square_one / line.weight
+    found = Graph(offset, slope, half, 0.0, max(line.misfit - half * cross, 0.0))
     return found if found.square > 0.0 else None
 
 
@@ -237,44 +247,35 @@ def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
     """How far the distances from a graph add up (m, weighted), at most, along the samples.
 
     Those of noise alone cancel out sooner than those of a curve of another shape (CUSUM statistic).
-    `column` is that of the rate, weighted, if there is one.
+    `column` is that of the rate, if there is one.
     """
-    equation = (-graph.half, -graph.slope, 1.0, -graph.offset)
-    away: Floats = np.einsum("i,ik->k", equation, data.weighted)
+    rows = data.rows
+    away: Floats = rows[SQUARE] * -graph.half
+    away -= rows[X] * graph.slope
+    away += rows[Y]
+    away -= graph.offset
     if column is not None:
-        away -= graph.rate * column
+        away -= column * graph.rate
+    if data.weight is not None:
+        away *= data.weight
     return largest(np.add.accumulate(away))
 
 
-def mean(graphs: Sequence[Graph], weights: Sequence[float]) -> Graph:
-    """Mean of graphs by weights of which one is positive (beyond the paper, which takes one)."""
+def mean(graphs: Sequence[Graph], weights: Sequence[float], total: float) -> LocalCurve:
+    """Mean of graphs by weights, which add up to `total` (beyond the paper, which takes one).
+
+    As a curve from the foot of the local origin (elementary algebra).
+    """
     offset = slope = half = rate = 0.0
-    for graph, weight in zip(graphs, weights, strict=True):
-        offset += weight * graph.offset
-        slope += weight * graph.slope
-        half += weight * graph.half
-        rate += weight * graph.rate
-    total = sum(weights)
-    last = graphs[-1]
-    return Graph(
-        offset / total, slope / total, half / total, rate / total, last.misfit, last.freedom
-    )
-
-
-def as_curve(graph: Graph) -> LocalCurve:
-    """Give the graph as a curve from the foot of the local origin (elementary algebra)."""
-    square = graph.square
-    gradient = sqrt(square)
-    kappa, algebraic = 2.0 * graph.half / gradient, -graph.offset / gradient
+    for graph, weight in zip(graphs, weights, strict=False):
+        if weight > 0.0:
+            offset += weight * graph.offset
+            slope += weight * graph.slope
+            half += weight * graph.half
+            rate += weight * graph.rate
+    offset, slope, half, rate = offset / total, slope / total, half / total, rate / total
+    gradient = sqrt(1.0 + slope * slope - 4.0 * half * offset)
+    kappa, algebraic = 2.0 * half / gradient, -offset / gradient
     away = 2.0 * algebraic / (1.0 + sqrt(max(1.0 - 2.0 * kappa * algebraic, 0.0)))
-    angle = atan(graph.slope)
-    return LocalCurve(
-        away * sin(angle),
-        -away * cos(angle),
-        angle,
-        kappa,
-        kappa,
-        graph.misfit / square,
-        graph.freedom,
-        graph.rate / gradient,
-    )
+    angle = atan(slope)
+    return LocalCurve(away * sin(angle), -away * cos(angle), angle, kappa, kappa, rate / gradient)

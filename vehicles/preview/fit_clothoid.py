@@ -10,7 +10,6 @@ import numpy as np
 
 from vehicles.preview.fit_arc import (
     DETERMINED,
-    ONE,
     SQUARE,
     Centred,
     FitData,
@@ -29,7 +28,7 @@ series of its way off the arc ends at the sixth power of a quarter of that."""
 
 
 class Clothoid(NamedTuple):
-    """Graph of a clothoid, and the weighted column of its rate for `drift` (beyond the paper)."""
+    """Graph of a clothoid, and the column of its rate for `drift` (beyond the paper)."""
 
     graph: Graph
     column: Floats
@@ -47,22 +46,21 @@ def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
     column = cubic(data.rows[X], data.rows[SQUARE], arc.half)
     weighted: Floats = column if data.weight is None else data.weight * column
     of_square, of_x, of_y, of_one = np.einsum("ik,k->i", data.rows, weighted).tolist()
-    row = data.total[SQUARE]
+    weight, xx, mean_x, spread = line.weight, line.xx, line.mean_x, line.spread
+    square_one, square_x = line.square_one, line.square_x
     # The column about 1, x and x² + y², one after the other, each about the ones before.
-    cross_x = row[X] - line.mean_x * row[ONE]
-    spread = row[SQUARE] - row[ONE] * row[ONE] / line.weight - cross_x * cross_x / line.xx
-    by_x = of_x - line.mean_x * of_one
-    by_square = of_square - row[ONE] * of_one / line.weight - cross_x * by_x / line.xx
+    by_x = of_x - mean_x * of_one
+    by_square = of_square - square_one * of_one / weight - square_x * by_x / xx
     whole = float(np.add.reduce(weighted * column))
-    left = whole - of_one * of_one / line.weight - by_x * by_x / line.xx - by_square**2 / spread
+    left = whole - of_one * of_one / weight - by_x * by_x / xx - by_square**2 / spread
     if not left > DETERMINED * whole:
         return None
     cross = of_y - arc.offset * of_one - arc.slope * of_x - arc.half * of_square
     rate = min(max(cross / left, -RATE_MOST), RATE_MOST)
     half = arc.half - rate * by_square / spread
-    slope = arc.slope - (rate * by_x + (half - arc.half) * cross_x) / line.xx
-    offset = line.mean_y - slope * line.mean_x - half * row[ONE] / line.weight
-    offset -= rate * of_one / line.weight
+    slope = arc.slope - (rate * by_x + (half - arc.half) * square_x) / xx
+    offset = line.mean_y - slope * mean_x - half * square_one / weight
+    offset -= rate * of_one / weight
     misfit = max(arc.misfit - rate * (2.0 * cross - rate * left), 0.0)
-    graph = Graph(offset, slope, half, rate, misfit, 4)
-    return Clothoid(graph, weighted) if graph.square > 0.0 else None
+    graph = Graph(offset, slope, half, rate, misfit)
+    return Clothoid(graph, column) if graph.square > 0.0 else None

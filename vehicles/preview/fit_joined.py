@@ -10,6 +10,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan, hypot, sqrt
+from typing import NamedTuple
 
 from vehicles.preview.fit_arc import DETERMINED, Centred, FitData, LocalCurve, X, Y, cumulated
 
@@ -25,6 +26,8 @@ AFTER, BEFORE, BOTH = range(3)
 """Which side of the join is an arc."""
 
 Column = tuple[float, float, float, float]
+Place = tuple[float, float, float]
+"""Factors of x, y and 1 in |q − P|², beside x² + y²."""
 
 
 @dataclass(slots=True)
@@ -43,6 +46,17 @@ class Joined:
     gains: tuple[float, float, float]
     halves: tuple[float, float, float, float]
     shares: tuple[float, float, float, float]
+
+
+class BestJoined(NamedTuple):
+    """Two pieces of Section III-A, their sum of squared residuals (m²) and number of unknowns.
+
+    These are 4, or 5 for two arcs.
+    """
+
+    curve: LocalCurve
+    misfit: float
+    freedom: int
 
 
 class Search:
@@ -77,10 +91,9 @@ class Search:
         begin, end = max(len(places) // 2 - 1, 0), len(places) // 2 + 2
         tried = [self.at_sample(place) for place in places[begin:end]]
         while True:
-            gains = list(zip(*[one.gains for one in tried], strict=True))
-            most = list(map(max, gains))
+            most = list(map(max, *[one.gains for one in tried]))
             side = self.side(most)
-            place = gains[side].index(most[side])
+            place = [one.gains[side] for one in tried].index(most[side])
             if place == 0 and begin > 0:
                 begin -= 1
                 tried.insert(0, self.at_sample(places[begin]))
@@ -96,7 +109,8 @@ class Search:
         """Side of the join that is best taken for an arc, by what each explains (Section III-A)."""
         line = self._line
         left = (line.misfit - gains[BOTH]) / max(line.weight - 5.0, 1.0)
-        self.noise = min(max(left, self._least), self._most)
+        held = left if left > self._least else self._least  # noqa: FURB136 - twice as fast as max
+        self.noise = held if held < self._most else self._most  # noqa: FURB136 - as min
         side = AFTER if gains[AFTER] >= gains[BEFORE] else BEFORE
         return BOTH if gains[BOTH] - self._evidence * self.noise > gains[side] else side
 
@@ -129,12 +143,18 @@ class Search:
 
     def _at(self, split: int, station: float, x: float, y: float) -> Joined:
         """Fit two pieces that join beside (x, y), the first `split` samples before that."""
-        one, along, cross, square = self._column(self._sums[:, split - 1].tolist(), x, y)
-        all_one, all_along, all_cross, all_square = self._column(self._total, x, y)
-        later_one, later_along = all_one - one, all_along - along
-        later_cross = all_cross - cross
-        spread = _spread(square, one, along)
-        later_spread = _spread(all_square - square, later_one, later_along)
+        place = -2.0 * x, -2.0 * y, x * x + y * y
+        one, along, cross, square = self._column(self._sums[:, split - 1].tolist(), place)
+        later_one, later_along, later_cross, later_square = self._column(self._total, place)
+        later_one -= one
+        later_along -= along
+        later_cross -= cross
+        later_square -= square
+        # What is left of a column without its parts along 1 and x, squared.
+        spread = square - one * one - along * along
+        later_spread = later_square - later_one * later_one - later_along * later_along
+        spread = max(spread, DETERMINED * square + TINY)
+        later_spread = max(later_spread, DETERMINED * later_square + TINY)
         # The columns of both sides have no sample in common, but 1 and x with both.
         shared = one * later_one + along * later_along
         half, later_half = cross / spread, later_cross / later_spread
@@ -150,11 +170,11 @@ class Search:
             (one, along, later_one, later_along),
         )
 
-    def _column(self, sums: list[float], x: float, y: float) -> Column:
+    def _column(self, sums: list[float], place: Place) -> Column:
         """Sums of products of |q − P|² with 1 and x, normed, with the residual, with itself."""
         mean_x, mean_y, slope, norm_one, norm_x = self._about
         ss, sx, sy, s1, xx, xy, x1, yy, y1, weight = sums  # s is x² + y²
-        a, b, c = -2.0 * x, -2.0 * y, x * x + y * y
+        a, b, c = place
         of_square = ss + a * sx + b * sy + c * s1
         of_x = sx + a * xx + b * xy + c * x1
         of_y = sy + a * xy + b * yy + c * y1
@@ -167,7 +187,7 @@ class Search:
             of_square + a * of_x + b * of_y + c * of_one,
         )
 
-    def curve(self, joined: Joined, side: int) -> LocalCurve:
+    def found(self, joined: Joined, side: int) -> BestJoined:
         """Give two pieces as a curve of the local frame (elementary algebra).
 
         What was taken for P lies d to the left of the tangent, by the noise of a sample. Its foot
@@ -183,21 +203,16 @@ class Search:
         offset -= (before * one + after * later_one) * norm_one
         norm = hypot(1.0, slope)
         away = (joined.y - offset - slope * joined.x) / norm
-        return LocalCurve(
+        curve = LocalCurve(
             joined.x + away * slope / norm,
             joined.y - away / norm,
             atan(slope),
             2.0 * before / (norm + 2.0 * before * away),
             2.0 * after / (norm + 2.0 * after * away),
-            max(self._line.misfit - joined.gains[side], 0.0) / (norm * norm),
-            5 if side == BOTH else 4,
+            0.0,
         )
-
-
-def _spread(square: float, one: float, along: float) -> float:
-    """Square of what is left of a column without its parts along 1 and x."""
-    left, least = square - one * one - along * along, DETERMINED * square + TINY
-    return least if least > left else left  # noqa: FURB136 - twice as fast as max
+        misfit = max(self._line.misfit - joined.gains[side], 0.0) / (norm * norm)
+        return BestJoined(curve, misfit, 5 if side == BOTH else 4)
 
 
 def best_joined(
@@ -207,7 +222,7 @@ def best_joined(
     within: tuple[float, float],
     counting: float,
     passes: int,
-) -> LocalCurve | None:
+) -> BestJoined | None:
     """Best line→arc or arc→line with its join at one of the samples `places`, or best two arcs.
 
     The join then moves in up to `passes` to where a parabola through what the best three explain is
@@ -232,12 +247,15 @@ def best_joined(
         top = _top(three, side, within)
         if top is not None and top[1] - best.gains[side] < LITTLE * search.noise:
             break
-    return search.curve(best, side)
+    return search.found(best, side)
 
 
 def _nearest(station: float, three: list[Joined], moved: Joined) -> list[Joined]:
     """Leave out the join furthest from `station` (m); the others in order of travel."""
-    four = sorted((*three, moved), key=lambda one: one.station)
+    four, place = three.copy(), len(three)
+    while place > 0 and four[place - 1].station > moved.station:
+        place -= 1
+    four.insert(place, moved)
     first_is_nearer = station - four[0].station < four[3].station - station
     return four[:3] if first_is_nearer else four[1:]
 
@@ -250,13 +268,12 @@ def _top(three: list[Joined], side: int, within: tuple[float, float]) -> tuple[f
     if len(three) < 3:
         return None
     low, middle, high = three
-    back, on = middle.station - low.station, high.station - middle.station
-    fall_back = middle.gains[side] - low.gains[side]
-    fall_on = middle.gains[side] - high.gains[side]
+    station, gain = middle.station, middle.gains[side]
+    back, on = station - low.station, high.station - station
+    fall_back, fall_on = gain - low.gains[side], gain - high.gains[side]
     curving, scale = fall_back * on + fall_on * back, back * on * (back + on)
     if not (curving > 0.0 and scale > 0.0):
         return None
     rise = fall_back * on * on - fall_on * back * back
-    shift = min(max(0.5 * rise / curving, within[0] - middle.station), within[1] - middle.station)
-    height = middle.gains[side] + shift * (rise - shift * curving) / scale
-    return middle.station + shift, height
+    shift = min(max(0.5 * rise / curving, within[0] - station), within[1] - station)
+    return station + shift, gain + shift * (rise - shift * curving) / scale

@@ -31,14 +31,15 @@ def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
     )
     rate, rows = curve.rate, data.rows
     place = curve.x, curve.y, curve.angle
-    start = along_arc(place, curve.before, rows.item(X, 0), rows.item(Y, 0))
-    end = along_arc(place, curve.after, rows.item(X, -1), rows.item(Y, -1))
-    begin = _on(join, curve.before, rate, start)
-    bend = curve.before + rate * start
-    if curve.before == curve.after:
-        return ArcSpline((Piece(*begin, bend, end - start, rate),))
+    before, after = curve.before, curve.after
+    start = along_arc(place, before, rows.item(X, 0), rows.item(Y, 0))
+    end = along_arc(place, after, rows.item(X, -1), rows.item(Y, -1))
+    east, north, yaw = _on(join, before, rate, start)
+    bend = before + rate * start
+    if before == after:
+        return ArcSpline((Piece(east, north, yaw, bend, end - start, rate),))
     return ArcSpline(
-        (Piece(*begin, bend, -start, rate), Piece(*join, curve.after, end, rate)),
+        (Piece(east, north, yaw, bend, -start, rate), Piece(*join, after, end, rate)),
     )
 
 
@@ -59,7 +60,7 @@ def between(one: LocalCurve, joined: LocalCurve, share: float, data: FitData) ->
     before, after, rate = share * joined.before + bend, share * joined.after + bend, rest * one.rate
     here = (x + lateral * sin(angle), y - lateral * cos(angle), wrap_angle(angle))
     join = _on(here, (before if cut < 0.0 else after) + rate * cut, rate, -cut)
-    return LocalCurve(*join, before, after, joined.misfit, joined.freedom, rate)
+    return LocalCurve(*join, before, after, rate)
 
 
 def _foot(curve: LocalCurve, x: float, y: float) -> Place:
