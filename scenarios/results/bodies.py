@@ -7,6 +7,9 @@ from typing import NamedTuple
 from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
 
+ROUNDING_M = 1e-6
+"""Far more than rounding changes a distance, far less than anyone asks about."""
+
 
 class BodySize(NamedTuple):
     """Length and width (m) of a body, and how far its centre lies ahead of the centre of mass."""
@@ -103,26 +106,35 @@ def overlap(one: CarBody, other: CarBody) -> bool:
     return True
 
 
-def at_least_apart(one: CarBody, other: CarBody) -> float:
-    """Distance (m) that two bodies certainly have, but for rounding; negative where they may touch.
+def certainly_apart(one: CarBody, other: CarBody, distance: float) -> bool:
+    """Whether two bodies are certainly further apart than `distance` (m); if not, they may be.
 
     Their shadows on the normals of their sides are no further apart than they are, and as far where
-    one follows the other straight ahead. A fraction of the cost of `separation`.
+    one follows the other straight ahead, so the first is mostly enough. A fraction of the cost of
+    `separation`.
     """
     to_east, to_north = other.east - one.east, other.north - one.north
     ux, uy, vx, vy = one.along_east, one.along_north, other.along_east, other.along_north
     half_length, half_width = one.half_length, one.half_width
     other_length, other_width = other.half_length, other.half_width
     cosine, sine = abs(ux * vx + uy * vy), abs(ux * vy - uy * vx)
-    return max(
+    return (
         abs(to_east * ux + to_north * uy)
-        - (half_length + other_length * cosine + other_width * sine),
-        abs(to_north * ux - to_east * uy)
-        - (half_width + other_length * sine + other_width * cosine),
-        abs(to_east * vx + to_north * vy)
-        - (other_length + half_length * cosine + half_width * sine),
-        abs(to_north * vx - to_east * vy)
-        - (other_width + half_length * sine + half_width * cosine),
+        - (half_length + other_length * cosine + other_width * sine)
+        - ROUNDING_M
+        > distance
+        or abs(to_east * vx + to_north * vy)
+        - (other_length + half_length * cosine + half_width * sine)
+        - ROUNDING_M
+        > distance
+        or abs(to_north * ux - to_east * uy)
+        - (half_width + other_length * sine + other_width * cosine)
+        - ROUNDING_M
+        > distance
+        or abs(to_north * vx - to_east * vy)
+        - (other_width + half_length * sine + half_width * cosine)
+        - ROUNDING_M
+        > distance
     )
 
 

@@ -14,8 +14,8 @@ from scenarios.results.bodies import (
     BodySize,
     CarBody,
     Separation,
-    at_least_apart,
     body_of,
+    certainly_apart,
     separation,
 )
 from vehicles.messages import TruePose
@@ -30,8 +30,6 @@ MOST_FRAMES = 3000
 PARTED_M = 0.2
 """Two bodies that collided have parted when they are so far apart: what only grazes on is one
 collision, not many."""
-ROUNDING_M = 1e-6
-"""Far more than rounding changes a distance, far less than anyone asks about."""
 QUIET_NS = SECOND
 """An episode is over when its condition has not held for so long, so one that flickers is one."""
 
@@ -91,6 +89,14 @@ class SmallestGap:
             self.min_m, self.min_at_ns = gap, at
 
 
+@dataclass(slots=True)
+class _Pair:
+    """Two neighbours in the convoy, the one ahead first, and the gap between them."""
+
+    names: tuple[str, str]
+    gap: SmallestGap
+
+
 class Encounters:
     """Gaps and near misses of neighbours in the convoy, collisions of any two vehicles."""
 
@@ -103,35 +109,43 @@ class Encounters:
         self._near_gap, self._near_time = near_gap, near_time
         # Centres of bodies that touch are no further apart.
         self._reach = max(hypot(size.length, size.width) for size in sizes.values())
-        self._neighbours: dict[str, set[str]] = {name: set() for name in sizes}
-        for ahead, behind in pairwise(sizes):
-            self._neighbours[ahead].add(behind)
-            self._neighbours[behind].add(ahead)
         self._frames: dict[int, dict[str, CarBody]] = {}
         self._touching: dict[str, set[str]] = {name: set() for name in sizes}
         self._near: dict[tuple[str, str], Episode] = {}
         self.gaps = {name: SmallestGap() for name in list(sizes)[1:]}
+        self._pairs: dict[str, dict[str, _Pair]] = {name: {} for name in sizes}
+        for ahead, behind in pairwise(sizes):
+            pair = _Pair((ahead, behind), self.gaps[behind])
+            self._pairs[ahead][behind] = self._pairs[behind][ahead] = pair
 
-    def add(self, pose: TruePose) -> list[Episode]:
-        """Take a pose; returns the collisions and near misses that are certain by now."""
+    def add(self, pose: TruePose, body: CarBody | None = None) -> list[Episode]:
+        """Take a pose; returns the collisions and near misses that are certain by now.
+
+        `body` is the one at the pose, where that is known already.
+        """
         name, at = pose.vehicle, pose.true_at_ns
         frame = self._frames.get(at)
         if frame is None:
             if len(self._frames) >= MOST_FRAMES:
                 del self._frames[next(iter(self._frames))]
             frame = self._frames[at] = {}
-        body = body_of(pose, self._sizes[name])
-        always, touching = self._neighbours[name], self._touching[name]
-        if touching:
-            always = always | touching
+        if body is None:
+            body = body_of(pose, self._sizes[name])
+        neighbours, touching = self._pairs[name], self._touching[name]
         found: list[Episode] = []
         east, north, reach = body.east, body.north, self._reach
         for other, there in frame.items():
-            if other in always or (
+            if other in neighbours:
+                pair = neighbours[other]
+                if pair.names[0] == name:
+                    found += self._follow(at, pair, body, there)
+                else:
+                    found += self._follow(at, pair, there, body)
+            elif (
                 -reach < there.east - east < reach
                 and -reach < there.north - north < reach
                 and other != name
-            ):
+            ) or (touching and other in touching):
                 found += self._meet(at, name, body, other, there)
         frame[name] = body
         if len(frame) == len(self._sizes):
@@ -147,19 +161,28 @@ class Encounters:
     def _meet(
         self, at: int, name: str, body: CarBody, other: str, there: CarBody
     ) -> Iterable[Episode]:
+        """Compare two that are no neighbours."""
         if self._place[name] > self._place[other]:
             name, body, other, there = other, there, name, body
-        follows = self._place[other] == self._place[name] + 1
-        if follows:
-            self.gaps[other].see(body, there, at)
-            if self._is_usual((name, other), body, there):
-                return ()
-        return self._look(at, (name, body), (other, there), follows=follows)
+        return self._look(at, (name, other), body, there, None)
+
+    def _follow(self, at: int, pair: _Pair, ahead: CarBody, behind: CarBody) -> Iterable[Episode]:
+        """Compare two neighbours."""
+        pair.gap.see(ahead, behind, at)
+        if self._is_usual(pair, ahead, behind):
+            return ()
+        return self._look(at, pair.names, ahead, behind, pair.gap)
 
     def _look(
-        self, at: int, ahead: tuple[str, CarBody], behind: tuple[str, CarBody], *, follows: bool
+        self,
+        at: int,
+        names: tuple[str, str],
+        body: CarBody,
+        there: CarBody,
+        gap: SmallestGap | None,
     ) -> Iterator[Episode]:
-        (name, body), (other, there) = ahead, behind
+        """Compare two bodies, the one ahead first; only neighbours have a `gap`."""
+        name, other = names
         apart = separation(body, there)
         place = (0.5 * (body.east + there.east), 0.5 * (body.north + there.north))
         touched = other in self._touching[name]
@@ -168,27 +191,27 @@ class Encounters:
             self._touching[other].add(name)
             # Of two that overlap in passing it is the speed along the line between their centres.
             figures = {"closing_speed_mps": apart.closing}
-            yield Episode("collision", (name, other), at, at, figures, place=place)
+            yield Episode("collision", names, at, at, figures, place=place)
         elif apart.distance > PARTED_M and touched:
             self._touching[name].discard(other)
             self._touching[other].discard(name)
-        if follows:
-            self.gaps[other].add(apart.distance, at)
-            yield from self._keep_apart(at, (name, other), apart, place)
+        if gap is not None:
+            gap.add(apart.distance, at)
+            yield from self._keep_apart(at, names, apart, place)
 
-    def _is_usual(self, pair: tuple[str, str], ahead: CarBody, behind: CarBody) -> bool:
+    def _is_usual(self, pair: _Pair, ahead: CarBody, behind: CarBody) -> bool:
         """Whether neighbours are certainly not nearer than ever before, nor near at all.
 
         So it is at most instants, of which nothing but that has to be known.
         """
-        if pair in self._near or pair[1] in self._touching[pair[0]]:
+        name, other = pair.names
+        if (self._near and pair.names in self._near) or other in self._touching[name]:
             return False
-        least = at_least_apart(ahead, behind) - ROUNDING_M
         faster_east = ahead.speed_east - behind.speed_east
         faster_north = ahead.speed_north - behind.speed_north
         closing = abs(faster_east) + abs(faster_north)  # at most
-        nearest = max(self.gaps[pair[1]].min_m, self._near_gap, self._near_time * closing, 0.0)
-        return least > nearest
+        nearest = max(pair.gap.min_m, self._near_gap, self._near_time * closing, 0.0)
+        return certainly_apart(ahead, behind, nearest)
 
     def _keep_apart(
         self, at: int, pair: tuple[str, str], apart: Separation, place: tuple[float, float]

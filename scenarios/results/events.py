@@ -5,15 +5,14 @@ not believed: found message by message, live, in virtual time or from a log. The
 vehicle come in order; how those of different vehicles are mixed does not matter.
 """
 
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import EventsTable
-from scenarios.results.bodies import BodySize, body_of, corners
+from scenarios.results.bodies import BodySize, CarBody, body_of, corners
 from scenarios.results.degradation.watches import StopWatch, TrustWatch
 from scenarios.results.encounters import Encounters, Episode, EventKind
 from vehicles.car.tyres import SLIDING_SHARE
@@ -100,6 +99,22 @@ WHAT: Mapping[EventKind, Callable[[RunEvent], str]] = {
 }
 
 
+@dataclass(slots=True)
+class _Corners:
+    """What is known of the corners of one follower, each a point with a name of its own.
+
+    `known` are the distances (m) of those corners that the lead has passed, by instant; `seen` is
+    where the follower was then.
+    """
+
+    vehicle: str
+    points: tuple[str, str, str, str]
+    known: dict[int, list[float]] = field(default_factory=dict)
+    seen: dict[int, tuple[float, float]] = field(default_factory=dict)
+    departure: Episode | None = None
+    next_look: int = 0
+
+
 class LaneWatch:
     """Departures of followers from the lane: a corner too far from the lead's driven path.
 
@@ -114,69 +129,80 @@ class LaneWatch:
         self._sizes = sizes
         self._half_width = 0.5 * lane_width
         self._lead, *followers = sizes
-        self._points = {name: [f"{name}/{number}" for number in range(4)] for name in followers}
-        points = [point for four in self._points.values() for point in four]
-        self._paths = CrossTrackError(self._lead, road_yaw, points)
-        self._corners: defaultdict[str, dict[int, list[float]]] = defaultdict(dict)
-        self._seen: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
-        self._open: dict[str, Episode] = {}
-        self._next_look: dict[str, int] = {}
+        self._followers: dict[str, _Corners] = {}
+        self._of_point: dict[str, _Corners] = {}
+        for name in followers:
+            one = _Corners(name, (f"{name}/0", f"{name}/1", f"{name}/2", f"{name}/3"))
+            self._followers[name] = one
+            self._of_point |= dict.fromkeys(one.points, one)
+        self._paths = CrossTrackError(self._lead, road_yaw, self._of_point)
         self.excess: dict[str, float] = {}
 
-    def add(self, pose: TruePose) -> Iterable[Episode]:
-        """Take a pose; gives each departure as it begins."""
+    def add(self, pose: TruePose, body: CarBody | None = None) -> Iterable[Episode]:
+        """Take a pose; gives each departure as it begins.
+
+        `body` is the one at the pose, where that is known already.
+        """
         if pose.vehicle == self._lead:
             feet = self._paths.add(pose)
-        elif pose.true_at_ns < self._next_look.get(pose.vehicle, 0):
+            return self._measure(feet) if feet else ()
+        follower = self._followers[pose.vehicle]
+        if pose.true_at_ns < follower.next_look:
             return ()
-        else:
-            places = corners(body_of(pose, self._sizes[pose.vehicle]))
-            seen = self._seen[pose.vehicle]
-            if len(seen) > MOST_WAITING:
-                del seen[next(iter(seen))]
-            seen[pose.true_at_ns] = (pose.east_m, pose.north_m)
-            feet = [
-                foot
-                for point, (east, north) in zip(self._points[pose.vehicle], places, strict=True)
-                for foot in self._paths.add_point(point, pose.true_at_ns, east, north)
-            ]
+        return self._look(follower, pose, body or body_of(pose, self._sizes[pose.vehicle]))
+
+    def _look(self, follower: _Corners, pose: TruePose, body: CarBody) -> Iterable[Episode]:
+        at, place = pose.true_at_ns, (pose.east_m, pose.north_m)
+        feet: list[CrossTrack] = []
+        for point, (east, north) in zip(follower.points, corners(body), strict=True):
+            feet += self._paths.add_point(point, at, east, north)
+        seen = follower.seen
+        if len(feet) == 4 and not follower.known:
+            one, two, three, four = feet
+            if at == one.at_ns == two.at_ns == three.at_ns == four.at_ns:  # as mostly
+                if seen:
+                    _forget(seen, at)
+                sides = abs(one.lateral), abs(two.lateral), abs(three.lateral), abs(four.lateral)
+                return self._follow(follower, at, place, max(sides) - self._half_width)
+        if len(seen) > MOST_WAITING:
+            del seen[next(iter(seen))]
+        seen[at] = place
         return self._measure(feet) if feet else ()
 
     def _measure(self, feet: Iterable[CrossTrack]) -> Iterator[Episode]:
         """Take foot points of corners; whose four are known by then is looked at."""
         for foot in feet:
-            vehicle = foot.vehicle.rpartition("/")[0]
+            follower = self._of_point[foot.vehicle]
             # The lead reaches the front corners' places later than those of the rear ones.
-            waiting = self._corners[vehicle]
+            waiting, seen, at = follower.known, follower.seen, foot.at_ns
             if len(waiting) > MOST_WAITING:
                 del waiting[next(iter(waiting))]
-            known = waiting.setdefault(foot.at_ns, [])
+            known = waiting.setdefault(at, [])
             known.append(abs(foot.lateral))
             if len(known) == 4:
-                seen = self._seen[vehicle]
-                place = seen.get(foot.at_ns, (0.0, 0.0))
-                _forget(waiting, foot.at_ns)
-                _forget(seen, foot.at_ns)
-                yield from self._follow(vehicle, foot.at_ns, place, max(known) - self._half_width)
+                place = seen.get(at, (0.0, 0.0))
+                _forget(waiting, at)
+                _forget(seen, at)
+                yield from self._follow(follower, at, place, max(known) - self._half_width)
 
     def _follow(
-        self, vehicle: str, at: int, place: tuple[float, float], excess: float
-    ) -> Iterator[Episode]:
-        self.excess[vehicle] = excess
-        self._next_look[vehicle] = at + LANE_LOOK_NS if excess < -WELL_INSIDE_M else 0
-        episode = self._open.get(vehicle)
+        self, follower: _Corners, at: int, place: tuple[float, float], excess: float
+    ) -> tuple[Episode, ...]:
+        self.excess[follower.vehicle] = excess
+        follower.next_look = at + LANE_LOOK_NS if excess < -WELL_INSIDE_M else 0
+        episode = follower.departure
         if excess > 0.0:
             begins = episode is None
             if episode is None:
-                found = Episode("lane_departure", (vehicle,), at, at, place=place)
-                episode = self._open[vehicle] = found
+                episode = Episode("lane_departure", (follower.vehicle,), at, at, place=place)
+                follower.departure = episode
             episode.until_ns = at
             episode.most("excess_m_max", excess)
             episode.most("duration_s", (at - episode.at_ns) / SECOND)
-            if begins:
-                yield episode
-        elif episode is not None and episode.is_over(at):
-            del self._open[vehicle]
+            return (episode,) if begins else ()
+        if episode is not None and episode.is_over(at):
+            follower.departure = None
+        return ()
 
 
 def _forget(known: dict[int, Any], until: int) -> None:
@@ -206,7 +232,8 @@ class PathWatch:
         before, self._last[name] = self._last.get(name, at), at
         if tracking.mode not in LOST_MODES or tracking.known_m > 0.0:  # false for NaN
             self._lost[name] = None
-            self._told.discard(name)
+            if self._told:
+                self._told.discard(name)
         elif name in self._lost:  # it has had one
             return self._losing(name, at, place, unseen=at - before > UNRECORDED_NS)
         return ()
@@ -259,6 +286,7 @@ class EventDetector:
     ) -> None:
         """Take the bodies, lead first, and the direction of the road at the start (rad)."""
         rules = table or EventsTable()
+        self._sizes = sizes
         self.encounters = Encounters(
             sizes, near_gap=rules.near_miss_gap_m, near_time=rules.near_miss_time_s
         )
@@ -280,21 +308,28 @@ class EventDetector:
 
     def add_truth(self, pose: TruePose) -> None:
         """Take a true pose of one of the vehicles."""
-        self._first_at = min(self._first_at, pose.true_at_ns)
-        self._places[pose.vehicle] = (pose.east_m, pose.north_m)
-        if met := self.encounters.add(pose):
+        name = pose.vehicle
+        if pose.true_at_ns < self._first_at:
+            self._first_at = pose.true_at_ns
+        self._places[name] = (pose.east_m, pose.north_m)
+        body = body_of(pose, self._sizes[name])
+        if met := self.encounters.add(pose, body):
             self.collisions += sum([episode.kind == "collision" for episode in met])
             self._found += met
         if pose.friction_ratio >= SLIDING_SHARE:
             self._found += self._slide.add(pose)
-        self._found += self._lane.add(pose)
+        if departed := self._lane.add(pose, body):
+            self._found += departed
 
     def add_tracking(self, tracking: Tracking) -> None:
         """Take what one of the vehicles steers along."""
         place = self._places.get(tracking.vehicle, (0.0, 0.0))
-        self._found += self._path.add(tracking, place)
-        self._found += self._stop.add(tracking, place)
-        self._found += self._trust.add(tracking, place)
+        if lost := self._path.add(tracking, place):
+            self._found += lost
+        if stopped := self._stop.add(tracking, place):
+            self._found += stopped
+        if doubted := self._trust.add(tracking, place):
+            self._found += doubted
 
     def finish(self) -> None:
         """Count what had not ended when the run did."""

@@ -97,6 +97,7 @@ class CrossTrackError:
         self._newest: TruePose | None = None
         self._followers = {name: _Follower() for name in followers}
         self._forgets = bool(self._followers)
+        self._is_awaited = False  # it may be, since places wait
 
     def add(self, pose: TruePose) -> list[CrossTrack]:
         """Take a pose; returns the foot points that are known now and were not before.
@@ -106,8 +107,9 @@ class CrossTrackError:
         """
         if pose.vehicle != self._lead:
             return self.add_point(pose.vehicle, pose.true_at_ns, pose.east_m, pose.north_m)
-        if self._extend(pose):
+        if self._extend(pose) and self._is_awaited:
             waiting = [other for other in self._followers.values() if other.waiting]
+            self._is_awaited = bool(waiting)
             return [foot for other in waiting for foot in self._feet(other)]
         return []
 
@@ -119,10 +121,12 @@ class CrossTrackError:
         place = vehicle, at, east, north
         if follower.waiting or follower.left_behind or not self._chords:
             follower.waiting.append(place)
+            self._is_awaited = True
             return self._feet(follower) if self._chords else []
         foot = self._foot(follower, place)
         if foot is None:
             follower.waiting.append(place)
+            self._is_awaited = True
             return []
         return [] if self._chords[follower.index].guessed else [foot]
 

@@ -21,7 +21,8 @@ class StopWatch:
         """Take the tracking of one instant; gives each stop as it begins."""
         if tracking.mode == "stop":
             return self._stopping(tracking, place)
-        self._open.pop(tracking.vehicle, None)
+        if self._open:
+            self._open.pop(tracking.vehicle, None)
         return ()
 
     def _stopping(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:

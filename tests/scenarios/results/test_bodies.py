@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from scenarios.results.bodies import (
+    ROUNDING_M,
     BodySize,
     CarBody,
-    at_least_apart,
     body_of,
+    certainly_apart,
     corners,
     overlap,
     separation,
@@ -136,7 +137,7 @@ def test_a_body_moves_as_its_centre_does() -> None:
 @given(one=bodies, other=bodies)
 @settings(max_examples=400)
 def test_bodies_are_never_nearer_than_their_shadows(one: CarBody, other: CarBody) -> None:
-    assert at_least_apart(one, other) <= separation(one, other).distance + 1e-9
+    assert not certainly_apart(one, other, separation(one, other).distance)
 
 
 @given(yaw=st.floats(-math.pi, math.pi), gap=st.floats(0.0, 50.0), aside=st.floats(-1.8, 1.8))
@@ -146,5 +147,6 @@ def test_the_shadows_of_one_behind_the_other_are_as_far_apart_as_they(
     way = gap + 4.93
     east = way * math.cos(yaw) - aside * math.sin(yaw)
     north = way * math.sin(yaw) + aside * math.cos(yaw)
-    least = at_least_apart(placed(0.0, 0.0, yaw), placed(east, north, yaw))
-    assert least == pytest.approx(gap, abs=1e-9)
+    ahead, behind = placed(0.0, 0.0, yaw), placed(east, north, yaw)
+    assert certainly_apart(ahead, behind, gap - 2.0 * ROUNDING_M)
+    assert not certainly_apart(ahead, behind, gap)
