@@ -47,15 +47,17 @@ class BelievedErrors:
 
     def add_believed(self, at: int, error: float) -> None:
         """Take what the vehicle believes at instant `at` (ns)."""
-        if at in self.true:
-            self.off.add(error - self.true.pop(at), at)
+        true = self.true.pop(at, None)
+        if true is not None:
+            self.off.add(error - true, at)
         else:
             self._keep(self.believed, at, error)
 
     def add_true(self, at: int, error: float) -> None:
         """Take the true error at instant `at` (ns)."""
-        if at in self.believed:
-            self.off.add(self.believed.pop(at) - error, at)
+        believed = self.believed.pop(at, None)
+        if believed is not None:
+            self.off.add(believed - error, at)
         else:
             self._keep(self.true, at, error)
 
@@ -81,13 +83,18 @@ class TyreFigures:
 
     def add(self, pose: TruePose) -> None:
         """Take the next true pose."""
-        across, share = abs(pose.lateral_acceleration_mps2), pose.friction_ratio
-        front, rear = abs(pose.front_slip_rad), abs(pose.rear_slip_rad)
+        across, share = pose.lateral_acceleration_mps2, pose.friction_ratio
+        front, rear = pose.front_slip_rad, pose.rear_slip_rad
         self.poses += 1
-        self.lateral_acceleration = max(self.lateral_acceleration, across)
-        self.front_slip = max(self.front_slip, front)
-        self.rear_slip = max(self.rear_slip, rear)
-        self.friction = max(self.friction, share)
+        # Comparisons take a quarter of the time of calls of max and abs.
+        if not -self.lateral_acceleration <= across <= self.lateral_acceleration:
+            self.lateral_acceleration = max(self.lateral_acceleration, abs(across))
+        if not -self.front_slip <= front <= self.front_slip:
+            self.front_slip = max(self.front_slip, abs(front))
+        if not -self.rear_slip <= rear <= self.rear_slip:
+            self.rear_slip = max(self.rear_slip, abs(rear))
+        if share > self.friction:
+            self.friction = share
         if share >= SLIDING_SHARE:
             self.sliding += 1
 

@@ -68,8 +68,9 @@ class RecordedNumbers:
     def add(self, number: int) -> None:
         """Take a number; one that is there already changes nothing but the count."""
         self.count += 1
-        if self._lasts and number == self._lasts[-1] + 1:
-            self._lasts[-1] = number
+        lasts = self._lasts
+        if lasts and number == lasts[-1] + 1:
+            lasts[-1] = number
             return
         place = bisect_left(self._lasts, number)  # the first range that ends at it or later
         if place < len(self._lasts) and self._firsts[place] <= number:

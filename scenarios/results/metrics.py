@@ -49,6 +49,9 @@ SILENT_NS = SECOND
 """A vehicle of which nothing was heard for so long before the end was not there any more: what is
 on its way when a run is stopped takes less."""
 
+_Source = tuple[LinkTally, AlarmTally]
+"""What is kept of the link from one source of a follower."""
+
 
 class Metrics:
     """Gathers the figures of a run from its messages."""
@@ -79,6 +82,7 @@ class Metrics:
         only of a run that is `plotted`: they are no figures.
         """
         self._names = list(vehicles)
+        self._lead = self._names[0]
         self._requested = requested
         self._rates_hz: dict[str, float | None] = dict(rates_hz or {})
         self._control_rate_hz = control_rate_hz
@@ -102,7 +106,8 @@ class Metrics:
         self._plotted, self._has_deadlines = plotted, bool(self.deadlines)
         self._behind = dict(pairwise(self._names))
         self._ahead = {behind: ahead for ahead, behind in self._behind.items()}
-        takes: Mapping[type[Message], Callable[[VehicleFigures, Any], None]] = {
+        self._sources: dict[str, tuple[_Source | None, _Source | None]] = {}
+        takes: Mapping[type[Message], Callable[[VehicleFigures, Any, int], None]] = {
             TruePose: self._add_truth,
             Tracking: self._add_tracking,
             GpsPose: self._add_pose,
@@ -147,8 +152,9 @@ class Metrics:
             if figures is not None:
                 take, instant_of = found
                 at: int = instant_of(message)
-                figures.last_at = max(figures.last_at, at)
-                take(figures, message)
+                if at > figures.last_at:
+                    figures.last_at = at
+                take(figures, message, at)
         elif isinstance(message, LogText):
             self._add_text(message)
         elif isinstance(message, RunStart):
@@ -160,13 +166,16 @@ class Metrics:
         if text.text.endswith(CLOCKS_DIFFER) and len(self.warnings) < MOST_WARNINGS:
             self.warnings.append(f"{text.vehicle}: {text.text}")
 
-    def _add_truth(self, figures: VehicleFigures, pose: TruePose) -> None:
-        at = pose.true_at_ns
+    def _add_truth(self, figures: VehicleFigures, pose: TruePose, at: int) -> None:
         figures.distance, figures.speed = pose.distance_m, pose.speed_mps
         figures.true_numbers.add(pose.seq)
-        if pose.vehicle != self._names[0]:
+        if pose.vehicle != self._lead:
             figures.reaction.add_truth(pose)
-        self._add_tyres(figures, pose)
+        tyres = figures.tyres
+        tyres.add(pose)
+        front, rear = self._linear_slips[pose.vehicle]
+        if tyres.front_slip > front or tyres.rear_slip > rear:
+            self._note_slips(pose, front, rear)
         for foot in self._cross_track_error.add(pose):
             self._add_foot(self.vehicles[foot.vehicle], foot)
         self.events.add_truth(pose)
@@ -183,13 +192,9 @@ class Metrics:
             if self.deviations.wants_gap(name, at):
                 self.deviations.add_gap(name, at, gap.now_m)
 
-    def _add_tyres(self, figures: VehicleFigures, pose: TruePose) -> None:
-        tyres = figures.tyres
-        tyres.add(pose)
-        name, (front, rear) = pose.vehicle, self._linear_slips[pose.vehicle]
-        left = tyres.front_slip > front or tyres.rear_slip > rear
-        if left and name not in self.out_of_linear:
-            self.out_of_linear[name] = self._out_of_linear(pose, front, rear)
+    def _note_slips(self, pose: TruePose, front: float, rear: float) -> None:
+        if pose.vehicle not in self.out_of_linear:
+            self.out_of_linear[pose.vehicle] = self._out_of_linear(pose, front, rear)
 
     def _out_of_linear(self, pose: TruePose, front: float, rear: float) -> str:
         after_s = self.events.seconds(pose.true_at_ns)
@@ -214,48 +219,62 @@ class Metrics:
         if self._has_deadlines:
             self.deadlines.add_error(foot.vehicle, foot.at_ns, foot.lateral)
 
-    def _add_tracking(self, figures: VehicleFigures, tracking: Tracking) -> None:
-        if tracking.mode not in {"path", "straight"}:  # it has nothing to be off from
-            figures.belief.add_believed(tracking.decided_at_ns, tracking.lateral_error_m)
-        if tracking.vehicle != self._names[0]:
+    def _add_tracking(self, figures: VehicleFigures, tracking: Tracking, at: int) -> None:
+        mode, error = tracking.mode, tracking.lateral_error_m
+        if mode not in {"path", "straight"}:  # it has nothing to be off from
+            figures.belief.add_believed(at, error)
+        if tracking.vehicle != self._lead:
             self.events.add_tracking(tracking)
-            self._add_sources(tracking)
+            self._add_sources(tracking, at)
             figures.reaction.add_tracking(tracking)
             if self._has_deadlines:
                 self.deadlines.add_tracking(tracking)
-        figures.lateral_error.add(tracking.lateral_error_m)
+        figures.lateral_error.add(error)
         figures.heading_error.add(tracking.heading_error_rad)
-        figures.mode = tracking.mode
-        figures.modes[tracking.mode] += 1
+        figures.mode = mode
+        figures.modes[mode] += 1
         if -inf < tracking.gap_m < figures.gap_min:  # false for NaN: there is no gap to tell
             figures.gap_min = tracking.gap_m
 
-    def _add_sources(self, tracking: Tracking) -> None:
-        """Take how fresh each source is; the lead is the first follower's predecessor, too."""
-        name, at = tracking.vehicle, tracking.decided_at_ns
-        lead, ahead = self._names[0], self._ahead[name]
-        if (lead, name) in self._requested:
-            self.links[lead, name].add_age(tracking.lead_age_s)
-            self._alarms[lead, name].add(at, tracking.lead_status)
-        if ahead != lead and (ahead, name) in self._requested:
-            self.links[ahead, name].add_age(tracking.predecessor_age_s)
-            self._alarms[ahead, name].add(at, tracking.predecessor_status)
+    def _add_sources(self, tracking: Tracking, at: int) -> None:
+        """Take how fresh each source is."""
+        found = self._sources.get(tracking.vehicle)
+        if found is None:
+            found = self._sources[tracking.vehicle] = self._sources_of(tracking.vehicle)
+        lead, ahead = found
+        if lead is not None:
+            link, alarms = lead
+            link.add_age(tracking.lead_age_s)
+            alarms.add(at, tracking.lead_status)
+        if ahead is not None:
+            link, alarms = ahead
+            link.add_age(tracking.predecessor_age_s)
+            alarms.add(at, tracking.predecessor_status)
 
-    def _add_pose(self, figures: VehicleFigures, pose: GpsPose) -> None:
+    def _sources_of(self, name: str) -> tuple[_Source | None, _Source | None]:
+        """Sources of a follower; the lead is the first follower's predecessor, too."""
+        lead, ahead = self._lead, self._ahead[name]
+        return self._source(lead, name), self._source(ahead, name) if ahead != lead else None
+
+    def _source(self, sender: str, receiver: str) -> _Source | None:
+        pair = sender, receiver
+        return (self.links[pair], self._alarms[pair]) if pair in self._requested else None
+
+    def _add_pose(self, figures: VehicleFigures, pose: GpsPose, _at: int) -> None:
         figures.numbers.add(pose.seq)
         if figures.first_sent_at is None:
             figures.first_sent_at = pose.sent_at_ns
         if self._rates_hz.get(pose.vehicle, USUAL_RATE_HZ) is None:
             figures.edges.add(pose.seq, pose.sent_at_ns)
 
-    def _add_health(self, figures: VehicleFigures, health: Health) -> None:
+    def _add_health(self, figures: VehicleFigures, health: Health, _at: int) -> None:
         figures.health = health
         figures.memory_max = max(figures.memory_max, health.memory_bytes)
         if health.seq and not health.final:  # those cover a second, first and last less
             figures.cpu_sum += health.cpu_ratio
             figures.cpu_count += 1
 
-    def _add_change(self, _: VehicleFigures, change: Change) -> None:
+    def _add_change(self, _: VehicleFigures, change: Change, _at: int) -> None:
         """From now on its poses come by no schedule, or links are not as they were asked for."""
         if change.kind in VEHICLE_CHANGES:
             self._rates_hz[change.vehicle] = None
@@ -263,10 +282,10 @@ class Metrics:
         for pair in changed_links(change.table, self._names, self._requested):
             self.links[pair].changed |= pair[1] == change.vehicle
 
-    def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict) -> None:
-        if (verdict.sender, verdict.vehicle) not in self._requested:
-            return
-        self.links[verdict.sender, verdict.vehicle].add(verdict)
+    def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict, _at: int) -> None:
+        pair = verdict.sender, verdict.vehicle
+        if pair in self._requested:
+            self.links[pair].add(verdict)
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         """Figures per vehicle, the lead first, of a run of `ran_ns`."""

@@ -55,12 +55,14 @@ class UnloggedRun:
         self._scenario = scenario
         self._metrics = Metrics.of(scenario, plotted=False)
         self._stop = Stop()
+        self._limits = scenario.tables.limits
+        self._events = self._metrics.events
 
     def take(self, message: Message) -> None:
         """Take a message into the figures; a collision may end the run."""
         self._metrics.add(message)
-        collisions = self._metrics.events.collisions
-        if collisions and collision_ends_run(self._scenario.tables.limits, collisions):
+        collisions = self._events.collisions
+        if collisions and collision_ends_run(self._limits, collisions):
             self._stop.ask(why_failed("", self._broken()), EXIT_FAILED)
 
     def run(self) -> RunSummary:
@@ -100,7 +102,7 @@ class UnloggedRun:
         vehicles = self._metrics.vehicle_summaries(self._ran_ns)
         deadlines = self._metrics.deadlines.figures(self._ran_ns)
         events = self._metrics.events.events()
-        return broken_limits(self._scenario.tables.limits, events, vehicles, deadlines)
+        return broken_limits(self._limits, events, vehicles, deadlines)
 
 
 def run_unlogged(scenario: Scenario) -> RunSummary:

@@ -105,27 +105,35 @@ def slip_angles(state: LateralState, p: VehicleParameters) -> tuple[float, float
 
     Below WALKING_PACE the slip speeds are taken against it instead of the car's own speed.
     """
-    rolling = max(state.speed, WALKING_PACE)
+    speed, lateral_speed, yaw_rate = state.speed, state.lateral_speed, state.yaw_rate
+    rolling = speed if speed > WALKING_PACE else WALKING_PACE  # noqa: FURB136 - faster than max
     # The wheels point at the steering angle, along which the car's own speed is no slip.
-    swing = p.front_axle_distance * state.yaw_rate - state.speed * state.steering
-    behind = state.lateral_speed - p.rear_axle_distance * state.yaw_rate
-    return (state.lateral_speed + swing) / rolling, behind / rolling
+    swing = p.front_axle_distance * yaw_rate - speed * state.steering
+    behind = lateral_speed - p.rear_axle_distance * yaw_rate
+    return (lateral_speed + swing) / rolling, behind / rolling
 
 
-def tyre_use(state: LateralState, acceleration: float, p: VehicleParameters) -> TyreUse:
+def tyre_use(
+    state: LateralState,
+    acceleration: float,
+    p: VehicleParameters,
+    loads: tuple[float, float] | None = None,
+) -> TyreUse:
     """What the tyres do in a state of eqs. (1), (2), at an acceleration asked for (m/s²).
 
-    By the tyre model of `p`. A car that stands is held without friction being counted.
+    By the tyre model of `p`. A car that stands is held without friction being counted. `loads` are
+    those of its axles (N), for whoever asks often.
     """
     front_slip, rear_slip = slip_angles(state, p)
     along = acceleration if state.speed > 0.0 or acceleration > 0.0 else 0.0
-    loads = axle_loads(p)
+    loads = loads or axle_loads(p)
     if p.tyres == "linear":
         front = -p.front_cornering_stiffness * front_slip
         rear = -p.rear_cornering_stiffness * rear_slip
     else:
         limit = p.friction * GRAVITY
-        along = min(max(along, -limit), limit)
+        if not -limit <= along <= limit:
+            along = min(max(along, -limit), limit)
         left = p.friction * lateral_share(along, p.friction)
         front = brush_force(front_slip, p.front_cornering_stiffness, left * loads[0])
         rear = brush_force(rear_slip, p.rear_cornering_stiffness, left * loads[1])

@@ -47,27 +47,31 @@ class LinkTally:
 
     def add(self, verdict: LinkVerdict) -> None:
         """Take the link's verdict on one message."""
+        number = verdict.pose_seq
         if verdict.outcome == "dropped":
             self._count(self.dropped, verdict.reason)
             lost = counts_as_loss(verdict.reason)
-            self._keep(verdict.pose_seq, _LOST if lost else _NOT_CARRIED)
+            self._keep(number, _LOST if lost else _NOT_CARRIED)
             return
         if verdict.content:
             self._count(self.false, verdict.content)
-        self._keep(verdict.pose_seq, _DELIVERED)
+        self._keep(number, _DELIVERED)
+        late, heard_at, before = verdict.late, verdict.heard_at_ns, self._heard_at
         self.heard += 1
-        self.late += verdict.late
+        self.late += late
         self.copies += verdict.copies
-        self.reordered += verdict.pose_seq < self._newest
-        self._newest = max(self._newest, verdict.pose_seq)
-        until = verdict.heard_at_ns if verdict.late else verdict.visible_at_ns
-        latency = until - verdict.sent_at_ns
+        if number < self._newest:
+            self.reordered += 1
+        else:
+            self._newest = number
+        latency = (heard_at if late else verdict.visible_at_ns) - verdict.sent_at_ns
         self.latency_ns_sum += latency
-        self.latency_ns_max = max(self.latency_ns_max, latency)
+        if latency > self.latency_ns_max:
+            self.latency_ns_max = latency
         self.latencies[latency // RESOLUTION_NS] += 1
-        if self._heard_at is not None and verdict.heard_at_ns > self._heard_at:
-            self.arrival_gaps[(verdict.heard_at_ns - self._heard_at) // RESOLUTION_NS] += 1
-        self._heard_at = verdict.heard_at_ns
+        if before is not None and heard_at > before:
+            self.arrival_gaps[(heard_at - before) // RESOLUTION_NS] += 1
+        self._heard_at = heard_at
 
     def add_age(self, age_s: float) -> None:
         """Take how old (s) the newest of the source is at a command, NaN before the first.
@@ -98,10 +102,14 @@ class LinkTally:
     def _keep(self, number: int, fate: int) -> None:
         if number >= MOST_NUMBERS:
             return
-        missing = number + 1 - len(self._fates)
+        fates = self._fates
+        missing = number - len(fates)
+        if not missing:  # as mostly
+            fates.append(fate)
+            return
         if missing > 0:
-            self._fates.extend(bytes(missing))
-        self._fates[number] = fate
+            fates.extend(bytes(missing + 1))
+        fates[number] = fate
 
     @staticmethod
     def _count(words: Counter[str], word: str) -> None:

@@ -68,19 +68,25 @@ class Reaction:
 
     def add_tracking(self, tracking: Tracking) -> None:
         """Take what the follower knew at a command; they come in order of time."""
-        if tracking.mode != self._mode:
+        mode, hazard, at = tracking.mode, tracking.hazard, tracking.decided_at_ns
+        if mode != self._mode:
             self._enter(tracking)
-        self._hazards += tracking.hazard and not self._hazard
-        self._hazard = tracking.hazard
-        at = tracking.decided_at_ns
+        if hazard != self._hazard:
+            self._hazards += hazard
+            self._hazard = hazard
         if is_degraded(tracking):
-            self._since = at if self._since is None else self._since
+            if self._since is None:
+                self._since = at
         elif self._since is not None:
             self._recoveries.append(at - self._since)
             self._since = None
-        blind = tracking.mode in WITHOUT_SOURCE and tracking.known_m < 0.0  # false for NaN
-        _keep(self._beyond, at, _whole(-tracking.known_m) if blind else 0)
-        self._drive_on(at)
+        blind = mode in WITHOUT_SOURCE and tracking.known_m < 0.0  # false for NaN
+        beyond = _whole(-tracking.known_m) if blind else 0
+        driven = self._driven.pop(at, None)
+        if driven is None:
+            _keep(self._beyond, at, beyond)
+        else:
+            self._drive_on(driven, beyond)
 
     def _enter(self, tracking: Tracking) -> None:
         """Take a mode that is another one than before."""
@@ -93,21 +99,22 @@ class Reaction:
 
     def add_truth(self, pose: TruePose) -> None:
         """Take the metres driven; poses come in order of time."""
-        _keep(self._driven, pose.true_at_ns, _whole(pose.distance_m))
-        self._drive_on(pose.true_at_ns)
+        at, driven = pose.true_at_ns, _whole(pose.distance_m)
+        beyond = self._beyond.pop(at, None)
+        if beyond is None:
+            _keep(self._driven, at, driven)
+        else:
+            self._drive_on(driven, beyond)
 
-    def _drive_on(self, at: int) -> None:
-        """Add what was driven beyond the known path up to an instant, once both are there of it.
+    def _drive_on(self, driven: int, beyond: int) -> None:
+        """Add what was driven beyond the known path up to an instant of which both are there.
 
         Of the metres since the instant before no more than those by which the path has ended. Both
         kinds of messages come in order, and so do the instants of which both are there.
         """
-        if at not in self._beyond or at not in self._driven:
-            return
-        beyond, driven = self._beyond.pop(at), self._driven.pop(at)
-        before = driven if self._driven_before is None else self._driven_before
-        self._blind += min(max(driven - before, 0), beyond)
-        self._driven_before = driven
+        before, self._driven_before = self._driven_before, driven
+        if beyond and before is not None:
+            self._blind += min(max(driven - before, 0), beyond)
 
     @property
     def summary(self) -> ReactionSummary:

@@ -14,7 +14,7 @@ from vehicles.car.clock_error import VehicleClock
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.tyres import TyreUse, rolling_use, tyre_use
+from vehicles.car.tyres import TyreUse, axle_loads, rolling_use, tyre_use
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import NOTHING_TOLD, Announcement, Message
@@ -55,9 +55,9 @@ class Outbox:
         """
         state = state or OutboxState()
         self._vehicle = vehicle
-        self._sink = sink
+        self._sink, self._send = sink, sink.send
         self._plane = plane
-        self._parameters = parameters
+        self._parameters, self._loads = parameters, axle_loads(parameters)
         self._inbox = inbox
         self._probe = probe
         self._clock = clock or VehicleClock(start_at)
@@ -89,8 +89,7 @@ class Outbox:
         for verdict in self._inbox.verdicts():
             self._add(verdict)
         if decision.fresh:
-            use = tyre_use(body, decision.actuation.acceleration, self._parameters)
-            self._add_truth(now, body, use)
+            self._add_truth(now, body, self._use(body, decision.actuation))
             self._add_decision(now, decision)
         for line in self._inbox.complaints():
             self._add_text(now, line, "error")
@@ -103,7 +102,7 @@ class Outbox:
         self._ticks += 1
         self._mode = ""
         if fresh:
-            self._add_truth(now, body, tyre_use(body, command.acceleration, self._parameters))
+            self._add_truth(now, body, self._use(body, command))
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()
@@ -204,6 +203,9 @@ class Outbox:
             )
         )
 
+    def _use(self, body: Body, command: Actuation) -> TyreUse:
+        return tyre_use(body, command.acceleration, self._parameters, self._loads)
+
     def _add_truth(self, now: int, body: Body, tyres: TyreUse) -> None:
         self._add(
             messages.TruePose(
@@ -246,4 +248,4 @@ class Outbox:
 
     def _add(self, message: Message) -> None:
         self._next[type(message)] += 1
-        self._sink.send(message)
+        self._send(message)
