@@ -93,7 +93,7 @@ class TyreFigures:
             self.front_slip = max(self.front_slip, abs(front))
         if not -self.rear_slip <= rear <= self.rear_slip:
             self.rear_slip = max(self.rear_slip, abs(rear))
-        if share > self.friction:
+        if share > self.friction:  # noqa: PLR1730 - twice as fast as max
             self.friction = share
         if share >= SLIDING_SHARE:
             self.sliding += 1

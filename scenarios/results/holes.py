@@ -62,8 +62,10 @@ class RecordedNumbers:
         self.count = 0
 
     def __contains__(self, number: int) -> bool:
-        place = bisect_left(self._lasts, number)
-        return place < len(self._lasts) and self._firsts[place] <= number
+        lasts = self._lasts
+        if not lasts or number > lasts[-1]:  # as mostly
+            return False
+        return self._firsts[bisect_left(lasts, number)] <= number
 
     def add(self, number: int) -> None:
         """Take a number; one that is there already changes nothing but the count."""

@@ -9,9 +9,18 @@ from scenarios.results.metrics import Metrics
 from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
 from transport.log.writer import LogWriter
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
+from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import GpsPose, Health, LogText, Message, RunEnd, RunStart
+from vehicles.messages import (
+    GpsPose,
+    Health,
+    LogText,
+    Message,
+    RunEnd,
+    RunStart,
+    Tracking,
+    TruePose,
+)
 from vehicles.schedule import SECOND
 
 EARLY_NS = SECOND
@@ -97,12 +106,12 @@ class Recorder:
     def accept(self, key_expression: str, data: bytes, at: int) -> bool:
         """Take one message received at instant `at` (ns); tells whether it was recorded."""
         try:
-            topic, message = self._admit(key_expression, data, at)
+            topic, message, seen = self._admit(key_expression, data, at)
         except RefusedMessageError as refusal:
             self.rejected[refusal.reason] += 1
             self._note_misdated(key_expression, refusal.reason, at)
             return False
-        self._seen[key_expression].add(message.seq)
+        seen.add(message.seq)
         self._record(topic, as_read(data, message), at, message)
         return True
 
@@ -111,8 +120,13 @@ class Recorder:
         if vehicle and (line := self._misdated.count(vehicle, reason)):
             self.say(at, line, "error")
 
-    def _admit(self, key_expression: str, data: bytes, at: int) -> tuple[Topic, Message]:
-        """Read a message of this run; raises RefusedMessageError."""
+    def _admit(
+        self, key_expression: str, data: bytes, at: int
+    ) -> tuple[Topic, Message, RecordedNumbers]:
+        """Read a message of this run; raises RefusedMessageError.
+
+        Returns it with its topic, and the numbers of those that came before it.
+        """
         found = self._topics.get(key_expression)
         if found is None:
             raise RefusedMessageError("unknown", f"no topic {key_expression}")
@@ -127,14 +141,15 @@ class Recorder:
         if isinstance(message, GpsPose):
             self._gates[vehicle].check(message, at)
         else:
-            valid = valid_at(message)
+            valid: int = getattr(message, topic.instant)
             if valid < self._start_at - EARLY_NS:
                 raise RefusedMessageError("early", f"valid at {valid}")
             if valid > at + HORIZON_NS:
                 raise RefusedMessageError("future", f"valid at {valid}")
-        if message.seq in self._seen[key_expression]:
+        seen = self._seen[key_expression]
+        if message.seq in seen:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
-        return topic, message
+        return topic, message, seen
 
     def on_sent(self, topic: Topic, data: bytes, message: Message, at: int) -> None:
         """Take a message from a vehicle of the same process at instant `at` (ns)."""
@@ -178,11 +193,14 @@ class Recorder:
             self._writer.write(topic, message.vehicle, data, at, message=message)
         self.recorded += 1
         self._metrics.add(message)
-        for one in self._metrics.deviations.news():
-            self._writer.write_deviation(at, *one)
+        is_truth = isinstance(message, TruePose)
+        if is_truth:  # nothing else brings deviations
+            for one in self._metrics.deviations.news():
+                self._writer.write_deviation(at, *one)
         for listener in self._listeners:
             listener(at, message)
-        self.say_news(at)
+        if is_truth or isinstance(message, Tracking):  # nothing else brings events and warnings
+            self.say_news(at)
 
     def say_news(self, at: int) -> None:
         """Write a line for each event on the road, and each warning, that has been found since."""

@@ -62,7 +62,7 @@ def run_virtual(
             after_s = (clock.now() - scenario.start_at_ns) / SECOND
             left = f"{message.vehicle} left {after_s:.1f} s after the start"
             run.recorder.say(clock.now(), f"{left}; the convoy goes on without it")
-        if not stop.asked and (reason := run.must_end):
+        if (reason := run.must_end) and not stop.asked:
             stop.ask(reason, EXIT_FAILED)
 
     run.start(clock.now(), clock.now())

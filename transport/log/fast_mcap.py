@@ -29,6 +29,7 @@ __all__ = ["FastWriter", "Writer", "new_writer"]
 
 CHUNK_BYTES = 1024 * 1024
 """A chunk is complete once it holds more bytes than this, as in the package."""
+_MESSAGE = int(Opcode.MESSAGE)
 _HEAD = struct.Struct("<BQHIQQ")
 """Opcode and length of a record; channel, number, log time and publish time of a message."""
 _FIXED = _HEAD.size - 9
@@ -148,18 +149,18 @@ class FastWriter(Writer):
     ) -> None:
         """Add a message (instants in ns)."""
         chunk = self._chunk
-        flat = (chunk.indices.get(channel_id) or chunk.index(channel_id)).flat
-        flat.append(log_time)
-        flat.append(chunk.size)
-        length = _FIXED + len(data)
-        parts = chunk.parts
-        parts.append(
-            _HEAD.pack(Opcode.MESSAGE, length, channel_id, sequence, log_time, publish_time)
+        index = chunk.indices.get(channel_id)
+        if index is None:
+            index = chunk.index(channel_id)
+        size, length = chunk.size, _FIXED + len(data)
+        index.flat += (log_time, size)
+        chunk.parts += (
+            _HEAD.pack(_MESSAGE, length, channel_id, sequence, log_time, publish_time),
+            data,
         )
-        parts.append(data)
         chunk.num_messages += 1
-        chunk.size += 9 + length
-        if chunk.size > CHUNK_BYTES:
+        chunk.size = size = size + 9 + length
+        if size > CHUNK_BYTES:
             self.flush()
 
 

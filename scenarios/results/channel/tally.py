@@ -66,8 +66,7 @@ class LinkTally:
             self._newest = number
         latency = (heard_at if late else verdict.visible_at_ns) - verdict.sent_at_ns
         self.latency_ns_sum += latency
-        if latency > self.latency_ns_max:
-            self.latency_ns_max = latency
+        self.latency_ns_max = max(self.latency_ns_max, latency)
         self.latencies[latency // RESOLUTION_NS] += 1
         if before is not None and heard_at > before:
             self.arrival_gaps[(heard_at - before) // RESOLUTION_NS] += 1
