@@ -104,8 +104,13 @@ class Metrics:
         self.deviations = Deviations(self._names[1:])
         self.deadlines = deadlines or Deadlines()
         self._plotted, self._has_deadlines = plotted, bool(self.deadlines)
-        self._behind = dict(pairwise(self._names))
-        self._ahead = {behind: ahead for ahead, behind in self._behind.items()}
+        self._ahead = {behind: ahead for ahead, behind in pairwise(self._names)}
+        gaps = self.events.encounters.gaps
+        self._gaps = {
+            name: [(one, gaps[one]) for one in (name, *behind) if one in gaps]
+            for place, name in enumerate(self._names)
+            for behind in [self._names[place + 1 : place + 2]]
+        }
         self._sources: dict[str, tuple[_Source | None, _Source | None]] = {}
         takes: Mapping[type[Message], Callable[[VehicleFigures, Any, int], None]] = {
             TruePose: self._add_truth,
@@ -184,12 +189,8 @@ class Metrics:
 
     def _add_gaps(self, vehicle: str, at: int) -> None:
         """Take the true gaps ahead of a vehicle and behind it, as far as they are known."""
-        gaps = self.events.encounters.gaps
-        for name in (vehicle, self._behind.get(vehicle, "")):
-            gap = gaps.get(name)
-            if gap is None or gap.now_at_ns != at:
-                continue
-            if self.deviations.wants_gap(name, at):
+        for name, gap in self._gaps[vehicle]:
+            if gap.now_at_ns == at and self.deviations.wants_gap(name, at):
                 self.deviations.add_gap(name, at, gap.now_m)
 
     def _note_slips(self, pose: TruePose, front: float, rear: float) -> None:

@@ -112,7 +112,7 @@ class Recorder:
             self._note_misdated(key_expression, refusal.reason, at)
             return False
         seen.add(message.seq)
-        self._record(topic, as_read(data, message), at, message)
+        self.on_sent(topic, as_read(data, message), message, at)
         return True
 
     def _note_misdated(self, key_expression: str, reason: str, at: int) -> None:
@@ -151,10 +151,6 @@ class Recorder:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
         return topic, message, seen
 
-    def on_sent(self, topic: Topic, data: bytes, message: Message, at: int) -> None:
-        """Take a message from a vehicle of the same process at instant `at` (ns)."""
-        self._record(topic, data, at, message)
-
     def say(self, at: int, text: str, level: str = "info") -> None:
         """Write a line of the run's own into the log."""
         self._put(LogText, at, logged_at_ns=at, level=level, text=text)
@@ -185,10 +181,11 @@ class Recorder:
         self._next[kind] += 1
         topic = TOPIC_OF[kind]
         data = encode(message)
-        self._record(topic, data, at, message)
+        self.on_sent(topic, data, message, at)
         return data
 
-    def _record(self, topic: Topic, data: bytes, at: int, message: Message) -> None:
+    def on_sent(self, topic: Topic, data: bytes, message: Message, at: int) -> None:
+        """Record a message at instant `at` (ns), as one from a vehicle of the same process."""
         if topic.logged:
             self._writer.write(topic, message.vehicle, data, at, message=message)
         self.recorded += 1

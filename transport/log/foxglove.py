@@ -144,12 +144,14 @@ def _transform_maker() -> Callable[[TruePose], bytes]:
 def _make_preview(trajectory: CompositeTrajectory) -> bytes:
     poses = PosesInFrame(frame_id=FRAME_ID)
     poses.timestamp.FromNanoseconds(trajectory.decided_at_ns)
+    add = poses.poses.add
     for east, north, yaw in points_along(trajectory, PREVIEW_SPACING_M):
-        pose = poses.poses.add()
-        pose.position.x = east
-        pose.position.y = north
-        pose.orientation.z = math.sin(0.5 * yaw)
-        pose.orientation.w = math.cos(0.5 * yaw)
+        pose = add()
+        position, orientation = pose.position, pose.orientation
+        position.x = east
+        position.y = north
+        orientation.z = math.sin(0.5 * yaw)
+        orientation.w = math.cos(0.5 * yaw)
     data: bytes = poses.SerializeToString()
     return data
 

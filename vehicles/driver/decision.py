@@ -120,23 +120,27 @@ class Decision:
 
     def trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:
         """The composite trajectory of Section III-A as a message for the log."""
-        pieces = fit.spline.pieces
+        pieces = [
+            (one.east, one.north, one.yaw, one.curvature, one.length, one.rate)
+            for one in fit.spline.pieces
+        ]
+        east, north, yaw, curvature, length, rate = zip(*pieces, strict=True)
         return CompositeTrajectory(
             vehicle=vehicle,
             seq=seq,
             decided_at_ns=now,
             mode=self.mode,
-            piece_east_m=tuple(piece.east for piece in pieces),
-            piece_north_m=tuple(piece.north for piece in pieces),
-            piece_yaw_rad=tuple(piece.yaw for piece in pieces),
-            piece_curvature_per_m=tuple(piece.curvature for piece in pieces),
-            piece_length_m=tuple(piece.length for piece in pieces),
+            piece_east_m=east,
+            piece_north_m=north,
+            piece_yaw_rad=yaw,
+            piece_curvature_per_m=curvature,
+            piece_length_m=length,
             sample_east_m=tuple(fit.east.tolist()),
             sample_north_m=tuple(fit.north.tolist()),
             sample_source=tuple(fit.source.tolist()),
             residual_m_rms=fit.residual_rms,
             residual_m_max=fit.residual_max,
-            piece_curvature_rate_per_m2=tuple(piece.rate for piece in pieces),
+            piece_curvature_rate_per_m2=rate,
         )
 
 
