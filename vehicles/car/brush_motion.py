@@ -29,11 +29,8 @@ import math
 from vehicles.car.integration import (
     STEP_PER_RATE,
     Four,
-    actuator,
-    is_at_rate_limit,
+    Steering,
     moved,
-    steps_for_steering,
-    stopped_at_limits,
 )
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import GRAVITY, WALKING_PACE, lateral_share
@@ -42,69 +39,79 @@ Five = tuple[float, float, float, float, float]
 _Tyres = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
-def move(
-    place: Four,
-    state: Five,
-    *,
-    command: float,
-    acceleration: float,
-    span: float,
-    parameters: VehicleParameters,
-    fastest: float,
-    substeps: int | None = None,
-) -> tuple[Four, Five]:
-    """Move the car on by `span` (s) with steering command (rad) and acceleration (m/s²) held.
+class BrushMotion:
+    """Motion of one car on brushes (Section II): what depends on its parameters alone is kept."""
 
-    Section II with brushes, by the classical Runge–Kutta method. `place` is (east, north, yaw,
-    distance), `state` is (speed, lateral speed, yaw rate, steering, steering rate); `fastest` is
-    the fastest rate (1/s) of tyres and steering at the lowest speed of the span.
-    """
-    p = parameters
-    limit = p.friction * GRAVITY
-    asked = min(max(acceleration, -limit), limit)
-    near_limit = steps_for_steering(span, command - state[3], state[4], p)
-    count = substeps or max(math.ceil(span * fastest / STEP_PER_RATE), near_limit)
-    h, free = span / count, actuator(p)
-    rolls = state[0] > 0.0 or asked > 0.0
-    tyres = _tyres(asked if rolls else 0.0, p)
-    for _ in range(count):
-        held = near_limit and is_at_rate_limit(command - state[3], state[4], p)
-        place, state = _step(
-            place, state, command=command, drive=asked if rolls else 0.0, h=h, tyres=tyres,
-            actuation=(0.0, 0.0) if held else free,
-        )  # fmt: skip
-        speed, lateral, yaw_rate, steering, rate = state
-        if abs(steering) > p.steering_limit or abs(rate) > p.steering_rate_limit:
-            steering, rate = stopped_at_limits(steering, rate, p)
-            state = (speed, lateral, yaw_rate, steering, rate)
-        if speed <= 0.0:  # nothing rolls backwards, and brakes that hold need no friction
-            state = (0.0, lateral, yaw_rate, steering, rate)
-        if (state[0] > 0.0 or asked > 0.0) != rolls:
-            rolls = not rolls
-            tyres = _tyres(asked if rolls else 0.0, p)
-    return place, state
+    def __init__(self, p: VehicleParameters, steering: Steering) -> None:
+        """`steering` is that of the car."""
+        self._steering = steering
+        self._friction = p.friction
+        self._limit = p.friction * GRAVITY
+        self._wheelbase = p.wheelbase
+        self._front_arm, self._rear_arm = p.front_axle_distance, p.rear_axle_distance
+        self._front = p.front_cornering_stiffness / p.mass
+        self._rear = p.rear_cornering_stiffness / p.mass
+        self._per_inertia = p.mass / p.yaw_inertia
 
+    def move(  # noqa: PLR0917 - named ones take longer, and every tick comes by here
+        self,
+        place: Four,
+        state: Five,
+        command: float,
+        acceleration: float,
+        span: float,
+        fastest: float,
+        substeps: int | None = None,
+    ) -> tuple[Four, Five]:
+        """Move the car on by `span` (s) with steering command (rad) and acceleration (m/s²) held.
 
-def _tyres(drive: float, p: VehicleParameters) -> _Tyres:
-    """Lever arms, and for each axle C/m, capacity/m and C/(3 capacity), while `drive` is given."""
-    a, b, mass, wheelbase = p.front_axle_distance, p.rear_axle_distance, p.mass, p.wheelbase
-    left = p.friction * GRAVITY * lateral_share(drive, p.friction) / wheelbase
-    front, rear = p.front_cornering_stiffness / mass, p.rear_cornering_stiffness / mass
-    most_front, most_rear = left * b, left * a
-    # Without any friction left every slip is full sliding.
-    front_bend = front / (3.0 * most_front) if most_front > 0.0 else math.inf
-    rear_bend = rear / (3.0 * most_rear) if most_rear > 0.0 else math.inf
-    per_inertia = mass / p.yaw_inertia
-    return (
-        *(a, b, a * per_inertia, b * per_inertia),
-        *(front, most_front, front_bend, rear, most_rear, rear_bend),
-    )
+        Section II with brushes, by the classical Runge–Kutta method. `place` is (east, north, yaw,
+        distance), `state` is (speed, lateral speed, yaw rate, steering, steering rate); `fastest`
+        is the fastest rate (1/s) of tyres and steering at the lowest speed of the span.
+        """
+        limit, wheels = self._limit, self._steering
+        asked = -limit if acceleration < -limit else limit if acceleration > limit else acceleration
+        near_limit = wheels.steps(span, command - state[3], state[4])
+        needed = math.ceil(span * fastest / STEP_PER_RATE)
+        count = substeps or (near_limit if near_limit > needed else needed)
+        h = span / count
+        rolls = state[0] > 0.0 or asked > 0.0
+        drive = asked if rolls else 0.0
+        tyres = self._tyres(drive)
+        for _ in range(count):
+            held = near_limit and wheels.is_at_rate_limit(command - state[3], state[4])
+            actuation = (0.0, 0.0) if held else wheels.free
+            place, state = _step(place, state, command, drive, h, tyres, actuation)
+            speed, lateral, yaw_rate, steering, rate = state
+            if abs(steering) > wheels.limit or abs(rate) > wheels.rate_limit:
+                steering, rate = wheels.stopped(steering, rate)
+                state = (speed, lateral, yaw_rate, steering, rate)
+            if speed <= 0.0:  # nothing rolls backwards, and brakes that hold need no friction
+                state = (0.0, lateral, yaw_rate, steering, rate)
+            if (state[0] > 0.0 or asked > 0.0) != rolls:
+                rolls = not rolls
+                drive = asked if rolls else 0.0
+                tyres = self._tyres(drive)
+        return place, state
+
+    def _tyres(self, drive: float) -> _Tyres:
+        """Lever arms, and for each axle C/m, capacity/m, C/(3 capacity), while `drive` is given."""
+        a, b, front, rear = self._front_arm, self._rear_arm, self._front, self._rear
+        left = self._limit * lateral_share(drive, self._friction) / self._wheelbase
+        most_front, most_rear = left * b, left * a
+        # Without any friction left every slip is full sliding.
+        front_bend = front / (3.0 * most_front) if most_front > 0.0 else math.inf
+        rear_bend = rear / (3.0 * most_rear) if most_rear > 0.0 else math.inf
+        return (
+            *(a, b, a * self._per_inertia, b * self._per_inertia),
+            *(front, most_front, front_bend, rear, most_rear, rear_bend),
+        )
 
 
 def _rates(v: float, y: float, r: float, s: float, tyres: _Tyres) -> tuple[float, float, float]:
     """Derivatives of speed, without the drive's, of lateral speed and of yaw rate."""
     a, b, turn_front, turn_rear, front, most_front, front_bend, rear, most_rear, rear_bend = tyres
-    rolling = v if v > WALKING_PACE else WALKING_PACE  # noqa: FURB136 - twice as fast as max
+    rolling = v if v > WALKING_PACE else WALKING_PACE
     slip = (y + a * r - v * s) / rolling
     x = front_bend * slip if slip > 0.0 else -front_bend * slip
     if x < 1.0:
@@ -120,10 +127,9 @@ def _rates(v: float, y: float, r: float, s: float, tyres: _Tyres) -> tuple[float
     return r * y - f * s, f + g - r * v, turn_front * f - turn_rear * g
 
 
-def _step(
+def _step(  # noqa: PLR0917 - as above
     place: Four,
     state: Five,
-    *,
     command: float,
     drive: float,
     h: float,

@@ -20,15 +20,12 @@ single-track model. The right-hand side is continuous in v, so nothing jumps at 
 import math
 from dataclasses import dataclass
 
-from vehicles.car import brush_motion
+from vehicles.car.brush_motion import BrushMotion
 from vehicles.car.integration import (
     STEP_PER_RATE,
     Four,
-    actuator,
-    is_at_rate_limit,
+    Steering,
     moved,
-    steps_for_steering,
-    stopped_at_limits,
 )
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE, Coefficients, lateral_coefficients
@@ -74,65 +71,124 @@ class Actuation:
     acceleration: float
 
 
-def advance(
-    body: Body,
-    actuation: Actuation,
-    span: float,
-    parameters: VehicleParameters,
-    substeps: int | None = None,
-) -> Body:
-    """Move the car on by `span` (s) with `actuation` held meanwhile.
+class CarMotion:
+    """How one car moves by eqs. (1), (2) and (4): what depends on its parameters alone is kept."""
 
-    Eqs. (1), (2) and (4) by the classical Runge–Kutta method.
+    def __init__(self, parameters: VehicleParameters) -> None:
+        p = self._parameters = parameters
+        self._steering = Steering(p)
+        self._tyres = lateral_coefficients(p)
+        self._saturates = p.tyres == "brush"
+        self._brushes = BrushMotion(p, self._steering)
+        damping = p.steering_damping
+        overdamped = damping + math.sqrt(damping * damping - 1.0) if damping > 1.0 else 1.0
+        self._steering_rate = overdamped * p.steering_frequency
+        self._tyres_damping = -min(self._tyres[0], self._tyres[4])
 
-    The steering command is clamped to the steering limit and the wheels stop there. A braking car
-    comes to rest within the span and stays; it never reverses. `substeps` overrides the number of
-    integration steps (per part of the span: before and after coming to rest). Raises ValueError
-    for a command that is not finite or a negative span, and OutOfModelError for a car that is
-    unstable and spins ever faster.
+    def advance(
+        self, body: Body, actuation: Actuation, span: float, substeps: int | None = None
+    ) -> Body:
+        """Move the car on by `span` (s) with `actuation` held meanwhile.
+
+        Eqs. (1), (2) and (4) by the classical Runge–Kutta method.
+
+        The steering command is clamped to the steering limit and the wheels stop there. A braking
+        car comes to rest within the span and stays; it never reverses. `substeps` overrides the
+        number of integration steps (per part of the span: before and after coming to rest). Raises
+        ValueError for a command that is not finite or a negative span, and OutOfModelError for a
+        car that is unstable and spins ever faster.
+        """
+        command, acceleration = actuation.steering, actuation.acceleration
+        if not (math.isfinite(command) and math.isfinite(acceleration)):
+            raise ValueError(f"a command must be finite: {actuation}")
+        if not 0.0 <= span < math.inf:
+            raise ValueError(f"a span must be finite and not negative: {span}")
+        limit = self._steering.limit
+        command = -limit if command < -limit else limit if command > limit else command
+        if self._saturates:
+            return self._advance_on_brushes(body, command, acceleration, span, substeps)
+        final_speed = body.speed + acceleration * span
+        if final_speed >= 0.0:
+            return self._integrate(body, command, final_speed, span, substeps)
+        rolling = -body.speed / acceleration
+        stopped = self._integrate(body, command, 0.0, rolling, substeps)
+        return self._integrate(stopped, command, 0.0, span - rolling, substeps)
+
+    def fastest_rate(self, speed: float) -> float:
+        """Return the fastest rate of the car's tyres and steering (1/s) at `speed` (m/s).
+
+        Of the tyres it is the larger damping of eqs. (1), (2), of the steering the faster pole of
+        eq. (4).
+        """
+        of_tyres, of_steering = self._tyres_damping / speed, self._steering_rate
+        return of_steering if of_steering > of_tyres else of_tyres
+
+    def _advance_on_brushes(
+        self, body: Body, command: float, acceleration: float, span: float, substeps: int | None
+    ) -> Body:
+        """Advance on tyres that saturate."""
+        if span <= 0.0:
+            return body
+        # A slide changes the speed by the turn of the body as well.
+        gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
+        slowest = body.speed + gained if gained < 0.0 else body.speed
+        slowest = WALKING_PACE if slowest < WALKING_PACE else slowest
+        place, state = self._brushes.move(
+            (body.east, body.north, body.yaw, body.distance),
+            (body.speed, body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate),
+            command,
+            acceleration,
+            span,
+            self.fastest_rate(slowest),
+            substeps,
+        )
+        east, north, yaw, distance = place
+        speed, lateral, yaw_rate, steering, rate = state
+        return Body(east, north, yaw, speed, lateral, yaw_rate, steering, rate, distance)
+
+    def _substeps(self, slowest: float, span: float) -> int:
+        """Count the sub-steps for a span in which the speed does not fall below `slowest`."""
+        return math.ceil(span * self.fastest_rate(max(slowest, WALKING_PACE)) / STEP_PER_RATE)
+
+    def _integrate(
+        self, body: Body, command: float, final_speed: float, span: float, substeps: int | None
+    ) -> Body:
+        """Advance on linear tyres while the speed changes evenly from the body's to the final."""
+        if span <= 0.0:
+            return body
+        p, tyres, wheels = self._parameters, self._tyres, self._steering
+        near_limit = wheels.steps(span, command - body.steering, body.steering_rate)
+        slowest = min(body.speed, final_speed)
+        count = substeps or max(self._substeps(slowest, span), near_limit)
+        place = (body.east, body.north, body.yaw, body.distance)
+        state = (body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate)
+        speed, change = body.speed, (final_speed - body.speed) / count
+        before = middle = after = _lateral_rates(speed, tyres, p)
+        for index in range(count):
+            faster = body.speed + change * (index + 1)
+            speeds = (speed, 0.5 * (speed + faster), faster)
+            if change != 0.0:
+                middle = _lateral_rates(speeds[1], tyres, p)
+                after = _lateral_rates(faster, tyres, p)
+            held = near_limit and wheels.is_at_rate_limit(command - state[2], state[3])
+            place, state = _step(
+                place, state, speeds, (before, middle, after), command=command, h=span / count,
+                actuation=(0.0, 0.0) if held else wheels.free,
+            )  # fmt: skip
+            if abs(state[2]) > wheels.limit or abs(state[3]) > wheels.rate_limit:
+                state = (state[0], state[1], *wheels.stopped(state[2], state[3]))
+            speed, before = faster, after
+        if not abs(state[0]) < FASTEST_SLIDE:
+            raise OutOfModelError(f"the car spins: it is unstable at {final_speed:.1f} m/s")
+        return Body(place[0], place[1], place[2], final_speed, *state, place[3])
+
+
+def fastest_rate(p: VehicleParameters) -> float:
+    """Return the fastest rate of the car's tyres and steering (1/s), which is that at low speed.
+
+    That of eqs. (1), (2) and (4) at walking pace.
     """
-    if not (math.isfinite(actuation.steering) and math.isfinite(actuation.acceleration)):
-        raise ValueError(f"a command must be finite: {actuation}")
-    if not 0.0 <= span < math.inf:
-        raise ValueError(f"a span must be finite and not negative: {span}")
-    acceleration = actuation.acceleration
-    command = min(max(actuation.steering, -parameters.steering_limit), parameters.steering_limit)
-    final_speed = body.speed + acceleration * span
-    if parameters.tyres == "brush":
-        return _advance_on_brushes(body, command, acceleration, span, parameters, substeps=substeps)
-    if final_speed >= 0.0:
-        return _integrate(body, command, final_speed, span, parameters, substeps=substeps)
-    rolling = -body.speed / acceleration
-    stopped = _integrate(body, command, 0.0, rolling, parameters, substeps=substeps)
-    return _integrate(stopped, command, 0.0, span - rolling, parameters, substeps=substeps)
-
-
-def _advance_on_brushes(
-    body: Body,
-    command: float,
-    acceleration: float,
-    span: float,
-    p: VehicleParameters,
-    *,
-    substeps: int | None,
-) -> Body:
-    """Advance on tyres that saturate."""
-    if span <= 0.0:
-        return body
-    # A slide changes the speed by the turn of the body as well.
-    gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
-    slowest = max(min(body.speed, body.speed + gained), WALKING_PACE)
-    place, state = brush_motion.move(
-        (body.east, body.north, body.yaw, body.distance),
-        (body.speed, body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate),
-        command=command,
-        acceleration=acceleration,
-        span=span,
-        parameters=p,
-        fastest=_fastest_rate(slowest, lateral_coefficients(p), p),
-        substeps=substeps,
-    )
-    return Body(place[0], place[1], place[2], *state, place[3])
+    return CarMotion(p).fastest_rate(WALKING_PACE)
 
 
 def _lateral_rates(speed: float, tyres: Coefficients, p: VehicleParameters) -> _Lateral:
@@ -152,66 +208,6 @@ def _lateral_rates(speed: float, tyres: Coefficients, p: VehicleParameters) -> _
         *(vv, vr, -(vv * slip_gain + vr * yaw_gain)),
         *(rv, rr, -(rv * slip_gain + rr * yaw_gain)),
     )
-
-
-def fastest_rate(p: VehicleParameters) -> float:
-    """Return the fastest rate of the car's tyres and steering (1/s), which is that at low speed.
-
-    Of the tyres it is the larger damping of eqs. (1), (2), of the steering the faster pole of
-    eq. (4).
-    """
-    return _fastest_rate(WALKING_PACE, lateral_coefficients(p), p)
-
-
-def _fastest_rate(speed: float, tyres: Coefficients, p: VehicleParameters) -> float:
-    damping = p.steering_damping
-    overdamped = damping + math.sqrt(damping * damping - 1.0) if damping > 1.0 else 1.0
-    return max(-min(tyres[0], tyres[4]) / speed, overdamped * p.steering_frequency)
-
-
-def _substeps(slowest: float, span: float, tyres: Coefficients, p: VehicleParameters) -> int:
-    """Count the sub-steps for a span in which the speed does not fall below `slowest`."""
-    return math.ceil(span * _fastest_rate(max(slowest, WALKING_PACE), tyres, p) / STEP_PER_RATE)
-
-
-def _integrate(
-    body: Body,
-    command: float,
-    final_speed: float,
-    span: float,
-    p: VehicleParameters,
-    *,
-    substeps: int | None,
-) -> Body:
-    """Advance while the speed changes evenly from the body's to `final_speed`."""
-    if span <= 0.0:
-        return body
-    tyres = lateral_coefficients(p)
-    near_limit = steps_for_steering(span, command - body.steering, body.steering_rate, p)
-    slowest = min(body.speed, final_speed)
-    count = substeps or max(_substeps(slowest, span, tyres, p), near_limit)
-    free = actuator(p)
-    place = (body.east, body.north, body.yaw, body.distance)
-    state = (body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate)
-    speed, change = body.speed, (final_speed - body.speed) / count
-    before = middle = after = _lateral_rates(speed, tyres, p)
-    for index in range(count):
-        faster = body.speed + change * (index + 1)
-        speeds = (speed, 0.5 * (speed + faster), faster)
-        if change != 0.0:
-            middle = _lateral_rates(speeds[1], tyres, p)
-            after = _lateral_rates(faster, tyres, p)
-        held = near_limit and is_at_rate_limit(command - state[2], state[3], p)
-        place, state = _step(
-            place, state, speeds, (before, middle, after), command=command, h=span / count,
-            actuation=(0.0, 0.0) if held else free,
-        )  # fmt: skip
-        if abs(state[2]) > p.steering_limit or abs(state[3]) > p.steering_rate_limit:
-            state = (state[0], state[1], *stopped_at_limits(state[2], state[3], p))
-        speed, before = faster, after
-    if not abs(state[0]) < FASTEST_SLIDE:
-        raise OutOfModelError(f"the car spins: it is unstable at {final_speed:.1f} m/s")
-    return Body(place[0], place[1], place[2], final_speed, *state, place[3])
 
 
 def _step(

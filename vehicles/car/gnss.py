@@ -141,14 +141,15 @@ class GnssReceiver:
         draw, noise = self._drawn.pop, self._noise
         east, north, yaw, speed, yaw_rate = draw(), draw(), draw(), draw(), draw()
         fix = Fix(
-            seq=seq,
-            measured_at=now,
-            east=body.east + noise.position * east,
-            north=body.north + noise.position * north,
-            yaw=wrap_angle(body.yaw + noise.heading * yaw),
-            speed=max(0.0, body.speed + noise.speed * speed),
-            yaw_rate=body.yaw_rate + noise.yaw_rate * yaw_rate,
-            accuracy=noise.position,
+            seq,
+            now,
+            body.east + noise.position * east,
+            body.north + noise.position * north,
+            wrap_angle(body.yaw + noise.heading * yaw),
+            max(0.0, body.speed + noise.speed * speed),
+            body.yaw_rate + noise.yaw_rate * yaw_rate,
+            "fixed",
+            noise.position,
         )
         if self._errors is None or (self._plain and not self._is_forced(now)):
             return fix
@@ -216,13 +217,13 @@ def from_message(pose: GpsPose, plane: LocalPlane) -> Fix:
     """
     east, north = plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)
     return Fix(
-        seq=pose.seq,
-        measured_at=pose.measured_at_ns,
-        east=east,
-        north=north,
-        yaw=yaw_from_heading(pose.heading_deg),
-        speed=pose.speed_mps,
-        yaw_rate=pose.yaw_rate_radps,
-        state=pose.fix,
-        accuracy=pose.position_accuracy_m,
+        pose.seq,
+        pose.measured_at_ns,
+        east,
+        north,
+        yaw_from_heading(pose.heading_deg),
+        pose.speed_mps,
+        pose.yaw_rate_radps,
+        pose.fix,
+        pose.position_accuracy_m,
     )

@@ -82,11 +82,10 @@ class InertialSensor:
         if not self._drawn:
             self._drawn = self._random.standard_normal(2 * BLOCK).tolist()
             self._drawn.reverse()
-        noise, bias = self._noise, self._bias
-        return Motion(
-            max(0.0, body.speed + bias.speed + noise.speed * self._drawn.pop()),
-            body.yaw_rate + bias.yaw_rate + noise.yaw_rate * self._drawn.pop(),
-        )
+        noise, bias, draw = self._noise, self._bias, self._drawn.pop
+        speed = body.speed + bias.speed + noise.speed * draw()
+        yaw_rate = body.yaw_rate + bias.yaw_rate + noise.yaw_rate * draw()
+        return Motion(speed if speed > 0.0 else 0.0, yaw_rate)
 
 
 class ExactSensor:

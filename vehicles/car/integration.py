@@ -48,36 +48,41 @@ def actuator(p: VehicleParameters) -> tuple[float, float]:
     return square, 2.0 * p.steering_damping * p.steering_frequency
 
 
-def steps_for_steering(span: float, off: float, steering_rate: float, p: VehicleParameters) -> int:
-    """Count the sub-steps of a span (s) that the limit of the steering rate asks for, or 0.
+class Steering:
+    """Steering of one car by eq. (4), and where it ends: what depends on its parameters is kept."""
 
-    `off` is the steering's distance (rad) from its command, at `steering_rate` (rad/s): by eq. (4)
-    the rate changes over the span by no more than is assumed here.
-    """
-    square, damping = actuator(p)
-    change = span * (square * abs(off) + damping * abs(steering_rate))
-    if abs(steering_rate) + change < p.steering_rate_limit:
-        return 0
-    return math.ceil(span / RATE_LIMITED_STEP)
+    def __init__(self, p: VehicleParameters) -> None:
+        """`free` are the coefficients of eq. (4); `limit` is in rad, `rate_limit` in rad/s."""
+        self.free = actuator(p)
+        self.limit = p.steering_limit
+        self.rate_limit = p.steering_rate_limit
 
+    def steps(self, span: float, off: float, rate: float) -> int:
+        """Count the sub-steps of a span (s) that the limit of the rate asks for, or 0.
 
-def is_at_rate_limit(off: float, steering_rate: float, p: VehicleParameters) -> bool:
-    """Whether the steering turns as fast as it can while eq. (4) asks for more still.
+        `off` is the distance (rad) from the command, at `rate` (rad/s): by eq. (4) the rate changes
+        over the span by no more than is assumed here.
+        """
+        square, damping = self.free
+        fast = abs(rate)
+        if fast + span * (square * abs(off) + damping * fast) < self.rate_limit:
+            return 0
+        return math.ceil(span / RATE_LIMITED_STEP)
 
-    `off` is the command minus the angle (rad), `steering_rate` in rad/s.
-    """
-    if abs(steering_rate) < p.steering_rate_limit:
-        return False
-    square, damping = actuator(p)
-    return (square * off - damping * steering_rate) * steering_rate > 0.0
+    def is_at_rate_limit(self, off: float, rate: float) -> bool:
+        """Whether the steering turns as fast as it can while eq. (4) asks for more still.
 
+        `off` is the command minus the angle (rad), `rate` in rad/s.
+        """
+        if abs(rate) < self.rate_limit:
+            return False
+        square, damping = self.free
+        return (square * off - damping * rate) * rate > 0.0
 
-def stopped_at_limits(
-    steering: float, steering_rate: float, p: VehicleParameters
-) -> tuple[float, float]:
-    """Angle (rad) and rate (rad/s) of the steering, eq. (4), within what the rack can do."""
-    if abs(steering) > p.steering_limit:  # the rack's end stop
-        return math.copysign(p.steering_limit, steering), 0.0
-    if abs(steering_rate) > p.steering_rate_limit:
-        return steering, math.copysign(p.steering_rate_limit, steering_rate)
-    return steering, steering_rate
+    def stopped(self, angle: float, rate: float) -> tuple[float, float]:
+        """Angle (rad) and rate (rad/s) of the steering, eq. (4), within what the rack can do."""
+        if abs(angle) > self.limit:  # the rack's end stop
+            return math.copysign(self.limit, angle), 0.0
+        if abs(rate) > self.rate_limit:
+            return angle, math.copysign(self.rate_limit, rate)
+        return angle, rate

@@ -74,8 +74,8 @@ def lateral_coefficients(p: VehicleParameters) -> Coefficients:
 
 def axle_loads(p: VehicleParameters) -> tuple[float, float]:
     """Loads (N) of front and rear axle of the standing car, by the centre of mass of Table I."""
-    weight = p.mass * GRAVITY
-    return weight * p.rear_axle_distance / p.wheelbase, weight * p.front_axle_distance / p.wheelbase
+    weight, wheelbase = p.mass * GRAVITY, p.wheelbase
+    return weight * p.rear_axle_distance / wheelbase, weight * p.front_axle_distance / wheelbase
 
 
 def brush_force(slip: float, stiffness: float, capacity: float) -> float:
@@ -97,7 +97,8 @@ def lateral_share(acceleration: float, friction: float) -> float:
     The circle of friction, beyond the paper: Hindiyeh and Gerdes, 2014.
     """
     used = acceleration / (friction * GRAVITY)
-    return math.sqrt(max(1.0 - used * used, 0.0))
+    left = 1.0 - used * used
+    return 0.0 if left < 0.0 else math.sqrt(left)
 
 
 def slip_angles(state: LateralState, p: VehicleParameters) -> tuple[float, float]:
@@ -106,7 +107,7 @@ def slip_angles(state: LateralState, p: VehicleParameters) -> tuple[float, float
     Below WALKING_PACE the slip speeds are taken against it instead of the car's own speed.
     """
     speed, lateral_speed, yaw_rate = state.speed, state.lateral_speed, state.yaw_rate
-    rolling = speed if speed > WALKING_PACE else WALKING_PACE  # noqa: FURB136 - faster than max
+    rolling = WALKING_PACE if speed < WALKING_PACE else speed
     # The wheels point at the steering angle, along which the car's own speed is no slip.
     swing = p.front_axle_distance * yaw_rate - speed * state.steering
     behind = lateral_speed - p.rear_axle_distance * yaw_rate
@@ -126,21 +127,21 @@ def tyre_use(
     """
     front_slip, rear_slip = slip_angles(state, p)
     along = acceleration if state.speed > 0.0 or acceleration > 0.0 else 0.0
-    loads = loads or axle_loads(p)
+    front_load, rear_load = loads or axle_loads(p)
     if p.tyres == "linear":
         front = -p.front_cornering_stiffness * front_slip
         rear = -p.rear_cornering_stiffness * rear_slip
     else:
         limit = p.friction * GRAVITY
-        if not -limit <= along <= limit:
-            along = min(max(along, -limit), limit)
+        along = -limit if along < -limit else limit if along > limit else along
         left = p.friction * lateral_share(along, p.friction)
-        front = brush_force(front_slip, p.front_cornering_stiffness, left * loads[0])
-        rear = brush_force(rear_slip, p.rear_cornering_stiffness, left * loads[1])
-    across = max(abs(front) / loads[0], abs(rear) / loads[1])
+        front = brush_force(front_slip, p.front_cornering_stiffness, left * front_load)
+        rear = brush_force(rear_slip, p.rear_cornering_stiffness, left * rear_load)
+    across, behind = abs(front) / front_load, abs(rear) / rear_load
+    across = behind if behind > across else across
     share = math.hypot(across, along / GRAVITY) / p.friction
-    angles = math.atan(front_slip), math.atan(rear_slip)  # that of a car that spins is no small one
-    return TyreUse((front + rear) / p.mass, *angles, share)
+    front_angle, rear_angle = math.atan(front_slip), math.atan(rear_slip)  # in a spin no small ones
+    return TyreUse((front + rear) / p.mass, front_angle, rear_angle, share)
 
 
 def rolling_use(state: LateralState, p: VehicleParameters) -> TyreUse:

@@ -5,7 +5,7 @@ happened to the software), and the log has its true poses; poses are sent while 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from scenarios.definition.road.set_speed import SpeedPlan
@@ -13,7 +13,7 @@ from scenarios.runs.node.outbox import Outbox
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.effect import Whereabouts
 from vehicles.car.clock_error import VehicleClock
-from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.dynamics import Actuation, Body, CarMotion
 from vehicles.car.gnss import Fix, GnssReceiver
 from vehicles.car.imu import ExactSensor, InertialSensor, Motion
 from vehicles.car.parameters import VehicleParameters
@@ -36,6 +36,11 @@ class Car:
     gnss: GnssReceiver
     imu: InertialSensor | ExactSensor
     command: Actuation
+    _motion: CarMotion = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Know how it moves."""
+        self._motion = CarMotion(self.parameters)
 
     def measure(self, now: int) -> tuple[Fix | None, Motion | Body | None]:
         """Fix and motion as the sensors give them at `now` (ns), to be called at every tick."""
@@ -44,7 +49,7 @@ class Car:
     def advance(self, command: Actuation, span: float) -> None:
         """Move on by `span` (s) with `command`."""
         self.command = command
-        self.body = advance(self.body, command, span, self.parameters)
+        self.body = self._motion.advance(self.body, command, span)
 
     @property
     def whereabouts(self) -> Whereabouts:

@@ -3,11 +3,21 @@
 import math
 from collections.abc import Callable
 
-from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.dynamics import Actuation, Body, CarMotion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import VehicleParameters
 
 TICK = 0.02
+
+
+def advance(
+    body: Body,
+    actuation: Actuation,
+    span: float,
+    car: VehicleParameters,
+    substeps: int | None = None,
+) -> Body:
+    return CarMotion(car).advance(body, actuation, span, substeps)
 
 
 def drive(

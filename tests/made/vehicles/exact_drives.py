@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vehicles.car.dynamics import Body, advance
+from tests.made.vehicles.driving import advance
+from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision, Driver

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.made.vehicles.driving import advance
 from tests.made.vehicles.exact_drives import PLANE, START
 from transport.links.laws.false_content import FalseContent, GhostVehicle
-from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver, from_message, to_message
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
 from vehicles.car.positioning.gnss_errors import ReceiverErrors

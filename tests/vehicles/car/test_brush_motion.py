@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from tests.made.vehicles.driving import TICK, drive, steer
-from vehicles.car.dynamics import Actuation, Body, advance
+from tests.made.vehicles.driving import TICK, advance, drive, steer
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
 from vehicles.car.tyres import (
     GRAVITY,

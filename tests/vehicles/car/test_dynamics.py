@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.made.vehicles.driving import TICK, apart, drive, lane_change, steer
-from vehicles.car.dynamics import Actuation, Body, advance
+from tests.made.vehicles.driving import TICK, advance, apart, drive, lane_change, steer
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import TyreModel
 from vehicles.car.tyres import WALKING_PACE

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from tests.made.vehicles.driving import TICK, apart, drive, lane_change, steer
-from vehicles.car.dynamics import Actuation, Body, advance
+from tests.made.vehicles.driving import TICK, advance, apart, drive, lane_change, steer
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 
 

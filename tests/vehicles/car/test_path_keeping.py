@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicles.car.dynamics import Actuation, Body, advance
+from tests.made.vehicles.driving import advance
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, VehicleParameters, loaded
 from vehicles.car.path_keeping import PathKeeping

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from tests.made.vehicles.arc_courses import course
+from tests.made.vehicles.driving import advance
 from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
-from vehicles.car.dynamics import Actuation, Body, advance
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track

@@ -4,7 +4,8 @@ from collections.abc import Callable
 import pytest
 
 from tests.made.vehicles.arc_courses import course
-from vehicles.car.dynamics import Actuation, Body, advance
+from tests.made.vehicles.driving import advance
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Gains
 from vehicles.driver.steering import (

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 
-from vehicles.car.dynamics import Actuation, Body, advance
+from tests.made.vehicles.driving import advance
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssNoise
 from vehicles.car.imu import InertialNoise, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicles.car.dynamics import Actuation, Body, advance
+from tests.made.vehicles.driving import advance
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver
 from vehicles.car.imu import InertialNoise, InertialSensor, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR

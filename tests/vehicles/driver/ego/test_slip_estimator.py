@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vehicles.car.dynamics import Actuation, Body, advance
+from tests.made.vehicles.driving import advance
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
 from vehicles.driver.ego.slip_estimator import (
