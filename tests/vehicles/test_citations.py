@@ -32,7 +32,6 @@ SCIENCE = tuple(
 PLUMBING_IN_SCIENCE = {
     "car.gnss.from_message": "takes a fix out of a message",
     "car.gnss.to_message": "puts a fix into a message",
-    "driver.ego.pose_estimator.PoseEstimator.correct": "tells usable fixes from others",
     "driver.steering.GuardedController.steer": "checks the command of a user's own controller",
     "driver.steering.try_out": "asks a controller for a command",
     "driver.steering.load_controller": "imports a class by its dotted name",

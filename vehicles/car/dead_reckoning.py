@@ -6,7 +6,6 @@ reckoning by fixes has to allow for.
 """
 
 import math
-from typing import NamedTuple
 
 from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import VehicleParameters
@@ -33,17 +32,6 @@ JERK = 10.0
 """Change of acceleration (m/s³) between readings: the onset of hard braking."""
 
 
-class Drift(NamedTuple):
-    """Densities of the random walks of dead reckoning, standard deviation² per time.
-
-    along and across the body (m²/s), heading (rad²/s); beyond the paper.
-    """
-
-    along: float
-    across: float
-    heading: float
-
-
 class SlipModel:
     """Lateral speed (m/s) of the centre of mass from the yaw rate r, by eqs. (1), (2).
 
@@ -66,15 +54,16 @@ class SlipModel:
         return (self._rear - self._sag * speed * speed) * yaw_rate
 
     def after(
-        self, span: float, speed: float, yaw_rates: tuple[float, float], lateral_speed: float
+        self, span: float, speed: float, before: float, now: float, lateral_speed: float
     ) -> float:
-        """Lateral speed `span` (s > 0) later; the yaw rate goes evenly from one to the other.
+        """Lateral speed `span` (s > 0) later; the yaw rate goes evenly from `before` to `now`.
 
         The exact solution of eqs. (1), (2) as above, for a yaw rate that is a ramp.
         """
-        before, now = yaw_rates
         steady = self._rear - self._sag * speed * speed
-        lag = max(self._sag * speed, QUICKEST_LAG)
+        lag = self._sag * speed
+        if lag < QUICKEST_LAG:
+            lag = QUICKEST_LAG
         kept = math.exp(-span / lag)
         ramp = (self._kick - steady) * (now - before) * (lag * (1.0 - kept) / span)
         return kept * lateral_speed + steady * (now - kept * before) + ramp
@@ -88,21 +77,23 @@ class SlipModel:
 
 
 class DriftModel:
-    """How fast dead reckoning goes wrong, biases apart: an error model beyond the paper."""
+    """How fast dead reckoning goes wrong, biases apart: an error model beyond the paper.
+
+    Densities of random walks, standard deviation² per time: `along` and `across` the body (m²/s),
+    `heading` (rad²/s). White noise of deviation s held for T walks with density s² T.
+    """
 
     def __init__(self, slip: SlipModel, noise: InertialNoise, rate_hz: float) -> None:
         """`noise` of the readings, of which there are `rate_hz` per second."""
         self._slip = slip
         period = 1.0 / rate_hz
         between = period * period / 12.0  # of a change of slope missed by joining two readings
-        self._along = period * (noise.speed**2 + (JERK * between) ** 2)
-        self._heading = period * (noise.yaw_rate**2 + (YAW_JERK * between) ** 2)
+        self.along = period * (noise.speed**2 + (JERK * between) ** 2)
+        self.heading = period * (noise.yaw_rate**2 + (YAW_JERK * between) ** 2)
 
-    def at(self, speed: float, yaw_rate: float) -> Drift:
-        """Densities at a motion: noise of readings over their period, slip over `LASTING`.
+    def across(self, speed: float, yaw_rate: float) -> float:
+        """Density across the body (m²/s) at a motion, beyond the paper: of the slip's error.
 
-        White noise of deviation s held for T walks with density s² T; an error of the slip that
-        lasts for a time t (a Gauss–Markov process) with 2 s² t. Beyond the paper.
+        One of deviation s that lasts for a time t (a Gauss–Markov process) walks with 2 s² t.
         """
-        across = 2.0 * LASTING * self._slip.error(speed, yaw_rate) ** 2
-        return Drift(self._along, across, self._heading)
+        return 2.0 * LASTING * self._slip.error(speed, yaw_rate) ** 2

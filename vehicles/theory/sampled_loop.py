@@ -141,11 +141,11 @@ def _stationary_gains(  # noqa: PLR0917 - all that they depend on
 ) -> Array:
     if imu_hz is None:
         return np.eye(2)
-    drift = DriftModel(SlipModel(assumed), imu, imu_hz).at(speed, 0.0)
+    drift = DriftModel(SlipModel(assumed), imu, imu_hz)
     span = 1.0 / gnss_hz
     distance = speed * span
     moved = np.array([[1.0, distance], [0.0, 1.0]])
-    across = drift.across + distance**2 * drift.heading / 3.0
+    across = drift.across(speed, 0.0) + distance**2 * drift.heading / 3.0
     walk = span * np.array(
         [[across, 0.5 * distance * drift.heading], [0.5 * distance * drift.heading, drift.heading]]
     )
@@ -245,9 +245,9 @@ class _Steps:
         turn[READING] += 0.5
         turn[now] += 0.5
         after = np.zeros(SIZE)
-        after[SLIP] = slip.after(span, speed, (0.0, 0.0), 1.0)
-        after[READING] += slip.after(span, speed, (1.0, 0.0), 0.0)
-        after[now] += slip.after(span, speed, (0.0, 1.0), 0.0)
+        after[SLIP] = slip.after(span, speed, 0.0, 0.0, 1.0)
+        after[READING] += slip.after(span, speed, 1.0, 0.0, 0.0)
+        after[now] += slip.after(span, speed, 0.0, 1.0, 0.0)
         step[SLIP] = after
         step[HEADING] += span * turn
         step[PLACE] += 0.5 * speed * span * span * turn + 0.5 * span * after

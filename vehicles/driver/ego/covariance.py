@@ -62,13 +62,13 @@ class AcrossCovariance:
     gh: float = 0.0
 
     def grow(
-        self, span: float, distance: float, slip: float, densities: tuple[float, float]
+        self, span: float, distance: float, slip: float, across: float, heading: float
     ) -> None:
         """Predict over `span` (s) and `distance` (m), at `slip` l (m) (Kalman).
 
-        `densities` of the random walks across (m²/s) and of heading (rad²/s).
+        With random walks of density `across` (m²/s) and of `heading` (rad²/s).
         """
-        across, heading = densities[0] * span, densities[1] * span
+        across, heading = across * span, heading * span
         g, gh = -span * (0.5 * distance + slip), self.gh
         hc = self.hc + distance * self.hh + g * gh
         gc = self.gc + distance * gh + g * self.gg

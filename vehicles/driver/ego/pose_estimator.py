@@ -109,14 +109,14 @@ class PoseEstimator:
         return other
 
     def correct(self, fix: Fix) -> None:
-        """Take in a fix of the vehicle itself; they come in the order of measurement.
+        """Take in a fix of the vehicle itself (Kalman); they come in the order of measurement.
 
         The first one is taken as it is. Fixes that are not finite or not newer than the last one
         or than the estimate are ignored. An outlier (see GATE) is ignored too, unless it is the
         third in a row of outliers that dead reckoning joins to one another: then the filter
         restarts there.
         """
-        if not all(map(math.isfinite, (fix.east, fix.north, fix.yaw, fix.speed, fix.yaw_rate))):
+        if not math.isfinite(fix.east + fix.north + fix.yaw + fix.speed + fix.yaw_rate):
             return
         if self._track is None:
             self._track = self._started(fix)
@@ -233,14 +233,15 @@ class _Track:
 
     def pose(self, now: int) -> Pose:
         """Pose at `now`, with the last readings."""
-        speed = max(0.0, self._speed - self._speed_bias)
+        speed = self._speed - self._speed_bias
+        speed = speed if speed > 0.0 else 0.0
         yaw_rate = self._yaw_rate - self._yaw_rate_bias
         span = (now - self.at) / SECOND
         if span <= 0.0:
             return Pose(self.east, self.north, self.yaw, speed, yaw_rate)
         sideways = 0.5 * (
             self._lateral_speed
-            + self._model.slip.after(span, speed, (yaw_rate, yaw_rate), self._lateral_speed)
+            + self._model.slip.after(span, speed, yaw_rate, yaw_rate, self._lateral_speed)
         )
         return Pose(*self._moved(span, speed, sideways, yaw_rate), speed, yaw_rate)
 
@@ -248,17 +249,19 @@ class _Track:
         """Move on to `now`, where the readings are these; errors grow."""
         span = (now - self.at) / SECOND
         if span > 0.0:
-            forward = max(0.0, 0.5 * (self._speed + speed) - self._speed_bias)
-            rates = self._yaw_rate - self._yaw_rate_bias, yaw_rate - self._yaw_rate_bias
-            turning = 0.5 * (rates[0] + rates[1])
+            slip, drift = self._model.slip, self._model.drift
+            forward = 0.5 * (self._speed + speed) - self._speed_bias
+            forward = forward if forward > 0.0 else 0.0
+            first, last = self._yaw_rate - self._yaw_rate_bias, yaw_rate - self._yaw_rate_bias
+            turning = 0.5 * (first + last)
             before = self._lateral_speed
-            self._lateral_speed = self._model.slip.after(span, forward, rates, before)
+            self._lateral_speed = slip.after(span, forward, first, last, before)
             sideways = 0.5 * (before + self._lateral_speed)
             self.east, self.north, self.yaw = self._moved(span, forward, sideways, turning)
-            drift = self._model.drift.at(forward, turning)
             self.along.grow(span, drift.along)
-            slip = self._model.slip.steady(forward, 1.0)
-            self.across.grow(span, forward * span, slip, (drift.across, drift.heading))
+            across = drift.across(forward, turning)
+            lever = slip.steady(forward, 1.0)
+            self.across.grow(span, forward * span, lever, across, drift.heading)
             self.at = now
         self._speed, self._yaw_rate = speed, yaw_rate
 
