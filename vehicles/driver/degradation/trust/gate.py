@@ -18,8 +18,10 @@ from vehicles.driver.degradation.trust.innovation import (
     MOST_DEVIATION,
     Innovation,
     PoseTrack,
+    gained,
     innovation,
     stated_variance,
+    turned,
 )
 from vehicles.schedule import SECOND
 
@@ -123,11 +125,12 @@ class InnovationGate:
         if self._believed is None:
             self._start(PoseTrack(fix, self._inflation))
             return self._believe(fix)
-        one = self._against(self._believed.last, fix)
-        reason: Distrust = "frozen" if frozen else self._fault(self._believed, one, fix)
+        before = self._believed.last
+        one, turn = self._against(before, fix), turned(before, fix, self._noise)
+        reason: Distrust = "frozen" if frozen else self._fault(self._believed, one, turn, fix)
         if one.span <= 0.0:
             return self._refuse(fix, reason) if reason else self._believe(fix)
-        reason = reason or self._twist(one, fix)
+        reason = reason or self._twist(turn, fix)
         if not reason:
             self._believed.push(one, fix, self._inflation)
             self._agreed = 0
@@ -170,25 +173,25 @@ class InnovationGate:
         self._level.append(track.last)
         self._twisted = 0
 
-    def _fault(self, track: PoseTrack, one: Innovation, fix: Fix) -> Distrust:
+    def _fault(self, track: PoseTrack, one: Innovation, turn: float, fix: Fix) -> Distrust:
         """What is wrong with a pose, held against a track."""
         if one.deviations(self._inflation) > self._gate:
             return "jumping"
-        if one.gain > self._gate:
+        if gained(track.last, fix, self._noise) > self._gate:
             return "impossible"
         if one.span > 0.0 and (
             track.strays(one, fix, self._inflation) > self._gate
             or track.cornering(fix) > CORNERING + self._gate * fix.speed * self._noise.heading
         ):
             return "impossible"
-        return "jumping" if one.turn > self._gate else ""
+        return "jumping" if turn > self._gate else ""
 
-    def _twist(self, one: Innovation, fix: Fix) -> Distrust:
+    def _twist(self, turn: float, fix: Fix) -> Distrust:
         """Whether the heading has been wrong several times in a row."""
-        if not self._twisted and one.turn <= self._heading_gate:
+        if not self._twisted and turn <= self._heading_gate:
             self._level.append(fix)
             return ""
-        turns = (innovation(before, fix, self._noise).turn for before in self._level)
+        turns = (turned(before, fix, self._noise) for before in self._level)
         if min(turns) <= self._heading_gate:
             self._level.append(fix)
             self._twisted = 0
@@ -203,7 +206,8 @@ class InnovationGate:
             track = None
         if track is not None:
             one = innovation(track.last, fix, self._noise)
-            if reason == "frozen" or self._fault(track, one, fix):
+            turn = turned(track.last, fix, self._noise)
+            if reason == "frozen" or self._fault(track, one, turn, fix):
                 track = None
             elif one.span > 0.0:
                 track.push(one, fix, self._inflation)

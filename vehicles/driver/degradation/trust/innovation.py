@@ -38,8 +38,7 @@ class Innovation(NamedTuple):
     `span` (s) lies between them, negative for an earlier pose. `east`, `north` (m) are the place
     less the prediction, `along` and `across` (m) the same by the direction of travel; the variances
     (m²) are those of what the car may have done meanwhile, `stated` (m²) that of both places by
-    what the source says. `way` (m, m) is the prediction. `turn` is the heading's innovation
-    in deviations, `gain` that of the speed beyond what a car can (0 within).
+    what the source says. `way` (m, m) is the prediction.
     """
 
     span: float
@@ -51,26 +50,23 @@ class Innovation(NamedTuple):
     across_variance: float
     stated: float
     way: tuple[float, float]
-    turn: float
-    gain: float
 
-    def square(self, inflation: float = 1.0) -> float:
-        """Squared normalised innovation of the place, chi-squared of 2 (Kalman filter).
+    def square(self) -> float:
+        """Squared normalised innovation of the place, chi-squared of 2 (Kalman filter)."""
+        along, across, noise = self.along, self.across, self.stated
+        return along * along / (self.along_variance + noise) + across * across / (
+            self.across_variance + noise
+        )
+
+    def deviations(self, inflation: float = 1.0) -> float:
+        """Innovation of the place in its deviations, the larger axis (Kalman filter).
 
         `inflation` (ratio) is by how much deviations stated are taken for larger.
         """
         noise = self.stated * inflation * inflation
-        return self.along * self.along / (
-            self.along_variance + noise
-        ) + self.across * self.across / (self.across_variance + noise)
-
-    def deviations(self, inflation: float = 1.0) -> float:
-        """Innovation of the place in its deviations, the larger axis (Kalman filter)."""
-        noise = self.stated * inflation * inflation
-        return max(
-            abs(self.along) / sqrt(self.along_variance + noise),
-            abs(self.across) / sqrt(self.across_variance + noise),
-        )
+        along = abs(self.along) / sqrt(self.along_variance + noise)
+        across = abs(self.across) / sqrt(self.across_variance + noise)
+        return across if across > along else along
 
 
 @lru_cache(maxsize=64)  # receivers mostly say the same again and again
@@ -83,44 +79,62 @@ def stated_variance(accuracy: float) -> float:
 
 
 def innovation(before: Fix, fix: Fix, noise: GnssNoise) -> Innovation:
-    """Innovation of `fix` against `before` (Kalman filter); `noise` is that of all but places.
+    """Innovation of the place of `fix` against `before` (Kalman filter).
 
-    What the car may have done is normal with a third of the most as its deviation.
+    `noise` is that of all but places. What the car may have done is normal with a third of the most
+    as its deviation.
     """
     span = (fix.measured_at - before.measured_at) / SECOND
-    size = abs(span)
+    size, half = abs(span), 0.5 * span
     cosine, sine = cos(fix.yaw), sin(fix.yaw)
-    way_east = 0.5 * span * (before.speed * cos(before.yaw) + fix.speed * cosine)
-    way_north = 0.5 * span * (before.speed * sin(before.yaw) + fix.speed * sine)
+    speed, speed_before = fix.speed, before.speed
+    way_east = half * (speed_before * cos(before.yaw) + speed * cosine)
+    way_north = half * (speed_before * sin(before.yaw) + speed * sine)
     east = fix.east - before.east - way_east
     north = fix.north - before.north - way_north
-    speed = max(before.speed, fix.speed)
-    slipping = max(abs(before.yaw_rate), abs(fix.yaw_rate))
-    slip = slipping * (SLIP_ARM + SLIP_ARM_GROWTH * speed * speed)
+    fastest = speed if speed > speed_before else speed_before
+    turning, turning_before = abs(fix.yaw_rate), abs(before.yaw_rate)
+    slipping = turning if turning > turning_before else turning_before
+    slip = slipping * (SLIP_ARM + SLIP_ARM_GROWTH * fastest * fastest)
     driven = (CORNERING * size * size / 12.0) ** 2
-    gain = abs(fix.speed - before.speed) - BRAKING * size
+    along_variance = driven + 0.5 * (size * noise.speed) ** 2
+    across_variance = driven + 0.5 * (size * fastest * noise.heading) ** 2 + (size * slip) ** 2
+    stated = stated_variance(before.accuracy) + stated_variance(fix.accuracy)
+    along, across = east * cosine + north * sine, north * cosine - east * sine
+    return Innovation(
+        span,
+        east,
+        north,
+        along,
+        across,
+        along_variance,
+        across_variance,
+        stated,
+        (way_east, way_north),
+    )
+
+
+def turned(before: Fix, fix: Fix, noise: GnssNoise) -> float:
+    """Innovation of the heading of `fix` against `before`, in its deviations (Kalman filter)."""
+    span = (fix.measured_at - before.measured_at) / SECOND
+    size = abs(span)
     turn = remainder(
         fix.yaw - before.yaw - 0.5 * span * (before.yaw_rate + fix.yaw_rate),
         tau,
     )
-    turn_variance = (
+    variance = (
         2.0 * noise.heading**2
         + 0.5 * (size * noise.yaw_rate) ** 2
         + (TURNING_UP * size * size / 12.0) ** 2
     )
-    return Innovation(
-        span=span,
-        east=east,
-        north=north,
-        along=east * cosine + north * sine,
-        across=north * cosine - east * sine,
-        along_variance=driven + 0.5 * (size * noise.speed) ** 2,
-        across_variance=driven + 0.5 * (size * speed * noise.heading) ** 2 + (size * slip) ** 2,
-        stated=stated_variance(before.accuracy) + stated_variance(fix.accuracy),
-        way=(way_east, way_north),
-        turn=abs(turn) / sqrt(turn_variance) if turn_variance else 0.0,
-        gain=gain / (sqrt(2.0) * noise.speed + 1e-3) if gain > 0.0 else 0.0,
-    )
+    return abs(turn) / sqrt(variance) if variance else 0.0
+
+
+def gained(before: Fix, fix: Fix, noise: GnssNoise) -> float:
+    """Innovation of the speed in its deviations, beyond what a car can (Kalman filter)."""
+    size = abs((fix.measured_at - before.measured_at) / SECOND)
+    gain = abs(fix.speed - before.speed) - BRAKING * size
+    return gain / (sqrt(2.0) * noise.speed + 1e-3) if gain > 0.0 else 0.0
 
 
 class PoseTrack:
@@ -142,7 +156,8 @@ class PoseTrack:
 
         The anchor stays as bad as it was taken for, however exact its source has become since.
         """
-        spread = self._spread + sqrt(max(one.along_variance, one.across_variance))
+        along, across = one.along_variance, one.across_variance
+        spread = self._spread + sqrt(across if across > along else along)
         at_anchor = max(self._anchor_inflation, inflation)
         anchored = stated_variance(self._anchor.accuracy) * at_anchor * at_anchor
         noise = anchored + stated_variance(fix.accuracy) * inflation * inflation
@@ -171,4 +186,5 @@ class PoseTrack:
             return
         self._east += one.east
         self._north += one.north
-        self._spread += sqrt(max(one.along_variance, one.across_variance))
+        along, across = one.along_variance, one.across_variance
+        self._spread += sqrt(across if across > along else along)
