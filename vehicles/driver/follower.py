@@ -77,6 +77,7 @@ class Follower:
         self._controller = controller
         self._speed_guard = speed_guard
         self._control = control
+        self._rate_hz, self._period = control.rate_hz, 1.0 / control.rate_hz
         self._plane = plane
         self._alpha = alpha
         # The first follower's predecessor is the lead: one source, whatever the fusion.
@@ -154,13 +155,12 @@ class Follower:
             fitted=self._fitted,
             has_path=bool(self._along),
         )
-        self._sources.steer_along(self._mode, 1.0 / self._control.rate_hz)
+        self._sources.steer_along(self._mode, self._period)
         errors, asked = self._steer(now, pose)
         kept = last.steering if last else asked
         asked = without_hearing(self._reaction, self._mode, asked, kept)
         steering = self._limit.held_back(asked)
-        ahead = self._vehicles_ahead(now, pose)
-        ahead.curvature_ahead = errors.curvature_ahead
+        ahead = self._vehicles_ahead(now, pose, errors)
         self._load.commanded(steering.steering)
         situation.predecessor_weight = self._sources.alpha(self._alpha)
         situation.hazard = self._mode == "stop" or self._rejoining.under_way
@@ -222,12 +222,12 @@ class Follower:
         if not self._along:
             errors = TrackingErrors(0.0, 0.0, pose.yaw_rate, 0.0)
             return errors, self._controller.steer(errors, pose.speed)
-        self._driven += pose.speed / self._control.rate_hz
-        tracked = [(share, self._track(fit, pose)) for share, fit in self._along]
-        if len(tracked) == 1:
-            errors = tracked[0][1]
+        self._driven += pose.speed / self._rate_hz
+        if len(self._along) == 1:
+            errors = self._track(self._along[0][1], pose)
             aimed = self._rejoining.from_there(now, errors, pose.speed)
             return errors, self._controller.steer(aimed, pose.speed)
+        tracked = [(share, self._track(fit, pose)) for share, fit in self._along]
         return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
 
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
@@ -247,16 +247,15 @@ class Follower:
         age = (now - trace.newest.measured_at) / SECOND
         return gap + trace.newest.speed * age
 
-    def _vehicles_ahead(self, now: int, pose: Pose) -> VehiclesAhead:
+    def _vehicles_ahead(self, now: int, pose: Pose, errors: TrackingErrors) -> VehiclesAhead:
         """State of the vehicles ahead, extrapolated to now."""
         lead, predecessor = self._sources.lead.trace.newest, self._sources.predecessor.trace.newest
         if predecessor is None:
-            return VehiclesAhead()
+            return VehiclesAhead(curvature_ahead=errors.curvature_ahead)
         opened = (predecessor.speed - pose.speed) * (now - self._gap_at) / SECOND
+        lead_speed = nan if lead is None else lead.speed
         return VehiclesAhead(
-            gap=self._gap + opened,
-            predecessor_speed=predecessor.speed,
-            lead_speed=nan if lead is None else lead.speed,
+            self._gap + opened, predecessor.speed, lead_speed, errors.curvature_ahead
         )
 
 

@@ -234,6 +234,8 @@ class SpeedLaw(Protocol):
 def profile_correction(wanted: float, speed: float) -> float:
     """Acceleration (m/s²) that takes a speed error (m/s) back mildly, beyond the paper."""
     correction = PROFILE_CORRECTION * (wanted - speed)
+    if -CORRECTION_MAX <= correction <= CORRECTION_MAX:  # as mostly
+        return correction
     return min(max(correction, -CORRECTION_MAX), CORRECTION_MAX)
 
 

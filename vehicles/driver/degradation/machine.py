@@ -8,7 +8,7 @@ from vehicles.driver.degradation.pair import SourcePair
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.slowing.stopping import needed_deceleration
-from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.sources import RELIED_ON, Source
 from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
@@ -105,14 +105,16 @@ class ModeMachine:
         So it is where a gap takes less time to drive than a message takes to come: the car never
         knows where to drive, unless it falls back.
         """
-        heard = any(one.freshness.status in ("fresh", "late") for one in pair.used.values())
         enough = FALLEN_BACK if self._mode in SLOWING else 0.0
-        if not (heard and situation.known <= enough):
+        outrun = situation.known <= enough and any(
+            one.status in RELIED_ON for one in pair.used.values()
+        )
+        if not outrun:
             self._outrun_since = None
-        elif self._outrun_since is None:
+            return False
+        if self._outrun_since is None:
             self._outrun_since = now
-        since = self._outrun_since
-        return since is not None and (now - since) / SECOND > self._dwell
+        return (now - self._outrun_since) / SECOND > self._dwell
 
     def _next(
         self,

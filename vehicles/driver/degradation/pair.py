@@ -126,21 +126,19 @@ class SourcePair:
         """
         span = (now - self._looked_at) / SECOND if self._looked_at else 0.0
         self._looked_at = now
+        settings, speed = self._settings, pose.speed
+        driven = 0.0 if anew else speed * span
         for source in self.all.values():
             if anew:
                 source.locate(pose.east, pose.north)
-            source.look(now, 0.0 if anew else pose.speed * span, span)
+            source.look(now, driven, span)
         known = farthest([one for one in self.used.values() if one.status != "distrusted"])
-        settings, speed = self._settings, pose.speed
-        hardest = _stop(speed, acceleration, settings.hardest)
-        return Situation(
-            lead=self.lead.freshness,
-            predecessor=self.predecessor.freshness,
-            known=known,
-            comfortable_stop=_stop(speed, acceleration, settings.comfortable),
-            firm_stop=_stop(speed, acceleration, settings.firm),
-            blind=nan if isnan(known) else max(hardest - known, 0.0),
-        )
+        comfortable = _stop(speed, acceleration, settings.comfortable)
+        firm = _stop(speed, acceleration, settings.firm)
+        blind = _stop(speed, acceleration, settings.hardest) - known
+        blind = 0.0 if blind < 0.0 else blind
+        lead, predecessor = self.lead.freshness, self.predecessor.freshness
+        return Situation(lead, predecessor, known, comfortable, firm, blind)
 
     @property
     def run_out(self) -> bool:
@@ -163,13 +161,17 @@ class SourcePair:
         if hopes:
             self._alone_at = max([one.lost_at for one in hopes])
         misses_all = all(one.is_missed for one in hopes)
-        own = self._alone_at if misses_all and mode != "coast" else 0
-        return min([at for at in (own, brakes_at, self.predecessor.stops_at) if at], default=0)
+        earliest = self._alone_at if misses_all and mode != "coast" else 0
+        for at in (brakes_at, self.predecessor.stops_at):
+            if at and (at < earliest or not earliest):
+                earliest = at
+        return earliest
 
 
 def _stop(speed: float, acceleration: float, braking: Braking) -> float:
     """Braking distance (m); who brakes harder already would not release the brake first."""
-    return stopping_distance(speed, max(acceleration, -braking.deceleration), braking)
+    hardest = -braking.deceleration
+    return stopping_distance(speed, hardest if hardest > acceleration else acceleration, braking)
 
 
 def farthest(sources: Iterable[Source]) -> float:

@@ -84,7 +84,10 @@ class Reception:
 
         Within a second of the first message, of those since then.
         """
-        return nan if self._newest_at is None else min(self._came(now) / self._expected(now), 1.0)
+        if self._newest_at is None:
+            return nan
+        share = self._came(now) / self._expected(now)
+        return 1.0 if share > 1.0 else share
 
     def delivers(self, now: int, share: float) -> bool:
         """Whether at least `share` of what usually comes did so in the last second.
@@ -99,7 +102,8 @@ class Reception:
         self._counted_until = now
         if span <= 0.0:
             return
-        self._counted = min(self._counted + span, USUAL_TIME)
+        counted = self._counted + span
+        self._counted = USUAL_TIME if counted > USUAL_TIME else counted
         before = 0.0 if self._counted == span else self.usual_share
         self.usual_share = before + (share - before) * span / self._counted
 
@@ -115,8 +119,9 @@ class Reception:
         return len(heard_at)
 
     def _expected(self, now: int) -> float:
-        span = min(now - self._first_at, RECENT) / SECOND
-        return max(span / self.period, 1.0)
+        since = now - self._first_at
+        expected = (RECENT if since > RECENT else since) / SECOND / self.period
+        return 1.0 if expected < 1.0 else expected
 
     def _drop_old(self, now: int) -> None:
         """Keep what came of late, at least two messages."""

@@ -6,7 +6,7 @@ from math import nan
 from vehicles.messages import Mode, SourceStatus
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True)
 class SourceFreshness:
     """What a follower knows of one source at a control instant (beyond the paper).
 
@@ -35,7 +35,7 @@ class SourceFreshness:
         return self.status in ("lost", "distrusted")
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True)
 class Situation:
     """What a follower knows of its sources, its road and its brakes at a control instant.
 

@@ -84,24 +84,24 @@ class Source:
     @property
     def relied_on(self) -> bool:
         """Whether it is heard as it should be, and a trajectory was made of it before."""
-        return self.usable and self.status in RELIED_ON
+        return self.usable and self._now.status in RELIED_ON
 
     @property
     def freshness(self) -> SourceFreshness:
         """How fresh it was when last looked at (beyond the paper)."""
         seen = self._now
         return SourceFreshness(
-            status=seen.status,
-            age=seen.age,
-            silence=seen.silence,
-            period=seen.period,
-            share=seen.share,
-            known=seen.known,
-            mode=seen.mode,
-            hazard=seen.hazard,
-            acceleration=seen.acceleration,
-            lost_at=seen.lost_at,
-            stops_at=seen.stops_at,
+            seen.status,
+            seen.age,
+            seen.silence,
+            seen.period,
+            seen.share,
+            seen.known,
+            seen.mode,
+            seen.hazard,
+            seen.acceleration,
+            seen.lost_at,
+            seen.stops_at,
         )
 
     @property
@@ -226,7 +226,7 @@ class Source:
         if seen.status == "probation":
             self._serve(now)
         else:
-            self._reception.count_share(now, self._now.share)
+            self._reception.count_share(now, seen.share)
         if seen.status != "probation":
             seen.status = "late" if late else "fresh"
 
@@ -247,7 +247,8 @@ class Source:
         seen = self._now
         if seen.status in ("fresh", "probation"):
             self._known_of_all = 0.0
-            self.weight = min(self.weight + span / self.probation.length, 1.0)
+            if self.weight != 1.0:
+                self.weight = min(self.weight + span / self.probation.length, 1.0)
             return
         if isnan(seen.known) or seen.known <= 0.0:
             self.weight = 0.0

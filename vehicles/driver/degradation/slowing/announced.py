@@ -23,10 +23,11 @@ class AnnouncedStop:
         While it is heard, until its brakes have gripped: from then on they can be followed. Beyond
         the paper.
         """
-        since = (now - predecessor.stops_at) / SECOND
-        if not predecessor.stops_at or since < 0.0:
+        stops_at = predecessor.stops_at
+        if not stops_at or now < stops_at:
             self._heard_at = 0
             return False
+        since = (now - stops_at) / SECOND
         if predecessor.age >= since or predecessor.is_lost or predecessor.status == "late":
             return True
         self._heard_at = self._heard_at or now

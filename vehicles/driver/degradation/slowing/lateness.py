@@ -63,8 +63,9 @@ class AgeWatch:
 
         Beyond the paper.
         """
-        probation = self._settings.probation * SECOND
-        return self._late_at is not None and now - self._late_at <= probation
+        if self._late_at is None:
+            return False
+        return now - self._late_at <= self._settings.probation * SECOND
 
     def growth(self, now: int) -> float:
         """Age beyond the usual (s): the largest lately, which is forgotten gradually.

@@ -114,7 +114,9 @@ class SpeedGuard:
         self._keeps_gap = isinstance(law, GapKeeping)
         self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
         self._settings = settings
+        self._degrades = settings.reaction == "degrade"
         self._car = car
+        self._friction = car.friction * GRAVITY
         self._ages = AgeWatch(settings, car.period)
         self._first_at: int | None = None
         self._driven = 0.0
@@ -140,7 +142,7 @@ class SpeedGuard:
         """
         asked = self._law.command(now, pose, ahead)
         span = self._advance(now, pose)
-        if self._settings.reaction != "degrade":
+        if not self._degrades:
             return asked
         self.stops_behind = False
         tick = _Instant(now, span, pose, ahead, situation, asked, self._hardest(pose))
@@ -194,8 +196,8 @@ class SpeedGuard:
         if isnan(ahead.gap) or isnan(age):
             age = (tick.now - (self._first_at or 0)) / SECOND
             return _Sample(self._car.initial_gap - self._driven, self._first_speed, age)
-        gap = ahead.gap - ahead.predecessor_speed * age
-        return _Sample(gap, max(ahead.predecessor_speed, 0.0), age)
+        speed = ahead.predecessor_speed
+        return _Sample(ahead.gap - speed * age, 0.0 if speed < 0.0 else speed, age)
 
     def _hardest(self, pose: Pose) -> Braking:
         """Hardest braking (m/s², m/s³) beside the lateral acceleration, by the friction circle."""
@@ -207,8 +209,11 @@ class SpeedGuard:
 
     def _reserve(self, tick: _Instant, seen: _Sample) -> float:
         """Distance (m) left if both brake as hard as they can, it since its newest sample (RSS)."""
-        harder = max(self._settings.hardest.deceleration, -tick.situation.predecessor.acceleration)
-        harder = min(harder, self._car.friction * GRAVITY)
+        harder, told = self._settings.hardest.deceleration, tick.situation.predecessor.acceleration
+        if -told > harder:
+            harder = -told
+        if harder > self._friction:
+            harder = self._friction
         stands_at = seen.gap + seen.speed**2 / (2.0 * harder)
         own = stopping_distance(tick.pose.speed, self._last, tick.hardest)
         return stands_at - self._car.length - GUARD_MARGIN - own
@@ -281,14 +286,14 @@ class SpeedGuard:
 
         Own speed times the growth of age, and at least what RSS needs at that age.
         """
-        speed, wanted = tick.pose.speed, 0.0
-        policy, growth = self._car.policy, self._ages.growth(tick.now)
-        if growth > 0.0:
-            worst = self._settings.hardest.deceleration
-            own = stopping_distance(speed, 0.0, tick.hardest) - speed * speed / (2.0 * worst)
-            needed = self._car.length + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
-            wanted = max(speed * growth, needed - policy.desired(speed))
-        return max(wanted, 0.0)
+        growth = self._ages.growth(tick.now)
+        if growth <= 0.0:
+            return 0.0
+        speed, policy = tick.pose.speed, self._car.policy
+        worst = self._settings.hardest.deceleration
+        own = stopping_distance(speed, 0.0, tick.hardest) - speed * speed / (2.0 * worst)
+        needed = self._car.length + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
+        return max(speed * growth, needed - policy.desired(speed), 0.0)
 
     def _without_lead(self, tick: _Instant) -> VehiclesAhead:
         """Let the lead's speed count less while it is not heard, and the headway grow instead.
@@ -342,7 +347,9 @@ class SpeedGuard:
         initial = self._car.initial_gap
         slower = tick.ahead.predecessor_speed < common - FALLEN_BEHIND
         apart = slower or gap < initial - CLOSER
-        if not self._following and (awake or apart):
+        if not self._following:
+            if not (awake or apart):
+                return
             self._following = True
         settled = (
             not (awake or apart or self._ages.growth(tick.now))

@@ -32,10 +32,13 @@ def stopping_distance(speed: float, acceleration: float, braking: Braking) -> fl
         # The root of v + a t + j t²/2 that is reached first, without cancellation where a < 0.
         slower = -acceleration + math.sqrt(square)
         if slower > 0.0:
-            span = min(2.0 * speed / slower, span)
+            stands = 2.0 * speed / slower
+            span = span if span < stands else stands
     left = speed + acceleration * span + 0.5 * jerk * span * span
     driven = speed * span + 0.5 * acceleration * span**2 + jerk * span**3 / 6.0
-    return driven + max(left, 0.0) ** 2 / (2.0 * braking.deceleration)
+    if left <= 0.0:
+        return driven
+    return driven + left**2 / (2.0 * braking.deceleration)
 
 
 def needed_deceleration(
@@ -72,4 +75,5 @@ def friction_left(friction: float, lateral: float) -> float:
     whose tyres carry any force.
     """
     limit = friction * GRAVITY
-    return math.sqrt(max(limit * limit - lateral * lateral, 0.0))
+    left = limit * limit - lateral * lateral
+    return 0.0 if left < 0.0 else math.sqrt(left)
