@@ -32,7 +32,8 @@ class AlongCovariance:
         """Correct by a measured place; returns the corrections of place and bias (Kalman)."""
         total = self.aa + variance
         gain, bias_gain = (self.aa / total, self.sa / total) if total > 0.0 else EXACT[:2]
-        self.ss = max(self.ss - bias_gain * self.sa, 0.0)
+        ss = self.ss - bias_gain * self.sa
+        self.ss = 0.0 if ss < 0.0 else ss
         self.sa *= 1.0 - gain
         self.aa *= 1.0 - gain
         return gain * innovation, bias_gain * innovation
@@ -41,7 +42,8 @@ class AlongCovariance:
         """Correct by a measured bias; returns the corrections of place and bias (Kalman)."""
         total = self.ss + variance
         gain, place_gain = (self.ss / total, self.sa / total) if total > 0.0 else EXACT[:2]
-        self.aa = max(self.aa - place_gain * self.sa, 0.0)
+        aa = self.aa - place_gain * self.sa
+        self.aa = 0.0 if aa < 0.0 else aa
         self.sa *= 1.0 - gain
         self.ss *= 1.0 - gain
         return place_gain * innovation, gain * innovation
@@ -84,9 +86,11 @@ class AcrossCovariance:
         """Correct by a measured place; returns the corrections of place, heading, bias (Kalman)."""
         total = self.cc + variance
         c, h, g = (self.cc / total, self.hc / total, self.gc / total) if total > 0.0 else EXACT
-        self.hh = max(self.hh - h * self.hc, 0.0)
+        hh = self.hh - h * self.hc
+        self.hh = 0.0 if hh < 0.0 else hh
         self.gh -= h * self.gc
-        self.gg = max(self.gg - g * self.gc, 0.0)
+        gg = self.gg - g * self.gc
+        self.gg = 0.0 if gg < 0.0 else gg
         self.hc *= 1.0 - c
         self.gc *= 1.0 - c
         self.cc *= 1.0 - c
@@ -96,9 +100,11 @@ class AcrossCovariance:
         """Correct by a measured heading; returns as `by_place` (Kalman)."""
         total = self.hh + variance
         h, c, g = (self.hh / total, self.hc / total, self.gh / total) if total > 0.0 else EXACT
-        self.cc = max(self.cc - c * self.hc, 0.0)
+        cc = self.cc - c * self.hc
+        self.cc = 0.0 if cc < 0.0 else cc
         self.gc -= c * self.gh
-        self.gg = max(self.gg - g * self.gh, 0.0)
+        gg = self.gg - g * self.gh
+        self.gg = 0.0 if gg < 0.0 else gg
         self.hc *= 1.0 - h
         self.gh *= 1.0 - h
         self.hh *= 1.0 - h
@@ -108,9 +114,11 @@ class AcrossCovariance:
         """Correct by a measured bias of the gyroscope; returns as `by_place` (Kalman)."""
         total = self.gg + variance
         g, c, h = (self.gg / total, self.gc / total, self.gh / total) if total > 0.0 else EXACT
-        self.cc = max(self.cc - c * self.gc, 0.0)
+        cc = self.cc - c * self.gc
+        self.cc = 0.0 if cc < 0.0 else cc
         self.hc -= c * self.gh
-        self.hh = max(self.hh - h * self.gh, 0.0)
+        hh = self.hh - h * self.gh
+        self.hh = 0.0 if hh < 0.0 else hh
         self.gc *= 1.0 - g
         self.gh *= 1.0 - g
         self.gg *= 1.0 - g

@@ -14,7 +14,7 @@ from the car's own motion: the estimate follows them, smoothed, and is less sure
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
 from vehicles.car.dynamics import Body
@@ -168,6 +168,16 @@ class _Model:
     gnss: GnssNoise
     imu: InertialNoise
     by_accuracy: bool
+    heading: float = field(init=False)
+    speed: float = field(init=False)
+    yaw_rate: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out the variances of a fix's heading, and of it and a reading in speed and turn."""
+        gnss, imu = self.gnss, self.imu
+        self.heading = gnss.heading**2
+        self.speed = gnss.speed**2 + imu.speed**2
+        self.yaw_rate = gnss.yaw_rate**2 + imu.yaw_rate**2
 
     def position(self, fix: Fix) -> float:
         """Standard deviation (m) per axis of the place of a fix."""
@@ -300,19 +310,18 @@ class _Track:
     def _plausible(self, away: float, turned: float, since: float, place: float) -> bool:
         """Whether a fix of variance `place` (m²) may be so far away (m) and turned (rad)."""
         position = self.along.aa + self.across.cc + 2.0 * place
-        heading = self.across.hh + self._model.gnss.heading**2
+        heading = self.across.hh + self._model.heading
         reach = JUMP_DISTANCE + JUMP_GROWTH * since + GATE * math.sqrt(position)
         turn = JUMP_HEADING + JUMP_TURNING * since + GATE * math.sqrt(heading)
         return away <= reach and abs(turned) <= turn
 
     def _correct_along(self, ahead: float, fix: Fix, variance: float) -> float:
         """Correct the speed's bias; returns by how much to correct the place along the body."""
-        gnss, imu = self._model.gnss, self._model.imu
         place, bias = self.along.by_place(ahead, variance)
         self._speed_bias += bias
         age = (self.at - self.read_at) / SECOND
         found = self._speed - fix.speed - self._speed_bias
-        variance = gnss.speed**2 + imu.speed**2 + (ACCELERATION * age) ** 2
+        variance = self._model.speed + (ACCELERATION * age) ** 2
         if found * found <= GATE**2 * (variance + self.along.ss):
             more, bias = self.along.by_bias(found, variance)
             self._speed_bias += bias
@@ -321,13 +330,12 @@ class _Track:
 
     def _correct_across(self, aside: float, turned: float, fix: Fix, variance: float) -> float:
         """Correct yaw and the gyroscope's bias; returns the correction across the body."""
-        gnss, imu = self._model.gnss, self._model.imu
         place, heading, bias = self.across.by_place(aside, variance)
-        more = self.across.by_heading(turned - heading, gnss.heading**2)
+        more = self.across.by_heading(turned - heading, self._model.heading)
         place, heading, bias = place + more[0], heading + more[1], bias + more[2]
         age = (self.at - self.read_at) / SECOND
         found = self._yaw_rate - fix.yaw_rate - self._yaw_rate_bias - bias
-        variance = gnss.yaw_rate**2 + imu.yaw_rate**2 + (YAW_ACCELERATION * age) ** 2
+        variance = self._model.yaw_rate + (YAW_ACCELERATION * age) ** 2
         if found * found <= GATE**2 * (variance + self.across.gg):
             more = self.across.by_bias(found, variance)
             place, heading, bias = place + more[0], heading + more[1], bias + more[2]
