@@ -107,7 +107,8 @@ class LocalPlane:
         over the earth's radius each time. Unlike a closed inverse it needs no function whose last
         bit depends on the processor, so that logs are equal to the byte on every machine.
         """
-        latitude, longitude, altitude = 0.0, 0.0, self.origin.altitude_m
+        origin = self.origin
+        latitude, longitude, altitude = 0.0, 0.0, origin.altitude_m
         east_left, north_left = east, north
         up_left = (east * east + north * north) / (
             2.0 * self._north_radius
@@ -121,13 +122,13 @@ class LocalPlane:
             altitude += up_left
             if left * shrinking < EXACT:  # the next correction would be no larger than this
                 break
-            found = self._topocentric(
-                self.origin.latitude_deg + latitude, self.origin.longitude_deg + longitude, altitude
+            found_east, found_north, found_up = self._topocentric(
+                origin.latitude_deg + latitude, origin.longitude_deg + longitude, altitude
             )
-            east_left, north_left, up_left = east - found[0], north - found[1], -found[2]
+            east_left, north_left, up_left = east - found_east, north - found_north, -found_up
             before, left = left, abs(east_left) + abs(north_left) + abs(up_left)
             shrinking = max(left / before, slowest)
-        return self.origin.latitude_deg + latitude, self.origin.longitude_deg + longitude, altitude
+        return origin.latitude_deg + latitude, origin.longitude_deg + longitude, altitude
 
     def _topocentric(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float

@@ -110,7 +110,7 @@ class MeantShare:
         """Steer along `mode` for `span` (s); without anybody heard it stays (beyond the paper)."""
         if mode == "predecessor" and self._wanted:
             self.now = min(self.now + span / self._span, 1.0)
-        elif mode in ("composite", "lead"):
+        elif self.now and mode in ("composite", "lead"):
             self.now = max(self.now - span / self._span, 0.0)
 
 
@@ -123,21 +123,19 @@ def path_offset(fit: Fit, fix: Fix) -> float:
     source, project = fit.source.tolist(), fit.spline.project
     chosen = LEAD if LEAD in source else PREDECESSOR
     forward, left = cos(fix.yaw), sin(fix.yaw)
-    behind: int | None = None
-    for k, told_by in enumerate(source):
+    behind: tuple[float, float] | None = None
+    for told_by, east, north in zip(source, fit.east.tolist(), fit.north.tolist(), strict=True):
         if told_by == chosen:
-            east, north = fit.east.item(k) - fix.east, fit.north.item(k) - fix.north
-            if east * forward + north * left > 0.0:
-                ahead = k
+            if (east - fix.east) * forward + (north - fix.north) * left > 0.0:
+                ahead = east, north
                 break
-            behind = k
+            behind = east, north
     else:
         return nan
     if behind is None:
         return nan
     own = project(fix.east, fix.north)
-    one = project(fit.east.item(behind), fit.north.item(behind))
-    other = project(fit.east.item(ahead), fit.north.item(ahead))
+    one, other = project(*behind), project(*ahead)
     length = other.station - one.station
     between = min(max((own.station - one.station) / length, 0.0), 1.0) if length > 0.0 else 0.5
     return own.lateral - (one.lateral + between * (other.lateral - one.lateral))

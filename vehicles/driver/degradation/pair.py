@@ -137,7 +137,9 @@ class SourcePair:
         firm = _stop(speed, acceleration, settings.firm)
         blind = _stop(speed, acceleration, settings.hardest) - known
         blind = 0.0 if blind < 0.0 else blind
-        lead, predecessor = self.lead.freshness, self.predecessor.freshness
+        lead = predecessor = self.lead.freshness
+        if self.predecessor is not self.lead:
+            predecessor = self.predecessor.freshness
         return Situation(lead, predecessor, known, comfortable, firm, blind)
 
     @property

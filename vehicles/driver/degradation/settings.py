@@ -65,4 +65,5 @@ class DegradationSettings:
 
     def lost_after_silence(self, period: float) -> float:
         """Silence (s) after which a source of such a `period` (s) is lost (beyond the paper)."""
-        return max(self.lost_periods * period, self.lost_after)
+        silence, least = self.lost_periods * period, self.lost_after
+        return least if least > silence else silence

@@ -124,7 +124,8 @@ class Source:
         """Whether a message of it is overdue, long before it counts as late (beyond the paper)."""
         if self._now.status == "unheard":
             return self._waited > MISSED_AFTER * self._period
-        usual = self._now.period / max(self._reception.usual_share, LEAST_SHARE)
+        share = self._reception.usual_share
+        usual = self._now.period / (LEAST_SHARE if share < LEAST_SHARE else share)
         return self._now.silence > MISSED_AFTER * usual
 
     @property

@@ -24,9 +24,10 @@ def stopping_distance(speed: float, acceleration: float, braking: Braking) -> fl
     """
     if speed <= 0.0:
         return 0.0
-    short = -braking.deceleration - acceleration
-    jerk = math.copysign(braking.jerk, short)
-    span = abs(short) / braking.jerk
+    deceleration, jerk = braking.deceleration, braking.jerk
+    short = -deceleration - acceleration
+    span = abs(short) / jerk
+    jerk = math.copysign(jerk, short)
     square = acceleration * acceleration - 2.0 * jerk * speed
     if jerk != 0.0 and square >= 0.0:
         # The root of v + a t + j t²/2 that is reached first, without cancellation where a < 0.
@@ -38,7 +39,7 @@ def stopping_distance(speed: float, acceleration: float, braking: Braking) -> fl
     driven = speed * span + 0.5 * acceleration * span**2 + jerk * span**3 / 6.0
     if left <= 0.0:
         return driven
-    return driven + left**2 / (2.0 * braking.deceleration)
+    return driven + left**2 / (2.0 * deceleration)
 
 
 def needed_deceleration(

@@ -158,11 +158,13 @@ class PoseTrack:
         """
         along, across = one.along_variance, one.across_variance
         spread = self._spread + sqrt(across if across > along else along)
-        at_anchor = max(self._anchor_inflation, inflation)
+        at_anchor = self._anchor_inflation
+        at_anchor = inflation if inflation > at_anchor else at_anchor
         anchored = stated_variance(self._anchor.accuracy) * at_anchor * at_anchor
         noise = anchored + stated_variance(fix.accuracy) * inflation * inflation
         deviation = sqrt(spread * spread + noise)
-        return max(abs(self._east + one.east), abs(self._north + one.north)) / deviation
+        east, north = abs(self._east + one.east), abs(self._north + one.north)
+        return (north if north > east else east) / deviation
 
     def cornering(self, fix: Fix) -> float:
         """Mean acceleration across the road (m/s²) up to `fix`, 0 before it can be told.
