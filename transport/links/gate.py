@@ -111,7 +111,7 @@ class PoseGate:
             raise RefusedMessageError("past", f"measured at {measured}")
         if measured > now + HORIZON_NS + off:
             raise RefusedMessageError("future", f"measured at {measured}")
-        if not max(measured - off, self.start_at) <= sent <= now + HORIZON_NS:
+        if not (measured - off <= sent and self.start_at <= sent <= now + HORIZON_NS):
             raise RefusedMessageError("future", f"sent at {sent}")
         if pose.seq > (pose.sent_at_ns - self.start_at) * self.rate_hz / SECOND + _ROUNDING:
             raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")

@@ -124,6 +124,8 @@ class Link:
 
     def effects_at(self, sent_at: int) -> tuple[Effect, ...]:
         """The effects on what is sent at an instant (ns)."""
+        if not self.course:  # as mostly: it was never changed
+            return self.chain
         place = bisect_right(self.course, sent_at, key=_from_at)
         return self.course[place - 1].effects if place else self.chain
 
