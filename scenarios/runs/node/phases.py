@@ -54,7 +54,8 @@ class Car:
     @property
     def whereabouts(self) -> Whereabouts:
         """Where it truly is."""
-        return Whereabouts(self.body.east, self.body.north, self.body.distance)
+        body = self.body
+        return Whereabouts(body.east, body.north, body.distance)
 
 
 @dataclass(slots=True, kw_only=True)

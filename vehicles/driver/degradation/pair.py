@@ -93,6 +93,8 @@ class SourcePair:
         the way ahead.
         """
         told = {mode: self.used[mode].trace.told(window) for mode, window in found.items()}
+        if all(told[mode] is window for mode, window in found.items()):  # as mostly: no bridges
+            return found
         told = {mode: window for mode, window in told.items() if reaches_ahead(window)}
         if behind == 0.0:
             return told or found

@@ -262,4 +262,4 @@ class Source:
 
 def reaches_ahead(window: Window) -> bool:
     """Whether samples determine a trajectory and reach ahead of the ego (Section III-A)."""
-    return len(window.station) >= LEAST_SAMPLES and bool(window.station[-1] >= 0.0)
+    return len(window.station) >= LEAST_SAMPLES and window.station.item(-1) >= 0.0

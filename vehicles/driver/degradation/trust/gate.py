@@ -238,7 +238,7 @@ class InnovationGate:
             if len(self._heard) > 1:
                 square = min(square, innovation(self._heard[0], fix, self._noise).square())
             self._squares.append(square)
-            self._counted.append(min(square, MOST_SQUARE))
+            self._counted.append(MOST_SQUARE if square > MOST_SQUARE else square)
             self._inflate()
         self._heard.append(fix)
         return frozen
@@ -256,8 +256,9 @@ class InnovationGate:
             return False
         if fix.speed > self._gate * self._noise.speed:
             east, north, variance = self._claimed
-            variance += max(one.along_variance, one.across_variance)
-            self._claimed = east + one.way[0], north + one.way[1], variance
+            along, across, way = one.along_variance, one.across_variance, one.way
+            variance += across if across > along else along
+            self._claimed = east + way[0], north + way[1], variance
         east, north, variance = self._claimed
         return hypot(east, north) > 2.0 * limit + self._gate * sqrt(variance)
 
