@@ -5,7 +5,6 @@ run        run, router, vehicle, record: drive a convoy, or its parts by hand
 running    what run and record do: folder, listeners, summary
 channel/   channels: a law against a sample, fitted ones, what is asked and known
 control/   a convoy that drives: change it, look at it, make a scenario of what was done
-many/      answers from many runs: bisect, risk
 guide/     completion of the shell, what a scenario asks for
 many/      answers from many runs: drill, worst, sweep, bisect, risk, blame
 scenario   list, check, new: look at scenarios
@@ -14,5 +13,6 @@ study      gains, reproduce: look at the science
 options    options that several commands share
 progress   the live table of a run
 tables     the tables printed at the end
+whole      tables that are never cut
 failure    errors as clear lines and exit codes
 """

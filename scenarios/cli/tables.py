@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from scenarios.cli.whole import print_whole
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.channel.alarms import AlarmSummary
 from scenarios.results.degradation.reaction import NO_REACTION
@@ -57,15 +58,15 @@ FIGURES = {
 def print_summary(summary: RunSummary, log: Path | None, console: Console) -> None:
     """Print what the vehicles did, the links, the events and holes, and where the log is."""
     console.print(Text(title_of(summary), style="bold"), highlight=False, soft_wrap=True)
-    console.print(vehicle_table(summary))
-    console.print(process_table(summary))
+    print_whole(vehicle_table(summary), console)
+    print_whole(process_table(summary), console)
     if any(row.reaction != NO_REACTION for row in summary.vehicles):
-        console.print(reaction_table(summary))
+        print_whole(reaction_table(summary), console)
     if summary.links:
-        console.print(link_table(summary))
-        console.print(freshness_table(summary))
+        print_whole(link_table(summary), console)
+        print_whole(freshness_table(summary), console)
     if summary.events:
-        console.print(event_table(summary))
+        print_whole(event_table(summary), console)
     for line in (*_unrecorded(summary), *summary.warnings):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
     if summary.reason:

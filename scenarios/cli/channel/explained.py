@@ -4,6 +4,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from scenarios.cli.whole import print_whole
 from scenarios.results.inquiry.explain import (
     ON_THE_WAY,
     SHOWN,
@@ -25,7 +26,7 @@ def print_explanation(found: Explanation, console: Console) -> None:
         table.add_column(heading, justify="right", no_wrap=True)
     for one in found.sources:
         table.add_row(one.sender, *_cells(one))
-    console.print(table)
+    print_whole(table, console)
     for one in found.sources:
         for missing in one.missing[:SHOWN]:
             console.print(_missing(one.sender, missing), highlight=False, markup=False)

@@ -110,6 +110,8 @@ def print_answer(
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
+    from scenarios.cli.whole import print_whole
+
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in (question.key, "runs", "broken", "share\n%", "interval\n%"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -123,7 +125,7 @@ def print_answer(
             f"{100.0 * one.low:.0f} to {100.0 * one.high:.0f}",
             style="bold" if near else None,
         )
-    console.print(table)
+    print_whole(table, console)
     for line in said(question, answer):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 

@@ -135,8 +135,10 @@ def sweep(
 
 def print_sweep(table: "SweepTable", console: "Console") -> None:
     """Print a row for each cell: a table for each figure, a limit beside it."""
+    from scenarios.cli.whole import print_whole
+
     for number in range(max(len(table.plan.figures), len(table.plan.limits))):
-        console.print(_table(table, number))
+        print_whole(_table(table, number), console)
     if len(table.cells) > MOST_ROWS:
         console.print(f"and {len(table.cells) - MOST_ROWS} more rows in the file")
     worst = table.worst

@@ -180,6 +180,19 @@ def test_tables_fit_a_terminal_of_eighty_columns() -> None:
     assert "…" not in text
 
 
+def test_figures_that_need_more_columns_are_not_cut() -> None:
+    figures = summary()
+    far = replace(figures.vehicles[1], cross_track_error_m_max=31.08, cross_track_error_m_rms=13.52)
+    slow = replace(
+        figures.links[0], age_ms_mean=3620.0, age_ms_p95=13440.0, age_ms_max=15180.0,
+        arrival_gap_ms_mean=1000.0, arrival_gap_ms_p95=10000.0, arrival_gap_ms_max=12000.0,
+    )  # fmt: skip
+    text = printed(replace(figures, vehicles=(far,) * 3, links=(slow,)))
+    assert "…" not in text
+    assert "3108.0 / 1352.0" in text
+    assert "3620 / 13440 / 15180" in text
+
+
 def test_in_virtual_time_no_process_is_measured() -> None:
     figures = summary(clock="virtual")
     vehicles = tuple(replace(vehicle, memory_bytes_max=0) for vehicle in figures.vehicles)
