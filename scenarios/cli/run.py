@@ -11,6 +11,7 @@ import click
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.options import (
+    FiniteRange,
     leash_option,
     log_options,
     run_option,
@@ -126,7 +127,7 @@ Examples:
 @click.option(
     "--wait",
     "wait_s",
-    type=click.FloatRange(min=0.0),
+    type=FiniteRange(min=0.0),
     default=600.0,
     show_default=True,
     metavar="SECONDS",
@@ -190,7 +191,7 @@ Examples:
 @click.option(
     "--wait",
     "gather_s",
-    type=click.FloatRange(min=0.0),
+    type=FiniteRange(min=0.0),
     default=60.0,
     show_default=True,
     metavar="SECONDS",

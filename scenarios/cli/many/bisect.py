@@ -14,6 +14,7 @@ from scenarios.cli.many.options import (
     overrides_option,
     variant_of,
 )
+from scenarios.cli.options import FiniteRange
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,7 +39,7 @@ Examples:
               help="Half the width to which the boundary is bracketed.")  # fmt: skip
 @click.option("--seeds", type=click.IntRange(2, 10_000), default=20, show_default=True,
               help="Runs at each value; seed by seed the same noise at each.")  # fmt: skip
-@click.option("--share", type=click.FloatRange(0.0, 1.0), default=0.5, show_default=True,
+@click.option("--share", type=FiniteRange(0.0, 1.0), default=0.5, show_default=True,
               help="Share of the runs that break the limit at the boundary.")  # fmt: skip
 @click.option("--any", "any_seed", is_flag=True,
               help="The smallest value at which one of the runs breaks it: --share 0.")  # fmt: skip

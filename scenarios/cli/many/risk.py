@@ -14,6 +14,7 @@ from scenarios.cli.many.options import (
     overrides_option,
     variant_of,
 )
+from scenarios.cli.options import FiniteRange
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,7 +46,7 @@ Examples:
     help="What tells how near a run is when splitting: what the limit is about, or for how long a"
     " follower received nothing.",
 )
-@click.option("--to", type=click.FloatRange(0.0, min_open=True), default=0.5, show_default=True,
+@click.option("--to", type=FiniteRange(0.0, min_open=True), default=0.5, show_default=True,
               metavar="RATIO", help="Enough: half the interval over the probability.")  # fmt: skip
 @click.option("--runs", type=click.IntRange(min=20), default=2000, show_default=True,
               help="Runs at most.")  # fmt: skip

@@ -1,7 +1,7 @@
 """What a run must hold, in a word of the command line, and by how much it does."""
 
 from dataclasses import dataclass
-from math import inf, nan
+from math import inf, isfinite, nan
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.encounters import EventKind
@@ -14,7 +14,9 @@ EVENTS: dict[str, EventKind] = {
     "path_lost": "path_lost",
 }
 FIGURES = {"error_m": "cross_track_error_m_max", "gap_m": "true_gap_m_min"}
-ALLOWED = f"{', '.join(EVENTS)}, or {' and '.join(f'{name}=NUMBER' for name in FIGURES)}"
+ALLOWED = (
+    f"{', '.join(EVENTS)}, or {' and '.join(f'{name}=NUMBER' for name in FIGURES)} with 0 m or more"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +60,9 @@ def parsed_limit(text: str) -> Limit:
     if word in EVENTS and not number:
         return Limit(word)
     try:
-        if word in FIGURES:
-            return Limit(word, float(number))
+        bound = float(number)
     except ValueError:
-        pass
+        bound = nan
+    if word in FIGURES and isfinite(bound) and bound >= 0.0:
+        return Limit(word, bound)
     raise ScenarioError([f"--limit: given {text!r}, allowed {ALLOWED}"])

@@ -68,6 +68,10 @@ class BoundaryQuestion:
         now = _value_at(self.variant.scenario.text, self.key)
         if self.key == "seed" or isinstance(now, bool | str | list | dict):
             raise ScenarioError([f"{self.key}: is no number that a limit depends on, but {now!r}"])
+        if isinstance(now, int):
+            raise ScenarioError(
+                [f"{self.key}: takes whole numbers, which `convoy sweep --vary` can try one by one"]
+            )
         for value in (self.low, self.high):
             _ = self.at(value, 1).scenario
 

@@ -64,6 +64,17 @@ REFUSED = {
     "no number": (["bisect", NAME, "control.controller"], "control.controller: is no number"),
     "the seed": (["bisect", NAME, "seed"], "seed: is no number that a limit depends on"),
     "an unknown key": (["bisect", NAME, "links.los_ratio"], "links.los_ratio"),
+    "a whole number": (
+        ["bisect", NAME, "convoy.vehicles", "--range=2:5"],
+        "convoy.vehicles: takes whole numbers, which `convoy sweep --vary` can try",
+    ),
+    "a share that is none": (
+        ["bisect", NAME, "links.loss_ratio", "--share=nan"], "nan is not a finite number",
+    ),
+    "a width that is none": (["risk", NAME, "--to=nan"], "nan is not a finite number"),
+    "a limit below nothing": (["risk", NAME, "--limit=error_m=-1"], "given 'error_m=-1', allowed"),
+    "a limit of nothing": (["risk", NAME, "--limit=gap_m=nan"], "given 'gap_m=nan', allowed"),
+    "a limit without end": (["risk", NAME, "--limit=error_m=inf"], "given 'error_m=inf', allowed"),
     "a range": (["bisect", NAME, "links.loss_ratio", "--range=1:0"], "LOW below HIGH"),
     "half a range": (["bisect", NAME, "links.loss_ratio", "--range=1"], "allowed LOW:HIGH"),
     "a width": (["bisect", NAME, "links.loss_ratio", "--to=0.6"], "up to a quarter of the range"),
