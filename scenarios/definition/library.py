@@ -66,7 +66,9 @@ def read_file(name_or_path: str | Path) -> ScenarioFile:
     try:
         return ScenarioFile(label, path.parent, _text(path), path)
     except FileNotFoundError as error:
-        hint = _hint(path) or f", shipped scenarios are {', '.join(library())}"
+        hint = _hint(path) or (
+            f", shipped scenarios are {', '.join(library())}, and `convoy list` names the drills"
+        )
         raise ScenarioError([f"{label}: no such file{hint}"]) from error
     except ValueError as error:
         raise ScenarioError([f"{label}: {error}"]) from error

@@ -139,6 +139,11 @@ def test_what_cannot_be_used_is_refused_in_a_line(arguments: tuple[str, ...], li
     assert refused.stderr.count("\n") == 1
 
 
+def test_who_asks_for_a_drill_that_is_none_learns_where_drills_are_named() -> None:
+    refused = convoy("drill", "nowhere", "--workers", "0")
+    assert "`convoy list` names the drills" in refused.stderr
+
+
 def test_the_worst_instant_is_said_and_can_be_repeated_and_written(tmp_path: Path) -> None:
     file, table = tmp_path / "worst.toml", tmp_path / "worst.json"
     done = convoy(
