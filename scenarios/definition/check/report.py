@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from scenarios.definition.check.sampled_loop import sampled_loop_warnings
 from scenarios.definition.road.replayed import replay_warnings
 from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.changes import SpeedChangeTable
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.path import PointsPath
 from scenarios.definition.schema.tables import ScenarioTables, SteeringTable
@@ -297,6 +299,22 @@ def _friction_warnings(cars: Sequence[VehicleParameters], run: _Run) -> Iterator
         )
 
 
+def _lowered(scenario: Scenario, run: _Run) -> Iterator[tuple[float, float]]:
+    """Least speed (m/s) in curves, and the set speed, from each change of it to the next one.
+
+    On its way to another set speed the lead is between the two: only below both it is in a curve.
+    """
+    changes = [one for one in scenario.tables.change if isinstance(one, SpeedChangeTable)]
+    sets = [(0.0, scenario.tables.speed.set_mps), *((one.at_s, one.speed_mps) for one in changes)]
+    sets.sort(key=lambda one: one[0])
+    for (at, asked), (until, _) in pairwise((*sets, (inf, 0.0))):
+        first, last = int(at / STEP), int(min(until / STEP, len(run.speeds)))
+        speeds = run.speeds[first:last]
+        least = min(speeds, default=inf)
+        if least < asked and (first == 0 or least < speeds[0]):
+            yield least, asked
+
+
 def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     speed = scenario.tables.speed
     sharpest = max(map(abs, run.curvatures))
@@ -311,9 +329,11 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     yield from _friction_warnings(cars, run)
     if speed.profile and speed.lead != "profile":
         yield f'speed.profile is not used, since speed.lead = "{speed.lead}"'
-    if speed.lead == "set" and min(run.speeds) < speed.set_mps:
+    lowered = list(_lowered(scenario, run)) if speed.lead == "set" else []
+    if lowered:
+        slowest, asked = min(lowered)
         yield (
-            f"the set speed of {speed.set_mps:g} m/s is lowered to {min(run.speeds):.1f} m/s in "
+            f"the set speed of {asked:g} m/s is lowered to {slowest:.1f} m/s in "
             "curves, to keep speed.lateral_acceleration_mps2_max"
         )
     if run.lateral_max > speed.lateral_acceleration_mps2_max * 1.1:
