@@ -357,6 +357,7 @@ class Metrics:
     def _vehicle(self, name: str, ran_ns: int) -> VehicleSummary:
         figures = self.vehicles[name]
         health, true, tyres = figures.health, figures.cross_track_error, figures.tyres
+        own = figures.lateral_error
         is_lead = name == self._names[0]
         gap, seconds = self.events.encounters.gaps.get(name), self.events.seconds
         known = gap is not None and isfinite(gap.min_m)
@@ -366,10 +367,10 @@ class Metrics:
             poses=figures.poses,
             missing_poses=sum([hole.poses for hole in self._holes(name, ran_ns)]),
             silent_from_s=self._silent_from(figures, ran_ns),
-            lateral_error_m_max=figures.lateral_error.largest,
-            lateral_error_m_rms=figures.lateral_error.rms,
-            heading_error_rad_max=figures.heading_error.largest,
             # Where nothing could be compared there is no error, rather than none to speak of.
+            lateral_error_m_max=own.largest if own.count else None,
+            lateral_error_m_rms=own.rms if own.count else None,
+            heading_error_rad_max=figures.heading_error.largest if own.count else None,
             cross_track_error_m_max=true.largest if true.count else None,
             cross_track_error_m_rms=true.rms if true.count else None,
             cross_track_error_max_at_s=seconds(true.largest_at) if true.count else None,

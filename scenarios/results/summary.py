@@ -104,9 +104,9 @@ class VehicleSummary:
     poses: int
     missing_poses: int
     silent_from_s: float | None = None
-    lateral_error_m_max: float
-    lateral_error_m_rms: float
-    heading_error_rad_max: float
+    lateral_error_m_max: float | None
+    lateral_error_m_rms: float | None
+    heading_error_rad_max: float | None
     cross_track_error_m_max: float | None
     cross_track_error_m_rms: float | None
     cross_track_error_max_at_s: float | None = None

@@ -270,7 +270,7 @@ class GuardedController:
         """Return the controller's own command, checked."""
         try:
             command: object = self._controller.steer(errors, speed)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ControllerError(
                 f"controller {self._name!r}: steer() raised {_described(error)}"
             ) from error
@@ -289,7 +289,7 @@ class GuardedController:
         return command
 
 
-def _described(error: Exception) -> str:
+def _described(error: BaseException) -> str:
     """Return kind and message of an exception in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
@@ -305,7 +305,7 @@ def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> L
         raise ControllerError(f"controller {name!r}: give a dotted name, package.module.Class")
     try:
         factory = getattr(import_module(module_name), class_name)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         why = str(error) if isinstance(error, ImportError) else _described(error)
         raise ControllerError(f"controller {name!r}: {why}") from error
     if not isinstance(factory, type) or not callable(getattr(factory, "steer", None)):
@@ -314,7 +314,7 @@ def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> L
         )
     try:
         controller: LateralController = factory(parameters, gains)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ControllerError(
             f"controller {name!r}: cannot be built as {class_name}(parameters, gains): "
             f"{_described(error)}"

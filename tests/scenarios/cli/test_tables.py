@@ -16,9 +16,6 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 
-NO_ERROR = ("0.0", "/", "0.0")
-
-
 EVENTS = (
     RunEvent(kind="near_miss", at_s=1.5, vehicles=("v1", "v2"), figures={"gap_m_min": 0.25}),
     RunEvent(
@@ -91,14 +88,21 @@ def test_a_second_row_tells_poses_and_how_the_process_did() -> None:
     assert row(printed(summary()), "v2 ", 1) == ["v2", "1", "2", "12", "7", "64", "4.3"]
 
 
+def test_who_drove_along_nothing_believes_no_error() -> None:
+    figures = summary().vehicles[2]
+    assert figures.lateral_error_m_max is None
+    assert figures.lateral_error_m_rms is None
+    assert figures.heading_error_rad_max is None
+
+
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
     text = printed(summary())
-    assert row(text, "v1 ") == ["v1", "-", "-", *NO_ERROR, "-", "-", "0.0", "/", "0"]
+    assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "-", "0.0", "/", "0"]
     assert row(text, "v1 ", 1) == ["v1", "21", "0", "0", "0"]
 
 
 def test_nor_has_a_follower_that_was_never_on_the_road() -> None:
-    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", *NO_ERROR, "-", "-", "-"]
+    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", "-", "-", "-", "-"]
 
 
 def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:

@@ -102,7 +102,7 @@ def test_a_summary_is_json_whatever_was_measured(
     run = written(scenario, tmp_path)
     run.end(at(5.0), "")
     summary = run.close(at(5.0))
-    lead = replace(summary.vehicles[0], lateral_error_m_rms=wrong)
+    lead = replace(summary.vehicles[0], distance_m=wrong)
     link = replace(summary.links[0], latency_ms_max=wrong)
     text = to_json(replace(summary, vehicles=(lead,), links=(link,)))
 
@@ -110,9 +110,9 @@ def test_a_summary_is_json_whatever_was_measured(
         pytest.fail(f"{word} is no JSON")
 
     values = json.loads(text, parse_constant=refuse)
-    assert values["vehicles"][0]["lateral_error_m_rms"] is None
+    assert values["vehicles"][0]["distance_m"] is None
     assert values["links"][0]["latency_ms_max"] is None
-    assert math.isnan(from_json(text).vehicles[0].lateral_error_m_rms)
+    assert math.isnan(from_json(text).vehicles[0].distance_m)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"outcome": "completed"}', '{"vehicles": 7}'])

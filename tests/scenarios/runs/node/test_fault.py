@@ -1,5 +1,6 @@
 """A controller of the user's own that fails ends the run, which says who, when and why."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,16 @@ class Dizzy(Failing):
         return command if self.left else SteeringCommand(float("nan"), 0.0, 0.0)
 
 
+class Leaving(Failing):
+    """Steers fifty times, then ends its process, as scripts do that meet an error."""
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        self.left -= 1
+        if not self.left:
+            sys.exit(3)
+        return FeedforwardFeedback.steer(self, errors, speed)
+
+
 class Raising(FeedforwardFeedback):
     """Cannot be built."""
 
@@ -52,6 +63,7 @@ class Mistaken(FeedforwardFeedback):
     ("name", "why"),
     [
         ("Failing", "steer() raised ZeroDivisionError: division by zero"),
+        ("Leaving", "steer() raised SystemExit: 3"),
         ("Dizzy", "steer() returned steering = nan, needed is a finite number of radians"),
     ],
 )
