@@ -44,7 +44,9 @@ def print_links(
 def _often(per_h: float | None) -> str:
     if per_h is None:
         return UNKNOWN
-    return f"{per_h:.2g} times an hour" if per_h else "never"
+    if not per_h:
+        return "never"
+    return f"{per_h:.0f} times an hour" if per_h >= 100.0 else f"{per_h:.2g} times an hour"
 
 
 def _rows(link: AskedLink) -> Iterator[Row]:

@@ -215,6 +215,12 @@ def test_links_are_explained_alike_ones_together() -> None:
     assert "at a command: 120 ms on average, at 20 Hz" in flat
 
 
+def test_hundreds_of_silences_an_hour_are_a_number_without_an_exponent() -> None:
+    text = said("check", "lane_change", "--explain", "--set", "links.preset=bursty")
+    assert re.search(r"silent +for .* sends: \d{3} times an hour", text)
+    assert "e+" not in text
+
+
 def test_what_no_number_says_is_said() -> None:
     flat = " ".join(said("check", "--explain", "--set", "links.preset=tunnel").split())
     assert "loss no number says it beforehand" in flat
