@@ -235,7 +235,7 @@ def test_written_initialisers_take_what_those_of_dataclass_do(
                 if one.__init__.__code__.co_filename == path:
                     seen.add(one.__name__)
         monkeypatch.setitem(sys.modules, name, there)
-    assert {"Body", "Decision", "Situation", "Graph", "Fit", "Pose", "VehicleFigures"} <= seen
+    assert {"Body", "Decision", "Situation", "Joined", "Fit", "Pose", "VehicleFigures"} <= seen
 
 
 # ---- Dependencies
