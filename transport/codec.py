@@ -170,12 +170,12 @@ def as_read(data: bytes, message: Message) -> bytes:
 def _check_numbers(form: _Form, values: Values) -> None:
     """Raise RefusedMessageError for a number that no vehicle measures."""
     # A sum is finite only if each of its numbers is, and takes one look at all of them.
-    numbers = form.finite_of(values) if form.finite else ()
+    numbers = form.finite_of(values)
     if not isfinite(sum(numbers, 0.0)):
         for name, value in zip(form.finite, numbers, strict=True):
             if not isfinite(value):
                 raise RefusedMessageError("absurd", f"{name} is {value}")
-    numbers = form.or_nan_of(values) if form.or_nan else ()
+    numbers = form.or_nan_of(values)
     if any(map(isinf, numbers)):
         for name, value in zip(form.or_nan, numbers, strict=True):
             if isinf(value):

@@ -118,23 +118,20 @@ def certainly_apart(one: CarBody, other: CarBody, distance: float) -> bool:
     half_length, half_width = one.half_length, one.half_width
     other_length, other_width = other.half_length, other.half_width
     cosine, sine = abs(ux * vx + uy * vy), abs(ux * vy - uy * vx)
+    enough = distance + ROUNDING_M
     return (
         abs(to_east * ux + to_north * uy)
         - (half_length + other_length * cosine + other_width * sine)
-        - ROUNDING_M
-        > distance
+        > enough
         or abs(to_east * vx + to_north * vy)
         - (other_length + half_length * cosine + half_width * sine)
-        - ROUNDING_M
-        > distance
+        > enough
         or abs(to_north * ux - to_east * uy)
         - (half_width + other_length * sine + other_width * cosine)
-        - ROUNDING_M
-        > distance
+        > enough
         or abs(to_north * vx - to_east * vy)
         - (other_width + half_length * sine + half_width * cosine)
-        - ROUNDING_M
-        > distance
+        > enough
     )
 
 

@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from math import inf, isfinite
 from operator import attrgetter
 from typing import Any
@@ -107,9 +107,8 @@ class Metrics:
         self._ahead = {behind: ahead for ahead, behind in pairwise(self._names)}
         gaps = self.events.encounters.gaps
         self._gaps = {
-            name: [(one, gaps[one]) for one in (name, *behind) if one in gaps]
-            for place, name in enumerate(self._names)
-            for behind in [self._names[place + 1 : place + 2]]
+            name: [(one, gaps[one]) for one in (name, behind) if one in gaps]
+            for name, behind in zip_longest(self._names, self._names[1:], fillvalue="")
         }
         self._sources: dict[str, tuple[_Source | None, _Source | None]] = {}
         takes: Mapping[type[Message], Callable[[VehicleFigures, Any, int], None]] = {

@@ -9,7 +9,7 @@ from scenarios.results.metrics import Metrics
 from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
 from transport.log.writer import LogWriter
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key
+from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (
     GpsPose,
@@ -141,7 +141,7 @@ class Recorder:
         if isinstance(message, GpsPose):
             self._gates[vehicle].check(message, at)
         else:
-            valid: int = getattr(message, topic.instant)
+            valid = valid_at(message)
             if valid < self._start_at - EARLY_NS:
                 raise RefusedMessageError("early", f"valid at {valid}")
             if valid > at + HORIZON_NS:
