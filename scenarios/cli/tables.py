@@ -16,6 +16,7 @@ from scenarios.results.channel.account import LinkSummary
 from scenarios.results.channel.alarms import AlarmSummary
 from scenarios.results.degradation.reaction import NO_REACTION
 from scenarios.results.encounters import EventKind
+from scenarios.results.events import road_known
 from scenarios.results.holes import hole_lines
 from scenarios.results.summary import RunSummary
 
@@ -41,16 +42,16 @@ NAMES: dict[EventKind, tuple[str, str]] = {
     "distrust": ("distrust", "distrusts"),
 }
 """Kinds of events, one and several."""
-FIGURES = {
-    "closing_speed_mps": "closing at {:.1f} m/s",
-    "gap_m_min": "gap {:.2f} m",
-    "time_to_collision_s_min": "{:.1f} s from a collision",
-    "excess_m_max": "at most {:.2f} m beyond the edge",
-    "friction_ratio_max": "{:.2f} of the friction",
-    "slip_rad_max": "slip up to {:.2f} rad",
-    "known_m": "{:.1f} m of the road known",
-    "predicted_blind_m": "{:.1f} m beyond it",
-    "duration_s": "for {:.1f} s",
+FIGURES: dict[str, Callable[[float], str]] = {
+    "closing_speed_mps": "closing at {:.1f} m/s".format,
+    "gap_m_min": "gap {:.2f} m".format,
+    "time_to_collision_s_min": "{:.1f} s from a collision".format,
+    "excess_m_max": "at most {:.2f} m beyond the edge".format,
+    "friction_ratio_max": "{:.2f} of the friction".format,
+    "slip_rad_max": "slip up to {:.2f} rad".format,
+    "known_m": road_known,
+    "predicted_blind_m": "{:.1f} m beyond it".format,
+    "duration_s": "for {:.1f} s".format,
 }
 """Figures of events in words."""
 
@@ -187,7 +188,7 @@ def event_table(summary: RunSummary) -> Table:
             NAMES[event.kind][0],
             ", ".join(event.vehicles),
             ", ".join(
-                FIGURES[name].format(value)
+                FIGURES[name](value)
                 for name, value in event.figures.items()
                 if name in FIGURES
             ),

@@ -78,9 +78,16 @@ def _slide(event: RunEvent) -> str:
 
 def _stop(event: RunEvent) -> str:
     known, blind = event.figures.get("known_m"), event.figures.get("predicted_blind_m")
-    left = "" if known is None else f", {known:.1f} m of the road known"
+    left = "" if known is None else f", {road_known(known)}"
     beyond = f", {blind:.1f} m beyond it" if blind else ""
     return f"stop: {event.vehicles[0]} brakes to a standstill{left}{beyond}"
+
+
+def road_known(known: float) -> str:
+    """Say how far ahead (m) the road is known; where that is negative, it ends behind."""
+    if known >= 0.0:
+        return f"{known:.1f} m of the road known"
+    return f"the road known ends {-known:.1f} m behind"
 
 
 def _distrust(event: RunEvent) -> str:

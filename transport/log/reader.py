@@ -35,14 +35,18 @@ class LogReader:
         }
         """Number of messages of each (vehicle, topic)."""
         if not self.counts:
-            raise LogError(
-                self.damage
-                or f"{path}: holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
-                f"with a topic of {', '.join(TOPICS)}"
-            )
+            raise LogError(self.damage or f"{path}: {self._why_empty(channels.values())}")
         self.last_at = max((head.last_at for _, head in self._file.chunks), default=0)
         """When the last message was recorded (ns)."""
         self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
+
+    def _why_empty(self, channels: Collection[str]) -> str:
+        if self.truncated and not channels:
+            return "breaks off before its first message: nothing of it can be read"
+        return (
+            "holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
+            f"with a topic of {', '.join(TOPICS)}"
+        )
 
     def messages(
         self, topics: Collection[str] | None = None, vehicles: Collection[str] | None = None

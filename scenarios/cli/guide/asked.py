@@ -60,16 +60,17 @@ def _road(report: CheckReport) -> Iterator[Row]:
 
 def _drive(report: CheckReport) -> Iterator[Row]:
     """Tell about a recorded drive as its file has it."""
-    holes = f", {report.holes} holes up to {report.hole_m_max:.1f} m" if report.holes else ""
+    many = f"{report.holes} holes up to" if report.holes > 1 else "1 hole of"
+    holes = f", {many} {report.hole_m_max:.1f} m" if report.holes else ""
     noise = f"noise {100.0 * (report.noise_m or 0.0):.1f} cm"
     yield "recorded points", f"{report.points}, {noise}{holes}"
     left_out = {
-        "bad lines": report.skipped_lines,
-        "jumps": report.jumping_points,
-        "standing": report.standing_points,
+        ("bad line", "bad lines"): report.skipped_lines,
+        ("jump", "jumps"): report.jumping_points,
+        ("standing", "standing"): report.standing_points,
     }
     if any(left_out.values()):
-        said = (f"{count} {what}" for what, count in left_out.items() if count)
+        said = (f"{count} {what[count > 1]}" for what, count in left_out.items() if count)
         yield "points left out", ", ".join(said)
     if any(report.coordinates_offset_m or ()):
         east, north = report.coordinates_offset_m or (0.0, 0.0)

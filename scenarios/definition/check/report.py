@@ -230,7 +230,7 @@ def warnings(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
-    return (
+    found = (
         *_trace_warnings(scenario),
         *_replay_warnings(scenario),
         *_vehicle_warnings(scenario),
@@ -239,6 +239,7 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *sampled_loop_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *_speed_warnings(scenario, run),
     )
+    return tuple(dict.fromkeys(found))  # one file may be the path and replayed as well
 
 
 def _trace_warnings(scenario: Scenario) -> Iterator[str]:

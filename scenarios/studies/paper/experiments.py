@@ -107,6 +107,8 @@ OWN_STATE_ESTIMATED = ('control.own_state="estimated"',)
 OTHER_LAWS: tuple[Literal["stanley", "pure_pursuit"], ...] = ("stanley", "pure_pursuit")
 """Laws beside the paper's, along the same trajectories."""
 
+TRAJECTORY_KEY = "control.trajectory="
+
 SHORTEST = 1.0
 """A straight shorter than this (m) is left out."""
 
@@ -123,9 +125,16 @@ class Experiment:
     seed: int | None = None
     logged: bool = False
 
+    @property
+    def names_trajectory(self) -> bool:
+        """Whether it is of one trajectory only."""
+        return any(one.startswith(TRAJECTORY_KEY) for one in self.overrides)
+
     def along(self, trajectory: Trajectory) -> "Experiment":
         """Give the same run with this trajectory, unless it names one itself."""
-        return replace(self, overrides=(f'control.trajectory="{trajectory}"', *self.overrides))
+        if self.names_trajectory:
+            return self
+        return replace(self, overrides=(f'{TRAJECTORY_KEY}"{trajectory}"', *self.overrides))
 
 
 def lane_change_lengths(
@@ -233,14 +242,14 @@ def _base() -> dict[RunKey, Experiment]:
         BASE.varied("knows_loading"): _changed(knows_loading),
         BASE.varied("gap_25_m"): _changed("convoy.gap_m=25.0"),
         BASE.varied("own_state_estimated"): _changed(*OWN_STATE_ESTIMATED),
-        BASE.varied("paper_prefix"): _changed('control.trajectory="paper_prefix"'),
+        BASE.varied("paper_prefix"): _changed(f'{TRAJECTORY_KEY}"paper_prefix"'),
     }
 
 
 def _laws() -> dict[RunKey, Experiment]:
     found = _in_phases(BASE, Experiment(logged=True), BASE)
     for law in OTHER_LAWS:
-        run = Experiment(overrides=(f'control.controller="{law}"',))
+        run = _changed(f'control.controller="{law}"')
         found |= _in_phases(BASE.varied(law), run)
     return found
 
@@ -261,7 +270,9 @@ def _lead_data() -> dict[RunKey, Experiment]:
     return {
         **_repeated(BASE, BASE_SEEDS),
         **_in_phases(NO_LEAD_DATA, Experiment(overrides=PREDECESSOR_ONLY, logged=True)),
-        **_noisy(NO_LEAD_DATA, "paper_base", BASE_SEEDS, *PREDECESSOR_ONLY),
+        **_noisy(
+            NO_LEAD_DATA, "paper_base", BASE_SEEDS, *PREDECESSOR_ONLY, *_first_change(BASE)
+        ),
         **_in_phases(LONG_WITH, Experiment(overrides=eight_cars)),
         **_in_phases(LONG_WITHOUT, Experiment(overrides=(*eight_cars, *PREDECESSOR_ONLY))),
     }

@@ -141,5 +141,5 @@ class Along:
         return f"{self.trajectory}/{self.part}"
 
 
-JobKey = Along | Literal[Part.GAINS]
-"""A part that is carried out by itself."""
+JobKey = Along | RunKey | Literal[Part.GAINS]
+"""A part that is carried out by itself; a run that names its trajectory, by its key alone."""

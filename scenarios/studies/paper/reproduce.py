@@ -113,6 +113,9 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
         jobs[Part.GAINS] = partial(_gains, out / Part.GAINS)
     runs = {key: experiment for case in cases for key, experiment in RUNS_OF_CASE[case].items()}
     for run, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
+        if experiment.names_trajectory:
+            jobs[run] = partial(run_experiment, experiment, out / str(run))
+            continue
         for trajectory in TRAJECTORIES:
             key = Along(trajectory, run)
             jobs[key] = partial(run_experiment, experiment.along(trajectory), out / str(key))

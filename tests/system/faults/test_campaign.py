@@ -79,7 +79,7 @@ def truths_of(log: Path) -> list[TruePose]:
     try:
         return [m for _, _, m in LogReader(log).messages(("truth",)) if isinstance(m, TruePose)]
     except LogError as error:
-        if "holds no messages" in str(error) or "is empty" in str(error):
+        if "before its first message" in str(error) or "is empty" in str(error):
             return []
         raise
 

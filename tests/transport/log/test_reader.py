@@ -70,6 +70,15 @@ def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:
             assert "\n" not in str(refused.value)
 
 
+def test_a_log_without_its_first_message_says_that_it_breaks_off(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_chunks(path)
+    first, _ = McapFile(path).chunks[0]
+    path.write_bytes(path.read_bytes()[: first.end - 1])
+    with pytest.raises(LogError, match=r"run\.mcap: breaks off before its first message"):
+        LogReader(path)
+
+
 def test_a_log_of_something_else_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "other.mcap"
     with path.open("wb") as file:

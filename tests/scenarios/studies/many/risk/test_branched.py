@@ -30,8 +30,10 @@ WORK = Splitting(
     paths=4,
     most_runs=30,
 )
-RARE = {"1e-3": (2.0, 1.592848e-3), "1e-6": (4.2, 1.0e-6)}
-"""Bounds of the true error (m), and the probability that a run with RATIO of losses is beyond."""
+RARE = {"1e-3": (2.0, 1.592848e-3, 40), "1e-6": (4.2, 1.0e-6, 10)}
+"""Bounds of the true error (m), the probability that a run with RATIO of losses is beyond, and the
+repetitions of one estimate. Of ten the standard error is itself so uncertain that one estimate of
+seventy is three of them away (Student's law)."""
 RARE_RATIO = 0.17
 """Of independent losses, nine of which come in a row about once in a million runs."""
 
@@ -90,31 +92,35 @@ def test_splitting_is_right_about_a_known_risk(rare: str, campaign: int) -> None
     """Over twenty seeds, against the exact probability, with 10⁵ counted runs beside."""
     if not campaign:
         pytest.skip("drives a thousand runs; with --campaign")
-    bound, told = RARE[rare]
+    bound, told, repetitions = RARE[rare]
     known = SilentRuns(RATIO, bound, known_runs().driven)
     truth = known.truth()
     assert truth == pytest.approx(told, rel=1e-6)
-    found = [estimate(known, seed, paths=100) for seed in range(1, campaign + 1)]
+    found = [estimate(known, seed, repetitions) for seed in range(1, campaign + 1)]
     whole = mean_of([mean.value for mean, _ in found])
     assert abs(whole.value - truth) < 3.0 * whole.standard_error
     assert whole.standard_error < 0.25 * truth
-    assert max(runs for _, runs in found) < 20_000
-    if rare == "1e-3":
+    if rare == "1e-6":
+        assert max(runs for _, runs in found) < 20_000
+    else:
         count = 100_000
         counted = known.counted(range(1, count + 1)) / count
         assert abs(counted - truth) < 3.0 * sqrt(truth / count)
+        away = [abs(mean.value - counted) / mean.standard_error for mean, _ in found]
+        print("standard errors from the counted share:", *[f"{one:.1f}" for one in away])
+        assert max(away) < 3.0
 
 
-def estimate(known: KnownRuns, seed: int, paths: int) -> tuple[Mean, int]:
-    """The mean of ten repetitions, and how many runs they took."""
+def estimate(known: KnownRuns, seed: int, repetitions: int) -> tuple[Mean, int]:
+    """The mean of so many repetitions, and how many runs they took."""
     found = [
         split(
-            paths,
+            100,
             known.run,
             partial(gone_on, known.run),
             np.random.Generator(np.random.PCG64([seed, number])),
         )
-        for number in range(10)
+        for number in range(repetitions)
     ]
     return mean_of([one.estimate for one in found]), sum(one.runs for one in found)
 
