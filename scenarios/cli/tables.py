@@ -188,9 +188,7 @@ def event_table(summary: RunSummary) -> Table:
             NAMES[event.kind][0],
             ", ".join(event.vehicles),
             ", ".join(
-                FIGURES[name](value)
-                for name, value in event.figures.items()
-                if name in FIGURES
+                FIGURES[name](value) for name, value in event.figures.items() if name in FIGURES
             ),
         )
     if len(summary.events) > MOST_EVENTS:

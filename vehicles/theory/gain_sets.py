@@ -31,7 +31,8 @@ PAPER_SPEEDS = tuple(mph * MILE_PER_HOUR for mph in (10, 20, 30, 40, 50, 60, 67)
 def _coefficients(parameters: VehicleParameters, speed: float, gains: Array) -> Array:
     """A6...A0 for gains (..., 3); shape (..., 7)."""
     constant, slopes = affine_coefficients(parameters, speed)
-    return np.asarray(constant + (gains[..., None, :] * slopes).sum(axis=-1))
+    lateral, heading, yaw_rate = (gains[..., k : k + 1] * slopes[:, k] for k in range(3))
+    return np.asarray(constant + (lateral + heading + yaw_rate))
 
 
 def is_stabilising(parameters: VehicleParameters, speed: float, gains: Array) -> NDArray[np.bool_]:

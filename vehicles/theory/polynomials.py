@@ -26,19 +26,20 @@ def is_hurwitz(coefficients: Array) -> NDArray[np.bool_]:
     Shape (..., n + 1) gives shape (...); the rows are worked on elementwise, so grids are quick.
     A polynomial on the boundary (a root on the axis: a zero in the first column) is not Hurwitz.
     """
-    upper = np.array(coefficients[..., 0::2], dtype=np.float64)
-    lower = np.zeros_like(upper)
-    lower[..., : coefficients.shape[-1] // 2] = coefficients[..., 1::2]
-    sign = np.sign(upper[..., :1])
-    upper, lower = upper * sign, lower * sign
-    stable = upper[..., 0] > 0.0
+    count = coefficients.shape[-1]
+    sign = np.sign(coefficients[..., 0])
+    # Column by column, each an array of its own.
+    columns = [np.asarray(coefficients[..., k] * sign, dtype=np.float64) for k in range(count)]
+    upper, lower = columns[0::2], columns[1::2]
+    stable = upper[0] > 0.0
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for _ in range(coefficients.shape[-1] - 1):
-            stable &= lower[..., 0] > 0.0
-            following = np.zeros_like(upper)
-            ratio = upper[..., :1] / lower[..., :1]
-            following[..., :-1] = upper[..., 1:] - ratio * lower[..., 1:]
-            upper, lower = lower, following
+        for _ in range(count - 1):
+            stable = stable & (lower[0] > 0.0)
+            ratio = upper[0] / lower[0]
+            following = [
+                above - ratio * below for above, below in zip(upper[1:], lower[1:], strict=False)
+            ]
+            upper, lower = lower, following + upper[1 + len(following) :]
     return np.asarray(stable)
 
 

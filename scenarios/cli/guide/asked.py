@@ -60,7 +60,7 @@ def _road(report: CheckReport) -> Iterator[Row]:
 
 def _drive(report: CheckReport) -> Iterator[Row]:
     """Tell about a recorded drive as its file has it."""
-    many = f"{report.holes} holes up to" if report.holes > 1 else "1 hole of"
+    many = "1 hole of" if report.holes == 1 else f"{report.holes} holes up to"
     holes = f", {many} {report.hole_m_max:.1f} m" if report.holes else ""
     noise = f"noise {100.0 * (report.noise_m or 0.0):.1f} cm"
     yield "recorded points", f"{report.points}, {noise}{holes}"
@@ -70,7 +70,7 @@ def _drive(report: CheckReport) -> Iterator[Row]:
         ("standing", "standing"): report.standing_points,
     }
     if any(left_out.values()):
-        said = (f"{count} {what[count > 1]}" for what, count in left_out.items() if count)
+        said = (f"{count} {what[count != 1]}" for what, count in left_out.items() if count)
         yield "points left out", ", ".join(said)
     if any(report.coordinates_offset_m or ()):
         east, north = report.coordinates_offset_m or (0.0, 0.0)

@@ -270,9 +270,7 @@ def _lead_data() -> dict[RunKey, Experiment]:
     return {
         **_repeated(BASE, BASE_SEEDS),
         **_in_phases(NO_LEAD_DATA, Experiment(overrides=PREDECESSOR_ONLY, logged=True)),
-        **_noisy(
-            NO_LEAD_DATA, "paper_base", BASE_SEEDS, *PREDECESSOR_ONLY, *_first_change(BASE)
-        ),
+        **_noisy(NO_LEAD_DATA, "paper_base", BASE_SEEDS, *PREDECESSOR_ONLY, *_first_change(BASE)),
         **_in_phases(LONG_WITH, Experiment(overrides=eight_cars)),
         **_in_phases(LONG_WITHOUT, Experiment(overrides=(*eight_cars, *PREDECESSOR_ONLY))),
     }

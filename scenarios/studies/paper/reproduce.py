@@ -1,7 +1,7 @@
 """`convoy reproduce`: runs the paper's experiments, judges its claims, writes one report."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -111,14 +111,7 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
             jobs[key] = partial(_field, out / str(key), trajectory)
     if Part.GAINS in cases:
         jobs[Part.GAINS] = partial(_gains, out / Part.GAINS)
-    runs = {key: experiment for case in cases for key, experiment in RUNS_OF_CASE[case].items()}
-    for run, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
-        if experiment.names_trajectory:
-            jobs[run] = partial(run_experiment, experiment, out / str(run))
-            continue
-        for trajectory in TRAJECTORIES:
-            key = Along(trajectory, run)
-            jobs[key] = partial(run_experiment, experiment.along(trajectory), out / str(key))
+    jobs |= _runs_of(cases, out)
     if Part.PROPAGATION in cases:
         for preview, frequencies in (
             (PREVIEW_S, FREQUENCIES),
@@ -129,6 +122,18 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
                     key = Along(trajectory, SineKey(frequency, preview))
                     jobs[key] = partial(drive_sine, frequency, preview, trajectory)
     return jobs
+
+
+def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Job]]:
+    """Give the runs of the cases with each trajectory, those with a log first."""
+    runs = {key: experiment for case in cases for key, experiment in RUNS_OF_CASE[case].items()}
+    for run, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
+        if experiment.names_trajectory:
+            yield run, partial(run_experiment, experiment, out / str(run))
+            continue
+        for trajectory in TRAJECTORIES:
+            key = Along(trajectory, run)
+            yield key, partial(run_experiment, experiment.along(trajectory), out / str(key))
 
 
 @dataclass(frozen=True, slots=True)

@@ -156,8 +156,12 @@ def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
 
 def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
     jobs = list(jobs_of(chosen_cases([]), tmp_path))
-    runs = {key for case in RUNS_OF_CASE.values() for key in case}
-    assert {Along(kind, key) for key in runs for kind in TRAJECTORIES} <= set(jobs)
+    runs = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
+    alone = {key for key, run in runs.items() if run.names_trajectory}
+    assert alone == {BASE.varied("paper_prefix")}
+    both = {Along(kind, key) for key in runs.keys() - alone for kind in TRAJECTORIES}
+    assert both | alone <= set(jobs)
+    assert not {Along(kind, key) for key in alone for kind in TRAJECTORIES} & set(jobs)
     assert jobs[:3] == [*(Along(kind, Part.FIELD) for kind in TRAJECTORIES), Part.GAINS]
     assert jobs.index(Along("paper", VARIABLE_SPEED)) < jobs.index(Along("fitted", BASE.noisy(1)))
 
