@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-SQUARE, X, Y, ONE = range(4)
+SQUARE, X, Y, ONE = 0, 1, 2, 3
 """Places of x² + y², x, y and 1 in `FitData`."""
 PAIRS = np.triu_indices(4)
 """Rows of `FitData` whose products are different: every one with itself and those after it."""

@@ -22,7 +22,7 @@ SURPRISE = 2.0
 that would still not count then is left alone."""
 TINY = 1e-30
 """Keeps an undetermined curvature from being zero by zero."""
-AFTER, BEFORE, BOTH = range(3)
+AFTER, BEFORE, BOTH = 0, 1, 2
 """Which side of the join is an arc."""
 
 Column = tuple[float, float, float, float]
