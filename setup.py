@@ -8,9 +8,9 @@ codec, and what the summary holds. Compiled classes have no docstrings, cannot b
 else can inherit from them; so what `convoy reference` tells of, and what a controller of one's own
 may build upon, is left as it is.
 
-What `dataclass` makes when a module is imported stays interpreted. So what is compiled is a copy of
-the sources with these initialisers written out: they are called thousands of times a second, and
-take a tenth of a run else.
+What `dataclass` makes when a module is imported stays interpreted, and the constants of a module
+are looked up by name. So what is compiled is a copy of the sources in which these initialisers are
+written out, since they are called thousands of times a second, and constants said to be such.
 """
 
 import ast
@@ -26,17 +26,21 @@ NEEDS = ["mypy[mypyc]==2.4.1", "numpy>=2.0"]
 ROOMS = {
     "vehicles/geometry": {"bridges", "lanes", "local_regression", "smoothing"},
     "vehicles/preview": {"paper_recipe"},
-    "vehicles/car": {"clock_error", "drift", "fix_states", "gnss_errors", "parameters", "sending"},
+    "vehicles/car": {"drift", "fix_states", "gnss_errors", "parameters"},
     "vehicles/driver": {"baselines", "slip_estimator", "steering", "tracking"},
 }
 """Rooms of which all modules are compiled but these: they cannot be, or take no time in a run."""
 MODULES = (
-    *("transport/codec", "scenarios/runs/recorder"),
+    *("vehicles/schedule", "scenarios/runs/recorder", "scenarios/runs/processes/vehicle"),
+    *(f"transport/{name}" for name in ("clock", "codec", "telemetry", "thinning")),
     *(
         f"transport/links/{name}"
         for name in ("arrival", "gate", "inbox", "line", "link", "remembered")
     ),
-    *(f"scenarios/runs/node/{name}" for name in ("node", "outbox", "phases")),
+    *(
+        f"scenarios/runs/node/{name}"
+        for name in ("agenda", "changes", "fault", "node", "outbox", "phases", "probe", "sink")
+    ),
     *(
         f"scenarios/results/{name}"
         for name in ("bodies", "deviations", "encounters", "figures", "metrics")

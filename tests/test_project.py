@@ -238,6 +238,37 @@ def test_written_initialisers_take_what_those_of_dataclass_do(
     assert {"Body", "Decision", "Situation", "Joined", "Fit", "Pose", "VehicleFigures"} <= seen
 
 
+def test_constants_are_said_to_be_such_and_keep_their_values(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said = 0
+    modules = compiled_modules(monkeypatch)
+    write = runpy.run_path("setup.py")["with_constants"]
+    for path in modules:
+        source = (ROOT / path).read_text(encoding="utf-8")
+        written = write(source)
+        assert written.count("\n") == source.count("\n"), path
+        name = path.removesuffix(".py").replace("/", ".")
+        there = importlib.import_module(name)
+        module = ModuleType(name)
+        monkeypatch.setitem(sys.modules, name, module)
+        exec(compile(written, path, "exec"), module.__dict__)
+        monkeypatch.setitem(sys.modules, name, there)
+        constants = re.findall(r"(\w+): _Constant =", written)
+        assert {one: vars(module)[one] for one in constants} == {
+            one: vars(there)[one] for one in constants
+        }
+        said += len(constants)
+    assert said > 200
+    text = "import x\nA, B = 1, -2.5\nC = 2 * A\nD = len('a')\nE, F = x\ng = 3\n"
+    assert write(text).splitlines() == [
+        "from typing import Final as _Constant; import x",
+        "A: _Constant = 1; B: _Constant = -2.5",
+        "C: _Constant = 2 * A",
+        *text.splitlines()[3:],
+    ]
+
+
 # ---- Dependencies
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import count, takewhile
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
@@ -27,21 +26,24 @@ def instants(start_at: int, end_at: int, rate_hz: float) -> Iterator[int]:
     A duration that is a whole number of periods has duration x rate of them: the end itself, where
     the next one would lie, does not belong.
     """
-    return takewhile(lambda at: at < end_at, (instant(start_at, k, rate_hz) for k in count()))
+    k = 0
+    while (at := instant(start_at, k, rate_hz)) < end_at:
+        yield at
+        k += 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Cadence:
     """A periodic schedule: which instants belong to it."""
 
     start_at: int
     rate_hz: float
-    _period: int = field(init=False, repr=False, compare=False)
+    _period: int = field(init=False)
 
     def __post_init__(self) -> None:
         """Work out the period (ns), 0 if it is not whole."""
         whole = (SECOND / self.rate_hz).is_integer()
-        object.__setattr__(self, "_period", int(SECOND / self.rate_hz) if whole else 0)
+        self._period = int(SECOND / self.rate_hz) if whole else 0
 
     def index(self, now: int) -> int | None:
         """Number of the instant `now` (ns) in the schedule, None if it is not one of it."""

@@ -305,6 +305,9 @@ def awareness_interval(speed: float, check: float) -> float:
     """
     if speed * LONGEST / SECOND <= POSITION:
         return LONGEST / SECOND
-    checks = next(k for k in count(1) if k * check * speed > POSITION + 1e-9)
-    least = next(k for k in count(1) if k * check >= SHORTEST / SECOND - 1e-9)
+    checks = least = 1
+    while checks * check * speed <= POSITION + 1e-9:
+        checks += 1
+    while least * check < SHORTEST / SECOND - 1e-9:
+        least += 1
     return min(max(checks, least) * check, LONGEST / SECOND)
