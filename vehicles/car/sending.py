@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import accumulate, count
+from itertools import accumulate
 from math import degrees, hypot
 from typing import Protocol
 

@@ -50,7 +50,7 @@ class Agenda:
         if not self._coming or self._coming[0].at > now:  # the usual tick needs no lock
             return []
         with self._lock:
-            count = sum(due.at <= now for due in self._coming)
+            count = sum([due.at <= now for due in self._coming])
             taken, self._coming = self._coming[:count], self._coming[count:]
         return taken
 
