@@ -33,6 +33,7 @@ ROOMS = {
 MODULES = (
     *("vehicles/schedule", "scenarios/runs/recorder", "scenarios/runs/processes/vehicle"),
     *(f"transport/{name}" for name in ("clock", "codec", "telemetry", "thinning")),
+    *("transport/log/writer", "scenarios/runs/processes/arrivals"),
     *(
         f"transport/links/{name}"
         for name in ("arrival", "gate", "inbox", "line", "link", "remembered")
