@@ -131,21 +131,13 @@ def with_constants(source: str) -> str:
     Constants are capital names to which numbers or texts are assigned, or what is worked out of
     those and of other constants.
     """
-    lines, module = source.splitlines(), ast.parse(source)
-    said = False
-    for one in module.body:
+    lines, said = source.splitlines(), False
+    for one in ast.parse(source).body:
         text = as_constants(one)
         if text:
+            text = text if said else f"{SAYS_CONSTANT}; {text}"
             lines[one.lineno - 1 : one.end_lineno] = [text, *[""] * (one.end_lineno - one.lineno)]
             said = True
-    first = next((one for one in module.body if isinstance(one, ast.Import | ast.ImportFrom)), None)
-    if not said:
-        return source
-    if first is None:  # a module without imports has no annotations of other modules either
-        at = module.body[0].end_lineno if isinstance(module.body[0], ast.Expr) else 0
-        lines.insert(at or 0, SAYS_CONSTANT)
-    else:
-        lines[first.lineno - 1] = f"{SAYS_CONSTANT}; {lines[first.lineno - 1]}"
     return "\n".join([*lines, ""])
 
 

@@ -262,8 +262,8 @@ def test_constants_are_said_to_be_such_and_keep_their_values(
     assert said > 200
     text = "import x\nA, B = 1, -2.5\nC = 2 * A\nD = len('a')\nE, F = x\ng = 3\n"
     assert write(text).splitlines() == [
-        "from typing import Final as _Constant; import x",
-        "A: _Constant = 1; B: _Constant = -2.5",
+        "import x",
+        "from typing import Final as _Constant; A: _Constant = 1; B: _Constant = -2.5",
         "C: _Constant = 2 * A",
         *text.splitlines()[3:],
     ]
