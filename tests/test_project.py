@@ -209,6 +209,18 @@ def test_compiled_modules_calculate_as_interpreted_ones(monkeypatch: pytest.Monk
                 assert not over & {"count", "cycle", "repeat"}, f"{name}:{one.lineno}"
 
 
+def imported_and_executed(
+    path: str, written: str, monkeypatch: pytest.MonkeyPatch
+) -> tuple[ModuleType, ModuleType]:
+    """A module as it is, and as what `setup.py` makes of its source."""
+    name = path.removesuffix(".py").replace("/", ".")
+    there, module = importlib.import_module(name), ModuleType(name)
+    with monkeypatch.context() as meanwhile:
+        meanwhile.setitem(sys.modules, name, module)
+        exec(compile(written, path, "exec"), module.__dict__)
+    return there, module
+
+
 def test_written_initialisers_take_what_those_of_dataclass_do(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -217,11 +229,8 @@ def test_written_initialisers_take_what_those_of_dataclass_do(
     write = runpy.run_path("setup.py")["with_initialisers"]
     for path in modules:
         source = (ROOT / path).read_text(encoding="utf-8")
-        name = path.removesuffix(".py").replace("/", ".")
-        there = importlib.import_module(name)
-        module = ModuleType(name)
-        monkeypatch.setitem(sys.modules, name, module)
-        exec(compile(write(source), path, "exec"), module.__dict__)
+        there, module = imported_and_executed(path, write(source), monkeypatch)
+        name = there.__name__
         for one in vars(module).values():
             if dataclasses.is_dataclass(one) and one.__module__ == name and isinstance(one, type):
                 own, like = (
@@ -234,7 +243,6 @@ def test_written_initialisers_take_what_those_of_dataclass_do(
                 assert own == like, one
                 if one.__init__.__code__.co_filename == path:
                     seen.add(one.__name__)
-        monkeypatch.setitem(sys.modules, name, there)
     assert {"Body", "Decision", "Situation", "Joined", "Fit", "Pose", "VehicleFigures"} <= seen
 
 
@@ -248,12 +256,7 @@ def test_constants_are_said_to_be_such_and_keep_their_values(
         source = (ROOT / path).read_text(encoding="utf-8")
         written = write(source)
         assert written.count("\n") == source.count("\n"), path
-        name = path.removesuffix(".py").replace("/", ".")
-        there = importlib.import_module(name)
-        module = ModuleType(name)
-        monkeypatch.setitem(sys.modules, name, module)
-        exec(compile(written, path, "exec"), module.__dict__)
-        monkeypatch.setitem(sys.modules, name, there)
+        there, module = imported_and_executed(path, written, monkeypatch)
         constants = re.findall(r"(\w+): _Constant =", written)
         assert {one: vars(module)[one] for one in constants} == {
             one: vars(there)[one] for one in constants

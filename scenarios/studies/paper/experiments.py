@@ -108,6 +108,7 @@ OTHER_LAWS: tuple[Literal["stanley", "pure_pursuit"], ...] = ("stanley", "pure_p
 """Laws beside the paper's, along the same trajectories."""
 
 TRAJECTORY_KEY = "control.trajectory="
+"""Beginning of the override by which a run names its trajectory."""
 
 SHORTEST = 1.0
 """A straight shorter than this (m) is left out."""
