@@ -33,7 +33,8 @@ ROOMS = {
 MODULES = (
     *("vehicles/schedule", "scenarios/runs/recorder", "scenarios/runs/processes/vehicle"),
     *(f"transport/{name}" for name in ("clock", "codec", "telemetry", "thinning")),
-    *("transport/log/writer", "scenarios/runs/processes/arrivals"),
+    *("transport/log/packed_messages", "transport/log/writer"),
+    *("scenarios/runs/watchers", "scenarios/runs/processes/arrivals"),
     *(
         f"transport/links/{name}"
         for name in ("arrival", "gate", "inbox", "line", "link", "remembered")
@@ -44,7 +45,10 @@ MODULES = (
     ),
     *(
         f"scenarios/results/{name}"
-        for name in ("bodies", "deviations", "encounters", "figures", "metrics")
+        for name in (
+            *("bodies", "deviations", "encounters", "events", "figures", "metrics"),
+            *("recorded_numbers", "degradation/watches"),
+        )
     ),
     "scenarios/results/channel/tally",
 )

@@ -7,8 +7,6 @@ instants, never a reading of the clock.
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from heapq import merge
-from itertools import groupby
 from math import inf
 from threading import Event
 from typing import Protocol
@@ -20,7 +18,7 @@ LATE_SHARE_OF_PERIOD = 0.5
 _LONGEST_SLEEP_NS = 50 * MILLISECOND
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Tick:
     """One step of the schedule, at instant `at` (ns) and `span_s` seconds before the next."""
 
@@ -93,15 +91,17 @@ def ticks(
     `besides` are instants (ns) that have no such rate, each in order, from `start_at` to before
     `end_at`.
     """
-    each: list[Iterable[int]] = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
-    each += besides
-    before: int | None = None
-    for at, _ in groupby(merge(*each)):
-        if before is not None:
-            yield Tick(before, (at - before) / SECOND)
-        before = at
-    if before is not None:
-        yield Tick(before, (end_at - before) / SECOND)
+    each = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
+    each += [iter(one) for one in besides]
+    following = [next(one, end_at) for one in each]
+    at = min(following, default=end_at)
+    while at < end_at:
+        for place, one in enumerate(each):
+            while following[place] <= at:
+                following[place] = next(one, end_at)
+        after = min(following)
+        yield Tick(at, (after - at) / SECOND)
+        at = after
 
 
 def late_after(control_rate_hz: float) -> int:

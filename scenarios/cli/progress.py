@@ -27,6 +27,9 @@ class Progress:
     all. The figures are those of `metrics`, which takes each message before this does.
     """
 
+    kinds: frozenset[type[Message]] = frozenset({LogText, RunStart, TruePose})
+    """Messages that it listens to."""
+
     def __init__(self, metrics: Metrics, duration_s: float) -> None:
         """Show nothing until the run, which is to last `duration_s`, starts."""
         self._metrics = metrics

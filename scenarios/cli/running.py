@@ -33,7 +33,7 @@ from scenarios.runs.processes.membership import (
 )
 from scenarios.runs.processes.recording import RecorderProcess
 from scenarios.runs.processes.supervisor import Supervisor
-from scenarios.runs.recorder import Listener
+from scenarios.runs.recorder import Listener, Selective
 from scenarios.runs.run_folder import claimed, default_folder
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals, stop_on_signals
 from scenarios.runs.virtual import VirtualConvoy, run_virtual
@@ -224,14 +224,14 @@ def listeners(
     with ExitStack() as stack:
         option = parse_rerun_option(rerun)
         view = stack.enter_context(open_drawing(option, scenario, run_id, metrics))
-        found: list[Listener] = [view.draw]
+        found: list[Listener] = [] if option.sink == "off" else [view.draw]
         if view.where and not quiet:
             Console(stderr=True).print(
                 f"watch it: {view.where}", soft_wrap=True, highlight=False, markup=False
             )
         if not quiet:
-            progress = Progress(metrics, scenario.duration_s)
-            found.append(stack.enter_context(progress).listen)
+            progress = stack.enter_context(Progress(metrics, scenario.duration_s))
+            found.append(Selective(progress.kinds, progress.listen))
         yield found
 
 

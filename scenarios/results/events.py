@@ -5,19 +5,19 @@ not believed: found message by message, live, in virtual time or from a log. The
 vehicle come in order; how those of different vehicles are mixed does not matter.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import EventsTable
 from scenarios.results.bodies import BodySize, CarBody, body_of, corners
 from scenarios.results.degradation.watches import StopWatch, TrustWatch
-from scenarios.results.encounters import Encounters, Episode, EventKind
+from scenarios.results.encounters import Encounters, Episode
+from scenarios.results.run_event import RunEvent
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
-from vehicles.messages import Level, Tracking, TruePose
+from vehicles.messages import Tracking, TruePose
 from vehicles.schedule import SECOND, nanoseconds
 
 LOST_MODES = frozenset({"coast", "stop", "straight"})
@@ -29,81 +29,6 @@ LANE_LOOK_NS = SECOND // 20
 UNRECORDED_NS = SECOND // 2
 """Between two tracking messages so far apart nobody knows what a vehicle steered along; the
 slowest control runs at 5 Hz."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunEvent:
-    """An event as it stands in the summary; instants in seconds from the start of the run."""
-
-    kind: EventKind
-    at_s: float
-    vehicles: tuple[str, ...]
-    figures: Mapping[str, float]
-
-    @property
-    def line(self) -> str:
-        """What happened, in one line."""
-        return f"{WHAT[self.kind](self)}, {self.at_s:.2f} s after the start"
-
-    @property
-    def level(self) -> Level:
-        """How bad it is, for the log."""
-        return "error" if self.kind == "collision" else "warning"
-
-
-def _collision(event: RunEvent) -> str:
-    ahead, behind = event.vehicles
-    closing = event.figures["closing_speed_mps"]
-    return f"collision: {behind} and {ahead}, closing at {closing:.1f} m/s"
-
-
-def _near_miss(event: RunEvent) -> str:
-    ahead, behind = event.vehicles
-    left = event.figures.get("time_to_collision_s_min")
-    also = "" if left is None else f", {left:.1f} s from a collision"
-    return f"near miss: {behind} within {event.figures['gap_m_min']:.2f} m of {ahead}{also}"
-
-
-def _lane_departure(event: RunEvent) -> str:
-    return f"lane departure: {event.vehicles[0]} across the edge of the lane"
-
-
-def _path_lost(event: RunEvent) -> str:
-    return f"path lost: {event.vehicles[0]} receives too little to steer along"
-
-
-def _slide(event: RunEvent) -> str:
-    return f"slide: {event.vehicles[0]} has no more friction to steer by"
-
-
-def _stop(event: RunEvent) -> str:
-    known, blind = event.figures.get("known_m"), event.figures.get("predicted_blind_m")
-    left = "" if known is None else f", {road_known(known)}"
-    beyond = f", {blind:.1f} m beyond it" if blind else ""
-    return f"stop: {event.vehicles[0]} brakes to a standstill{left}{beyond}"
-
-
-def road_known(known: float) -> str:
-    """Say how far ahead (m) the road is known; where that is negative, it ends behind."""
-    if known >= 0.0:
-        return f"{known:.1f} m of the road known"
-    return f"the road known ends {-known:.1f} m behind"
-
-
-def _distrust(event: RunEvent) -> str:
-    source, name = event.vehicles
-    return f"distrust: {name} does not believe {source}"
-
-
-WHAT: Mapping[EventKind, Callable[[RunEvent], str]] = {
-    "collision": _collision,
-    "near_miss": _near_miss,
-    "lane_departure": _lane_departure,
-    "path_lost": _path_lost,
-    "slide": _slide,
-    "stop": _stop,
-    "distrust": _distrust,
-}
 
 
 @dataclass(slots=True)
@@ -307,7 +232,7 @@ class EventDetector:
         self._places: dict[str, tuple[float, float]] = {}
         self.collisions = 0
         self._start_at: int | None = None
-        self._first_at = inf
+        self._first_at: int | None = None
 
     def begin(self, start_at: int) -> None:
         """Take the start of the run (ns), from which instants are counted."""
@@ -316,7 +241,7 @@ class EventDetector:
     def add_truth(self, pose: TruePose) -> None:
         """Take a true pose of one of the vehicles."""
         name = pose.vehicle
-        if pose.true_at_ns < self._first_at:  # noqa: PLR1730 - twice as fast as min
+        if self._first_at is None or pose.true_at_ns < self._first_at:
             self._first_at = pose.true_at_ns
         self._places[name] = (pose.east_m, pose.north_m)
         body = body_of(pose, self._sizes[name])
@@ -362,7 +287,7 @@ class EventDetector:
     def seconds(self, at: int) -> float:
         """Seconds from the start of the run, or, if that was not recorded, the first pose."""
         start = self._first_at if self._start_at is None else self._start_at
-        return (at - start) / SECOND
+        return (at - (start or 0)) / SECOND
 
     def event(self, episode: Episode) -> RunEvent:
         """Put an episode as it stands in the summary."""

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from math import inf, sqrt
 
 from scenarios.results.degradation.reaction import Reaction
-from scenarios.results.holes import MOST_RANGES, EdgeInstants, RecordedNumbers
+from scenarios.results.holes import EdgeInstants
+from scenarios.results.recorded_numbers import MOST_RANGES, RecordedNumbers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING
 from vehicles.messages import Health, TruePose

@@ -2,10 +2,11 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import cast
 
-from scenarios.results.holes import MOST_RANGES, RecordedNumbers
 from scenarios.results.metrics import Metrics
+from scenarios.results.recorded_numbers import MOST_RANGES, RecordedNumbers
 from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
 from transport.log.writer import LogWriter
@@ -30,6 +31,36 @@ ANY_AGE_NS = 2**62
 
 Listener = Callable[[int, Message], None]
 """Gets the instant of reception (ns) and each accepted message: viewer, progress, conductor."""
+
+
+@dataclass(slots=True)
+class Selective:
+    """A listener that is given messages of some kinds only: a run has very many of the others."""
+
+    kinds: frozenset[type[Message]]
+    listen: Listener
+
+    def __call__(self, at: int, message: Message) -> None:
+        """Take a message of one of the kinds, received at instant `at` (ns)."""
+        self.listen(at, message)
+
+
+def by_kind(listeners: Sequence[Listener]) -> dict[type[Message], list[Listener]]:
+    """Tell who is given messages of each kind, in the order of the listeners."""
+    found: dict[type[Message], list[Listener]] = {}
+    for kind in TOPIC_OF:
+        found[kind] = []
+        for one in listeners:
+            if not isinstance(one, Selective):
+                found[kind].append(one)
+            elif kind in one.kinds:
+                found[kind].append(one.listen)
+    return found
+
+
+def kinds_of(listeners: Sequence[Listener]) -> frozenset[type[Message]]:
+    """Kinds of message that any of the listeners is given."""
+    return frozenset([kind for kind, ones in by_kind(listeners).items() if ones])
 
 
 class Recorder:
@@ -64,7 +95,7 @@ class Recorder:
         self._plane = plane
         self._writer = writer
         self._metrics = metrics
-        self._listeners = listeners
+        self._listeners = by_kind(listeners)
         self._seen: defaultdict[str, RecordedNumbers] = defaultdict(
             lambda: RecordedNumbers(MOST_RANGES)
         )
@@ -194,7 +225,7 @@ class Recorder:
         if is_truth:  # nothing else brings deviations
             for one in self._metrics.deviations.news():
                 self._writer.write_deviation(at, *one)
-        for listener in self._listeners:
+        for listener in self._listeners[type(message)]:
             listener(at, message)
         if is_truth or isinstance(message, Tracking):  # nothing else brings events and warnings
             self.say_news(at)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from scenarios.runs.recorder import Listener
+from scenarios.runs.recorder import Listener, by_kind, kinds_of
 from vehicles.messages import Change, LogText, Message, RunEnd, RunStart
 
 ALWAYS = (Change, LogText, RunEnd, RunStart)
@@ -17,19 +17,21 @@ class Watchers:
 
     def __init__(self, listeners: Sequence[Listener], is_behind: Callable[[], bool]) -> None:
         """`is_behind` says whether more waits to be recorded than there should."""
-        self._listeners = listeners
+        self._listeners = by_kind(listeners)
+        self.kinds = kinds_of(listeners)
         self._is_behind = is_behind
         self.left_out = 0
         """Messages that nobody was shown."""
 
     def listen(self, at: int, message: Message) -> None:
         """Take one recorded message, and the instant (ns) of its reception."""
-        if not self._listeners:
+        listeners = self._listeners[type(message)]
+        if not listeners:
             return
         if self._is_behind() and not isinstance(message, ALWAYS):
             self.left_out += 1
             return
-        for listener in self._listeners:
+        for listener in listeners:
             listener(at, message)
 
     def account(self) -> str:

@@ -6,6 +6,7 @@ forward between two peers, so peers need each other's endpoints (or gossip throu
 
 import json
 import logging
+import os
 import re
 import time
 from collections.abc import Iterator, Mapping
@@ -36,6 +37,12 @@ _URGENT = zenoh.Priority.DATA_HIGH
 _SLICE_S = 1.0
 _SETTLE_S = 0.01
 """`connected()` is False within 3 ms after a lost router makes members seem dead (measured)."""
+
+_ONE_THREAD = "(app: (worker_threads: 1), {})".format(
+    ", ".join([f"{others}: (handover: app)" for others in ("acc", "tx", "rx", "net")])
+)
+"""Zenoh has a thread for each of its tasks, and two to receive. In forty processes on two cores
+they wake each other: of the ticks of their vehicles five times as many began late."""
 
 logger = logging.getLogger(__name__)
 _SOURCE_LINE = re.compile(r" at /\S+?\.rs:\d+\.?")
@@ -244,6 +251,7 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
     `own` are the defaults of this kind of process beside those of all.
     """
     config = configuration(options, {**DEFAULTS, **own})
+    os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     zenoh.init_log_from_env_or(_SAID)
     if config.get_json("mode") != '"client"':
         # A peer that finds no other opens all the same: others may come later.

@@ -20,6 +20,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, MessageIndex, Schema, Statistics
 from mcap.writer import Writer
 
+from transport.log.packed_messages import RECORD_BYTES, PackedMessages
+
 try:
     from mcap._chunk_builder import ChunkBuilder
 except ImportError:  # another version of the package, see `can_be_fast`
@@ -27,13 +29,8 @@ except ImportError:  # another version of the package, see `can_be_fast`
 
 __all__ = ["FastWriter", "Writer", "new_writer"]
 
-CHUNK_BYTES = 1024 * 1024
-"""A chunk is complete once it holds more bytes than this, as in the package."""
-_MESSAGE = int(Opcode.MESSAGE)
-_HEAD = struct.Struct("<BQHIQQ")
-"""Opcode and length of a record; channel, number, log time and publish time of a message."""
-_FIXED = _HEAD.size - 9
-"""Bytes of a message record without its opcode, its length and its data."""
+_INDEX_HEAD = struct.Struct("<BQHI")
+"""Opcode and length of an index record, its channel, and the length of what follows."""
 _CHUNK_ATTRIBUTES = {
     "message_end_time",
     "message_indices",
@@ -45,57 +42,54 @@ _CHUNK_ATTRIBUTES = {
 
 
 class _Index(MessageIndex):
-    """The messages of one channel in a chunk: log time and offset of each, in turn."""
+    """The messages of one channel in a chunk: log time and place of each, in turn."""
 
-    def __init__(self, channel_id: int) -> None:
+    def __init__(self, channel_id: int, flat: list[int]) -> None:
         super().__init__(channel_id, [])
-        self.flat: list[int] = []
+        self.flat = flat
 
     def write(self, stream: RecordBuilder) -> None:
-        """Write the record of the index."""
-        stream.start_record(Opcode.MESSAGE_INDEX)
-        stream.write2(self.channel_id)
-        stream.write4(8 * len(self.flat))
-        stream.write(struct.pack(f"<{len(self.flat)}Q", *self.flat))
-        stream.finish_record()  # type: ignore[no-untyped-call]
+        """Write the record of the index: on the wall clock each channel has five a second."""
+        entries = struct.pack(f"<{len(self.flat)}Q", *self.flat)
+        length = _INDEX_HEAD.size - RECORD_BYTES + len(entries)
+        head = _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, length, self.channel_id, len(entries))
+        stream.write(head + entries)
 
 
 class _Chunk(ChunkBuilder):
     """A chunk in progress: channels, schemas and packed messages, in the order of the calls."""
 
-    def __init__(self, statistics: Statistics) -> None:
+    def __init__(self, statistics: Statistics, messages: PackedMessages) -> None:
         super().__init__()
         self._statistics = statistics
-        self.indices: dict[int, _Index] = self.message_indices  # type: ignore[assignment]
-        self.parts: list[bytes] = []
-        self.size = 0
+        self._messages = messages
 
     @property
     def count(self) -> int:
         """Bytes so far."""
-        return self.size
-
-    def index(self, channel: int) -> _Index:
-        """Begin the index of a channel."""
-        index = self.indices[channel] = _Index(channel)
-        return index
+        return self._messages.size
 
     def add_channel(self, channel: Channel) -> None:
         """Append a channel."""
         self._pack()
         super().add_channel(channel)
-        self.size = self.record_writer.count
+        self._messages.size = self.record_writer.count
 
     def add_schema(self, schema: Schema) -> None:
         """Append a schema."""
         self._pack()
         super().add_schema(schema)
-        self.size = self.record_writer.count
+        self._messages.size = self.record_writer.count
+
+    def count_messages(self) -> None:
+        """Say how many there are: the package leaves out a chunk without any."""
+        self.num_messages = self._messages.count
 
     def end(self) -> bytes:
         """Return the chunk's bytes, and add its messages to the statistics."""
         self._pack()
-        flats = {channel: index.flat for channel, index in self.indices.items()}
+        flats = self._messages.indices
+        self.message_indices |= {channel: _Index(channel, flat) for channel, flat in flats.items()}
         self.message_start_time = min(flat[0] for flat in flats.values())
         self.message_end_time = max(flat[-2] for flat in flats.values())
         statistics = self._statistics
@@ -105,13 +99,16 @@ class _Chunk(ChunkBuilder):
         statistics.message_count += self.num_messages
         for channel, flat in flats.items():
             statistics.channel_message_counts[channel] += len(flat) // 2
-        self.size = 0
         data: bytes = super().end()  # type: ignore[no-untyped-call]
         return data
 
+    def reset(self) -> None:
+        """Begin the next chunk."""
+        super().reset()  # type: ignore[no-untyped-call]
+        self._messages.clear()
+
     def _pack(self) -> None:
-        self.record_writer.write(b"".join(self.parts))
-        self.parts.clear()
+        self.record_writer.write(self._messages.taken())
 
 
 class _PackedIndex:
@@ -130,38 +127,36 @@ class _PackedIndex:
 
 
 class FastWriter(Writer):
-    """Writes messages, which have to come in order of log time, in the faster way."""
+    """Writes messages, which have to come in order of log time, in the faster way.
+
+    `messages` are those of the chunk in progress.
+    """
 
     def __init__(self, file: IO[bytes]) -> None:
         super().__init__(file)
         private: Any = self
-        self._chunk = private._Writer__chunk_builder = _Chunk(private._Writer__statistics)
+        self.messages = PackedMessages(self.flush)
+        self._chunk = _Chunk(private._Writer__statistics, self.messages)
+        private._Writer__chunk_builder = self._chunk
         self._indices: list[ChunkIndex | _PackedIndex] = private._Writer__chunk_indices
 
     def flush(self) -> None:
         """Finish the chunk in progress and hand all to the operating system."""
+        self._chunk.count_messages()
         super().flush()  # type: ignore[no-untyped-call]
         if self._indices and isinstance(last := self._indices[-1], ChunkIndex):
             self._indices[-1] = _PackedIndex(last)
+
+    def finish(self) -> None:
+        """Complete the file."""
+        self._chunk.count_messages()
+        super().finish()  # type: ignore[no-untyped-call]
 
     def add_message(
         self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
     ) -> None:
         """Add a message (instants in ns)."""
-        chunk = self._chunk
-        index = chunk.indices.get(channel_id)
-        if index is None:
-            index = chunk.index(channel_id)
-        size, length = chunk.size, _FIXED + len(data)
-        index.flat += (log_time, size)
-        chunk.parts += (
-            _HEAD.pack(_MESSAGE, length, channel_id, sequence, log_time, publish_time),
-            data,
-        )
-        chunk.num_messages += 1
-        chunk.size = size = size + 9 + length
-        if size > CHUNK_BYTES:
-            self.flush()
+        self.messages.add(channel_id, log_time, data, publish_time, sequence)
 
 
 def can_be_fast() -> bool:

@@ -8,7 +8,7 @@ metadata and attachments. Whatever reviews or measures a run reads this file alo
 import contextlib
 import errno
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
@@ -82,6 +82,9 @@ class LogWriter(Closing):
         self._writer = new_writer(self._file)
         self.fast = isinstance(self._writer, FastWriter)
         """False with a version of the mcap package that allows no faster way to add messages."""
+        self._add: Callable[[int, int, bytes, int, int], None] = self._writer.add_message
+        if isinstance(self._writer, FastWriter):
+            self._add = self._writer.messages.add
         self._writer.start(profile="", library=library or library_name())
         self._file.flush()  # even a log without a message is recognised as one
         self._twins = twins(scene)
@@ -125,7 +128,7 @@ class LogWriter(Closing):
             log_time = self._log_time
         channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
         sequence = message.seq & SEQUENCE_MASK
-        add = self._writer.add_message
+        add = self._add
         try:
             add(channel.identifier, log_time, data, publish_time, sequence)
             for twin, identifier, timer in channel.twins:
@@ -154,7 +157,7 @@ class LogWriter(Closing):
         )
         data = message.SerializeToString()
         with self._named_failure():
-            self._writer.add_message(channel, self._log_time, data, max(true_at, 0), number)
+            self._add(channel, self._log_time, data, max(true_at, 0), number)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)

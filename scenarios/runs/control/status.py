@@ -104,6 +104,9 @@ class StatusBoard:
     Everything but the answer is of the recorder's own thread.
     """
 
+    kinds: frozenset[type[Message]] = frozenset({LinkVerdict, RunStart, Tracking, TruePose})
+    """Messages that it listens to."""
+
     def __init__(self, scenario: Scenario, run: str, metrics: Metrics) -> None:
         self._scenario = scenario
         self._run = run

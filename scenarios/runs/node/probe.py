@@ -1,6 +1,7 @@
 """Memory, processor time and lateness of a process; in virtual time all of them are zero."""
 
 from dataclasses import dataclass
+from time import monotonic, process_time
 from typing import Protocol
 
 import psutil
@@ -53,7 +54,7 @@ class ProcessProbe:
         before = before or Lateness()
         self._late_after_ns = late_after_ns
         self._process = psutil.Process()
-        self._process.cpu_percent()
+        self._read_at = _processor_and_time()
         self._late_ticks = before.ticks
         self._lateness_ns_max = before.worst_ns
 
@@ -69,10 +70,16 @@ class ProcessProbe:
 
     def read(self) -> Usage:
         """Memory now, share of one core since the last reading, lateness since the start."""
-        with self._process.oneshot():
-            return Usage(
-                memory_bytes=self._process.memory_info().rss,
-                cpu_ratio=self._process.cpu_percent() / 100.0,
-                late_ticks=self._late_ticks,
-                lateness_ms_max=self._lateness_ns_max / MILLISECOND,
-            )
+        before, self._read_at = self._read_at, _processor_and_time()
+        used, passed = (now - then for now, then in zip(self._read_at, before, strict=True))
+        return Usage(
+            memory_bytes=self._process.memory_info().rss,
+            cpu_ratio=used / passed if passed > 0.0 else 0.0,
+            late_ticks=self._late_ticks,
+            lateness_ms_max=self._lateness_ns_max / MILLISECOND,
+        )
+
+
+def _processor_and_time() -> tuple[float, float]:
+    """Seconds that this process has run on a processor, and those that have passed."""
+    return process_time(), monotonic()

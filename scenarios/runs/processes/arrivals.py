@@ -1,12 +1,11 @@
 """What has come for the recorder and waits to be recorded: bounded, whoever sends it."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import count
-from queue import Empty, Queue
-from threading import Lock
+from threading import Event, Lock
 
 from transport.codec import MAX_BYTES
 from transport.reasons import RefusalReason
@@ -41,19 +40,20 @@ class Arrivals:
         self._total = 0
         # Not a SimpleQueue: of a signal that comes while it waits, and is handled for longer than
         # is left of the time to wait, it makes a wait without end (CPython 3.11 and 3.12).
-        self._queue: Queue[Arrival] = Queue()
+        self._waiting: deque[Arrival] = deque()
+        self._came = Event()
         self._refused: Counter[RefusalReason] = Counter()
         self._lock = Lock()
 
     def __len__(self) -> int:
-        return self._queue.qsize()
+        return len(self._waiting)
 
     @property
     def came_first_at(self) -> int | None:
         """Instant (ns) at which came what waits the longest; None if nothing waits."""
         first: Arrival | None = None
         with suppress(IndexError):
-            first = self._queue.queue[0]
+            first = self._waiting[0]
         return None if first is None else first[0]
 
     def put(self, at: int, key_expression: str, data: bytes) -> None:
@@ -70,20 +70,26 @@ class Arrivals:
             else:
                 self._held[key] += size
                 self._total += size
-                self._queue.put((at, key, data))
+                self._waiting.append((at, key, data))
+                if not self._came.is_set():
+                    self._came.set()
 
-    def take(self, timeout_s: float) -> Arrival | None:
-        """Return what came first; None if nothing is there or comes within `timeout_s`."""
-        try:
-            arrival = self._queue.get(timeout=timeout_s)
-        except Empty:
-            return None
-        _, key, data = arrival
-        size = len(data) + OVERHEAD_BYTES
+    def take(self, most: int, timeout_s: float) -> list[Arrival]:
+        """Return what came first, `most` of it; if nothing is there, wait for `timeout_s` (s).
+
+        For one thread alone.
+        """
+        if not self._waiting:
+            self._came.clear()
+            if not self._waiting:  # nothing has come since the first look either
+                self._came.wait(timeout_s)
+        taken = [self._waiting.popleft() for _ in range(min(most, len(self._waiting)))]
         with self._lock:
-            self._held[key] -= size
-            self._total -= size
-        return arrival
+            for _, key, data in taken:
+                size = len(data) + OVERHEAD_BYTES
+                self._held[key] -= size
+                self._total -= size
+        return taken
 
     def refusals(self) -> Counter[RefusalReason]:
         """Return what was refused since the last call, by reason."""

@@ -47,6 +47,9 @@ class Phase(Enum):
 class Conductor:
     """Waits for the vehicles, sets the start, decides on the end. Instants are ns of Unix time."""
 
+    kinds: frozenset[type[Message]] = frozenset({Change, Health, LogText})
+    """Messages that it listens to."""
+
     def __init__(
         self,
         vehicles: Sequence[str],

@@ -14,7 +14,7 @@ from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
 from scenarios.runs.processes.membership import Membership
 from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
-from scenarios.runs.recorder import Listener
+from scenarios.runs.recorder import Listener, Selective
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from scenarios.runs.watchers import Watchers
@@ -93,7 +93,11 @@ class RecorderProcess:
             clock="wall",
             run_id=folder.name,
             metrics=metrics,
-            listeners=(self._conductor.listen, self._board.listen, self._watchers.listen),
+            listeners=(
+                Selective(self._conductor.kinds, self._conductor.listen),
+                Selective(self._board.kinds, self._board.listen),
+                Selective(self._watchers.kinds, self._watchers.listen),
+            ),
         )
         self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
         self._flushing, self._showing = Timer(FLUSH_NS), Timer(SHOW_NS)
@@ -217,10 +221,8 @@ class RecorderProcess:
         self._run.recorder.rejected.update(self._arrivals.refusals())
         is_over = self._conductor.phase is Phase.OVER
         waiting = len(self._arrivals)
-        for _ in range(max(1, waiting if is_over else min(waiting, MOST_AT_ONCE))):
-            arrival = self._arrivals.take(POLL_S)
-            if arrival is None:
-                break
+        at_once = max(1, waiting if is_over else min(waiting, MOST_AT_ONCE))
+        for arrival in self._arrivals.take(at_once, POLL_S):
             self._put_in_order(arrival)
         sent_until = None if is_over else self._clock.now() - HELD_NS
         for at, key_expression, data in self._in_order.until(sent_until):

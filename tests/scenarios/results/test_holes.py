@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.holes import (
     EdgeInstants,
-    RecordedNumbers,
     RecordHole,
     expected_poses,
     hole_lines,
 )
 from scenarios.results.log_summary import silent_links
 from scenarios.results.metrics import Metrics
+from scenarios.results.recorded_numbers import RecordedNumbers
 from scenarios.results.summary import VehicleSummary
 from tests.made.scenarios.messages import START, at, gps, health, start, truth
 from vehicles.messages import GpsPose, Message

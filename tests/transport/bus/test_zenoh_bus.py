@@ -356,3 +356,21 @@ def test_a_router_joins_another_one(router: Router) -> None:
                 one.publish("convoy/v1/gps", b"pose")
                 time.sleep(0.05)
         assert received
+
+
+@pytest.mark.parametrize(
+    ("asked", "threads"), [("", {"app"}), ("(rx: (worker_threads: 2))", {"app", "rx", "tx"})]
+)
+def test_a_session_has_one_thread_for_its_tasks_unless_asked_otherwise(
+    router: Router, monkeypatch: pytest.MonkeyPatch, asked: str, threads: set[str]
+) -> None:
+    monkeypatch.delenv("ZENOH_RUNTIME", raising=False)
+    if asked:
+        monkeypatch.setenv("ZENOH_RUNTIME", asked)
+    with process(router, "bus.publish('convoy/a/log', b'x')", "time.sleep(60)") as child:
+
+        def tasks() -> set[str]:
+            names = [one.read_text() for one in Path(f"/proc/{child.pid}/task").glob("*/comm")]
+            return {name.split("-")[0] for name in names} & {"app", "rx", "tx"}
+
+        assert until(lambda: tasks() == threads), tasks()

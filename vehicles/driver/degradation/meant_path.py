@@ -122,10 +122,12 @@ def path_offset(fit: Fit, fix: Fix) -> float:
     """
     source, project = fit.source.tolist(), fit.spline.project
     chosen = LEAD if LEAD in source else PREDECESSOR
+    east_of, north_of = fit.east.item, fit.north.item  # few lie behind, and none is looked at twice
     forward, left = cos(fix.yaw), sin(fix.yaw)
     behind: tuple[float, float] | None = None
-    for told_by, east, north in zip(source, fit.east.tolist(), fit.north.tolist(), strict=True):
+    for place, told_by in enumerate(source):
         if told_by == chosen:
+            east, north = east_of(place), north_of(place)
             if (east - fix.east) * forward + (north - fix.north) * left > 0.0:
                 ahead = east, north
                 break

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary
-from scenarios.runs.recorder import Recorder
+from scenarios.runs.recorder import Listener, Recorder, Selective, kinds_of
 from tests.made.scenarios.messages import (
     START,
     at,
@@ -30,7 +30,7 @@ from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, key
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.messages import LogText, Message, RunEnd, RunStart, Tracking
+from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking, TruePose
 from vehicles.schedule import instant
 
 CONVOY = ("v1", "v2")
@@ -362,3 +362,26 @@ def test_a_text_is_shown_and_logged_without_control_characters(recorded: Recorde
 def test_a_number_that_is_not_finite_is_refused_as_absurd(recorded: Recorded) -> None:
     recorded.take([truth("v1", 0, math.inf, 0.0)])
     assert recorded.recorder.rejected == {"absurd": 1}
+
+
+def test_a_selective_listener_hears_of_its_kinds_alone_in_its_turn(tmp_path: Path) -> None:
+    heard: list[tuple[str, type[Message]]] = []
+    everything: Listener = lambda _, message: heard.append(("all", type(message)))  # noqa: E731
+    some: Listener = lambda _, message: heard.append(("some", type(message)))  # noqa: E731
+    with LogWriter(tmp_path / "run.mcap") as writer:
+        recorder = Recorder(
+            vehicles=dict.fromkeys(CONVOY, 20.0),
+            plane=PLANE,
+            writer=writer,
+            metrics=Metrics(CONVOY, {}),
+            listeners=[Selective(frozenset({GpsPose, RunStart}), some), everything],
+        )
+        recorder.begin(START, START, "trial")
+        recorder.accept("convoy/v1/gps", encode(gps("v1", 0)), at(0.0))
+        recorder.accept("convoy/v1/truth", encode(truth("v1", 0, 0.0, 0.0)), at(0.0))
+    each = [RunStart, GpsPose, TruePose]
+    assert [kind for who, kind in heard if who == "all"] == each
+    assert [kind for who, kind in heard if who == "some"] == each[:2]
+    assert heard[0][0] == "some"
+    assert kinds_of([Selective(frozenset({GpsPose}), some)]) == {GpsPose}
+    assert TruePose in kinds_of([everything])

@@ -309,14 +309,14 @@ class SpeedGuard:
             known = self._lead_speed if isfinite(self._lead_speed) else ahead.predecessor_speed
             share = min(tick.span / LEAD_FORGOTTEN, 1.0)
             self._lead_speed = known + share * (ahead.predecessor_speed - known)
-            ahead = replace(ahead, lead_speed=self._lead_speed)
+            ahead = ahead.seen_as(gap=ahead.gap, lead_speed=self._lead_speed)
         else:
             self._lead_speed = ahead.lead_speed
         if not self._headway:
             return ahead
         left = 1.0 - self._headway / STABLE_HEADWAY
         lead = ahead.predecessor_speed + left * (ahead.lead_speed - ahead.predecessor_speed)
-        return replace(ahead, gap=ahead.gap - self._headway * speed, lead_speed=lead)
+        return ahead.seen_as(gap=ahead.gap - self._headway * speed, lead_speed=lead)
 
     def _kept_gap(self, tick: _Instant, opening: float) -> float:
         """Acceleration (m/s²) that keeps the wanted gap; it is opened at comfortable braking.
@@ -328,11 +328,12 @@ class SpeedGuard:
             return tick.asked.acceleration
         if opening or self._following:
             # A lead that goes on while the predecessor falls back must not draw anybody closer.
-            ahead = replace(ahead, lead_speed=min(ahead.lead_speed, ahead.predecessor_speed))
+            slower = min(ahead.lead_speed, ahead.predecessor_speed)
+            ahead = ahead.seen_as(gap=ahead.gap, lead_speed=slower)
         usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
         if not opening:
             return usual
-        wider = replace(ahead, gap=ahead.gap - opening)
+        wider = ahead.seen_as(gap=ahead.gap - opening, lead_speed=ahead.lead_speed)
         opened = self._keeping.command(tick.now, tick.pose, wider).acceleration
         comfortable = self._settings.comfortable
         eased = min(self._last, 0.0) - comfortable.jerk * tick.span
