@@ -46,8 +46,8 @@ MODULES = (
     *(
         f"scenarios/results/{name}"
         for name in (
-            *("bodies", "deviations", "encounters", "events", "figures", "metrics"),
-            *("recorded_numbers", "degradation/watches"),
+            *("deviations", "figures", "metrics", "recorded_numbers"),
+            *("events/bodies", "events/detector", "events/encounters", "events/watches"),
         )
     ),
     "scenarios/results/channel/tally",

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.results.degradation.deadlines import DeadlineFigure
-from scenarios.results.encounters import EventKind
-from scenarios.results.run_event import RunEvent
+from scenarios.results.events.encounters import EventKind
+from scenarios.results.events.run_event import RunEvent
 from scenarios.results.summary import LimitFigure, VehicleSummary
 
 COUNTED: dict[str, EventKind] = {

@@ -19,8 +19,8 @@ from pydantic import TypeAdapter, ValidationError
 from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.degradation.reaction import NO_REACTION, ReactionSummary
+from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
-from scenarios.results.run_event import RunEvent
 
 SCHEMA = "convoy.summary/1"
 PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "pymap3d")

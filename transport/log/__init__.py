@@ -9,4 +9,5 @@ mcap_file         the file beneath, as far as it can be read
 records           records of a file that may break off or be damaged
 repair            a file that breaks off gets its end
 fast_mcap         a shorter way to write very many messages
+packed_messages   those of a chunk, packed as they will be written
 """

@@ -3,11 +3,10 @@
 import struct
 from collections.abc import Callable
 
-from mcap.opcode import Opcode
-
 CHUNK_BYTES = 1024 * 1024
 """A chunk is complete once it holds more bytes than this, as in the mcap package."""
-_MESSAGE = int(Opcode.MESSAGE)
+_MESSAGE = 0x05
+"""Opcode of a message."""
 _HEAD = struct.Struct("<BQHIQQ")
 """Opcode and length of a record; channel, number, log time and publish time of a message."""
 RECORD_BYTES = 9

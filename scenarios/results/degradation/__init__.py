@@ -2,5 +2,4 @@
 
 deadlines  what they had to have done by an instant
 reaction   modes, recoveries, stops and metres driven blind of one follower
-watches    events: stops, and sources that are not believed
 """

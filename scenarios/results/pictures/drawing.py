@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.events import sizes_of
+from scenarios.results.events.detector import sizes_of
 from scenarios.results.metrics import Metrics
 from transport.closing import Closing
 from transport.picture.option import RerunOption

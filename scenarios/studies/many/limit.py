@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, nan
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.encounters import EventKind
+from scenarios.results.events.encounters import EventKind
 from scenarios.results.summary import RunSummary
 
 EVENTS: dict[str, EventKind] = {

@@ -10,8 +10,8 @@ from math import inf, isnan
 from typing import Literal, Protocol
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.encounters import Encounters, Episode
-from scenarios.results.events import LaneWatch, PathWatch, sizes_of
+from scenarios.results.events.detector import LaneWatch, PathWatch, sizes_of
+from scenarios.results.events.encounters import Encounters, Episode
 from scenarios.results.limits import collision_ends_run
 from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.stop import EXIT_FAILED, Stop

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from scenarios.results.bodies import CarBody, corners
+from scenarios.results.events.bodies import CarBody, corners
 
 Point = tuple[float, float]
 

@@ -7,8 +7,8 @@ import pytest
 from scenarios.cli import progress
 from scenarios.cli.progress import PLAIN_EVERY_S, REDRAW_S, Progress
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.bodies import BodySize
-from scenarios.results.events import EventDetector
+from scenarios.results.events.bodies import BodySize
+from scenarios.results.events.detector import EventDetector
 from scenarios.results.metrics import Metrics
 from tests.made.scenarios.messages import START, gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Message

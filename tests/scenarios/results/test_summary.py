@@ -12,12 +12,12 @@ from scenarios.cli.tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.channel.account import LinkSummary
-from scenarios.results.encounters import EventKind
+from scenarios.results.events.encounters import EventKind
+from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.log_summary import LOG_NAME, late_lines, scenario_in, summary_of
 from scenarios.results.meanings import MEANINGS
 from scenarios.results.metrics import Metrics
-from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import (
     PACKAGES,
     SCHEMA,

@@ -8,7 +8,7 @@ import pytest
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from scenarios.results.bodies import BodySize, body_of
+from scenarios.results.events.bodies import BodySize, body_of
 from scenarios.results.log_summary import LOG_NAME, summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary

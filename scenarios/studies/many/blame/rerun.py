@@ -9,7 +9,7 @@ from typing import Literal
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import KINDS
-from scenarios.results.events import detector_of
+from scenarios.results.events.detector import detector_of
 from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.rehearsal import RehearsalSink
 from scenarios.runs.stop import Stop

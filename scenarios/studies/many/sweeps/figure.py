@@ -10,7 +10,7 @@ from typing import Any, get_args
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.links import directed_links
 from scenarios.results.channel.account import SAFE_AGES_MS, LinkSummary
-from scenarios.results.encounters import EventKind
+from scenarios.results.events.encounters import EventKind
 from scenarios.results.summary import RunSummary, VehicleSummary
 from transport.reasons import DropReason
 from vehicles.messages import Mode

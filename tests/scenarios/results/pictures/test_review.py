@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from rerun.chunk import McapReader, RrdReader
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.bodies import BodySize
-from scenarios.results.encounters import EventKind
+from scenarios.results.events.bodies import BodySize
+from scenarios.results.events.encounters import EventKind
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.drawing import open_drawing, widest_gap
 from scenarios.results.pictures.review import review

@@ -11,10 +11,10 @@ from typing import Any
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.tables import EventsTable
-from scenarios.results.bodies import BodySize, CarBody, body_of, corners
-from scenarios.results.degradation.watches import StopWatch, TrustWatch
-from scenarios.results.encounters import Encounters, Episode
-from scenarios.results.run_event import RunEvent
+from scenarios.results.events.bodies import BodySize, CarBody, body_of, corners
+from scenarios.results.events.encounters import Encounters, Episode
+from scenarios.results.events.run_event import RunEvent
+from scenarios.results.events.watches import StopWatch, TrustWatch
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
 from vehicles.messages import Tracking, TruePose

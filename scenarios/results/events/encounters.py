@@ -10,7 +10,7 @@ from itertools import pairwise
 from math import hypot, inf
 from typing import Literal
 
-from scenarios.results.bodies import (
+from scenarios.results.events.bodies import (
     BodySize,
     CarBody,
     Separation,

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.results.bodies import (
+from scenarios.results.events.bodies import (
     ROUNDING_M,
     BodySize,
     CarBody,

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from math import isfinite
 
-from scenarios.results.encounters import Episode
+from scenarios.results.events.encounters import Episode
 from vehicles.messages import Tracking
 from vehicles.schedule import SECOND
 

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.tables import EventsTable
-from scenarios.results.bodies import BodySize, body_of, separation
-from scenarios.results.encounters import PARTED_M, QUIET_NS
-from scenarios.results.events import EventDetector
-from scenarios.results.run_event import RunEvent
+from scenarios.results.events.bodies import BodySize, body_of, separation
+from scenarios.results.events.detector import EventDetector
+from scenarios.results.events.encounters import PARTED_M, QUIET_NS
+from scenarios.results.events.run_event import RunEvent
 from tests.made.scenarios.messages import START, tracking, truth
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from scenarios.results.encounters import EventKind
+from scenarios.results.events.encounters import EventKind
 from vehicles.messages import Level
 
 
