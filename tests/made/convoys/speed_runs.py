@@ -23,11 +23,17 @@ def drive(scenario: Scenario) -> Driven:
     """Drive `scenario` to its end; only poses are encoded, which the others hear."""
     convoy, driven = VirtualConvoy(scenario), Driven()
 
-    class Kept(BusSink):
+    class Kept:
+        """A sink; not one that inherits, which where it is compiled it could not."""
+
+        def __init__(self, vehicle: str) -> None:
+            self._poses = BusSink(vehicle, convoy.bus)
+            self.flush, self.reads = self._poses.flush, self._poses.reads
+
         def send(self, message: Message) -> None:
             match message:
                 case GpsPose():
-                    super().send(message)
+                    self._poses.send(message)
                 case TruePose():
                     driven.truth[message.vehicle].append(message)
                 case Command():
@@ -35,6 +41,6 @@ def drive(scenario: Scenario) -> Driven:
                 case LogText():
                     driven.texts[message.vehicle].append(message)
 
-    convoy.build(lambda name: Kept(name, convoy.bus))
+    convoy.build(Kept)
     convoy.run(Stop())
     return driven
