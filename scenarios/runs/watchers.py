@@ -19,6 +19,7 @@ class Watchers:
         """`is_behind` says whether more waits to be recorded than there should."""
         self._listeners = by_kind(listeners)
         self.kinds = kinds_of(listeners)
+        """Messages that anybody listens to."""
         self._is_behind = is_behind
         self.left_out = 0
         """Messages that nobody was shown."""

@@ -38,8 +38,9 @@ _SLICE_S = 1.0
 _SETTLE_S = 0.01
 """`connected()` is False within 3 ms after a lost router makes members seem dead (measured)."""
 
-_ONE_THREAD = "(app: (worker_threads: 1), {})".format(
-    ", ".join([f"{others}: (handover: app)" for others in ("acc", "tx", "rx", "net")])
+_ONE_THREAD = (
+    "(app: (worker_threads: 1), acc: (handover: app), tx: (handover: app), "
+    "rx: (handover: app), net: (handover: app))"
 )
 """Zenoh has a thread for each of its tasks, and two to receive. In forty processes on two cores
 they wake each other: of the ticks of their vehicles five times as many began late."""

@@ -54,7 +54,7 @@ class ProcessProbe:
         before = before or Lateness()
         self._late_after_ns = late_after_ns
         self._process = psutil.Process()
-        self._read_at = _processor_and_time()
+        self._used, self._read_at = process_time(), monotonic()
         self._late_ticks = before.ticks
         self._lateness_ns_max = before.worst_ns
 
@@ -70,16 +70,12 @@ class ProcessProbe:
 
     def read(self) -> Usage:
         """Memory now, share of one core since the last reading, lateness since the start."""
-        before, self._read_at = self._read_at, _processor_and_time()
-        used, passed = (now - then for now, then in zip(self._read_at, before, strict=True))
+        used, now = process_time(), monotonic()
+        share = (used - self._used) / (now - self._read_at) if now > self._read_at else 0.0
+        self._used, self._read_at = used, now
         return Usage(
             memory_bytes=self._process.memory_info().rss,
-            cpu_ratio=used / passed if passed > 0.0 else 0.0,
+            cpu_ratio=share,
             late_ticks=self._late_ticks,
             lateness_ms_max=self._lateness_ns_max / MILLISECOND,
         )
-
-
-def _processor_and_time() -> tuple[float, float]:
-    """Seconds that this process has run on a processor, and those that have passed."""
-    return process_time(), monotonic()
