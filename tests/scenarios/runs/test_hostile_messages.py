@@ -69,15 +69,15 @@ def trial() -> Scenario:
     return load_scenario("lane_change", ["convoy.vehicles=3", short, "links.loss_ratio=0.2"])
 
 
-class AttackedSink(BusSink):
+class AttackedSink:
     """Publishes what a vehicle sends, and then calls whoever disturbs."""
 
     def __init__(self, vehicle: str, bus: Bus, disturb: Callable[[], None]) -> None:
-        super().__init__(vehicle, bus)
-        self._disturb = disturb
+        self._sink, self._disturb = BusSink(vehicle, bus), disturb
+        self.send, self.reads = self._sink.send, self._sink.reads
 
     def flush(self) -> None:
-        super().flush()
+        self._sink.flush()
         self._disturb()
 
 

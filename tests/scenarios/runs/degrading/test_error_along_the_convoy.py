@@ -54,7 +54,11 @@ class Driven:
         self.told: defaultdict[str, list[float]] = defaultdict(list)
         virtual, driven, liars = VirtualConvoy(scenario), self, lies or {}
 
-        class Kept(BusSink):
+        class Kept:
+            def __init__(self, vehicle: str) -> None:
+                self._poses = BusSink(vehicle, virtual.bus)
+                self.flush, self.reads = self._poses.flush, self._poses.reads
+
             def send(self, message: Message) -> None:
                 match message:
                     case GpsPose():
@@ -62,7 +66,7 @@ class Driven:
                             said = liars[message.vehicle]
                             message.path_offset_m = said[message.seq % len(said)]
                         driven.told[message.vehicle].append(message.path_offset_m)
-                        super().send(message)
+                        self._poses.send(message)
                     case TruePose():
                         driven.truth[message.vehicle].append(message)
                     case Command():
@@ -70,7 +74,7 @@ class Driven:
                     case Tracking():
                         driven.modes[message.vehicle].append(message.mode)
 
-        virtual.build(lambda name: Kept(name, virtual.bus))
+        virtual.build(Kept)
         virtual.run(Stop())
 
     def errors(self) -> dict[str, float]:
