@@ -18,6 +18,8 @@ MAX_RECORDS_BYTES = 65_535
 _HEAD_BYTES = 48
 """More than a record has besides its message's bytes."""
 
+_BATCHED = frozenset([topic.name for topic in TOPICS.values() if topic.batched])
+
 
 class BatchRecord(NamedTuple):
     """A message in a batch: its topic, the instant (ns) at which it was valid, and its bytes."""
@@ -45,8 +47,8 @@ def packed(records: Iterable[BatchRecord]) -> Iterator[bytes]:
         yield batch.SerializeToString()
 
 
-def unpacked(data: bytes) -> Iterator[BatchRecord]:
-    """Yield the records of a batch, whose messages are not looked into.
+def unpacked(data: bytes) -> list[BatchRecord]:
+    """Return the records of a batch, whose messages are not looked into.
 
     Raises RefusedMessageError for bytes that are no batch. A record that is none has a topic that
     does not exist, so that it is refused alone.
@@ -57,7 +59,11 @@ def unpacked(data: bytes) -> Iterator[BatchRecord]:
         batch = Records.FromString(data)
     except DecodeError as error:
         raise RefusedMessageError("garbage", "not a batch of records") from error
+    found: list[BatchRecord] = []
     for record in batch.record:
-        topic = TOPICS.get(record.topic)
-        fits = topic is not None and topic.batched and len(record.data) <= MAX_BYTES
-        yield BatchRecord(record.topic if fits else "", record.at_ns, record.data)
+        topic: str = record.topic
+        content: bytes = record.data
+        if topic not in _BATCHED or len(content) > MAX_BYTES:
+            topic = ""
+        found.append(BatchRecord(topic, record.at_ns, content))
+    return found

@@ -1,7 +1,7 @@
 """Takes every message of a run off the bus: into the log, the figures and the picture."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -102,6 +102,7 @@ class Recorder:
         self._next: Counter[type[Message]] = Counter()
         self._start_at: int | None = None
         self._misdated = MisdatedCount()
+        self._last_health: dict[str, bytes] = {}
         self._gates: dict[str, PoseGate] = {}
         self.recorded = 0
         self.rejected: Counter[str] = Counter()
@@ -134,15 +135,26 @@ class Recorder:
         """Log that the run is over; returns the announcement for the bus."""
         return self._put(RunEnd, at, end_at_ns=at, reason=reason)
 
+    def accept_all(self, arrivals: Iterable[tuple[int, str, bytes]]) -> None:
+        """Take messages: of each the instant of reception (ns), its key and its bytes."""
+        for at, key_expression, data in arrivals:
+            self.accept(key_expression, data, at)
+
     def accept(self, key_expression: str, data: bytes, at: int) -> bool:
-        """Take one message received at instant `at` (ns); tells whether it was recorded."""
+        """Take one message received at instant `at` (ns); tells whether it was recorded.
+
+        The last counters of a vehicle, which it repeats until they are heard, are recorded once.
+        """
         try:
             topic, message, seen = self._admit(key_expression, data, at)
         except RefusedMessageError as refusal:
-            self.rejected[refusal.reason] += 1
-            self._note_misdated(key_expression, refusal.reason, at)
+            if data != self._last_health.get(key_expression):
+                self.rejected[refusal.reason] += 1
+                self._note_misdated(key_expression, refusal.reason, at)
             return False
         seen.add(message.seq)
+        if isinstance(message, Health):
+            self._last_health[key_expression] = data
         self.on_sent(topic, as_read(data, message), message, at)
         return True
 

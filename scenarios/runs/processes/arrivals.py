@@ -1,14 +1,16 @@
 """What has come for the recorder and waits to be recorded: bounded, whoever sends it."""
 
+from bisect import bisect_right
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from heapq import heappop, heappush
-from itertools import count
+from operator import itemgetter
 from threading import Event, Lock
 
 from transport.codec import MAX_BYTES
 from transport.reasons import RefusalReason
+from transport.telemetry import unpacked
+from vehicles.schedule import SECOND
 
 MOST_BYTES = 64 * 2**20
 """What may wait of all keys together, half a minute of what forty vehicles send; each key may
@@ -17,8 +19,11 @@ OVERHEAD_BYTES = 160
 """What a message takes in the queue beside its bytes."""
 MOST_HELD_BYTES = 32 * 2**20
 """What may wait for what was sent before it, ten times what a hundred vehicles send meanwhile."""
+OLDEST_NS = SECOND
+"""What was sent longer ago than this is logged as if it had been so long ago."""
 Arrival = tuple[int, str, bytes]
-"""Instant of arrival (ns), key and bytes."""
+"""Instant (ns) of arrival, or at which a message of a batch was sent; key and bytes."""
+_instant = itemgetter(0)
 
 
 class Arrivals:
@@ -41,7 +46,7 @@ class Arrivals:
         # Not a SimpleQueue: of a signal that comes while it waits, and is handled for longer than
         # is left of the time to wait, it makes a wait without end (CPython 3.11 and 3.12).
         self._waiting: deque[Arrival] = deque()
-        self._came = Event()
+        self._came, self._wanted = Event(), 1
         self._refused: Counter[RefusalReason] = Counter()
         self._lock = Lock()
 
@@ -71,17 +76,19 @@ class Arrivals:
                 self._held[key] += size
                 self._total += size
                 self._waiting.append((at, key, data))
-                if not self._came.is_set():
+                if len(self._waiting) >= self._wanted and not self._came.is_set():
                     self._came.set()
 
     def take(self, most: int, timeout_s: float) -> list[Arrival]:
-        """Return what came first, `most` of it; if nothing is there, wait for `timeout_s` (s).
+        """Return what came first, `most` of it; while so much is not there, wait `timeout_s` (s).
 
-        For one thread alone.
+        So whoever records is not woken by each message, of which thousands come in a second. For
+        one thread alone.
         """
-        if not self._waiting:
+        if len(self._waiting) < most:
+            self._wanted = most
             self._came.clear()
-            if not self._waiting:  # nothing has come since the first look either
+            if len(self._waiting) < most:  # not enough has come since the first look either
                 self._came.wait(timeout_s)
         taken = [self._waiting.popleft() for _ in range(min(most, len(self._waiting)))]
         with self._lock:
@@ -105,21 +112,45 @@ class SendingOrder:
     `most_bytes` the first do not wait any longer.
     """
 
-    def __init__(self, most_bytes: int = MOST_HELD_BYTES) -> None:
-        self._heap: list[tuple[int, int, Arrival]] = []
-        self._numbers = count()
+    def __init__(
+        self,
+        batches: Mapping[str, Mapping[str, str]] | None = None,
+        most_bytes: int = MOST_HELD_BYTES,
+    ) -> None:
+        """`batches` are the keys of batches, and by topic the keys of the messages in each."""
+        self._batches = batches or {}
+        self._waiting: list[Arrival] = []
         self._most = most_bytes
         self._held = 0
 
-    def put(self, sent_at: int, arrival: Arrival) -> None:
-        """Take what was sent at `sent_at` (ns)."""
-        self._held += len(arrival[2]) + OVERHEAD_BYTES
-        heappush(self._heap, (sent_at, next(self._numbers), arrival))
+    def put(self, arrival: Arrival) -> None:
+        """Take a message, or each of a batch by itself; raises RefusedMessageError.
 
-    def until(self, instant: int | None = None) -> Iterator[Arrival]:
-        """Yield, and give away, what was sent up to an instant (ns); without one everything."""
-        heap = self._heap
-        while heap and (instant is None or heap[0][0] <= instant or self._held > self._most):
-            arrival = heappop(heap)[2]
-            self._held -= len(arrival[2]) + OVERHEAD_BYTES
-            yield arrival
+        What stands in a batch and may not has the batch's key then, which no recorder takes.
+        """
+        at, key, data = arrival
+        keys = self._batches.get(key)
+        if keys is None:
+            self._waiting.append(arrival)
+            self._held += len(data) + OVERHEAD_BYTES
+            return
+        oldest = at - OLDEST_NS
+        for topic, sent_at, content in unpacked(data):
+            sent_at = min(max(sent_at, oldest), at)  # noqa: PLW2901
+            self._waiting.append((sent_at, keys.get(topic, key), content))
+            self._held += len(content) + OVERHEAD_BYTES
+
+    def until(self, instant: int | None = None) -> list[Arrival]:
+        """Give away what was sent up to an instant (ns); without one everything."""
+        waiting = self._waiting
+        waiting.sort(key=_instant)  # which takes what is in order already as it is
+        end = len(waiting) if instant is None else bisect_right(waiting, instant, key=_instant)
+        given = 0
+        for place, (_, _, data) in enumerate(waiting):
+            if place >= end and self._held <= self._most:
+                break
+            self._held -= len(data) + OVERHEAD_BYTES
+            given = place + 1
+        ready = waiting[:given]
+        del waiting[:given]
+        return ready

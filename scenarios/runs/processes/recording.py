@@ -22,7 +22,7 @@ from transport.bus.zenoh_bus import ZenohBus
 from transport.clock import WallClock, poll
 from transport.codec import RefusedMessageError
 from transport.log.records import LogError
-from transport.telemetry import MAX_RECORDS_BYTES, records_key, unpacked
+from transport.telemetry import MAX_RECORDS_BYTES, records_key
 from transport.topics import CONDUCTOR, TOPICS, key
 from vehicles.schedule import SECOND, Timer
 
@@ -31,8 +31,6 @@ FLUSH_NS = SECOND // 5
 """Between two flushes of the log; a kill loses at most half a second."""
 HELD_NS = BATCH_NS + SECOND // 10
 """How long what has come waits for what was sent before it in a batch."""
-OLDEST_NS = SECOND
-"""What was sent longer ago than this is logged as if it had been so long ago."""
 MOST_WAITING = 2000
 """Messages and batches that may wait to be recorded while the picture is drawn, two thirds of a
 second of a hundred vehicles."""
@@ -45,7 +43,6 @@ SHOW_NS = SECOND // 5
 ANNOUNCE_NS = SECOND // 4
 """Between two announcements of the start, for vehicles whose subscription came late."""
 EVERYTHING = "convoy/**"
-HEALTH = "health"
 GATHER_S = 60.0
 CANCELLED_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
@@ -102,18 +99,14 @@ class RecorderProcess:
         self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
         self._flushing, self._showing = Timer(FLUSH_NS), Timer(SHOW_NS)
         self._own: list[tuple[str, bytes]] = []
-        self._batches = {records_key(name): name for name in scenario.vehicle_names}
-        self._keys = {
-            (name, topic.name): key(name, topic)
+        batches = {
+            records_key(name): {topic.name: key(name, topic) for topic in TOPICS.values()}
             for name in scenario.vehicle_names
-            for topic in TOPICS.values()
         }
-        self._health_keys = {self._keys[name, HEALTH] for name in scenario.vehicle_names}
         self._arrivals = Arrivals(
-            self._run.recorder.keys, larger=dict.fromkeys(self._batches, MAX_RECORDS_BYTES)
+            self._run.recorder.keys, larger=dict.fromkeys(batches, MAX_RECORDS_BYTES)
         )
-        self._in_order = SendingOrder()
-        self._last_health: dict[str, bytes] = {}
+        self._in_order = SendingOrder(batches)
         self._said_behind = False
         answer_for_clock(bus, CONDUCTOR, self._clock.now)
         self._board.listen_on(bus)
@@ -213,45 +206,26 @@ class RecorderProcess:
         self._arrivals.put(self._clock.now(), key_expression, data)
 
     def _record_arrivals(self) -> None:
-        """Record what has arrived; if nothing has, wait at most `POLL_S` for something.
+        """Record what has arrived; if that is little, wait for more, but `POLL_S` at most.
 
         What arrives meanwhile, or is too much at once, is left for the next call: under a flood of
         messages this would not return, and the run has to be advanced and the log flushed.
         """
         self._run.recorder.rejected.update(self._arrivals.refusals())
         is_over = self._conductor.phase is Phase.OVER
-        waiting = len(self._arrivals)
-        at_once = max(1, waiting if is_over else min(waiting, MOST_AT_ONCE))
-        for arrival in self._arrivals.take(at_once, POLL_S):
-            self._put_in_order(arrival)
+        most = max(1, len(self._arrivals)) if is_over else MOST_AT_ONCE
+        for arrival in self._arrivals.take(most, POLL_S):
+            if arrival[1:] not in self._own:
+                self._put_in_order(arrival)
         sent_until = None if is_over else self._clock.now() - HELD_NS
-        for at, key_expression, data in self._in_order.until(sent_until):
-            if (key_expression, data) not in self._own:
-                self._record(key_expression, data, at)
+        self._run.recorder.accept_all(self._in_order.until(sent_until))
 
     def _put_in_order(self, arrival: Arrival) -> None:
         """Let a message wait for what was sent before it, and each of a batch by itself."""
-        at, key_expression, data = arrival
-        vehicle = self._batches.get(key_expression)
-        if vehicle is None:
-            self._in_order.put(at, arrival)
-            return
         try:
-            for record in unpacked(data):
-                sent_at = min(max(record.at, at - OLDEST_NS), at)
-                # Of a topic that no batch may have, the batch's key, which the recorder refuses.
-                of_it = self._keys.get((vehicle, record.topic), key_expression)
-                self._in_order.put(sent_at, (sent_at, of_it, record.data))
+            self._in_order.put(arrival)
         except RefusedMessageError as refusal:
             self._run.recorder.rejected[refusal.reason] += 1
-
-    def _record(self, key_expression: str, data: bytes, at: int) -> None:
-        """Record a message; a vehicle's last counters, which it repeats until heard, but once."""
-        accept = self._run.recorder.accept
-        if key_expression not in self._health_keys:
-            accept(key_expression, data, at)
-        elif self._last_health.get(key_expression) != data and accept(key_expression, data, at):
-            self._last_health[key_expression] = data
 
     def _advance(self) -> None:
         now = self._clock.now()

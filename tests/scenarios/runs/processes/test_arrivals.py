@@ -2,15 +2,21 @@ import os
 import signal
 import time
 from collections import Counter
+from itertools import starmap
 from threading import Timer
+
+import pytest
 
 from scenarios.runs.processes.arrivals import (
     MOST_BYTES,
+    OLDEST_NS,
     OVERHEAD_BYTES,
     Arrivals,
     SendingOrder,
 )
-from transport.codec import MAX_BYTES
+from transport.codec import MAX_BYTES, RefusedMessageError
+from transport.telemetry import BatchRecord, packed
+from vehicles.schedule import SECOND
 
 KEYS = [f"convoy/v{vehicle}/{topic}" for vehicle in range(20) for topic in "abcdefghij"]
 
@@ -101,14 +107,51 @@ def test_only_some_keys_may_have_larger_messages() -> None:
     assert arrivals.refusals() == {"oversized": 2}
 
 
+def test_little_is_waited_for_and_much_is_given_at_once() -> None:
+    arrivals = Arrivals(KEYS)
+    arrivals.put(0, KEYS[0], b"little")
+    begun = time.monotonic()
+    assert len(arrivals.take(3, 0.05)) == 1
+    assert time.monotonic() - begun >= 0.05
+    for at in (1, 2, 3):
+        Timer(0.05, arrivals.put, (at, KEYS[at], b"much")).start()
+    begun = time.monotonic()
+    assert len(arrivals.take(3, 60.0)) == 3
+    assert time.monotonic() - begun < 30.0
+    assert arrivals.take(1, 0.0) == []
+
+
+def test_messages_of_a_batch_take_their_places_by_their_own_instants() -> None:
+    held = SendingOrder({"v1/records": {"truth": "v1/truth"}})
+    late = 5 * SECOND
+    held.put((late - 10, "v2/gps", b"alone"))
+    records = [("truth", late - 20, b"before"), ("truth", late - 5, b"after")]
+    records += [("truth", 0, b"long ago"), ("truth", 2 * late, b"not yet"), ("gps", late, b"alone")]
+    batch, *more = packed(starmap(BatchRecord, records))
+    assert not more
+    held.put((late, "v1/records", batch))
+    with pytest.raises(RefusedMessageError, match="garbage"):
+        held.put((late, "v1/records", b"rubbish"))
+    assert held.until(late - 6) == [
+        (late - OLDEST_NS, "v1/truth", b"long ago"),
+        (late - 20, "v1/truth", b"before"),
+        (late - 10, "v2/gps", b"alone"),
+    ]
+    assert held.until() == [
+        (late - 5, "v1/truth", b"after"),
+        (late, "v1/truth", b"not yet"),
+        (late, "v1/records", b"alone"),  # no batch may have it, and no recorder takes that key
+    ]
+
+
 def test_what_came_is_given_in_the_order_in_which_it_was_sent() -> None:
     held = SendingOrder()
     sent = [30, 10, 20, 10, 50]
     for number, at in enumerate(sent):
-        held.put(at, (at, f"{number}", b""))
+        held.put((at, f"{number}", b""))
     assert [key for _, key, _ in held.until(9)] == []
     assert [key for _, key, _ in held.until(20)] == ["1", "3", "2"]  # equal ones as they came
-    held.put(5, (5, "late", b""))
+    held.put((5, "late", b""))
     assert [key for _, key, _ in held.until(20)] == ["late"]
     assert [key for _, key, _ in held.until()] == ["0", "4"]
 
@@ -117,10 +160,10 @@ def test_a_flood_does_not_wait_for_its_turn() -> None:
     size = 1000
     held = SendingOrder(most_bytes=20 * (size + OVERHEAD_BYTES))
     for at in range(30):
-        held.put(at, (at, "x", bytes(size)))
+        held.put((at, "x", bytes(size)))
     assert [at for at, _, _ in held.until(-1)] == list(range(10))
-    held.put(100, (100, "x", bytes(size)))
+    held.put((100, "x", bytes(size)))
     assert [at for at, _, _ in held.until(-1)] == [10]
     assert [at for at, _, _ in held.until()] == [*range(11, 30), 100]
-    held.put(0, (0, "x", bytes(size)))  # it counts what it has given away, too
-    assert list(held.until(-1)) == []
+    held.put((0, "x", bytes(size)))  # it counts what it has given away, too
+    assert held.until(-1) == []
