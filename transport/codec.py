@@ -1,6 +1,7 @@
 """Bytes from messages and back: Protobuf, with every refusal named."""
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from itertools import compress, repeat
 from math import isfinite, isinf
@@ -98,8 +99,7 @@ def encode(message: Message) -> bytes:
         parsed = form.protobuf(**dict(zip(form.names, form.values(message), strict=True)))
     else:  # without a dictionary in between
         parsed = form.protobuf()
-        for _ in map(setattr, repeat(parsed), form.names, form.values(message)):
-            pass
+        _exhaust(map(setattr, repeat(parsed), form.names, form.values(message)))
     data: bytes = parsed.SerializeToString()  # no maps, so there is but one way to write it
     return data
 
@@ -136,9 +136,13 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
 def _made(form: _Form, values: Values) -> Message:
     """Make a message as its class does, which takes three times as long to tell names apart."""
     message: Message = object.__new__(form.message)
-    for _ in map(setattr, repeat(message), form.names, values):
-        pass
+    _exhaust(map(setattr, repeat(message), form.names, values))
     return message
+
+
+def _exhaust(calls: Iterable[None]) -> None:
+    """Make all the calls, in less time than a loop of Python's takes."""
+    deque(calls, maxlen=0)
 
 
 def _with(values: Values, place: int, value: object) -> Values:
