@@ -4,10 +4,10 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 
 from scenarios.definition.scenario import Scenario
-from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
+from scenarios.runs.unlogged import FiguresSink
 from scenarios.runs.virtual import VirtualConvoy
-from vehicles.messages import Command, GpsPose, LogText, Message, TruePose
+from vehicles.messages import Command, LogText, Message, TruePose
 
 
 @dataclass
@@ -18,29 +18,20 @@ class Driven:
     commands: defaultdict[str, list[Command]] = field(default_factory=lambda: defaultdict(list))
     texts: defaultdict[str, list[LogText]] = field(default_factory=lambda: defaultdict(list))
 
+    def take(self, message: Message) -> None:
+        """Keep a message of one of these kinds."""
+        match message:
+            case TruePose():
+                self.truth[message.vehicle].append(message)
+            case Command():
+                self.commands[message.vehicle].append(message)
+            case LogText():
+                self.texts[message.vehicle].append(message)
+
 
 def drive(scenario: Scenario) -> Driven:
     """Drive `scenario` to its end; only poses are encoded, which the others hear."""
     convoy, driven = VirtualConvoy(scenario), Driven()
-
-    class Kept:
-        """A sink; not one that inherits, which where it is compiled it could not."""
-
-        def __init__(self, vehicle: str) -> None:
-            self._poses = BusSink(vehicle, convoy.bus)
-            self.flush, self.reads = self._poses.flush, self._poses.reads
-
-        def send(self, message: Message) -> None:
-            match message:
-                case GpsPose():
-                    self._poses.send(message)
-                case TruePose():
-                    driven.truth[message.vehicle].append(message)
-                case Command():
-                    driven.commands[message.vehicle].append(message)
-                case LogText():
-                    driven.texts[message.vehicle].append(message)
-
-    convoy.build(Kept)
+    convoy.build(lambda vehicle: FiguresSink(vehicle, convoy.bus, driven.take))
     convoy.run(Stop())
     return driven
