@@ -227,19 +227,22 @@ class Recorder:
         self.on_sent(topic, data, message, at)
         return data
 
-    def on_sent(self, topic: Topic, data: bytes, message: Message, at: int) -> None:
-        """Record a message at instant `at` (ns), as one from a vehicle of the same process."""
+    def on_sent(self, topic: Topic, data: bytes | None, message: Message, at: int) -> None:
+        """Record a message at instant `at` (ns), as one from a vehicle of the same process.
+
+        Without `data` it is encoded as it is written.
+        """
         if topic.logged:
             self._writer.write(topic, message.vehicle, data, at, message=message)
         self.recorded += 1
         self._metrics.add(message)
-        is_truth = isinstance(message, TruePose)
-        if is_truth:  # nothing else brings deviations
+        kind = type(message)
+        if kind is TruePose:  # nothing else brings deviations
             for one in self._metrics.deviations.news():
                 self._writer.write_deviation(at, *one)
-        for listener in self._listeners[type(message)]:
+        for listener in self._listeners[kind]:
             listener(at, message)
-        if is_truth or isinstance(message, Tracking):  # nothing else brings events and warnings
+        if kind is TruePose or kind is Tracking:  # nothing else brings events and warnings
             self.say_news(at)
 
     def say_news(self, at: int) -> None:

@@ -16,7 +16,7 @@ from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.replayed import ReplayedNode
-from scenarios.runs.node.sink import BusSink, Sink
+from scenarios.runs.node.sink import RecordedSink, Sink
 from scenarios.runs.recorder import Listener
 from scenarios.runs.replay import Replay
 from scenarios.runs.run_log import RunLog
@@ -45,7 +45,7 @@ def run_virtual(
     the scenario, its seed and the versions: the log is equal byte for byte.
     """
     convoy = VirtualConvoy(scenario)
-    clock = convoy.clock
+    clock, now = convoy.clock, convoy.clock.now
     run = RunLog(
         scenario,
         folder,
@@ -56,9 +56,11 @@ def run_virtual(
         replayed=frozenset(replay.vehicle for replay in replays),
     )
 
-    def record(topic: Topic, data: bytes, message: Message) -> None:
-        run.recorder.on_sent(topic, data, message, clock.now())
-        if isinstance(message, LogText) and message.level == "fatal":
+    on_sent = run.recorder.on_sent
+
+    def record(topic: Topic, data: bytes | None, message: Message) -> None:
+        on_sent(topic, data, message, now())
+        if type(message) is LogText and message.level == "fatal":
             after_s = (clock.now() - scenario.start_at_ns) / SECOND
             left = f"{message.vehicle} left {after_s:.1f} s after the start"
             run.recorder.say(clock.now(), f"{left}; the convoy goes on without it")
@@ -66,7 +68,7 @@ def run_virtual(
             stop.ask(reason, EXIT_FAILED)
 
     run.start(clock.now(), clock.now())
-    nodes = convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, record), replays)
+    nodes = convoy.build(lambda vehicle: RecordedSink(vehicle, convoy.bus, record), replays)
     try:
         try:
             convoy.run(stop)

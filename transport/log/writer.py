@@ -10,11 +10,12 @@ import errno
 import os
 from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import version
+from itertools import count
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from transport.closing import Closing
-from transport.codec import PROTOBUF, decode
+from transport.codec import PROTOBUF, decode, encode
 from transport.convoy_pb2 import Deviation
 from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.foxglove import Twin, descriptor_set, twins
@@ -27,6 +28,8 @@ from vehicles.schedule import Timer
 
 SEQUENCE_MASK = 0xFFFF_FFFF
 """MCAP holds sequence numbers in 32 bits; our own message has all of them."""
+WRITTEN_AT_ONCE = 256
+"""So many messages wait for each other: one alone finds the processor's caches cold."""
 
 
 def library_name() -> str:
@@ -45,12 +48,17 @@ class _Channel:
         self.twins = twins
 
 
+_Waiting = tuple[_Channel, int, int, int, int, bytes | None, Message | None]
+"""Channel, log time, publish time, number, when it was valid, bytes or else the message."""
+
+
 class LogWriter(Closing):
     """Writes the log of one run to `path`; the same calls give the same bytes.
 
     No clock is read. A kill loses what was written after the last `flush()`: on a wall
-    clock call that at least twice a second; in virtual time `close()` is enough. Chunks hold one
-    mebibyte, so memory stays small either way. Not for use by several threads at once.
+    clock call that at least twice a second; in virtual time `close()` is enough. Some hundred
+    messages wait for each other and chunks hold one mebibyte, so memory stays small either way. Not
+    for use by several threads at once.
 
     Where the file cannot be written any more (the disk is full, the file was removed), the first
     call that finds it out raises LogError; then the file is closed and every further call does
@@ -88,10 +96,11 @@ class LogWriter(Closing):
         self._writer.start(profile="", library=library or library_name())
         self._file.flush()  # even a log without a message is recognised as one
         self._twins = twins(scene)
-        self._deviations: dict[str, tuple[int, int]] = {}
+        self._deviations: dict[str, tuple[_Channel, Iterator[int]]] = {}
         self._channels: dict[tuple[str, str], _Channel] = {}
         self._schemas: dict[str, int] = {}
         self._log_time = 0
+        self._waiting: list[_Waiting] = []
         self._thinning = Thinning(rates_hz) if rates_hz else None
         if rates_hz:
             self.metadata(THINNED_NAME, {topic: f"{rate:g}" for topic, rate in rates_hz.items()})
@@ -100,7 +109,7 @@ class LogWriter(Closing):
         self,
         topic: Topic,
         vehicle: str,
-        data: bytes,
+        data: bytes | None,
         log_time: int,
         publish_time: int | None = None,
         message: Message | None = None,
@@ -110,32 +119,28 @@ class LogWriter(Closing):
         `log_time` is when it was recorded (ns); one that lies before the last is raised to it, so
         the log is in order. `publish_time` is when it was sent, by default when it was valid.
         `message` is `data` decoded; without it the bytes are decoded here, and refused with
-        RefusedMessageError if they are no message of `topic`.
+        RefusedMessageError if they are no message of `topic`. Without `data` it is encoded.
         """
         if self.broken:
             return
         if message is None:
+            if data is None:
+                raise TypeError("neither bytes nor a message")
             message = decode(topic, data)
         valid_at: int = getattr(message, topic.instant)
         if self._thinning and not self._thinning.keeps(topic.name, vehicle, valid_at):
             return
         if publish_time is None:
             publish_time = valid_at
-        publish_time = max(publish_time, 0)  # MCAP's instants are unsigned
         if log_time > self._log_time:
             self._log_time = log_time
         else:
             log_time = self._log_time
         channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
-        sequence = message.seq & SEQUENCE_MASK
-        add = self._add
-        try:
-            add(channel.identifier, log_time, data, publish_time, sequence)
-            for twin, identifier, timer in channel.twins:
-                if not twin.period_ns or timer.is_due(valid_at):
-                    add(identifier, log_time, twin.make(message), publish_time, sequence)
-        except OSError as error:
-            self._give_up(error)
+        waiting = self._waiting
+        waiting.append((channel, log_time, publish_time, message.seq, valid_at, data, message))
+        if len(waiting) >= WRITTEN_AT_ONCE:
+            self._write_waiting()
 
     def write_deviation(
         self, log_time: int, vehicle: str, true_at: int, error: float, gap: float
@@ -146,18 +151,34 @@ class LogWriter(Closing):
         """
         if self.broken:
             return
-        channel, number = self._deviations.get(vehicle, (-1, 0))
-        if channel < 0:
+        found = self._deviations.get(vehicle)
+        if found is None:
             name = f"/convoy/{vehicle}/deviation"
-            channel = self._register(name, Deviation, {"of": key(vehicle, TOPICS["truth"])})
-        self._deviations[vehicle] = (channel, number + 1)
-        self._log_time = max(self._log_time, log_time)
+            identifier = self._register(name, Deviation, {"of": key(vehicle, TOPICS["truth"])})
+            found = self._deviations[vehicle] = _Channel(identifier, ()), count()
+        channel, numbers = found
         message = Deviation(
             vehicle=vehicle, true_at_ns=true_at, cross_track_error_m=error, true_gap_m=gap
         )
         data = message.SerializeToString()
-        with self._named_failure():
-            self._add(channel, self._log_time, data, max(true_at, 0), number)
+        self._log_time = at = max(self._log_time, log_time)
+        self._waiting.append((channel, at, true_at, next(numbers), true_at, data, None))
+
+    def _write_waiting(self) -> None:
+        """Write what waits."""
+        waiting, self._waiting = self._waiting, []
+        add = self._add
+        try:
+            for channel, log_time, publish_time, number, valid_at, data, message in waiting:
+                content = encode(cast("Message", message)) if data is None else data
+                sent_at = max(publish_time, 0)  # MCAP's instants are unsigned
+                sequence = number & SEQUENCE_MASK
+                add(channel.identifier, log_time, content, sent_at, sequence)
+                for twin, identifier, timer in channel.twins:
+                    if not twin.period_ns or timer.is_due(valid_at):
+                        add(identifier, log_time, twin.make(message), sent_at, sequence)
+        except OSError as error:
+            self._give_up(error)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)
@@ -174,6 +195,7 @@ class LogWriter(Closing):
         return channel
 
     def _register(self, topic: str, message_class: Any, metadata: dict[str, str]) -> int:
+        self._write_waiting()  # what came before is to stand before
         name = message_class.DESCRIPTOR.full_name
         if name not in self._schemas:
             self._schemas[name] = self._writer.register_schema(
@@ -190,6 +212,7 @@ class LogWriter(Closing):
         """Put a file into the log, as of the last message."""
         if self.broken:
             return
+        self._write_waiting()
         with self._named_failure():
             self._writer.add_attachment(0, self._log_time, name, media_type, data)
 
@@ -197,6 +220,7 @@ class LogWriter(Closing):
         """Put named text values into the log; a later record of one name stands for the earlier."""
         if self.broken:
             return
+        self._write_waiting()
         with self._named_failure():
             self._writer.add_metadata(name, dict(values))
 
@@ -204,6 +228,7 @@ class LogWriter(Closing):
         """Hand everything written so far to the operating system."""
         if self.broken:
             return
+        self._write_waiting()
         with self._named_failure():
             self._writer.flush()  # type: ignore[no-untyped-call]
             self._find_file()
@@ -212,6 +237,7 @@ class LogWriter(Closing):
         """Complete the log with its index and summary; closing twice is harmless."""
         if self._file.closed:
             return
+        self._write_waiting()
         with self._named_failure():
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()

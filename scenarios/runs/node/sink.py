@@ -18,7 +18,9 @@ LOG_ONLY = {TOPIC_OF[kind].name for kind in (CompositeTrajectory, Command)}
 """Topics of which no figure of a run is made."""
 
 OnSent = Callable[[Topic, bytes, Message], None]
-"""Is given each message as it is sent, with its bytes: the recorder of a run in virtual time."""
+"""Is given each message as it is sent, with its bytes."""
+OnMade = Callable[[Topic, bytes | None, Message], None]
+"""Is given each message, with its bytes if it was encoded: the recorder in virtual time."""
 
 
 class Sink(Protocol):
@@ -65,6 +67,42 @@ class BusSink:
 
     def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - whoever listens may read all
         """Everything may be read."""
+        return True
+
+
+class RecordedSink:
+    """Publishes what others need, and gives every message to the recorder of the same process.
+
+    The recorder writes many messages at once, and encodes then what nobody else has needed.
+    """
+
+    def __init__(self, vehicle: str, bus: Bus, on_made: OnMade) -> None:
+        """`on_made` is called for each message, in the order in which they are made."""
+        self._bus = bus
+        self._on_made = on_made
+        self._addresses: dict[type[Message], tuple[str, Topic]] = {
+            kind: (key(vehicle, topic), topic) for kind, topic in TOPIC_OF.items()
+        }
+        self._waiting: list[tuple[str, bytes]] = []
+
+    def send(self, message: Message) -> None:
+        """Record `message`; what is urgent is published by `flush`."""
+        address, topic = self._addresses[type(message)]
+        data = None
+        if topic.urgent:
+            data = encode(message)
+            self._waiting.append((address, data))
+        self._on_made(topic, data, message)
+
+    def flush(self) -> None:
+        """Publish what waits."""
+        if self._waiting:
+            for address, data in self._waiting:
+                self._bus.publish(address, data, urgent=True)
+            self._waiting.clear()
+
+    def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - the log holds them all
+        """Everything is recorded."""
         return True
 
 

@@ -16,7 +16,7 @@ from transport.log.records import LogError
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF, key, valid_at
-from vehicles.messages import LogText, Message
+from vehicles.messages import GpsPose, LogText, Message
 
 
 def test_own_bytes_stand_untouched_under_the_key(tmp_path: Path) -> None:
@@ -112,6 +112,23 @@ def test_what_was_flushed_can_be_read_before_the_end(tmp_path: Path) -> None:
     log.close()
     log.close()
     assert [message.seq for _, _, message in LogReader(path).messages()] == [0, 1]
+
+
+def test_a_message_without_bytes_is_encoded_as_it_is_written(tmp_path: Path) -> None:
+    """Many wait for each other meanwhile, which nobody sees in the file."""
+    paths = [tmp_path / name for name in ("bytes.mcap", "messages.mcap")]
+    for path in paths:
+        with LogWriter(path) as log:
+            for number, (at, message) in enumerate(drive.drive(TICKS)):
+                topic = TOPIC_OF[type(message)]
+                data = None if path.stem == "messages" else encode(message)
+                log.write(topic, message.vehicle, data, at, None, message)
+                if number % 100 == 0:
+                    log.write_deviation(at, "v2", at, 0.25, 7.5)
+                    log.metadata("number", {"number": str(number)})
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    with LogWriter(tmp_path / "neither.mcap") as log, pytest.raises(TypeError, match="neither"):
+        log.write(TOPIC_OF[GpsPose], "v1", None, drive.START)
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from collections import Counter
 from itertools import pairwise
 
 from scenarios.results.drives import DriveRecorder
-from scenarios.runs.node.sink import BATCH_NS, BatchingSink, BusSink
+from scenarios.runs.node.sink import BATCH_NS, BatchingSink, BusSink, RecordedSink
 from scenarios.runs.rehearsal import RehearsalSink
 from tests.made.scenarios.messages import gps, health, tracking, truth
 from tests.made.transport import drive
@@ -66,6 +66,21 @@ def test_on_sent_is_called_before_the_bus_has_the_message() -> None:
     pose = gps("v1", 3)
     sink.send(pose)
     assert seen == [("gps", encode(pose), pose)]
+
+
+def test_a_recorded_vehicle_publishes_its_pose_and_the_recorder_is_given_everything() -> None:
+    bus, heard = listened_to()
+    made: list[tuple[str, bytes | None, Message]] = []
+    sink = RecordedSink("v1", bus, lambda topic, data, one: made.append((topic.name, data, one)))
+    pose, true = gps("v1", 3), truth("v1", 3, 1.0, 0.0)
+    sink.send(true)
+    sink.send(pose)
+    assert made == [("truth", None, true), ("gps", encode(pose), pose)]
+    assert heard == []
+    for _ in range(2):
+        sink.flush()
+        assert heard == [("convoy/v1/gps", encode(pose))]
+    assert sink.reads(Command)
 
 
 def test_a_rehearsal_publishes_the_pose_alone_and_keeps_the_rest() -> None:
