@@ -45,7 +45,7 @@ def run_virtual(
     the scenario, its seed and the versions: the log is equal byte for byte.
     """
     convoy = VirtualConvoy(scenario)
-    clock, now = convoy.clock, convoy.clock.now
+    clock = convoy.clock
     run = RunLog(
         scenario,
         folder,
@@ -56,11 +56,9 @@ def run_virtual(
         replayed=frozenset(replay.vehicle for replay in replays),
     )
 
-    on_sent = run.recorder.on_sent
-
     def record(topic: Topic, data: bytes | None, message: Message) -> None:
-        on_sent(topic, data, message, now())
-        if type(message) is LogText and message.level == "fatal":
+        run.recorder.on_sent(topic, data, message, clock.now())
+        if isinstance(message, LogText) and message.level == "fatal":
             after_s = (clock.now() - scenario.start_at_ns) / SECOND
             left = f"{message.vehicle} left {after_s:.1f} s after the start"
             run.recorder.say(clock.now(), f"{left}; the convoy goes on without it")

@@ -168,7 +168,7 @@ class LogWriter(Closing):
         """Write what waits."""
         waiting, self._waiting = self._waiting, []
         add = self._add
-        try:
+        with self._named_failure():
             for channel, log_time, publish_time, number, valid_at, data, message in waiting:
                 content = encode(cast("Message", message)) if data is None else data
                 sent_at = max(publish_time, 0)  # MCAP's instants are unsigned
@@ -177,8 +177,6 @@ class LogWriter(Closing):
                 for twin, identifier, timer in channel.twins:
                     if not twin.period_ns or timer.is_due(valid_at):
                         add(identifier, log_time, twin.make(message), sent_at, sequence)
-        except OSError as error:
-            self._give_up(error)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)

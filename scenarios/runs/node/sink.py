@@ -78,28 +78,20 @@ class RecordedSink:
 
     def __init__(self, vehicle: str, bus: Bus, on_made: OnMade) -> None:
         """`on_made` is called for each message, in the order in which they are made."""
-        self._bus = bus
+        self._heard = BusSink(vehicle, bus, on_made)
         self._on_made = on_made
-        self._addresses: dict[type[Message], tuple[str, Topic]] = {
-            kind: (key(vehicle, topic), topic) for kind, topic in TOPIC_OF.items()
-        }
-        self._waiting: list[tuple[str, bytes]] = []
 
     def send(self, message: Message) -> None:
         """Record `message`; what is urgent is published by `flush`."""
-        address, topic = self._addresses[type(message)]
-        data = None
+        topic = TOPIC_OF[type(message)]
         if topic.urgent:
-            data = encode(message)
-            self._waiting.append((address, data))
-        self._on_made(topic, data, message)
+            self._heard.send(message)
+        else:
+            self._on_made(topic, None, message)
 
     def flush(self) -> None:
         """Publish what waits."""
-        if self._waiting:
-            for address, data in self._waiting:
-                self._bus.publish(address, data, urgent=True)
-            self._waiting.clear()
+        self._heard.flush()
 
     def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - the log holds them all
         """Everything is recorded."""
