@@ -9,7 +9,7 @@ https://protobuf.dev/programming-guides/encoding; reading is left to the library
 
 from collections.abc import Callable, Iterable
 from functools import lru_cache
-from struct import Struct, pack
+from struct import Struct
 from typing import Any
 
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
@@ -123,10 +123,18 @@ def text(tag: bytes, characters: str) -> bytes:
     return tag + varint(len(data)) + data
 
 
+@lru_cache(maxsize=REMEMBERED)
+def _column(tag: bytes, count: int) -> tuple[bytes, Callable[..., bytes]]:
+    """Return what stands before a column of so many numbers, and what packs them."""
+    return tag + varint(8 * count), Struct(f"<{count}d").pack
+
+
 def packed_doubles(tag: bytes, numbers: tuple[float, ...]) -> bytes:
     """Pack a column of `double`; of an empty one there is nothing."""
-    count = len(numbers)
-    return tag + varint(8 * count) + pack(f"<{count}d", *numbers) if count else b""
+    if not numbers:
+        return b""
+    head, pack = _column(tag, len(numbers))
+    return head + pack(*numbers)
 
 
 def packed_counts(tag: bytes, numbers: tuple[int, ...]) -> bytes:

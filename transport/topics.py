@@ -23,15 +23,14 @@ from vehicles.messages import (
 class Topic:
     """One row: what is published under `convoy/<vehicle>/<name>`.
 
-    `instant` is the message's field that says when it was valid; `logged` whether the recorder
-    writes it; `urgent` whether it goes ahead of other traffic on the same link; `batched` whether it
-    may wait a moment for others, since nobody but the log and the picture needs it.
+    The recorder writes them all. `instant` is the message's field that says when it was valid;
+    `urgent` whether it goes ahead of other traffic on the same link; `batched` whether it may wait a
+    moment for others, since nobody but the log and the picture needs it.
     """
 
     name: str
     message: type[Message]
     instant: str
-    logged: bool
     urgent: bool
     batched: bool
     meaning: str
@@ -39,18 +38,18 @@ class Topic:
 
 # fmt: off
 _ROWS = (
-    #     name          message              instant           logged urgent batched meaning
-    Topic("gps",        GpsPose,             "sent_at_ns",     True,  True,  False,  "what the receiver measured, as broadcast"),
-    Topic("truth",      TruePose,            "true_at_ns",     True,  False, True,   "where the car really is"),
-    Topic("trajectory", CompositeTrajectory, "decided_at_ns",  True,  False, True,   "arc spline and the samples it was fitted to"),
-    Topic("tracking",   Tracking,            "decided_at_ns",  True,  False, True,   "errors as the vehicle sees them"),
-    Topic("command",    Command,             "decided_at_ns",  True,  False, True,   "steering and acceleration asked for"),
-    Topic("verdict",    LinkVerdict,         "heard_at_ns",    True,  False, True,   "what the link did to each message, and why"),
-    Topic("health",     Health,              "reported_at_ns", True,  False, False,  "counters of the process, once a second"),
-    Topic("log",        LogText,             "logged_at_ns",   True,  False, False,  "text"),
-    Topic("change",     Change,              "effective_at_ns", True, False, False,  "something done to the running convoy, by its scenario or by hand"),
-    Topic("start",      RunStart,            "start_at_ns",    True,  True,  False,  "the instant at which all start"),
-    Topic("end",        RunEnd,              "end_at_ns",      True,  True,  False,  "the run is over, and why"),
+    #     name          message              instant            urgent batched meaning
+    Topic("gps",        GpsPose,             "sent_at_ns",      True,  False,   "what the receiver measured, as broadcast"),
+    Topic("truth",      TruePose,            "true_at_ns",      False, True,    "where the car really is"),
+    Topic("trajectory", CompositeTrajectory, "decided_at_ns",   False, True,    "arc spline and the samples it was fitted to"),
+    Topic("tracking",   Tracking,            "decided_at_ns",   False, True,    "errors as the vehicle sees them"),
+    Topic("command",    Command,             "decided_at_ns",   False, True,    "steering and acceleration asked for"),
+    Topic("verdict",    LinkVerdict,         "heard_at_ns",     False, True,    "what the link did to each message, and why"),
+    Topic("health",     Health,              "reported_at_ns",  False, False,   "counters of the process, once a second"),
+    Topic("log",        LogText,             "logged_at_ns",    False, False,   "text"),
+    Topic("change",     Change,              "effective_at_ns", False, False,   "something done to the running convoy, by its scenario or by hand"),
+    Topic("start",      RunStart,            "start_at_ns",     True,  False,   "the instant at which all start"),
+    Topic("end",        RunEnd,              "end_at_ns",       True,  False,   "the run is over, and why"),
 )
 # fmt: on
 TOPICS: Mapping[str, Topic] = {row.name: row for row in _ROWS}

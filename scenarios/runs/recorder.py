@@ -232,8 +232,7 @@ class Recorder:
 
         Without `data` it is encoded as it is written.
         """
-        if topic.logged:
-            self._writer.write(topic, message.vehicle, data, at, message=message)
+        self._writer.write(topic, message.vehicle, data, at, message=message)
         self.recorded += 1
         self._metrics.add(message)
         kind = type(message)

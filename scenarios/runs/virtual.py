@@ -17,7 +17,7 @@ from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import RecordedSink, Sink
-from scenarios.runs.recorder import Listener
+from scenarios.runs.recorder import Listener, Selective
 from scenarios.runs.replay import Replay
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.step_order import Step, Stepper, steps_in_order
@@ -26,7 +26,7 @@ from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick, VirtualClock
 from transport.log.records import LogError
 from transport.topics import Topic
-from vehicles.messages import LogText, Message
+from vehicles.messages import LogText, Message, TruePose
 from vehicles.schedule import SECOND
 
 
@@ -52,18 +52,12 @@ def run_virtual(
         clock="virtual",
         run_id=scenario.virtual_run_id,
         metrics=metrics,
-        listeners=listeners,
+        listeners=(*listeners, *_watching(scenario, stop, lambda: run)),
         replayed=frozenset(replay.vehicle for replay in replays),
     )
 
     def record(topic: Topic, data: bytes | None, message: Message) -> None:
         run.recorder.on_sent(topic, data, message, clock.now())
-        if isinstance(message, LogText) and message.level == "fatal":
-            after_s = (clock.now() - scenario.start_at_ns) / SECOND
-            left = f"{message.vehicle} left {after_s:.1f} s after the start"
-            run.recorder.say(clock.now(), f"{left}; the convoy goes on without it")
-        if (reason := run.must_end) and not stop.asked:
-            stop.ask(reason, EXIT_FAILED)
 
     run.start(clock.now(), clock.now())
     nodes = convoy.build(lambda vehicle: RecordedSink(vehicle, convoy.bus, record), replays)
@@ -82,6 +76,24 @@ def run_virtual(
     if summary.reason:  # a limit can also be broken by a run that went on to its end
         stop.ask(summary.reason, EXIT_FAILED)
     return summary
+
+
+def _watching(scenario: Scenario, stop: Stop, run: Callable[[], RunLog]) -> tuple[Listener, ...]:
+    """Listeners that say who has left, and end a run as soon as its limits are broken."""
+
+    def tell_of_leaving(at: int, text: Message) -> None:
+        if isinstance(text, LogText) and text.level == "fatal":
+            left = f"{text.vehicle} left {(at - scenario.start_at_ns) / SECOND:.1f} s"
+            run().recorder.say(at, f"{left} after the start; the convoy goes on without it")
+
+    def end_by_limits(_at: int, _pose: Message) -> None:
+        if (reason := run().must_end) and not stop.asked:
+            stop.ask(reason, EXIT_FAILED)
+
+    return (
+        Selective(frozenset({LogText}), tell_of_leaving),
+        Selective(frozenset({TruePose}), end_by_limits),  # nothing else brings collisions
+    )
 
 
 COLLECTED_EVERY = 50_000

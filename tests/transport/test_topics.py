@@ -45,8 +45,3 @@ def test_poses_go_ahead_of_what_is_only_for_the_log() -> None:
 def test_the_instant_of_a_message_is_read_by_the_table() -> None:
     assert valid_at(RunStart(vehicle="run", seq=0, start_at_ns=17, run_id="x")) == 17
     assert TOPIC_OF[GpsPose].instant == "sent_at_ns"
-
-
-def test_every_topic_is_logged() -> None:
-    """Else `convoy reference topics` would have to say which are not."""
-    assert all(topic.logged for topic in TOPICS.values())

@@ -30,7 +30,7 @@ from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, key
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking, TruePose
+from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, TruePose
 from vehicles.schedule import instant
 
 CONVOY = ("v1", "v2")
@@ -283,19 +283,6 @@ def test_a_pose_that_vehicles_refuse_is_refused_by_the_recorder_for_the_same_rea
     assert inbox.rejected == {"absurd": 2, "far": 1, "sequence": 1}
     recorded.take([gps("v1", 3)])
     assert recorded.recorded == 1
-
-
-def test_a_topic_that_is_not_to_be_logged_is_seen_and_not_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    quiet = replace(TOPICS["tracking"], logged=False)
-    monkeypatch.setattr("scenarios.runs.recorder.TOPICS", {**TOPICS, "tracking": quiet})
-    recorded = Recorded(tmp_path / "run.mcap")
-    recorded.take(SOUND)
-    assert [message for _, message in recorded.heard] == SOUND
-    assert recorded.row("v2").lateral_error_m_max == 0.3
-    logged = [message for _, _, message in recorded.logged()]
-    assert logged == [message for message in SOUND if not isinstance(message, Tracking)]
 
 
 @pytest.mark.parametrize("number", [1, 40, 2**32, 2**63 - 1])
