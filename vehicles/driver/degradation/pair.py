@@ -137,7 +137,7 @@ class SourcePair:
         known = farthest([one for one in self.used.values() if one.status != "distrusted"])
         comfortable = _stop(speed, acceleration, settings.comfortable)
         firm = _stop(speed, acceleration, settings.firm)
-        blind = _stop(speed, acceleration, settings.hardest) - known
+        blind = _stop(speed, acceleration, settings.hardest, period=span) - known
         blind = 0.0 if blind < 0.0 else blind
         lead = predecessor = self.lead.freshness
         if self.predecessor is not self.lead:
@@ -172,10 +172,15 @@ class SourcePair:
         return earliest
 
 
-def _stop(speed: float, acceleration: float, braking: Braking) -> float:
-    """Braking distance (m); who brakes harder already would not release the brake first."""
+def _stop(speed: float, acceleration: float, braking: Braking, period: float = 0.0) -> float:
+    """Braking distance (m); who brakes harder already would not release the brake first.
+
+    Commands that are held for a `period` (s) are on average half a period ahead of the ramp of the
+    jerk: at 30 m/s and 50 Hz that is 0.3 m.
+    """
+    sooner = acceleration - 0.5 * braking.jerk * period
     hardest = -braking.deceleration
-    return stopping_distance(speed, hardest if hardest > acceleration else acceleration, braking)
+    return stopping_distance(speed, hardest if hardest > sooner else sooner, braking)
 
 
 def farthest(sources: Iterable[Source]) -> float:

@@ -1,0 +1,58 @@
+"""How far a follower says it would drive beyond the road that it knows, if it had to stop."""
+
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from tests.made.vehicles.exact_drives import PLANE, START
+from vehicles.car.gnss import Fix, to_message
+from vehicles.driver.degradation.pair import SourcePair
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.trust.gate import Belief
+from vehicles.driver.ego.own_state import Pose
+from vehicles.messages import NOTHING_TOLD
+from vehicles.schedule import SECOND, nanoseconds
+
+KNOWN = 5.0
+BELIEVED = Belief(believed=True, reason="", deviation=0.02)
+
+
+def situation(speed: float, acceleration: float, period: float) -> Situation:
+    """What a follower at the origin makes of it whose lead was heard along a straight road."""
+    settings = DegradationSettings()
+    lead = Source("v1", 0.05, settings)
+    pair = SourcePair(lead, lead, "composite", settings)
+    for seq, east in enumerate((-KNOWN, 0.0, KNOWN)):
+        fix = Fix(seq, START + seq, east, 0.0, 0.0, speed, 0.0)
+        place = (east, 0.0, 0.0)
+        message = to_message(
+            fix, "v1", PLANE, seq=seq, sent_at=START, true_place=place, told=NOTHING_TOLD
+        )
+        pair.hear(START + seq, fix, message, BELIEVED)
+    pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
+    pair.look(START + SECOND, pose, acceleration, anew=True)
+    return pair.look(START + SECOND + nanoseconds(period), pose, acceleration, anew=True)
+
+
+def driven(speed: float, acceleration: float, period: float) -> float:
+    """Distance (m) to a standstill by commands that are held, each harder by the jerk at most."""
+    hardest, east = DegradationSettings().hardest, 0.0
+    while True:
+        acceleration = max(acceleration - hardest.jerk * period, -hardest.deceleration)
+        if speed + acceleration * period <= 0.0:
+            return east - speed**2 / (2.0 * acceleration)
+        east += speed * period + 0.5 * acceleration * period**2
+        speed += acceleration * period
+
+
+@given(st.floats(10.0, 36.0), st.floats(-5.0, 1.0), st.sampled_from([0.01, 0.02, 0.05, 0.1]))
+def test_the_blind_metres_are_those_of_commands_that_are_held(
+    speed: float, acceleration: float, period: float
+) -> None:
+    told = situation(speed, acceleration, period)
+    blind = driven(speed, acceleration, period) - told.known
+    assume(blind > 0.0)
+    # Of the half period in which the command is ahead of the ramp, 0.5 * speed * period, little is
+    # left: the last step to the hardest braking is no whole one.
+    assert abs(told.blind - blind) < 0.1 * speed * period + 1e-3
