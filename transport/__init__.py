@@ -1,8 +1,9 @@
 """What carries messages and time, and shows them.
 
-topics     the table of topics: name, message, who logs it, how urgent
+topics     the table of topics: name, message, how urgent, whether it may wait
 reasons    the table of reasons why a message was not used
 codec      bytes from messages and back
+packing    how messages are serialised, by functions made of the schema
 telemetry  messages that only the log needs, many in one
 thinning   of which topics the log holds but some messages
 texts      what of a text may reach a terminal and a line of the log

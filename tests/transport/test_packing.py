@@ -9,7 +9,7 @@ from google.protobuf.wrappers_pb2 import BytesValue
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.transport.test_codec import any_message
+from tests.made.transport.any_messages import any_message
 from transport.codec import PROTOBUF
 from transport.convoy_pb2 import CompositeTrajectory, LinkVerdict, TruePose
 from transport.packing import packed_counts, packer_of, varint
