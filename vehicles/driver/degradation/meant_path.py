@@ -13,9 +13,9 @@ is handed on, neither that of its law nor that of its receiver, and the noise of
 is not added to: between two of variance s², it is at most s².
 """
 
-from bisect import bisect_left, bisect_right
+from array import array
+from bisect import bisect_left
 from math import cos, hypot, nan, sin
-from typing import NamedTuple
 
 import numpy as np
 
@@ -37,22 +37,17 @@ MOST, FORGOTTEN = 4096, 1024
 """So many offsets are kept, and so many forgotten at once."""
 
 
-class _Told(NamedTuple):
-    """A place (m) at an instant (ns), its yaw (rad), and how far left of the path it lies (m)."""
-
-    at: int
-    east: float
-    north: float
-    yaw: float
-    offset: float
-
-
 class MeantPath:
-    """Where the path is beside the places that a source told (beyond the paper)."""
+    """Where the path is beside the places that a source told (beyond the paper).
+
+    Of each its instant (ns), and in turn east and north (m), yaw (rad) and how far left of the path
+    it lies (m).
+    """
 
     def __init__(self) -> None:
         """Start without any."""
-        self._told: list[_Told] = []
+        self._instants = array("q")
+        self._numbers = array("d")
 
     def tell(self, fix: Fix, offset: float) -> None:
         """Take that a place lies `offset` (m, left positive) beside the path (Section III-B).
@@ -60,36 +55,43 @@ class MeantPath:
         One who tells none, or one that cannot be, is taken for being on the path. From one place to
         the next the offset changes no faster than a car can drive aside, whatever is told.
         """
-        place = bisect_left(self._told, (fix.measured_at,))
+        instants, numbers = self._instants, self._numbers
+        place = bisect_left(instants, fix.measured_at)
         if not abs(offset) <= FURTHEST:  # NaN neither
             offset = 0.0
-        if place < len(self._told) and self._told[place].at == fix.measured_at:
+        if place < len(instants) and instants[place] == fix.measured_at:
             return
         if place:
-            before = self._told[place - 1]
-            moved = hypot(fix.east - before.east, fix.north - before.north)
+            east, north, _, before = numbers[4 * place - 4 : 4 * place]
+            moved = hypot(fix.east - east, fix.north - north)
             if moved < SPACING:
                 return
             most = STEEPEST * moved + DEVIATIONS * abs(fix.accuracy)
-            offset = min(max(offset, before.offset - most), before.offset + most)
-        self._told.insert(place, _Told(fix.measured_at, fix.east, fix.north, fix.yaw, offset))
-        if len(self._told) > MOST:
-            del self._told[:FORGOTTEN]
+            offset = min(max(offset, before - most), before + most)
+        instants.insert(place, fix.measured_at)
+        numbers[4 * place : 4 * place] = array("d", (fix.east, fix.north, fix.yaw, offset))
+        if len(instants) > MOST:
+            del instants[:FORGOTTEN]
+            del numbers[: 4 * FORGOTTEN]
 
     def of(self, window: Window, instants: list[int], share: float) -> Window:
         """Samples (preview data, Section III-A) of these `instants` (ns), brought to the path.
 
         By the `share` of their offsets; between those that were told, by what lies between.
         """
-        if not self._told or not instants:
+        told = self._instants
+        if not told or not instants:
             return window
-        low = max(bisect_left(self._told, (min(instants),)) - 1, 0)
-        told = self._told[low : bisect_right(self._told, (max(instants) + 1,)) + 1]
-        since = told[0].at
-        at = [(one.at - since) / SECOND for one in told]
+        low = max(bisect_left(told, min(instants)) - 1, 0)
+        high = bisect_left(told, max(instants) + 1) + 1
+        since = told[low]
+        at = [(one - since) / SECOND for one in told[low:high]]
         wanted = [(instant - since) / SECOND for instant in instants]
-        east = np.interp(wanted, at, [one.offset * sin(one.yaw) for one in told])
-        north = np.interp(wanted, at, [-one.offset * cos(one.yaw) for one in told])
+        yaws = self._numbers[4 * low + 2 : 4 * high : 4]
+        offsets = self._numbers[4 * low + 3 : 4 * high : 4]
+        beside = list(zip(offsets, yaws, strict=True))
+        east = np.interp(wanted, at, [offset * sin(yaw) for offset, yaw in beside])
+        north = np.interp(wanted, at, [-offset * cos(yaw) for offset, yaw in beside])
         return window._replace(east=window.east + share * east, north=window.north + share * north)
 
 

@@ -1,6 +1,7 @@
 """Samples that are put back on the path, by how far beside it their sender says that they lie."""
 
 import math
+import tracemalloc
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.meant_path import (
     DEVIATIONS,
     FURTHEST,
+    MOST,
     STEEPEST,
     MeantPath,
     MeantShare,
@@ -245,3 +247,17 @@ def test_who_does_not_want_it_follows_the_way_that_was_driven() -> None:
     share = MeantShare(1.0, wanted=False)
     share.go_on("predecessor", 5.0)
     assert share.now == 0.0
+
+
+def test_what_is_remembered_takes_little_memory_however_long_the_drive() -> None:
+    """Every follower with two sources remembers so many places, most of which it never needs."""
+    tracemalloc.start()
+    try:
+        meant = MeantPath()
+        before, _ = tracemalloc.get_traced_memory()
+        for seq in range(3 * MOST):
+            meant.tell(Fix(seq, seq * PERIOD, float(seq), 0.0, 0.0, 20.0, 0.0), 0.001 * (seq % 7))
+        after, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert after - before < 64 * MOST
