@@ -7,7 +7,7 @@ descriptor, as `dataclass` makes an `__init__` of the fields. The bytes are the 
 https://protobuf.dev/programming-guides/encoding; reading is left to the library.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import lru_cache
 from struct import Struct
 from typing import Any
@@ -18,76 +18,6 @@ VARINT, FIXED64, LENGTH = 0, 1, 2
 """Wire types: how the bytes of a value are told from what follows."""
 REMEMBERED = 64
 """Instants, numbers and words come again and again within a tick."""
-
-_Fields = Iterable[FieldDescriptor]
-
-
-def packer_of(message: Descriptor) -> Callable[[object], bytes]:
-    """Return what serialises any object with the attributes that the fields of `message` name.
-
-    It writes every single value, also a zero or an empty text, as Protobuf does of `optional` ones
-    that are set, and raises ValueError for an integer out of range. Raises TypeError for a schema
-    with fields of a kind that no message of ours has.
-    """
-    names: dict[str, object] = {"join": b"".join}
-    parts = []
-    fixed: list[FieldDescriptor] = []
-    for field in sorted(message.fields, key=lambda one: one.number):
-        if not field.is_repeated and field.type in _FIXED_FORMATS:
-            fixed.append(field)
-            continue
-        parts += _packed_at_once(fixed, names)
-        fixed = []
-        maker, wire_type = _maker(field)
-        names[maker.__name__] = maker
-        parts.append(f"{maker.__name__}({_tag(field, wire_type)!r}, message.{field.name})")
-    parts += _packed_at_once(fixed, names)
-    source = f"def packer(message):\n    return join(({', '.join(parts)},))"
-    exec(source, names)  # noqa: S102 - made of names in our own schema
-    packer: Any = names["packer"]
-    return packer  # type: ignore[no-any-return]
-
-
-def _packed_at_once(fields: list[FieldDescriptor], names: dict[str, object]) -> list[str]:
-    """Return the call that packs values of fixed size with their tags; none if there are none."""
-    if not fields:
-        return []
-    values = Struct(
-        "<" + "".join(f"{len(_fixed_tag(field))}s{_FIXED_FORMATS[field.type]}" for field in fields)
-    )
-    name = f"pack_{fields[0].number}"
-    names[name] = values.pack
-    arguments = [f"{_fixed_tag(field)!r}, message.{field.name}" for field in fields]
-    return [f"{name}({', '.join(arguments)})"]
-
-
-_FIXED_FORMATS = {FieldDescriptor.TYPE_DOUBLE: "d", FieldDescriptor.TYPE_BOOL: "?"}
-"""How values that always take as many bytes are packed."""
-
-
-def _fixed_tag(field: FieldDescriptor) -> bytes:
-    return _tag(field, FIXED64 if field.type == FieldDescriptor.TYPE_DOUBLE else VARINT)
-
-
-def _tag(field: FieldDescriptor, wire_type: int) -> bytes:
-    return varint(field.number << 3 | wire_type)
-
-
-def _maker(field: FieldDescriptor) -> tuple[Callable[[bytes, Any], bytes], int]:
-    """Return what packs tag and value of a field, and its wire type."""
-    kind = field.type
-    if field.is_repeated:
-        if kind == FieldDescriptor.TYPE_DOUBLE:
-            return packed_doubles, LENGTH
-        if kind == FieldDescriptor.TYPE_UINT32:
-            return packed_counts, LENGTH
-    elif kind == FieldDescriptor.TYPE_STRING:
-        return text, LENGTH
-    elif kind == FieldDescriptor.TYPE_UINT64:
-        return unsigned, VARINT
-    elif kind == FieldDescriptor.TYPE_INT64:
-        return signed, VARINT
-    raise TypeError(f"{field.full_name}: no way to pack such a field")
 
 
 def varint(number: int) -> bytes:
@@ -146,3 +76,62 @@ def packed_counts(tag: bytes, numbers: tuple[int, ...]) -> bytes:
     small = max(numbers) <= 0x7F  # then a byte each, as it is
     data = bytes(numbers) if small else b"".join(map(varint, numbers))
     return tag + varint(len(data)) + data
+
+
+_FIXED = {FieldDescriptor.TYPE_DOUBLE: (FIXED64, "d"), FieldDescriptor.TYPE_BOOL: (VARINT, "?")}
+"""Values that always take as many bytes: wire type and format."""
+_MAKERS: dict[tuple[int, bool], tuple[int, Callable[[bytes, Any], bytes]]] = {
+    (FieldDescriptor.TYPE_STRING, False): (LENGTH, text),
+    (FieldDescriptor.TYPE_UINT64, False): (VARINT, unsigned),
+    (FieldDescriptor.TYPE_INT64, False): (VARINT, signed),
+    (FieldDescriptor.TYPE_DOUBLE, True): (LENGTH, packed_doubles),
+    (FieldDescriptor.TYPE_UINT32, True): (LENGTH, packed_counts),
+}
+"""By kind of field, and whether it is a column: its wire type, and what packs tag and value."""
+
+
+def packer_of(message: Descriptor) -> Callable[[object], bytes]:
+    """Return what serialises any object with the attributes that the fields of `message` name.
+
+    It writes every single value, also a zero or an empty text, as Protobuf does of `optional` ones
+    that are set, and raises ValueError for an integer out of range. Raises TypeError for a schema
+    with fields of a kind that no message of ours has.
+    """
+    names: dict[str, object] = {"join": b"".join}
+    parts = []
+    fixed: list[FieldDescriptor] = []
+    for field in sorted(message.fields, key=lambda one: one.number):
+        if not field.is_repeated and field.type in _FIXED:
+            fixed.append(field)
+            continue
+        parts += _packed_at_once(fixed, names)
+        fixed = []
+        if (field.type, field.is_repeated) not in _MAKERS:
+            raise TypeError(f"{field.full_name}: no way to pack such a field")
+        wire_type, maker = _MAKERS[field.type, field.is_repeated]
+        names[maker.__name__] = maker
+        parts.append(f"{maker.__name__}({_tag(field, wire_type)!r}, message.{field.name})")
+    parts += _packed_at_once(fixed, names)
+    source = f"def packer(message):\n    return join(({', '.join(parts)},))"
+    exec(source, names)  # noqa: S102 - made of names in our own schema
+    packer: Any = names["packer"]
+    return packer  # type: ignore[no-any-return]
+
+
+def _packed_at_once(fields: list[FieldDescriptor], names: dict[str, object]) -> list[str]:
+    """Return the call that packs values of fixed size with their tags; none if there are none."""
+    if not fields:
+        return []
+    formats, arguments = "<", []
+    for field in fields:
+        wire_type, value_format = _FIXED[field.type]
+        tag = _tag(field, wire_type)
+        formats += f"{len(tag)}s{value_format}"
+        arguments.append(f"{tag!r}, message.{field.name}")
+    name = f"pack_{fields[0].number}"
+    names[name] = Struct(formats).pack
+    return [f"{name}({', '.join(arguments)})"]
+
+
+def _tag(field: FieldDescriptor, wire_type: int) -> bytes:
+    return varint(field.number << 3 | wire_type)
