@@ -20,6 +20,8 @@ from vehicles.messages import FloatOrNan, Message
 
 MAX_BYTES = 16_384
 """No message of ours is larger; larger ones are refused unread."""
+NEVER_TAKEN_UP = 20
+"""Values in a tuple that Python keeps for later, up to 2000 of them, and then makes anew."""
 ADDED = {"piece_curvature_rate_per_m2": "piece_curvature_per_m"}
 """Columns of numbers that logs of earlier versions lack, and one as long: they are read as 0."""
 
@@ -55,7 +57,9 @@ class _Form:
         self.parse: Callable[[bytes], Any] = self.protobuf.FromString
         kinds = [(place, f.name, f.type) for place, f in enumerate(fields(message))]
         self.names = tuple([name for _, name, _ in kinds])
-        self.values: Callable[[object], Values] = attrgetter(*self.names)
+        # Of twenty values one more is taken, which nobody asks for: see `GpsPose.vehicle`.
+        more = ("DESCRIPTOR",) if len(self.names) == NEVER_TAKEN_UP else ()
+        self.values: Callable[[object], Values] = attrgetter(*self.names, *more)
         self.vehicle = self.names.index("vehicle")
         self.words = [
             (place, name, frozenset(get_args(kind)))

@@ -1,8 +1,7 @@
 """The command line: `convoy COMMAND …`.
 
 main       all commands, and `convoy` itself
-run        run, router, vehicle, record: drive a convoy, or its parts by hand
-running    what run and record do: folder, listeners, summary
+running/   run, router, vehicle, record: drive a convoy, or its parts by hand
 channel/   channels: a law against a sample, fitted ones, what is asked and known
 control/   a convoy that drives: change it, look at it, make a scenario of what was done
 guide/     completion of the shell, what a scenario asks for
@@ -11,7 +10,6 @@ scenario   list, check, new: look at scenarios
 logs       review, report, explain: look at logs
 study      gains, reproduce: look at the science
 options    options that several commands share
-progress   the live table of a run
 tables     the tables printed at the end
 whole      tables that are never cut
 failure    errors as clear lines and exit codes

@@ -14,7 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import click
 
-from scenarios.cli import logs, run, scenario, study
+from scenarios.cli import logs, scenario, study
 from scenarios.cli.channel.commands import channel
 from scenarios.cli.control import commands as control
 from scenarios.cli.failure import outlive_readers
@@ -24,6 +24,7 @@ from scenarios.cli.many.bisect import bisect
 from scenarios.cli.many.blame import blame
 from scenarios.cli.many.risk import risk
 from scenarios.cli.many.sweep import sweep
+from scenarios.cli.running import commands as running
 
 EXAMPLES = """\b
 Examples:
@@ -49,10 +50,10 @@ def cli() -> None:
 
 
 for command in (
-    run.run,
-    run.router,
-    run.vehicle,
-    run.record,
+    running.run,
+    running.router,
+    running.vehicle,
+    running.record,
     scenario.list_scenarios,
     scenario.check,
     study.gains,

@@ -1,6 +1,7 @@
 """The errors of a vehicle's GNSS receiver, from what its table asks for."""
 
 from collections.abc import Iterator
+from functools import cache
 from math import hypot
 from typing import get_args
 
@@ -79,7 +80,12 @@ def errors_in(table: GnssTable, state: FixState) -> StateErrorsTable:
     own: StateErrorsTable | None = getattr(table, key)
     if own is not None:
         return own
-    figures = {one: value for one, value in PRESETS[OF_STATE[key]].items() if one != "fix"}
+    return _usual_errors(OF_STATE[key])
+
+
+@cache
+def _usual_errors(preset: str) -> StateErrorsTable:
+    figures = {one: value for one, value in PRESETS[preset].items() if one != "fix"}
     return StateErrorsTable.model_validate(figures)
 
 

@@ -9,6 +9,8 @@ deviations        true errors and gaps for plots of the log
 limits            which limits of the scenario were broken
 recorded_numbers  which messages were recorded, by their numbers
 holes             what was not recorded
+files             names of the files of a run
+versions          versions of what drove it
 summary           the typed summary, and its JSON
 meanings          what its fields mean
 log_summary       summary and scenario from a log alone

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.limits import limit_figures, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import (
@@ -22,9 +23,6 @@ from transport.log.repair import REPAIRED
 from vehicles.messages import RunStart
 from vehicles.schedule import SECOND, nanoseconds
 
-LOG_NAME = "run.mcap"
-SUMMARY_NAME = "summary.json"
-"""The two files of a run's folder; the summary is also attached to the log."""
 METADATA_NAME = "convoy"
 """The log's record of metadata that says which run it is."""
 SILENT_S = 1.0

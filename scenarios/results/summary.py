@@ -5,13 +5,9 @@ fields mean is in `meanings`.
 """
 
 import json
-import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from functools import cache
-from importlib.metadata import version
 from math import isfinite, nan
-from types import MappingProxyType
 from typing import Any, Literal
 
 from pydantic import TypeAdapter, ValidationError
@@ -21,19 +17,10 @@ from scenarios.results.channel.account import LinkSummary
 from scenarios.results.degradation.reaction import NO_REACTION, ReactionSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
+from scenarios.results.versions import installed_versions
 
 SCHEMA = "convoy.summary/1"
-PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "pymap3d")
-"""Packages whose versions are written into the log."""
-
 ClockName = Literal["wall", "virtual"]
-
-
-@cache
-def installed_versions() -> Mapping[str, str]:
-    """Versions of Python and of PACKAGES here, read once: it takes milliseconds."""
-    versions = {"python": platform.python_version()}
-    return MappingProxyType(versions | {package: version(package) for package in PACKAGES})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,11 +3,7 @@
 node/        one vehicle, the same on the wall clock and in virtual time
 processes/   a process per vehicle, router, recorder, and what keeps them together
 control/     a convoy that drives, found, looked at and changed by hand
-virtual      all vehicles in one process, as fast as it goes
-step_order   whose turn it is in virtual time
-rehearsal    a virtual run whose drives stay in memory
-unlogged     a virtual run of which only the figures stay
-replay       a recorded vehicle put back on the road
+virtual/     all vehicles in one process, as fast as it goes
 recorder     every message into log, figures and picture
 watchers     who watches a run, and waits while the log has to catch up
 run_folder   the folder of a run, taken by one at a time

@@ -20,7 +20,7 @@ Result = TypeVar("Result")
 
 PAUSES_S = (0.0, 0.05, 0.5)
 """Before each further attempt to start a worker: what it is forked from may not be up yet."""
-IMPORTED = ("scenarios.runs.virtual", "scenarios.runs.unlogged")
+IMPORTED = ("scenarios.runs.virtual.logged", "scenarios.runs.virtual.unlogged")
 """What workers run is imported once for all of them."""
 
 

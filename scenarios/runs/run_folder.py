@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 
 ROOM_BYTES = 1024 * 1024
 """A folder in which there is no room for this much is refused before the start."""

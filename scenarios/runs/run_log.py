@@ -8,16 +8,10 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import highest_rate_hz
 from scenarios.results.channel.account import in_words
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.holes import hole_lines
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
-from scenarios.results.log_summary import (
-    LOG_NAME,
-    METADATA_NAME,
-    SUMMARY_NAME,
-    silent_links,
-    summarise,
-    write_summary,
-)
+from scenarios.results.log_summary import METADATA_NAME, silent_links, summarise, write_summary
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import scene_of, write_foxglove_layout
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json

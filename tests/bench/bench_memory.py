@@ -15,7 +15,7 @@ from pathlib import Path
 
 import psutil
 
-from scenarios.cli.progress import Progress
+from scenarios.cli.running.progress import Progress
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.metrics import Metrics
 from scenarios.runs.run_log import RunLog

@@ -24,12 +24,12 @@ from typing import Any
 import psutil
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.log_summary import LOG_NAME
+from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BATCH_NS, BusSink
 from scenarios.runs.processes.clock_offset import answer_for_clock
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import VirtualConvoy
+from scenarios.runs.virtual.convoy import VirtualConvoy
 from tests.bench.bench_run import Row, plain_loop, print_rows, timed, used_s
 from tests.system.logs import Run
 from tests.system.processes import Process, start, until

@@ -11,6 +11,7 @@ import re
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 import zenoh
@@ -20,7 +21,15 @@ from transport.bus.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, VEHICLE_DEFA
 from transport.closing import Closing
 from transport.topics import TOPICS, alive_key
 
-__all__ = ["DEFAULT_ENDPOINT", "Router", "ZenohBus", "ZenohOptions", "open_bus", "open_router"]
+__all__ = [
+    "DEFAULT_ENDPOINT",
+    "Router",
+    "ZenohBus",
+    "ZenohOptions",
+    "open_bus",
+    "open_router",
+    "prepare_bus",
+]
 
 FLUSH_S = 1.0
 """How long closing waits, if need be, until what was published has reached the router."""
@@ -251,7 +260,7 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
 
     `own` are the defaults of this kind of process beside those of all.
     """
-    config = configuration(options, {**DEFAULTS, **own})
+    config = prepare_bus(options, tuple(own.items()))
     os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     zenoh.init_log_from_env_or(_SAID)
     if config.get_json("mode") != '"client"':
@@ -264,6 +273,17 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
     longest = f"{options.connect_timeout_s:g} s"
     with _as_bus_error(f"cannot join through {endpoints} within {longest}; is a router there?"):
         return ZenohBus(_open_with_retries(config, options.connect_timeout_s))
+
+
+@lru_cache(maxsize=1)
+def prepare_bus(
+    options: ZenohOptions, own: tuple[tuple[str, str], ...] = tuple(VEHICLE_DEFAULTS.items())
+) -> zenoh.Config:
+    """Prepare what `open_bus` begins with: once for all processes that are forked afterwards.
+
+    Each would write over half a megabyte of memory for it. Raises BusError like it.
+    """
+    return configuration(options, {**DEFAULTS, **dict(own)})
 
 
 def _open_with_retries(config: zenoh.Config, timeout_s: float) -> zenoh.Session:

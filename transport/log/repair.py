@@ -8,6 +8,7 @@ import os
 import struct
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO, RawIOBase
 from pathlib import Path
@@ -58,6 +59,13 @@ class _Kept:
     channels: list[int] = field(default_factory=list)
     counts: Counter[int] = field(default_factory=Counter)
     described: bytes = b""
+
+
+def complete(log: Path) -> bool:
+    """Repair a log if it was begun, if need be; whether there was need."""
+    with suppress(LogError):  # whoever wrote it was killed before it had begun
+        return log.exists() and repair(log)
+    return False
 
 
 def repair(path: Path) -> bool:

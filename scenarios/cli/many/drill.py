@@ -117,10 +117,11 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     import time
     from dataclasses import replace
 
-    from scenarios.cli.run import be_part
-    from scenarios.cli.running import run_scenario
+    from scenarios.cli.running.commands import be_part
+    from scenarios.cli.running.launching import run_scenario
     from scenarios.definition.errors import ScenarioError
-    from scenarios.results.log_summary import LOG_NAME, summary_of
+    from scenarios.results.files import LOG_NAME
+    from scenarios.results.log_summary import summary_of
     from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.drills.drill import drill_run
 

@@ -7,7 +7,7 @@ from subprocess import TimeoutExpired
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events.detector import sizes_of
-from scenarios.results.log_summary import LOG_NAME
+from scenarios.results.files import LOG_NAME
 from scenarios.results.pictures.drawing import widest_gap
 from transport.log.foxglove_layout import foxglove_layout
 from transport.log.scene import Scene

@@ -9,7 +9,7 @@ import click
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.drawing import RunDrawing, open_drawing
 from scenarios.results.pictures.layouts import rerun_layout

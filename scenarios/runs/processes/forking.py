@@ -14,8 +14,9 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NoReturn
+from typing import BinaryIO, NoReturn, Self
 
 from scenarios.runs.stop import ASKING, EXIT_FAILED, end_on_signals, without_watch
 
@@ -86,24 +87,71 @@ class ForkedProcess:
         return self._exit_code
 
 
-def fork(name: str, arguments: Sequence[str], deed: Deed, *, piped: bool) -> ForkedProcess:
-    """Fork a child called `name` that does a deed, which is that of `convoy ARGUMENTS`.
+@dataclass(frozen=True, slots=True)
+class Birth:
+    """A child to be forked: what it is called, and what it does, which is `convoy ARGUMENTS`.
 
-    Its standard input is a pipe from here, and with `piped` its standard output one to here.
+    Its standard input is a pipe from here, and if it is `piped` its standard output one to here.
     """
-    leash, stdin = os.pipe()
-    stdout, output = os.pipe() if piped else (-1, 1)
+
+    name: str
+    arguments: Sequence[str]
+    deed: Deed
+    piped: bool = False
+
+
+def fork_all(births: Sequence[Birth]) -> list[ForkedProcess]:
+    """Fork children, one right after the other; raises OSError, and then there are none.
+
+    What this process writes to between two forks no two children would share.
+    """
+    pipes = [_Pipes.of(birth) for birth in births]
+    pids: list[int] = []
     sys.stdout.flush()
     sys.stderr.flush()
     gc.freeze()  # the collector would write to every object, and so make the memory the child's own
-    with without_watch(), _signals_held():
-        pid = os.fork()
-        if pid == 0:
-            _live(name, arguments, deed, leash, output)
-    os.close(leash)
-    if piped:
-        os.close(output)
-    return ForkedProcess(pid, os.fdopen(stdin, "wb"), os.fdopen(stdout, "rb") if piped else None)
+    try:
+        with without_watch(), _signals_held():
+            for birth, ends in zip(births, pipes, strict=True):
+                pid = os.fork()
+                if pid == 0:
+                    _live(birth, ends)
+                pids.append(pid)
+    except OSError:
+        for pid in pids:
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+        raise
+    finally:
+        for ends in pipes:
+            ends.leave_to_the_child(forked=len(pids) == len(births))
+    return [ends.process(pid) for pid, ends in zip(pids, pipes, strict=True)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Pipes:
+    """Ends of a child's pipes: two for itself, two for its parent; -1 where there is none."""
+
+    leash: int
+    output: int
+    stdin: int
+    stdout: int
+
+    @classmethod
+    def of(cls, birth: Birth) -> Self:
+        leash, stdin = os.pipe()
+        stdout, output = os.pipe() if birth.piped else (-1, -1)
+        return cls(leash, output, stdin, stdout)
+
+    def leave_to_the_child(self, *, forked: bool) -> None:
+        """Close here what is the child's; if it was not `forked`, everything."""
+        for end in (self.leash, self.output, *(() if forked else (self.stdin, self.stdout))):
+            if end >= 0:
+                os.close(end)
+
+    def process(self, pid: int) -> ForkedProcess:
+        stdout = None if self.stdout < 0 else os.fdopen(self.stdout, "rb")
+        return ForkedProcess(pid, os.fdopen(self.stdin, "wb"), stdout)
 
 
 @contextmanager
@@ -116,12 +164,12 @@ def _signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _live(name: str, arguments: Sequence[str], deed: Deed, leash: int, output: int) -> NoReturn:
+def _live(birth: Birth, ends: _Pipes) -> NoReturn:
     """Be the child, from its first instant to its end."""
     code = EXIT_FAILED
     try:
-        _come_of_age(name, arguments, leash, output)
-        deed()
+        _come_of_age(birth, ends)
+        birth.deed()
         code = 0
     except SystemExit as end:
         code = _exit_code_of(end)
@@ -144,16 +192,17 @@ def _exit_code_of(end: SystemExit) -> int:
     return end.code or 0
 
 
-def _come_of_age(name: str, arguments: Sequence[str], leash: int, output: int) -> None:
+def _come_of_age(birth: Birth, ends: _Pipes) -> None:
     """Leave behind what is the parent's: session, files, signals, command line, its last deeds."""
     os.setsid()
-    name_process(name)
-    os.dup2(leash, 0)
-    os.dup2(output, 1)
+    name_process(birth.name)
+    os.dup2(ends.leash, 0)
+    if ends.output >= 0:
+        os.dup2(ends.output, 1)
     os.closerange(3, EVERY_FILE)  # a sibling's leash held here would keep it alive
     atexit._clear()
-    sys.argv = ["convoy", *arguments]
+    sys.argv = ["convoy", *birth.arguments]
     # By this a vehicle that crashes starts anew: a program of its own from then on.
-    sys.orig_argv = [sys.executable, "-m", "scenarios.cli", *arguments]
+    sys.orig_argv = [sys.executable, "-m", "scenarios.cli", *birth.arguments]
     end_on_signals(say=False)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ASKING)

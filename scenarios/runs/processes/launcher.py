@@ -2,20 +2,17 @@
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.log_summary import LOG_NAME
+from scenarios.results.files import LOG_NAME
 from scenarios.runs.control.open_runs import OpenRun, announced
 from scenarios.runs.processes.supervisor import ChildProcess, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import BusError
 from transport.clock import poll
-from transport.log.records import LogError
-from transport.log.repair import repair
 
 WATCH_PERIOD_S = 0.05
 NOTICED_S = 0.1
@@ -39,6 +36,10 @@ class ProcessSupervisor(Protocol):
 
     def start(self, name: str, arguments: Sequence[str]) -> ChildProcess:
         """Start `convoy ARGUMENTS`."""
+        ...
+
+    def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None:
+        """Start `convoy ARGUMENTS` under each name."""
         ...
 
     def tell(self, name: str, reason: str) -> None:
@@ -91,10 +92,14 @@ def launch(
     plan: LaunchPlan,
     stop: Stop,
     supervisor: ProcessSupervisor,
+    complete: Callable[[Path], bool],
     *,
     sleep: Callable[[float], object] = time.sleep,
 ) -> RunOutcome:
-    """Run the convoy to its end and leave no process behind."""
+    """Run the convoy to its end and leave no process behind.
+
+    By `complete` its log is completed, if its recorder could not; it says whether that was so.
+    """
     outcome = RunOutcome()
     try:
         endpoint = supervisor.start_router()
@@ -103,8 +108,8 @@ def launch(
             RECORDER,
             ["record", *common, "--out", str(plan.folder), *plan.recorder_arguments],
         )
-        for name in plan.scenario.vehicle_names:
-            supervisor.start(name, ["vehicle", *common, "--name", name])
+        names = plan.scenario.vehicle_names
+        supervisor.start_all([(name, ["vehicle", *common, "--name", name]) for name in names])
         stop.begun = True
         with announced(OpenRun(plan.run, endpoint, str(plan.folder.resolve()))):
             poll(
@@ -120,6 +125,7 @@ def launch(
         if outcome.router_ended:  # the recorder should have noticed before it is asked to stop
             sleep(NOTICED_S)
         _stop_all(plan, supervisor, outcome)
+        outcome.repaired = complete(plan.folder / LOG_NAME)
     if outcome.router_ended and recorder.exit_code == 0:  # it was the last second of the run
         outcome.reason, outcome.exit_code = "", 0
     return outcome
@@ -155,6 +161,3 @@ def _stop_all(plan: LaunchPlan, supervisor: ProcessSupervisor, outcome: RunOutco
     supervisor.stop([name for name in names if name in plan.scenario.vehicle_names], grace_s=1.0)
     supervisor.stop([RECORDER], grace_s=2.5)
     supervisor.stop(grace_s=0.2)  # the router, which has nothing to complete
-    log = plan.folder / LOG_NAME
-    with suppress(LogError):  # killed before it had begun its log
-        outcome.repaired = log.exists() and repair(log)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.summary import installed_versions
+from scenarios.results.versions import installed_versions
 from transport.bus.bus import Bus, BusError, Member
 from transport.texts import printable
 from vehicles.schedule import SECOND

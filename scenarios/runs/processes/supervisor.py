@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
-from scenarios.runs.processes.forking import Become, ForkedProcess, can_fork, fork
+from scenarios.runs.processes.forking import Become, Birth, ForkedProcess, can_fork, fork_all
 from scenarios.runs.processes.router import LISTENING
 from transport.bus.bus import BusError
 from transport.clock import poll
@@ -79,12 +79,25 @@ class Supervisor:
 
     def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
         """Start `convoy ARGUMENTS` as a child; with `piped` its output comes here."""
-        if self._become is not None:
-            child = Child(name, fork(name, arguments, self._become(arguments), piped=piped))
-        else:
-            child = Child(name, spawn(arguments, piped=piped))
-        self.children.append(child)
-        return child
+        return self._start([(name, arguments)], piped=piped)[0]
+
+    def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None:
+        """Start a child of each name that does `convoy ARGUMENTS`."""
+        self._start(asked, piped=False)
+
+    def _start(self, asked: Sequence[tuple[str, Sequence[str]]], *, piped: bool) -> list[Child]:
+        become = self._become
+        if become is not None:
+            births = [Birth(name, given, become(given), piped) for name, given in asked]
+            pairs = zip(births, fork_all(births), strict=True)
+            started = [Child(birth.name, process) for birth, process in pairs]
+            self.children += started
+            return started
+        started = []
+        for name, given in asked:  # those before one that fails are children by then
+            started.append(Child(name, spawn(given, piped=piped)))
+            self.children.append(started[-1])
+        return started
 
     def start_router(self) -> str:
         """Start a router on a free port of the loopback interface; returns its endpoint."""

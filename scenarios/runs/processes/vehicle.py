@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import dropwhile
+from math import ceil
 from time import sleep
 
 from scenarios.definition.scenario import Scenario
@@ -26,7 +27,8 @@ from transport.bus.bus import Bus, Fetch
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.clock import Clock, Tick, WallClock, late_after, poll
 from transport.codec import RefusedMessageError, decode
-from transport.links.inbox import QUEUE, Inbox
+from transport.links.gate import GPS
+from transport.links.inbox import QUEUE, Inbox, IncomingLink
 from transport.topics import CONDUCTOR, TOPICS, Topic, key
 from vehicles.messages import Health, Message, RunEnd, RunStart
 from vehicles.schedule import SECOND, Timer
@@ -44,6 +46,9 @@ HELD_UP_NS = SECOND // 5
 """A tick later than this after one that was not: the whole process was held up."""
 SETTLING_S = 0.02
 """What the transport's threads get after that, to bring in what came for the missed ticks."""
+WAITING_S = 10.0
+"""Of so long a time all poses are kept that came while this process did not fetch them. By then it
+is held to be dead. Room for many is memory: place by place, all of it is used in turn."""
 Say = Callable[[str], None]
 
 
@@ -246,8 +251,8 @@ class VehicleProcess:
         )
         node = self._builder.node(start_at, sink, probe, before.node if before else None)
         self._fetches = [
-            self._bus.collect(sender_key, node.inbox.on_bytes, QUEUE)
-            for sender_key in node.inbox.keys
+            self._bus.collect(key(sender, GPS), node.inbox.on_bytes, _most_waiting(link))
+            for sender, link in node.inbox.links.items()
         ]
         self._control.begin(start_at, node.agenda)
         say(f"{self._builder.name}: {self._run} {'goes on' if before else 'starts'}")
@@ -351,6 +356,11 @@ class VehicleProcess:
     def _keep_last_words(self, topic: Topic, data: bytes, message: Message) -> None:
         if isinstance(message, Health) and message.final:
             self._last_words = key(message.vehicle, topic), data
+
+
+def _most_waiting(link: IncomingLink) -> int:
+    """Poses of a sender that are kept while this process is held up."""
+    return min(ceil(link.gate.rate_hz * WAITING_S), QUEUE)
 
 
 def punctual(

@@ -9,7 +9,7 @@ from math import inf, isnan
 import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.rehearsal import overhear
+from scenarios.runs.virtual.rehearsal import overhear
 from vehicles.driver.degradation.settings import Reaction
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Command, LinkVerdict, Message, Mode, Tracking, TruePose

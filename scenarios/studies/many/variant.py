@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.summary import RunSummary
-from scenarios.runs.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged import run_unlogged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,8 @@ from scenarios.results.events.encounters import Encounters, Episode
 from scenarios.results.limits import collision_ends_run
 from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from scenarios.runs.unlogged import FiguresSink
-from scenarios.runs.virtual import Branch, VirtualConvoy
+from scenarios.runs.virtual.convoy import Branch, VirtualConvoy
+from scenarios.runs.virtual.unlogged import FiguresSink
 from scenarios.studies.many.limit import EVENTS, Limit
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Message, Tracking, TruePose

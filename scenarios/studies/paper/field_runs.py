@@ -11,9 +11,9 @@ from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import Drive, Trial
-from scenarios.results.log_summary import LOG_NAME
-from scenarios.runs.rehearsal import record
-from scenarios.runs.replay import Replay, head_start, read_recorded_vehicle
+from scenarios.results.files import LOG_NAME
+from scenarios.runs.virtual.rehearsal import record
+from scenarios.runs.virtual.replay import Replay, head_start, read_recorded_vehicle
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import Fusion
 

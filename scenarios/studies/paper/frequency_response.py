@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.results.drives import Trial
-from scenarios.runs.rehearsal import rehearse
+from scenarios.runs.virtual.rehearsal import rehearse
 from vehicles.preview.curve_fit import Trajectory
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from scenarios.definition.refusal import near
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Trial
 from scenarios.runs.pool import Job, run_jobs
-from scenarios.runs.rehearsal import record, rehearse
+from scenarios.runs.virtual.rehearsal import record, rehearse
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import EXACT, RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs

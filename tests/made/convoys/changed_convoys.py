@@ -11,8 +11,8 @@ from scenarios.runs.node.fault import stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.replayed import ReplayedNode
-from scenarios.runs.rehearsal import RehearsalSink
-from scenarios.runs.step_order import Stepper, steps_in_order
+from scenarios.runs.virtual.rehearsal import RehearsalSink
+from scenarios.runs.virtual.step_order import Stepper, steps_in_order
 from transport.bus.bus import Bus
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick

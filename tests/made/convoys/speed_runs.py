@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.stop import Stop
-from scenarios.runs.unlogged import FiguresSink
-from scenarios.runs.virtual import VirtualConvoy
+from scenarios.runs.virtual.convoy import VirtualConvoy
+from scenarios.runs.virtual.unlogged import FiguresSink
 from vehicles.messages import Command, LogText, Message, TruePose
 
 

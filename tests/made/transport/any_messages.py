@@ -43,4 +43,18 @@ def messages(draw: st.DrawFn, kind: type[Message]) -> Message:
     return kind(**values)
 
 
-any_message = st.sampled_from(sorted(TOPIC_OF, key=lambda kind: kind.__name__)).flatmap(messages)
+KINDS = sorted(TOPIC_OF, key=lambda kind: kind.__name__)
+any_message = st.sampled_from(KINDS).flatmap(messages)
+
+
+def plain_values(kind: type[Message]) -> dict[str, Any]:
+    """Return values for all fields of a message, none of them special."""
+    plain: dict[Any, object] = {str: "v1", int: 3, float: 1.5, FloatOrNan: 1.5, bool: True}
+    return {
+        field.name: get_args(field.type)[0]
+        if get_origin(field.type) is Literal
+        else (plain[get_args(field.type)[0]],)
+        if get_origin(field.type) is tuple
+        else plain[field.type]
+        for field in fields(kind)
+    }

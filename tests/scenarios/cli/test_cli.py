@@ -130,6 +130,23 @@ def test_help_of_a_process_comes_without_loading_what_is_not_needed() -> None:
 # ---- list, new, check
 
 
+def test_vehicles_are_forked_before_what_a_recorder_needs_is_loaded() -> None:
+    code = (
+        "from scenarios.cli.running.commands import be_part\n"
+        "from scenarios.cli.running.launching import load_scenario, prepare_parts, warnings\n"
+        "scenario = load_scenario('lane_change')\n"
+        "list(warnings(scenario))\n"
+        "prepare_parts(scenario)\n"
+        "be_part(scenario, ['vehicle', 'lane_change', '--name', 'v1'])\n"
+        "import sys; print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {*done.stdout.split()}
+    assert {"zenoh", "scenarios.runs.processes.vehicle"} <= loaded
+    assert not {"rich", "mcap", "zstandard", "foxglove_schemas_protobuf", "scipy", "rerun"} & loaded
+    assert not [name for name in loaded if name.startswith("scenarios.results.metrics")]
+
+
 def test_list_names_the_scenarios_that_ship() -> None:
     result = convoy("list")
     assert result.exit_code == 0

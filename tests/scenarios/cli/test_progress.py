@@ -4,8 +4,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from scenarios.cli import progress
-from scenarios.cli.progress import PLAIN_EVERY_S, REDRAW_S, Progress
+from scenarios.cli.running import progress
+from scenarios.cli.running.progress import PLAIN_EVERY_S, REDRAW_S, Progress
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.detector import EventDetector

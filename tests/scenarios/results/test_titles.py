@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import library, load_scenario, scenario_from_text
-from scenarios.results.log_summary import LOG_NAME, METADATA_NAME, SUMMARY_NAME
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.results.log_summary import METADATA_NAME
 from scenarios.results.summary import RunIdentity, from_json
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from transport.log.reader import LogReader
 
 SHORT = "duration_s=0.2"

@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from scenarios.cli.running import listeners
+from scenarios.cli.running.recording import listeners
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
@@ -25,7 +25,7 @@ from scenarios.runs.processes.vehicle import RunAnnouncements
 from scenarios.runs.recorder import Listener
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import VirtualConvoy
+from scenarios.runs.virtual.convoy import VirtualConvoy
 from tests.made.scenarios.hostile_messages import TEXTS, Put, Stranger
 from transport.bus.bus import Bus, BusError
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork

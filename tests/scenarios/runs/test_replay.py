@@ -10,10 +10,10 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.drives import Trial
-from scenarios.results.log_summary import LOG_NAME
+from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.rehearsal import record, rehearse
-from scenarios.runs.replay import RecordedVehicle, head_start, read_recorded_vehicle
+from scenarios.runs.virtual.rehearsal import record, rehearse
+from scenarios.runs.virtual.replay import RecordedVehicle, head_start, read_recorded_vehicle
 from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode, encode

@@ -20,7 +20,8 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.run_log import SLOW_WRITER
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import COLLECTED_EVERY, run_virtual
+from scenarios.runs.virtual.convoy import COLLECTED_EVERY
+from scenarios.runs.virtual.logged import run_virtual
 from tests.made.transport.mcap_package import RenamedWriter
 from transport.codec import encode
 from transport.log import fast_mcap

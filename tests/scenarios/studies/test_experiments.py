@@ -8,8 +8,9 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Drive, Trial
-from scenarios.results.log_summary import LOG_NAME, scenario_in
-from scenarios.runs.rehearsal import record, rehearse
+from scenarios.results.files import LOG_NAME
+from scenarios.results.log_summary import scenario_in
+from scenarios.runs.virtual.rehearsal import record, rehearse
 from scenarios.studies.paper.experiments import (
     FIRST_CHANGE_S,
     LANE,

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.log_summary import LOG_NAME
+from scenarios.results.files import LOG_NAME
 from scenarios.runs.pool import run_jobs
 from scenarios.studies.paper import reproduce as reproduction
 from scenarios.studies.paper.claims.claim import JUDGEMENTS

@@ -13,7 +13,7 @@ from statistics import median
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.pool import run_jobs
-from scenarios.runs.rehearsal import rehearse
+from scenarios.runs.virtual.rehearsal import rehearse
 
 SCENARIO = "lossy_lane_change"
 SETTINGS = (

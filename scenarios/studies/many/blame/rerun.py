@@ -11,9 +11,9 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import KINDS
 from scenarios.results.events.detector import detector_of
 from scenarios.runs.node.fault import VehicleFaultError
-from scenarios.runs.rehearsal import RehearsalSink
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import VirtualConvoy
+from scenarios.runs.virtual.convoy import VirtualConvoy
+from scenarios.runs.virtual.rehearsal import RehearsalSink
 from scenarios.studies.many.limit import EVENTS, Limit
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Message, Tracking, TruePose

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.scenario import Scenario
-from scenarios.runs.virtual import Branch
+from scenarios.runs.virtual.convoy import Branch
 from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.risk.splitting import Repetition, split
 from scenarios.studies.many.variant import Variant

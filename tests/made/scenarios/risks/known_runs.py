@@ -9,7 +9,7 @@ from itertools import product
 from math import inf
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.virtual import Branch
+from scenarios.runs.virtual.convoy import Branch
 from scenarios.studies.many.limit import parsed_limit
 from scenarios.studies.many.risk.branched import BranchedRun
 from scenarios.studies.many.variant import Variant

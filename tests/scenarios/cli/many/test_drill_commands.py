@@ -15,7 +15,7 @@ from scenarios.results.limits import limit_figures
 from scenarios.results.log_summary import scenario_in, summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import to_json
-from scenarios.runs.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged import run_unlogged
 from transport.log.reader import LogReader
 from vehicles.schedule import SECOND
 

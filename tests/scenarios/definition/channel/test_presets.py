@@ -15,10 +15,10 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, library, load_scenario, scenario_from_text
 from scenarios.definition.schema.channel.radio import PathLossRadio, PerVehicleTable, TableRadio
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.log_summary import LOG_NAME, SUMMARY_NAME
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.summary import from_json
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
 
 SHIPPED = {

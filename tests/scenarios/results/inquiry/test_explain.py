@@ -25,7 +25,7 @@ from scenarios.results.inquiry.explain import (
     way_left,
 )
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from transport import convoy_pb2
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import SECOND

@@ -10,7 +10,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.inquiry.session import session_of
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from tests.made.transport.logs import put
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.log_summary import LOG_NAME
+from scenarios.results.files import LOG_NAME
 from scenarios.results.pictures.layouts import (
     FOXGLOVE_NAME,
     RERUN_NAME,

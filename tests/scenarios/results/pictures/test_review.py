@@ -17,7 +17,7 @@ from scenarios.results.pictures.drawing import open_drawing, widest_gap
 from scenarios.results.pictures.review import review
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.codec import encode

@@ -11,9 +11,9 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary, from_json, to_json
-from scenarios.runs.rehearsal import overhear
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.rehearsal import overhear
 from transport.log.reader import LogReader
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.geometry.geodesy import LocalPlane

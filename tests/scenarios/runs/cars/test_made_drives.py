@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.runs.rehearsal import rehearse
+from scenarios.runs.virtual.rehearsal import rehearse
 from tests.made.scenarios.made_drives import DRIVES, convoy_on
 
 WITHIN_M = 0.25

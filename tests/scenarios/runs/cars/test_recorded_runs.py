@@ -15,7 +15,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.check.report import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.rehearsal import record, rehearse
+from scenarios.runs.virtual.rehearsal import record, rehearse
 from tests.made.scenarios.recorded_drives import write_log
 from tests.made.scenarios.rough_drives import (
     CASES,

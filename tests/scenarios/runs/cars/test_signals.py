@@ -10,8 +10,8 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.stop import Stop
-from scenarios.runs.unlogged import run_unlogged
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.unlogged import run_unlogged
 from tests.made.scenarios.messages import STRAIGHT
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict

@@ -13,7 +13,7 @@ from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.phases import BRAKING, Down
 from scenarios.runs.node.probe import NoProbe
-from scenarios.runs.step_order import steps_in_order
+from scenarios.runs.virtual.step_order import steps_in_order
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from tests.made.examples import examples
 from transport.codec import encode

@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.rehearsal import overhear
+from scenarios.runs.virtual.rehearsal import overhear
 from vehicles.messages import Command, LogText, Message, Mode, Tracking, TruePose
 from vehicles.schedule import SECOND
 

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.unlogged import UnloggedRun
+from scenarios.runs.virtual.unlogged import UnloggedRun
 from tests.made.convoys.speed_runs import Driven, drive
 from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
 from vehicles.driver.degradation.sources import Source

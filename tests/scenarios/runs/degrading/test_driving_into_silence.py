@@ -4,7 +4,7 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.unlogged import UnloggedRun
+from scenarios.runs.virtual.unlogged import UnloggedRun
 from tests.made.convoys.speed_runs import drive
 from vehicles.driver.degradation.pair import SourcePair
 from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard

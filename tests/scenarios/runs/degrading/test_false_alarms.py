@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.unlogged import UnloggedRun
+from scenarios.runs.virtual.unlogged import UnloggedRun
 from vehicles.messages import Message, Tracking
 from vehicles.schedule import SECOND
 

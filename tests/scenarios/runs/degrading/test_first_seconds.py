@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.unlogged import UnloggedRun
+from scenarios.runs.virtual.unlogged import UnloggedRun
 
 
 @pytest.mark.parametrize(

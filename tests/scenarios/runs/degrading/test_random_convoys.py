@@ -13,7 +13,7 @@ import pytest
 import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.rehearsal import overhear
+from scenarios.runs.virtual.rehearsal import overhear
 from tests.made.channels.drawn_channels import drawn_channel
 from vehicles.driver.degradation.settings import Reaction
 from vehicles.messages import Command, Message, Mode, Tracking, TruePose

@@ -4,9 +4,9 @@ import pytest
 
 from scenarios.definition.library import library
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.log_summary import LOG_NAME
+from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.assembly.drivers import DriverBuilder
-from scenarios.runs.rehearsal import overhear
+from scenarios.runs.virtual.rehearsal import overhear
 from tests.made.scenarios.shipped import driven_to_its_end
 from transport.codec import encode
 from transport.log.reader import LogReader

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from scenarios.results.drives import DriveRecorder
 from scenarios.runs.node.sink import BATCH_NS, BatchingSink, BusSink, RecordedSink
-from scenarios.runs.rehearsal import RehearsalSink
+from scenarios.runs.virtual.rehearsal import RehearsalSink
 from tests.made.scenarios.messages import gps, health, tracking, truth
 from tests.made.transport import drive
 from tests.made.transport.bus import Heard

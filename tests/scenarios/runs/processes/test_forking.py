@@ -94,6 +94,64 @@ print(json.dumps(said))
     assert seen["blocked"] == []
 
 
+def test_children_forked_together_are_processes_of_their_own() -> None:
+    seen = told(
+        """
+def become(arguments):
+    me = [arguments, os.getpid(), os.getsid(0), psutil.Process().name()]
+    os.write(1, (json.dumps(me) + "\\n").encode())
+    os.read(0, 1)
+supervisor = Supervisor(doing(become))
+reading, writing = os.pipe()
+kept = os.dup(1)
+os.dup2(writing, 1)
+supervisor.start_all([(f"v{k}", ["vehicle", str(k)]) for k in range(5)])
+os.dup2(kept, 1)
+with os.fdopen(reading) as lines:
+    said = [json.loads(next(lines)) for _ in supervisor.children]
+supervisor.children[2].process.kill()
+ends = [ended(supervisor.children[2])]
+assert [child.exit_code for child in supervisor.children] == [None, None, -9, None, None]
+for child in supervisor.children:
+    child.process.stdin.close()
+ends += [ended(child) for child in supervisor.children]
+print(json.dumps([[c.process.pid for c in supervisor.children], sorted(said), ends]))
+"""
+    )
+    pids, said, ends = seen
+    assert len(set(pids)) == 5
+    assert said == [[["vehicle", str(k)], pids[k], pids[k], f"convoy-v{k}"] for k in range(5)]
+    good = [f"v{k} ended with exit code 0" for k in range(5)]
+    assert ends == ["v2 was killed by signal 9", *good[:2], "v2 was killed by signal 9", *good[3:]]
+
+
+def test_if_not_all_can_be_forked_there_are_none() -> None:
+    done = parent(
+        """
+fork, forked = os.fork, []
+def fork_two():
+    if len(forked) == 2:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+    forked.append(fork())
+    return forked[-1]
+os.fork = fork_two
+supervisor = Supervisor(doing(lambda arguments: time.sleep(60)))
+files = set(os.listdir("/proc/self/fd"))
+try:
+    supervisor.start_all([(f"v{k}", ["vehicle"]) for k in range(5)])
+except OSError as error:
+    print(error.strerror)
+print(supervisor.children, [psutil.pid_exists(pid) for pid in forked])
+print(sorted(set(os.listdir("/proc/self/fd")) - files), threading.active_count())
+"""
+    )
+    assert done.stdout.splitlines() == [
+        "Resource temporarily unavailable",
+        "[] [False, False]",
+        "[] 2",
+    ]
+
+
 @pytest.mark.parametrize(
     ("deed", "end"),
     [

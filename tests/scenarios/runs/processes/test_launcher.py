@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.log_summary import LOG_NAME
+from scenarios.results.files import LOG_NAME
 from scenarios.runs.processes.launcher import (
     NOTICED_S,
     SAID_BY_RECORDER,
@@ -22,6 +22,7 @@ from scenarios.runs.stop import Stop
 from tests.made.scenarios.messages import START
 from transport.bus.bus import BusError
 from transport.log.reader import LogReader
+from transport.log.repair import complete
 
 ENDPOINT = "tcp/127.0.0.1:4711"
 SEGMENTATION_FAULT = -signal.SIGSEGV
@@ -59,6 +60,10 @@ class FakeSupervisor:
         self.children.append(child)
         self.started.append(child)
         return child
+
+    def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None:
+        for name, arguments in asked:
+            self.start(name, arguments)
 
     def tell(self, name: str, reason: str) -> None:
         self.calls.append(("tell", name, reason))
@@ -128,7 +133,7 @@ def play(
     plan = LaunchPlan(
         scenario(goes_on=goes_on), ["my.toml", "--seed=3"], folder, ["--quiet"], "mine"
     )
-    outcome = launch(plan, stop, supervisor, sleep=sleep)
+    outcome = launch(plan, stop, supervisor, complete, sleep=sleep)
     assert supervisor.children == []  # whatever happened, no process is left behind
     return Launched(outcome, supervisor, now)
 
@@ -148,7 +153,7 @@ def test_every_process_is_told_the_scenario_and_the_endpoint_of_the_router(folde
 def test_without_its_router_a_run_fails_and_nothing_else_is_started(folder: Path) -> None:
     supervisor = FakeSupervisor(router_starts=False)
     plan = LaunchPlan(scenario(), ["lane_change"], folder, [], "mine")
-    outcome = launch(plan, Stop(), supervisor, sleep=lambda _: None)
+    outcome = launch(plan, Stop(), supervisor, complete, sleep=lambda _: None)
     assert (outcome.exit_code, outcome.reason) == (1, "the router did not start; the run ends")
     assert supervisor.started == []
 

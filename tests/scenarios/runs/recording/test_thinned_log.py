@@ -9,11 +9,12 @@ from click.testing import CliRunner
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.log_summary import LOG_NAME, summary_of
+from scenarios.results.files import LOG_NAME
+from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from tests.made.scenarios.messages import START, at, truth
 from transport.codec import encode
 from transport.log.reader import LogReader

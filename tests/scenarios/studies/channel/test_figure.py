@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from scenarios.cli.main import cli
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.schema.channel.loss import GilbertElliottLoss
-from scenarios.runs.rehearsal import rehearse
+from scenarios.runs.virtual.rehearsal import rehearse
 from scenarios.studies.channel.costs import drives
 from scenarios.studies.channel.costs.drives import (
     BURST_LOSS_RATIO,

@@ -15,7 +15,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.summary import to_json
 from scenarios.runs.pool import in_this_process
-from scenarios.runs.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged import run_unlogged
 from scenarios.studies.drills.worst import (
     SearchSpan,
     SoughtBurst,

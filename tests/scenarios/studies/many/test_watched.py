@@ -6,7 +6,7 @@ from math import inf
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged import run_unlogged
 from scenarios.studies.many.limit import parsed_limit
 from scenarios.studies.many.watched import WatchedRun, watched, with_seed
 

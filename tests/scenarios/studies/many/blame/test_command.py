@@ -13,7 +13,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from scenarios.studies.many.blame import study
 from scenarios.studies.many.blame.losses import read_run
 from scenarios.studies.many.blame.rerun import BlameQuestion, FigureName, answer_of

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.rehearsal import overhear
+from scenarios.runs.virtual.rehearsal import overhear
 from scenarios.studies.many.blame.imposed import loss_free
 from scenarios.studies.many.blame.losses import LostMessage
 from scenarios.studies.many.blame.rerun import EVER, BlameQuestion, drive

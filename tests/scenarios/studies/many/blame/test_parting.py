@@ -9,7 +9,7 @@ import pytest
 from scenarios.runs.forked import can_fork
 from scenarios.runs.pool import in_this_process
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from scenarios.studies.many.blame import parting
 from scenarios.studies.many.blame.imposed import loss_free
 from scenarios.studies.many.blame.losses import Losses

@@ -11,7 +11,7 @@ import pytest
 from scenarios.runs.forked import can_fork
 from scenarios.runs.pool import cores, warm_workers
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
+from scenarios.runs.virtual.logged import run_virtual
 from scenarios.studies.many.blame.rerun import BlameQuestion, drive
 from scenarios.studies.many.blame.study import Blame, blame
 from tests.made.many.planted_losses import FULL, LANE, SHORT, TINY, Convoy, planted

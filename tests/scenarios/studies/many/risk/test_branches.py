@@ -7,7 +7,7 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import Branch, VirtualConvoy
+from scenarios.runs.virtual.convoy import Branch, VirtualConvoy
 from transport.links.laws.chains import CoupledChain
 from transport.links.laws.effect import Passage
 from transport.links.laws.outages import RandomOutage

@@ -9,7 +9,7 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary, to_json
-from scenarios.runs.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged import run_unlogged
 from scenarios.studies.many.sweeps.figure import OF_LINK, OF_VEHICLE, parsed_figure
 
 NAMES = ("v1", "v2", "v3")

@@ -6,10 +6,11 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import KINDS, DriveRecorder, Trial
 from scenarios.runs.recorder import Listener
-from scenarios.runs.replay import Replay
 from scenarios.runs.stop import Stop
-from scenarios.runs.unlogged import FiguresSink
-from scenarios.runs.virtual import VirtualConvoy, run_virtual
+from scenarios.runs.virtual.convoy import VirtualConvoy
+from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.replay import Replay
+from scenarios.runs.virtual.unlogged import FiguresSink
 from transport.log.records import LogError
 from vehicles.messages import GpsPose, Message
 

@@ -68,7 +68,7 @@ def run(
     Writes run.mcap and summary.json into the folder given by --out, by default into
     runs/<start>-<scenario>/, with the overrides behind the name.
     """
-    from scenarios.cli.running import run_scenario
+    from scenarios.cli.running.launching import run_scenario
 
     with clear_errors():
         sys.exit(
@@ -216,7 +216,7 @@ def record(
 ) -> None:
     """Gather the vehicles of SCENARIO, start them together, and write the log of their run."""
     stop = stop_on_request(with_launcher=leash)
-    from scenarios.cli.running import record_run
+    from scenarios.cli.running.recording import record_run
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.membership import checked_run_name
@@ -241,11 +241,19 @@ def record(
 def be_part(scenario: "Scenario", arguments: Sequence[str]) -> "Deed":
     """Prepare what the part of a run of `scenario` does that `convoy ARGUMENTS` is.
 
-    The command line is read here, and not in each child, which would copy the memory for that.
+    The command line is read here, and not in each child, which would copy the memory for that; so
+    is what the vehicles begin with on the bus.
     """
+    from scenarios.runs.processes.membership import checked_run_name
+    from transport.bus.zenoh_bus import prepare_bus
+
     part, *flags = arguments
     command = {"router": router, "record": record, "vehicle": vehicle}[part]
-    return partial(_be, command.make_context(f"convoy {part}", flags, obj=scenario))
+    context = command.make_context(f"convoy {part}", flags, obj=scenario)
+    if part == "vehicle":
+        given = context.params
+        prepare_bus(zenoh_from(given, checked_run_name(given["run_name"] or scenario.name)))
+    return partial(_be, context)
 
 
 def _be(part: click.Context) -> None:

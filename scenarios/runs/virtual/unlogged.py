@@ -10,7 +10,7 @@ from scenarios.results.summary import RunIdentity, RunSummary
 from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from scenarios.runs.virtual import VirtualConvoy
+from scenarios.runs.virtual.convoy import VirtualConvoy
 from transport.bus.bus import Bus
 from transport.topics import CONDUCTOR
 from vehicles.messages import GpsPose, Message, RunStart

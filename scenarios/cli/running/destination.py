@@ -1,0 +1,29 @@
+"""Where the files of a run go, and its picture."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from scenarios.cli.failure import require
+from scenarios.definition.scenario import Scenario
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.runs.run_folder import default_folder
+from transport.picture.option import parse_rerun_option, refuse_foreign_file
+from transport.picture.viewer_process import ViewerError, require_display
+
+
+def run_folder(scenario: Scenario, out: Path | None) -> Path:
+    """Folder of a new run, by default a new one."""
+    return out or default_folder(scenario.slug, datetime.now(tz=UTC).astimezone())
+
+
+def refuse_picture(rerun: str, out: Path | None) -> None:
+    """Raise an error if the picture cannot go where `--rerun` says, of a run into `out`."""
+    option = parse_rerun_option(rerun)
+    if option.sink != "off":
+        require(f"--rerun {rerun}", "viewer", "rerun")
+    if option.sink == "spawn":
+        require_display()
+    refuse_foreign_file(option)
+    own = [(out / name).resolve() for name in (LOG_NAME, SUMMARY_NAME)] if out else []
+    if option.sink == "save" and Path(option.target).resolve() in own:
+        raise ViewerError(f"--rerun {rerun}: the run writes this file itself; give another one")

@@ -1,0 +1,17 @@
+"""Versions of what drives a run, for its log and for those who are to drive it together."""
+
+import platform
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import version
+from types import MappingProxyType
+
+PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "pymap3d")
+"""Packages whose versions are written into the log."""
+
+
+@cache
+def installed_versions() -> Mapping[str, str]:
+    """Versions of Python and of PACKAGES here, read once: it takes milliseconds."""
+    versions = {"python": platform.python_version()}
+    return MappingProxyType(versions | {package: version(package) for package in PACKAGES})
