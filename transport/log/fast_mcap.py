@@ -156,7 +156,7 @@ class FastWriter(Writer):
         self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
     ) -> None:
         """Add a message (instants in ns)."""
-        self.messages.add(channel_id, log_time, data, publish_time, sequence)
+        self.messages.add(((channel_id, log_time, data, publish_time, sequence),))
 
 
 def can_be_fast() -> bool:

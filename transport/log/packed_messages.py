@@ -1,7 +1,7 @@
 """The messages of a chunk of an MCAP log, packed as they will be written, and the index of each."""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 CHUNK_BYTES = 1024 * 1024
 """A chunk is complete once it holds more bytes than this, as in the mcap package."""
@@ -13,6 +13,9 @@ RECORD_BYTES = 9
 """Opcode and length of a record, which its length does not count."""
 _FIXED = _HEAD.size - RECORD_BYTES
 """Bytes of a message record without its opcode, its length and its data."""
+
+PlainMessage = tuple[int, int, bytes, int, int]
+"""Channel, log time, data, publish time and number of a message (instants in ns)."""
 
 
 class PackedMessages:
@@ -30,24 +33,24 @@ class PackedMessages:
         self.count = 0
         self.size = 0
 
-    def add(
-        self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
-    ) -> None:
-        """Add a message (instants in ns)."""
-        index = self.indices.get(channel_id)
-        if index is None:
-            index = self.indices[channel_id] = []
-        place = self.size
-        length = _FIXED + len(data)
-        index.append(log_time)
-        index.append(place)
-        parts = self.parts
-        parts.append(_HEAD.pack(_MESSAGE, length, channel_id, sequence, log_time, publish_time))
-        parts.append(data)
-        self.count += 1
-        self.size = place = place + RECORD_BYTES + length
-        if place > CHUNK_BYTES:
-            self._on_full()
+    def add(self, messages: Iterable[PlainMessage]) -> None:
+        """Add messages."""
+        parts, indices, size = self.parts, self.indices, self.size
+        for channel_id, log_time, data, publish_time, sequence in messages:
+            index = indices.get(channel_id)
+            if index is None:
+                index = indices[channel_id] = []
+            index += (log_time, size)
+            length = _FIXED + len(data)
+            head = _HEAD.pack(_MESSAGE, length, channel_id, sequence, log_time, publish_time)
+            parts += (head, data)
+            self.count += 1
+            size += RECORD_BYTES + length
+            if size > CHUNK_BYTES:
+                self.size = size
+                self._on_full()
+                size = self.size
+        self.size = size
 
     def taken(self) -> bytes:
         """Give away the bytes so far; the index goes on."""

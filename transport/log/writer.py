@@ -8,7 +8,7 @@ metadata and attachments. Whatever reviews or measures a run reads this file alo
 import contextlib
 import errno
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
@@ -19,6 +19,7 @@ from transport.codec import PROTOBUF, decode, encode
 from transport.convoy_pb2 import Deviation
 from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.foxglove import Twin, descriptor_set, twins
+from transport.log.packed_messages import PlainMessage
 from transport.log.records import THINNED_NAME, LogError, lock
 from transport.log.scene import Scene
 from transport.thinning import Thinning
@@ -90,7 +91,7 @@ class LogWriter(Closing):
         self._writer = new_writer(self._file)
         self.fast = isinstance(self._writer, FastWriter)
         """False with a version of the mcap package that allows no faster way to add messages."""
-        self._add: Callable[[int, int, bytes, int, int], None] = self._writer.add_message
+        self._add: Callable[[Iterable[PlainMessage]], None] = self._add_one_by_one
         if isinstance(self._writer, FastWriter):
             self._add = self._writer.messages.add
         self._writer.start(profile="", library=library or library_name())
@@ -167,16 +168,21 @@ class LogWriter(Closing):
     def _write_waiting(self) -> None:
         """Write what waits."""
         waiting, self._waiting = self._waiting, []
-        add = self._add
+        made: list[PlainMessage] = []
+        for channel, log_time, publish_time, number, valid_at, data, message in waiting:
+            content = encode(cast("Message", message)) if data is None else data
+            sent_at = max(publish_time, 0)  # MCAP's instants are unsigned
+            sequence = number & SEQUENCE_MASK
+            made.append((channel.identifier, log_time, content, sent_at, sequence))
+            for twin, identifier, timer in channel.twins:
+                if not twin.period_ns or timer.is_due(valid_at):
+                    made.append((identifier, log_time, twin.make(message), sent_at, sequence))
         with self._named_failure():
-            for channel, log_time, publish_time, number, valid_at, data, message in waiting:
-                content = encode(cast("Message", message)) if data is None else data
-                sent_at = max(publish_time, 0)  # MCAP's instants are unsigned
-                sequence = number & SEQUENCE_MASK
-                add(channel.identifier, log_time, content, sent_at, sequence)
-                for twin, identifier, timer in channel.twins:
-                    if not twin.period_ns or timer.is_due(valid_at):
-                        add(identifier, log_time, twin.make(message), sent_at, sequence)
+            self._add(made)
+
+    def _add_one_by_one(self, messages: Iterable[PlainMessage]) -> None:
+        for one in messages:
+            self._writer.add_message(*one)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)
