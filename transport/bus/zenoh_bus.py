@@ -260,7 +260,7 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
 
     `own` are the defaults of this kind of process beside those of all.
     """
-    config = prepare_bus(options, tuple(own.items()))
+    config = prepare_bus(options, own)
     os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     zenoh.init_log_from_env_or(_SAID)
     if config.get_json("mode") != '"client"':
@@ -275,14 +275,16 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
         return ZenohBus(_open_with_retries(config, options.connect_timeout_s))
 
 
-@lru_cache(maxsize=1)
-def prepare_bus(
-    options: ZenohOptions, own: tuple[tuple[str, str], ...] = tuple(VEHICLE_DEFAULTS.items())
-) -> zenoh.Config:
+def prepare_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -> zenoh.Config:
     """Prepare what `open_bus` begins with: once for all processes that are forked afterwards.
 
     Each would write over half a megabyte of memory for it. Raises BusError like it.
     """
+    return _prepared(options, tuple(own.items()))
+
+
+@lru_cache(maxsize=1)
+def _prepared(options: ZenohOptions, own: tuple[tuple[str, str], ...]) -> zenoh.Config:
     return configuration(options, {**DEFAULTS, **dict(own)})
 
 

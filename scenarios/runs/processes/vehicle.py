@@ -251,7 +251,7 @@ class VehicleProcess:
         )
         node = self._builder.node(start_at, sink, probe, before.node if before else None)
         self._fetches = [
-            self._bus.collect(key(sender, GPS), node.inbox.on_bytes, _most_waiting(link))
+            self._bus.collect(key(sender, GPS), node.inbox.on_bytes, most_waiting(link))
             for sender, link in node.inbox.links.items()
         ]
         self._control.begin(start_at, node.agenda)
@@ -358,7 +358,7 @@ class VehicleProcess:
             self._last_words = key(message.vehicle, topic), data
 
 
-def _most_waiting(link: IncomingLink) -> int:
+def most_waiting(link: IncomingLink) -> int:
     """Poses of a sender that are kept while this process is held up."""
     return min(ceil(link.gate.rate_hz * WAITING_S), QUEUE)
 

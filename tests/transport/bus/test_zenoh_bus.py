@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,8 +17,16 @@ import pytest
 import zenoh
 
 from tests.made.transport.bus import Heard, connect, until
+from transport.bus import zenoh_bus
 from transport.bus.bus import BusError
-from transport.bus.zenoh_bus import Router, ZenohBus, configuration, open_bus, open_router
+from transport.bus.zenoh_bus import (
+    Router,
+    ZenohBus,
+    configuration,
+    open_bus,
+    open_router,
+    prepare_bus,
+)
 from transport.bus.zenoh_options import (
     DEFAULTS,
     RECORDER_DEFAULTS,
@@ -65,6 +73,24 @@ def free_endpoint() -> str:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def test_what_was_prepared_is_what_a_member_begins_with(
+    router: Router, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = ZenohOptions(connect=router.endpoints, run="prepared")
+    made: list[str] = []
+
+    def noted(asked: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
+        made.append(defaults["transport/link/tx/lease"])
+        return configuration(asked, defaults)
+
+    monkeypatch.setattr(zenoh_bus, "configuration", noted)
+    prepare_bus(options)
+    with open_bus(options) as bus:
+        assert bus.connected()
+    with open_bus(options, RECORDER_DEFAULTS):
+        assert made == ["2000", "10000"]
 
 
 def assert_one_clear_line(error: BusError) -> None:

@@ -1,6 +1,7 @@
 """What a vehicle makes of what the recorder announces, and of its silence."""
 
 import time
+from dataclasses import replace
 from threading import Event, Thread
 
 import pytest
@@ -16,6 +17,7 @@ from scenarios.runs.stop import Stop
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.clock import VirtualClock, late_after, ticks
 from transport.codec import encode
+from transport.links.inbox import QUEUE
 from transport.topics import CONDUCTOR, TOPICS, key
 from vehicles.messages import RunEnd, RunStart
 from vehicles.schedule import MILLISECOND, SECOND
@@ -110,3 +112,10 @@ def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
             clock.wait_until(clock.now() + 32 * MILLISECOND)  # what it does takes so long
     assert begun_ms == [15, 15, 15, 27, 15]
     assert probe.lateness == Lateness(1, 12 * MILLISECOND)
+
+
+@pytest.mark.parametrize(("rate_hz", "most"), [(20.0, 200), (7.5, 75), (0.01, 1), (1e6, QUEUE)])
+def test_there_is_room_for_what_comes_of_a_sender_in_ten_seconds(rate_hz: float, most: int) -> None:
+    (link,) = VehicleBuilder(load_scenario("lane_change"), "v2").links(0)
+    link.gate = replace(link.gate, rate_hz=rate_hz)
+    assert process.most_waiting(link) == most
