@@ -10,6 +10,8 @@ WINDOW = 8192
 """Sequence numbers that lie further behind a sender's newest are refused, so memory is bounded."""
 PLACES = 4096
 """Ticks of which the receiver remembers where it was, for messages that came late: a minute."""
+FORGOTTEN = PLACES // 8
+"""So many of them are forgotten at once."""
 _ALL = (1 << WINDOW) - 1
 
 
@@ -46,9 +48,9 @@ class PlacesPassed:
         """Be `here` at the tick at `now` (ns), which lies after those before."""
         self._instants.append(now)
         self._places.extend(here)
-        if len(self._instants) >= 2 * PLACES:
-            del self._instants[:PLACES]
-            del self._places[: 3 * PLACES]
+        if len(self._instants) >= PLACES + FORGOTTEN:
+            del self._instants[:FORGOTTEN]
+            del self._places[: 3 * FORGOTTEN]
 
     def at(self, instant: int) -> Whereabouts:
         """Where it was at its last tick until `instant` (ns), or at the first it remembers."""

@@ -5,6 +5,7 @@ to the left. SI units.
 """
 
 import math
+from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ from vehicles.geometry.path_point import Foot, PathPoint
 
 FloatArray = NDArray[np.float64]
 
+COLUMNS = 5
+"""Numbers of a sample: station, east, north, yaw and curvature."""
 SAMPLING = 0.25
 """Longest distance (m) between two samples of a path."""
 
@@ -52,23 +55,24 @@ class Path:
     north: FloatArray
     yaw: FloatArray
     curvature: FloatArray
-    _rows: tuple[tuple[float, float, float, float, float], ...] = field(init=False, repr=False)
-    _stations: list[float] = field(init=False, repr=False)
+    _rows: "array[float]" = field(init=False, repr=False)
+    _stations: "array[float]" = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         arrays = (self.station, self.east, self.north, self.yaw, self.curvature)
-        if len({array.shape for array in arrays}) != 1 or self.station.ndim != 1:
+        if len({one.shape for one in arrays}) != 1 or self.station.ndim != 1:
             raise ValueError("the arrays of a path must be of one length")
-        if self.station.size < 2 or not all(np.isfinite(array).all() for array in arrays):
+        if self.station.size < 2 or not all(np.isfinite(one).all() for one in arrays):
             raise ValueError("a path needs at least two samples, all finite")
         if not (np.diff(self.station) > 0.0).all():
             raise ValueError("the stations of a path must increase")
-        for array in arrays:
-            array.setflags(write=False)
-        # Single values are read far faster from tuples than from arrays.
-        rows = zip(*(array.tolist() for array in arrays), strict=True)
-        object.__setattr__(self, "_rows", tuple(rows))
-        object.__setattr__(self, "_stations", self.station.tolist())
+        for one in arrays:
+            one.setflags(write=False)
+        # Single values are read faster from these than from NumPy's arrays. Tuples would be faster
+        # still, but take five times the memory; and who reads a number of a tuple writes to it, so
+        # that forked vehicles would not share what they drive along.
+        object.__setattr__(self, "_rows", array("d", np.column_stack(arrays).tobytes()))
+        object.__setattr__(self, "_stations", array("d", self.station.tobytes()))
 
     @property
     def length(self) -> float:
@@ -79,10 +83,11 @@ class Path:
         """Point at `station` (m), by cubic Hermite interpolation."""
         index = bisect_right(self._stations, station) - 1
         if index < 0:
-            return _straight_on(self._rows[0], station)
-        if index >= len(self._rows) - 1:
-            return _straight_on(self._rows[-1], station)
-        return _between(self._rows[index], self._rows[index + 1], station)
+            return _straight_on(self._rows[:COLUMNS], station)
+        if index >= len(self._stations) - 1:
+            return _straight_on(self._rows[-COLUMNS:], station)
+        first = COLUMNS * index
+        return _between(self._rows[first : first + 2 * COLUMNS], station)
 
     def curvature_at(self, station: float) -> float:
         """Signed curvature (1/m) at `station` (m), 1/R of Section III-A."""
@@ -133,7 +138,7 @@ class Path:
 _Row = tuple[float, float, float, float, float]
 
 
-def _straight_on(row: _Row, station: float) -> PathPoint:
+def _straight_on(row: "array[float]", station: float) -> PathPoint:
     """Point on the straight that leaves an end of the path."""
     start, east, north, yaw, curvature = row
     distance = station - start
@@ -145,10 +150,9 @@ def _straight_on(row: _Row, station: float) -> PathPoint:
     )
 
 
-def _between(left: _Row, right: _Row, station: float) -> PathPoint:
+def _between(rows: "array[float]", station: float) -> PathPoint:
     """Point between two neighbouring samples: cubic Hermite position, linear yaw and curvature."""
-    start, east, north, yaw, curvature = left
-    end, next_east, next_north, next_yaw, next_curvature = right
+    start, east, north, yaw, curvature, end, next_east, next_north, next_yaw, next_curvature = rows
     step = end - start
     share = (station - start) / step
     rest = 1.0 - share
