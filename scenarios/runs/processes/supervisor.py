@@ -86,18 +86,15 @@ class Supervisor:
         self._start(asked, piped=False)
 
     def _start(self, asked: Sequence[tuple[str, Sequence[str]]], *, piped: bool) -> list[Child]:
-        become = self._become
-        if become is not None:
+        before = len(self.children)
+        if (become := self._become) is not None:
             births = [Birth(name, given, become(given), piped) for name, given in asked]
-            pairs = zip(births, fork_all(births), strict=True)
-            started = [Child(birth.name, process) for birth, process in pairs]
-            self.children += started
-            return started
-        started = []
-        for name, given in asked:  # those before one that fails are children by then
-            started.append(Child(name, spawn(given, piped=piped)))
-            self.children.append(started[-1])
-        return started
+            for birth, process in zip(births, fork_all(births), strict=True):
+                self.children.append(Child(birth.name, process))
+        else:
+            for name, given in asked:  # those before one that fails are children by then
+                self.children.append(Child(name, spawn(given, piped=piped)))
+        return self.children[before:]
 
     def start_router(self) -> str:
         """Start a router on a free port of the loopback interface; returns its endpoint."""
