@@ -9,7 +9,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.recorded_numbers import MOST_RANGES, RecordedNumbers
 from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
-from transport.log.writer import LogWriter
+from transport.log.message_log import MessageLog
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (
@@ -75,7 +75,7 @@ class Recorder:
         *,
         vehicles: Mapping[str, float],
         plane: LocalPlane,
-        writer: LogWriter,
+        writer: MessageLog,
         metrics: Metrics,
         listeners: Sequence[Listener] = (),
         clock_errors_ns: Mapping[str, int] | None = None,

@@ -16,6 +16,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import scene_of, write_foxglove_layout
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
 from scenarios.runs.recorder import Listener, Recorder
+from transport.log.message_log import MessageLog
 from transport.log.records import LogError
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
@@ -27,6 +28,13 @@ MOST_HOLE_LINES = 20
 MOST_LINK_LINES = 100
 """Links with a line of their own, likewise."""
 SLOW_WRITER = "this version of the mcap package writes the log in its own, slower way"
+
+
+def log_writer(scenario: Scenario, folder: Path) -> LogWriter:
+    """Begin the log of a run of `scenario` in `folder`, which is made; raises LogError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rates_hz = scenario.tables.log.rates_hz
+    return LogWriter(folder / LOG_NAME, scene=scene_of(scenario), rates_hz=rates_hz)
 
 
 class RunLog:
@@ -42,21 +50,20 @@ class RunLog:
         metrics: Metrics | None = None,
         listeners: Sequence[Listener] = (),
         replayed: frozenset[str] = frozenset(),
+        writer: MessageLog | None = None,
     ) -> None:
         """Open the log in `folder`, which is made, and write what the run is into it.
 
-        Each message goes to `metrics`, which are the run's figures, and then to the `listeners`.
-        Vehicles that are `replayed` receive nothing.
+        If it has been begun already, `writer` is given. Each message goes to `metrics`, which are
+        the run's figures, and then to the `listeners`. Vehicles that are `replayed` receive
+        nothing.
         """
         self._scenario = scenario
         self._limits = scenario.tables.limits
         self._folder = folder
         self._replayed = replayed
         self._identity = RunIdentity.here(scenario, clock, run_id)
-        folder.mkdir(parents=True, exist_ok=True)
-        self._writer = LogWriter(
-            folder / LOG_NAME, scene=scene_of(scenario), rates_hz=scenario.tables.log.rates_hz
-        )
+        self._writer = writer or log_writer(scenario, folder)
         write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())

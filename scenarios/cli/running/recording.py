@@ -22,6 +22,7 @@ from scenarios.runs.processes.recording import RecorderProcess
 from scenarios.runs.recorder import Listener, Selective
 from scenarios.runs.run_folder import claimed
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals, stop_on_signals
+from scenarios.runs.virtual.aside import log_aside
 from scenarios.runs.virtual.logged import run_virtual
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.bus.zenoh_options import RECORDER_DEFAULTS
@@ -33,11 +34,14 @@ def run_virtually(scenario: Scenario, folder: Path, rerun: str, *, quiet: bool) 
     stop = stop_on_signals()
     metrics = Metrics.of(scenario)
     with (
+        log_aside(scenario, folder) as writer,  # before there are threads
         _layout(folder, scenario, rerun, quiet=quiet),
         listeners(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
     ):
         stop.begun = True
-        summary = run_virtual(scenario, folder, stop, metrics=metrics, listeners=watchers)
+        summary = run_virtual(
+            scenario, folder, stop, metrics=metrics, listeners=watchers, writer=writer
+        )
     show(summary, folder, quiet=quiet)
     if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came
         click.echo(summary.reason, err=True)

@@ -13,6 +13,7 @@ from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual.convoy import VirtualConvoy
 from scenarios.runs.virtual.replay import Replay
+from transport.log.message_log import MessageLog
 from transport.log.records import LogError
 from transport.topics import Topic
 from vehicles.messages import LogText, Message, TruePose
@@ -27,11 +28,13 @@ def run_virtual(
     metrics: Metrics | None = None,
     listeners: Sequence[Listener] = (),
     replays: Sequence[Replay] = (),
+    writer: MessageLog | None = None,
 ) -> RunSummary:
     """Run `scenario` in virtual time into `folder`; returns the summary.
 
-    Vehicles in `replays` send what was recorded, the others are live. Depends on nothing but these,
-    the scenario, its seed and the versions: the log is equal byte for byte.
+    Vehicles in `replays` send what was recorded, the others are live. The `writer` of the log is
+    given if that has been begun. Depends on nothing but these, the scenario, its seed and the
+    versions: the log is equal byte for byte.
     """
     convoy = VirtualConvoy(scenario)
     clock = convoy.clock
@@ -43,6 +46,7 @@ def run_virtual(
         metrics=metrics,
         listeners=(*listeners, *_watching(scenario, stop, lambda: run)),
         replayed=frozenset(replay.vehicle for replay in replays),
+        writer=writer,
     )
 
     def record(topic: Topic, data: bytes | None, message: Message) -> None:

@@ -9,6 +9,7 @@ from mcap.reader import make_reader
 
 from tests.made.transport import drive
 from transport.codec import encode
+from transport.log.message_log import MessageLog
 from transport.log.scene import Scene
 from transport.log.writer import LogWriter
 from transport.picture import viewer_process
@@ -31,7 +32,7 @@ def write(path: Path, ticks: int = TICKS, scene: Scene | None = None) -> list[tu
     return messages
 
 
-def put(log: LogWriter, at: int, message: Message) -> None:
+def put(log: MessageLog, at: int, message: Message) -> None:
     log.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at, None, message)
 
 
