@@ -41,12 +41,15 @@ MODULES = (
     ),
     *(
         f"scenarios/runs/node/{name}"
-        for name in ("agenda", "changes", "fault", "node", "outbox", "phases", "probe", "sink")
+        for name in (
+            *("agenda", "changes", "fault", "node", "outbox", "phases", "probe", "process_probe"),
+            "sink",
+        )
     ),
     *(
         f"scenarios/results/{name}"
         for name in (
-            *("deviations", "figures", "metrics", "recorded_numbers"),
+            *("deviations", "figures", "metrics", "completeness/recorded_numbers"),
             *("events/bodies", "events/detector", "events/encounters", "events/watches"),
         )
     ),

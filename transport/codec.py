@@ -60,6 +60,7 @@ class _Form:
         # Of twenty values one more is taken, which nobody asks for: see `GpsPose.vehicle`.
         more = ("DESCRIPTOR",) if len(self.names) == NEVER_TAKEN_UP else ()
         self.values: Callable[[object], Values] = attrgetter(*self.names, *more)
+        self.values_of: Callable[[object], Values] = attrgetter(*self.names)
         self.vehicle = self.names.index("vehicle")
         self.words = [
             (place, name, frozenset(get_args(kind)))
@@ -101,6 +102,16 @@ PROTOBUF: dict[type[Message], Any] = {kind: form.protobuf for kind, form in _FOR
 def encode(message: Message) -> bytes:
     """Serialise `message` as the Protobuf message of the same name."""
     return _FORMS[type(message)].pack(message)
+
+
+def values_of(message: Message) -> Values:
+    """Give the values of `message` in the order of its fields; see `message_of`."""
+    return _FORMS[type(message)].values_of(message)
+
+
+def message_of(topic: Topic, values: Values) -> Message:
+    """Make the message of `topic` of what `values_of` gave; nothing is checked."""
+    return _made(_FORMS[topic.message], values)
 
 
 def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:

@@ -12,5 +12,6 @@ study      gains, reproduce: look at the science
 options    options that several commands share
 tables     the tables printed at the end
 whole      tables that are never cut
+loading    how many modules are imported
 failure    errors as clear lines and exit codes
 """

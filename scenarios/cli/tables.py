@@ -14,10 +14,10 @@ from rich.text import Text
 from scenarios.cli.whole import print_whole
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.channel.alarms import AlarmSummary
+from scenarios.results.completeness.holes import hole_lines
 from scenarios.results.degradation.reaction import NO_REACTION
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import road_known
-from scenarios.results.holes import hole_lines
 from scenarios.results.summary import RunSummary
 
 if TYPE_CHECKING:  # brings scipy, which a run does without

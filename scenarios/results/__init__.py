@@ -7,12 +7,12 @@ degradation/      what followers did when messages failed
 events/           all that must not pass unseen: collisions, lane departures, paths lost, stops
 deviations        true errors and gaps for plots of the log
 limits            which limits of the scenario were broken
-recorded_numbers  which messages were recorded, by their numbers
-holes             what was not recorded
+completeness/     what was recorded, and what was not
 files             names of the files of a run
 versions          versions of what drove it
 summary           the typed summary, and its JSON
 meanings          what its fields mean
+summing_up        figures put together as a summary, and its file
 log_summary       summary and scenario from a log alone
 drives            what each vehicle drove, as arrays
 inquiry/          questions put to a log

@@ -4,9 +4,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from math import inf, sqrt
 
+from scenarios.results.completeness.holes import EdgeInstants
+from scenarios.results.completeness.recorded_numbers import MOST_RANGES, RecordedNumbers
 from scenarios.results.degradation.reaction import Reaction
-from scenarios.results.holes import EdgeInstants
-from scenarios.results.recorded_numbers import MOST_RANGES, RecordedNumbers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING
 from vehicles.messages import Health, TruePose

@@ -17,12 +17,12 @@ from scenarios.definition.sending import sends_every_instant
 from scenarios.results.channel.account import LinkSummary, link_summary, misses
 from scenarios.results.channel.alarms import AlarmSummary, AlarmTally, alarm_miss, alarm_summary
 from scenarios.results.channel.tally import LinkTally
+from scenarios.results.completeness.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.degradation.deadlines import Deadlines
 from scenarios.results.deviations import Deviations
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.detector import EventDetector, detector_of
 from scenarios.results.figures import VehicleFigures
-from scenarios.results.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.summary import VehicleSummary
 from transport.links.gate import CLOCKS_DIFFER
 from transport.topics import TOPIC_OF

@@ -14,9 +14,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.account import LinkSummary
+from scenarios.results.completeness.holes import RecordHole
 from scenarios.results.degradation.reaction import NO_REACTION, ReactionSummary
 from scenarios.results.events.run_event import RunEvent
-from scenarios.results.holes import RecordHole
 from scenarios.results.versions import installed_versions
 
 SCHEMA = "convoy.summary/1"

@@ -13,6 +13,8 @@ from multiprocessing import get_all_start_methods, get_context, parent_process
 from threading import Thread
 from typing import Any, ParamSpec, TypeVar
 
+from scenarios.runs.cores import cores
+
 Key = TypeVar("Key", bound=Hashable)
 Job = Callable[[], Any]
 Given = ParamSpec("Given")
@@ -22,11 +24,6 @@ PAUSES_S = (0.0, 0.05, 0.5)
 """Before each further attempt to start a worker: what it is forked from may not be up yet."""
 IMPORTED = ("scenarios.runs.virtual.logged", "scenarios.runs.virtual.unlogged")
 """What workers run is imported once for all of them."""
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 class WorkerPool(Executor):

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from scenarios.results.completeness.recorded_numbers import MOST_RANGES, RecordedNumbers
 from scenarios.results.metrics import Metrics
-from scenarios.results.recorded_numbers import MOST_RANGES, RecordedNumbers
 from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
 from transport.log.message_log import MessageLog
@@ -232,7 +232,7 @@ class Recorder:
 
         Without `data` it is encoded as it is written.
         """
-        self._writer.write(topic, message.vehicle, data, at, message=message)
+        self._writer.write(topic, message.vehicle, data, at, None, message)
         self.recorded += 1
         self._metrics.add(message)
         kind = type(message)

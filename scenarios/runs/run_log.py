@@ -8,18 +8,16 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import highest_rate_hz
 from scenarios.results.channel.account import in_words
+from scenarios.results.completeness.holes import hole_lines
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.holes import hole_lines
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
-from scenarios.results.log_summary import METADATA_NAME, silent_links, summarise, write_summary
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.layouts import scene_of, write_foxglove_layout
+from scenarios.results.pictures.layouts import write_foxglove_layout
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
+from scenarios.results.summing_up import METADATA_NAME, silent_links, summarise, write_summary
 from scenarios.runs.recorder import Listener, Recorder
 from transport.log.message_log import MessageLog
 from transport.log.records import LogError
-from transport.log.repair import repair
-from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import nanoseconds
 
@@ -28,13 +26,6 @@ MOST_HOLE_LINES = 20
 MOST_LINK_LINES = 100
 """Links with a line of their own, likewise."""
 SLOW_WRITER = "this version of the mcap package writes the log in its own, slower way"
-
-
-def log_writer(scenario: Scenario, folder: Path) -> LogWriter:
-    """Begin the log of a run of `scenario` in `folder`, which is made; raises LogError."""
-    folder.mkdir(parents=True, exist_ok=True)
-    rates_hz = scenario.tables.log.rates_hz
-    return LogWriter(folder / LOG_NAME, scene=scene_of(scenario), rates_hz=rates_hz)
 
 
 class RunLog:
@@ -63,7 +54,7 @@ class RunLog:
         self._folder = folder
         self._replayed = replayed
         self._identity = RunIdentity.here(scenario, clock, run_id)
-        self._writer = writer or log_writer(scenario, folder)
+        self._writer = writer or _begun_here(scenario, folder)
         write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
@@ -159,6 +150,8 @@ class RunLog:
             with suppress(LogError):
                 write_summary(self._folder, summary)
         if self._writer.broken:
+            from transport.log.repair import repair  # noqa: PLC0415 - hardly ever
+
             with suppress(LogError):
                 repair(self._folder / LOG_NAME)
         return summary
@@ -172,3 +165,9 @@ class RunLog:
             reason=self._reason,
             rejected=self.recorder.rejected,
         )
+
+
+def _begun_here(scenario: Scenario, folder: Path) -> MessageLog:
+    from scenarios.runs.log_file import log_writer  # noqa: PLC0415 - another process may write
+
+    return log_writer(scenario, folder)

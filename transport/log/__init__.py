@@ -2,7 +2,7 @@
 
 message_log       what a run asks of its log
 writer            messages in, each with its standard twins
-aside             the same, but another process writes the file
+aside/            the same, but another process writes the file
 reader            messages, metadata and attachments out
 foxglove          standard messages made of our own
 scene             cars and road as Foxglove's scene entities

@@ -42,18 +42,15 @@ def library_name() -> str:
 class _Channel:
     """The channels of one topic of one vehicle: its own and those of its twins."""
 
-    __slots__ = ("identifier", "topic", "twins")
+    __slots__ = ("identifier", "twins")
 
-    def __init__(
-        self, identifier: int, topic: Topic | None, twins: tuple[tuple[Twin, int, Timer], ...]
-    ) -> None:
+    def __init__(self, identifier: int, twins: tuple[tuple[Twin, int, Timer], ...]) -> None:
         self.identifier = identifier
-        self.topic = topic
         self.twins = twins
 
 
 _Waiting = tuple[_Channel, int, int, int, int, bytes | None, Message | None]
-"""Channel, log time, publish time, number, when it was valid; bytes, message, or both."""
+"""Channel, log time, publish time, number, when it was valid, bytes or else the message."""
 
 
 class LogWriter(Closing):
@@ -132,35 +129,17 @@ class LogWriter(Closing):
                 raise TypeError("neither bytes nor a message")
             message = decode(topic, data)
         valid_at: int = getattr(message, topic.instant)
-        sent_at = valid_at if publish_time is None else publish_time
-        self.write_known(topic, vehicle, log_time, sent_at, message.seq, valid_at, data, message)
-
-    def write_known(  # noqa: PLR0917 (as above)
-        self,
-        topic: Topic,
-        vehicle: str,
-        log_time: int,
-        publish_time: int,
-        number: int,
-        valid_at: int,
-        data: bytes | None,
-        message: Message | None = None,
-    ) -> None:
-        """Log one message as `write` does, of which its number and instants (ns) are known.
-
-        `data` or `message` may be missing; what is missing is made if it is needed.
-        """
-        if self.broken:
-            return
         if self._thinning and not self._thinning.keeps(topic.name, vehicle, valid_at):
             return
+        if publish_time is None:
+            publish_time = valid_at
         if log_time > self._log_time:
             self._log_time = log_time
         else:
             log_time = self._log_time
         channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
         waiting = self._waiting
-        waiting.append((channel, log_time, publish_time, number, valid_at, data, message))
+        waiting.append((channel, log_time, publish_time, message.seq, valid_at, data, message))
         if len(waiting) >= WRITTEN_AT_ONCE:
             self._write_waiting()
 
@@ -177,7 +156,7 @@ class LogWriter(Closing):
         if found is None:
             name = f"/convoy/{vehicle}/deviation"
             identifier = self._register(name, Deviation, {"of": key(vehicle, TOPICS["truth"])})
-            found = self._deviations[vehicle] = _Channel(identifier, None, ()), count()
+            found = self._deviations[vehicle] = _Channel(identifier, ()), count()
         channel, numbers = found
         message = Deviation(
             vehicle=vehicle, true_at_ns=true_at, cross_track_error_m=error, true_gap_m=gap
@@ -195,11 +174,9 @@ class LogWriter(Closing):
             sent_at = max(publish_time, 0)  # MCAP's instants are unsigned
             sequence = number & SEQUENCE_MASK
             made.append((channel.identifier, log_time, content, sent_at, sequence))
-            known = message
             for twin, identifier, timer in channel.twins:
                 if not twin.period_ns or timer.is_due(valid_at):
-                    known = known or decode(cast("Topic", channel.topic), content)
-                    made.append((identifier, log_time, twin.make(known), sent_at, sequence))
+                    made.append((identifier, log_time, twin.make(message), sent_at, sequence))
         with self._named_failure():
             self._add(made)
 
@@ -218,7 +195,7 @@ class LogWriter(Closing):
             )
             for twin in self._twins.get(topic.message, ())
         )
-        channel = self._channels[vehicle, topic.name] = _Channel(own, topic, twins)
+        channel = self._channels[vehicle, topic.name] = _Channel(own, twins)
         return channel
 
     def _register(self, topic: str, message_class: Any, metadata: dict[str, str]) -> int:

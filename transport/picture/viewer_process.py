@@ -21,13 +21,15 @@ STOP_S = 2.0
 POLL_S = 0.05
 TRIES = 5
 """Ports that are tried, one after the other, if other programs take them at the same moment."""
+LAYOUT_NICENESS = 10
 _END_WITH_PARENT = """
 import ctypes, os, sys
 libc = ctypes.CDLL(None)
 if hasattr(libc, "prctl"):
     libc.prctl(1, 9)
+os.nice(int(sys.argv[2]))
 if os.getppid() == int(sys.argv[1]):
-    os.execv(sys.argv[2], sys.argv[2:])
+    os.execv(sys.argv[3], sys.argv[3:])
 """
 # PR_SET_PDEATHSIG (1) outlives exec: the kernel sends SIGKILL (9) when whoever started the program
 # has ended, however it ended. Set in the new process itself, because a process with threads, which
@@ -74,11 +76,12 @@ def start_log_layout(
     """Write the layout for a log to `path`; see `save_log_layout`.
 
     It is written by a process of its own, which ends with this one, so that none has to load Rerun
-    for it. Without Rerun, or without room, there is no layout.
+    for it, and which lets others go first: nobody waits for it before the run is over. Without
+    Rerun, or without room, there is no layout.
     """
     asked = {"path": str(path), "log": log, "cars": cars, "gap_m": gap_m}
     command = [sys.executable, "-m", "transport.picture.log_layout", json.dumps(asked)]
-    return _start([*_ending_with_us(), *command])
+    return _start([*_ending_with_us(nice=LAYOUT_NICENESS), *command])
 
 
 def require_display() -> None:
@@ -160,9 +163,9 @@ def quiet_environment() -> dict[str, str]:
     return {**os.environ, "CI": "1"}
 
 
-def _ending_with_us() -> list[str]:
-    """Beginning of a command that ends when this process does, in whatever way."""
-    return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid())]
+def _ending_with_us(nice: int = 0) -> list[str]:
+    """Beginning of a command that ends when this process does, and is so `nice` to others."""
+    return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid()), str(nice)]
 
 
 def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":

@@ -286,7 +286,10 @@ class GuardedController:
                     f"controller {self._name!r}: steer() returned {part} = {value!r}, needed is a "
                     "finite number of radians"
                 )
-        return command
+        # Plain numbers, whatever kind of number the user's own are.
+        return SteeringCommand(
+            float(command.steering), float(command.feedforward), float(command.feedback)
+        )
 
 
 def _described(error: BaseException) -> str:

@@ -79,8 +79,8 @@ def blame(
     from rich.console import Console
 
     from scenarios.results.log_summary import log_in
+    from scenarios.runs.cores import cores
     from scenarios.runs.forked import can_fork
-    from scenarios.runs.pool import cores
     from scenarios.studies.many.blame import picture, report, study
     from scenarios.studies.many.files import refuse_existing
     from scenarios.studies.many.limit import parsed_limit

@@ -10,6 +10,7 @@ import click
 
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
+from scenarios.cli.loading import loading
 from scenarios.cli.options import (
     FiniteRange,
     leash_option,
@@ -68,7 +69,8 @@ def run(
     Writes run.mcap and summary.json into the folder given by --out, by default into
     runs/<start>-<scenario>/, with the overrides behind the name.
     """
-    from scenarios.cli.running.launching import run_scenario
+    with loading():
+        from scenarios.cli.running.launching import run_scenario
 
     with clear_errors():
         sys.exit(

@@ -1,35 +1,22 @@
-"""What the command `run` does: prepare the folder, then start the processes, or run virtually.
-
-What only a recorder needs is not imported before the vehicles are forked: they would have a part of
-it in their memory.
-"""
+"""What the command `run` does: prepare the folder, then start the processes, or run virtually."""
 
 import secrets
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from functools import partial
-from importlib import import_module
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.loading import loading
 from scenarios.cli.running.destination import refuse_picture, run_folder
 from scenarios.definition.check.report import warnings
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.sink import BatchingSink
-from scenarios.runs.processes.forking import Deed
-from scenarios.runs.processes.launcher import SAID_BY_RECORDER, LaunchPlan, launch
-from scenarios.runs.processes.membership import Fingerprint, checked_run_name
-from scenarios.runs.processes.supervisor import Supervisor
+from scenarios.runs.processes.membership import checked_run_name
 from scenarios.runs.run_folder import claimed
-from scenarios.runs.stop import Stop, stop_on_signals
-from scenarios.runs.virtual.convoy import VirtualConvoy
-from transport.log.records import LogError
+from scenarios.runs.stop import stop_on_signals
 
-BePart = Callable[[Scenario, Sequence[str]], Deed]
-"""Prepares, of a run of a scenario, what a forked process does as `convoy ARGUMENTS`."""
-PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle")
-"""Modules of the parts of a run but for the recorder, which imports its own."""
+if TYPE_CHECKING:  # a run has either clock
+    from scenarios.cli.running.processes import BePart
 
 
 def run_scenario(
@@ -38,7 +25,7 @@ def run_scenario(
     seed: int | None,
     *,
     clock: str,
-    be_part: BePart | None,
+    be_part: "BePart | None",
     run_name: str | None,
     out: Path | None,
     rerun: str,
@@ -56,12 +43,14 @@ def run_scenario(
     folder = run_folder(scenario, out)
     with claimed(folder):
         if clock == "virtual":
-            from scenarios.cli.running.recording import run_virtually
+            return _run_virtually(scenario, folder, rerun, quiet=quiet)
+        with loading():
+            from scenarios.cli.running.processes import run_processes
+            from scenarios.runs.processes.launcher import LaunchPlan
 
-            return run_virtually(scenario, folder, rerun, quiet=quiet)
         recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
         plan = LaunchPlan(scenario, again(name, overrides, seed), folder, recorder_flags, common)
-        return _run_processes(plan, be_part, quiet=quiet)
+        return run_processes(plan, be_part, quiet=quiet)
 
 
 def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
@@ -70,53 +59,12 @@ def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
     return [name, *(f"--set={text}" for text in overrides), *seeds]
 
 
-def _run_processes(plan: LaunchPlan, be_part: BePart | None, *, quiet: bool) -> int:
+def _run_virtually(scenario: Scenario, folder: Path, rerun: str, *, quiet: bool) -> int:
+    from scenarios.runs.virtual.aside import log_aside
+
     stop = stop_on_signals()
-    become = None
-    if be_part is not None:
-        prepare_parts(plan.scenario)
-        become = partial(be_part, plan.scenario)
-    outcome = launch(plan, stop, Supervisor(become), _complete)
-    said = {"", stop.reason, SAID_BY_RECORDER}  # a signal was said when it came
-    if outcome.reason not in said:
-        _say_in_red(outcome.reason)
-    if outcome.repaired:
-        from scenarios.cli.running.recording import sum_up
+    with log_aside(scenario, folder) as writer:  # before there are threads
+        with loading():
+            from scenarios.cli.running.virtually import run_virtually
 
-        with suppress(LogError):  # killed before the first message
-            sum_up(plan.folder, quiet=quiet)
-    return outcome.exit_code
-
-
-def _complete(log: Path) -> bool:
-    from transport.log.repair import complete
-
-    return complete(log)
-
-
-def _say_in_red(line: str) -> None:
-    from rich.console import Console
-    from rich.text import Text
-
-    Console(stderr=True).print(Text(line, "bold red"), highlight=False)
-
-
-def prepare_parts(scenario: Scenario) -> None:
-    """Do once what every part of a run of `scenario` would do first."""
-    for module in PARTS:
-        import_module(module)
-    Fingerprint.of(scenario)
-    for vehicle in scenario.vehicle_names:
-        scenario.vehicle(vehicle)
-    warm_up()
-
-
-def warm_up() -> None:
-    """Drive three vehicles for a second of virtual time, to no end but to have done it once.
-
-    What the interpreter notes beside the code as it first runs, each vehicle would else write for
-    itself, and so have more memory of its own and take longer over its first ticks.
-    """
-    convoy = VirtualConvoy(load_scenario("lane_change", ("duration_s=1", "convoy.vehicles=3")))
-    convoy.build(lambda vehicle: BatchingSink(vehicle, convoy.bus, convoy.clock.now))
-    convoy.run(Stop())
+        return run_virtually(scenario, folder, stop, rerun, quiet=quiet, writer=writer)

@@ -1,4 +1,4 @@
-"""What other programs need to show a log of a run as it should be: what it looks like, layouts."""
+"""Layouts by which other programs show a log of a run as it should be."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -10,20 +10,12 @@ from scenarios.results.events.detector import sizes_of
 from scenarios.results.files import LOG_NAME
 from scenarios.results.pictures.drawing import widest_gap
 from transport.log.foxglove_layout import foxglove_layout
-from transport.log.scene import Scene
 from transport.picture.viewer_process import start_log_layout
 
 FOXGLOVE_NAME, RERUN_NAME = "foxglove.json", "rerun.rbl"
 """Layouts for whoever opens the log without this project."""
 LAYOUT_S = 10.0
 """How long a run that is over waits at most for its layout: half a second where a core is idle."""
-
-
-def scene_of(scenario: Scenario) -> Scene:
-    """Say what a run of `scenario` looks like, for its log."""
-    path = scenario.route.path
-    lane = scenario.tables.events.lane_width_m
-    return Scene(sizes_of(scenario), (path.east.tolist(), path.north.tolist()), lane)
 
 
 def write_foxglove_layout(folder: Path, scenario: Scenario) -> None:

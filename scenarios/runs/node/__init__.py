@@ -10,5 +10,6 @@ replayed       a vehicle that moves as it was recorded
 outbox         the messages that it sends
 sink           where they go: to the bus, and to whoever records
 fault          a vehicle that cannot drive on
-probe          memory, processor time and lateness of its process
+probe          memory, processor time and lateness of a vehicle
+process_probe  those of its process
 """

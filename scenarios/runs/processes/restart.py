@@ -13,7 +13,7 @@ from tempfile import TemporaryFile
 from typing import NoReturn, cast
 
 from scenarios.runs.node.node import Handover
-from scenarios.runs.node.probe import Lateness
+from scenarios.runs.node.process_probe import Lateness
 
 VARIABLE = "CONVOY_HANDOVER"
 """Environment variable with the number of the open file in which the handover waits."""

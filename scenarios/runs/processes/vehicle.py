@@ -10,7 +10,7 @@ from scenarios.runs.control.answering import LiveControl
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
 from scenarios.runs.node.fault import VehicleFaultError, stepping
 from scenarios.runs.node.node import Node
-from scenarios.runs.node.probe import ProcessProbe
+from scenarios.runs.node.process_probe import ProcessProbe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.clock_offset import answer_for_clock, measure

@@ -10,11 +10,10 @@ from typing import BinaryIO, cast
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.runs.pool import cores
+from scenarios.runs.cores import cores
 from scenarios.runs.processes.forking import Birth, can_fork, fork_all
-from scenarios.runs.run_log import log_writer
 from scenarios.runs.stop import ignore_signals
-from transport.log.aside import AsideWriter, serve
+from transport.log.aside.writer import AsideWriter
 from transport.log.message_log import MessageLog
 
 PIPE_BYTES = 1 << 20
@@ -26,7 +25,8 @@ def log_aside(scenario: Scenario, folder: Path) -> Iterator[MessageLog | None]:
     """Give the log of a run of `scenario` in `folder`, written aside; None where that cannot be.
 
     To be called before there are other threads: with those, or on a single core, a run writes its
-    log itself. The other process is deaf to signals; it ends when the log is complete.
+    log itself. The other process loads by itself what it needs for that, so whoever has more to
+    load does it best in the meantime. It is deaf to signals, and ends when the log is complete.
     """
     if cores() < 2 or not can_fork():
         yield None
@@ -45,6 +45,9 @@ def log_aside(scenario: Scenario, folder: Path) -> Iterator[MessageLog | None]:
 
 def _write(scenario: Scenario, folder: Path) -> None:
     ignore_signals()
+    from scenarios.runs.log_file import log_writer  # noqa: PLC0415 - see above
+    from transport.log.aside.server import serve  # noqa: PLC0415
+
     calls = os.fdopen(0, "rb", closefd=False)
     answers = os.fdopen(1, "wb", buffering=0, closefd=False)  # nothing waits that nobody reads
     serve(partial(log_writer, scenario, folder), calls, cast("BinaryIO", answers))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
@@ -12,12 +13,14 @@ from scenarios.runs.recorder import Listener, Selective
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual.convoy import VirtualConvoy
-from scenarios.runs.virtual.replay import Replay
 from transport.log.message_log import MessageLog
 from transport.log.records import LogError
 from transport.topics import Topic
 from vehicles.messages import LogText, Message, TruePose
 from vehicles.schedule import SECOND
+
+if TYPE_CHECKING:  # what reads logs is for those who have some
+    from scenarios.runs.virtual.replay import Replay
 
 
 def run_virtual(
@@ -27,7 +30,7 @@ def run_virtual(
     *,
     metrics: Metrics | None = None,
     listeners: Sequence[Listener] = (),
-    replays: Sequence[Replay] = (),
+    replays: "Sequence[Replay]" = (),
     writer: MessageLog | None = None,
 ) -> RunSummary:
     """Run `scenario` in virtual time into `folder`; returns the summary.
@@ -49,8 +52,10 @@ def run_virtual(
         writer=writer,
     )
 
+    on_sent, now = run.recorder.on_sent, clock.now
+
     def record(topic: Topic, data: bytes | None, message: Message) -> None:
-        run.recorder.on_sent(topic, data, message, clock.now())
+        on_sent(topic, data, message, now())
 
     run.start(clock.now(), clock.now())
     nodes = convoy.build(lambda vehicle: RecordedSink(vehicle, convoy.bus, record), replays)

@@ -4,9 +4,9 @@ from collections.abc import Callable, Container
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
-from scenarios.results.log_summary import silent_links, summarise
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary
+from scenarios.results.summing_up import silent_links, summarise
 from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.stop import EXIT_FAILED, Stop

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.runs.pool import cores, run_jobs
+from scenarios.runs.cores import cores
+from scenarios.runs.pool import run_jobs
 from scenarios.studies.cuts.cut import CutFigures, LinkCut, carry_out
 from vehicles.driver.degradation.settings import Reaction
 

@@ -133,7 +133,8 @@ def test_help_of_a_process_comes_without_loading_what_is_not_needed() -> None:
 def test_vehicles_are_forked_before_what_a_recorder_needs_is_loaded() -> None:
     code = (
         "from scenarios.cli.running.commands import be_part\n"
-        "from scenarios.cli.running.launching import load_scenario, prepare_parts, warnings\n"
+        "from scenarios.cli.running.launching import load_scenario, warnings\n"
+        "from scenarios.cli.running.processes import prepare_parts\n"
         "scenario = load_scenario('lane_change')\n"
         "list(warnings(scenario))\n"
         "prepare_parts(scenario)\n"

@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.holes import (
+from scenarios.results.completeness.holes import (
     EdgeInstants,
     RecordHole,
     expected_poses,
     hole_lines,
 )
-from scenarios.results.log_summary import silent_links
+from scenarios.results.completeness.recorded_numbers import RecordedNumbers
 from scenarios.results.metrics import Metrics
-from scenarios.results.recorded_numbers import RecordedNumbers
 from scenarios.results.summary import VehicleSummary
+from scenarios.results.summing_up import silent_links
 from tests.made.scenarios.messages import START, at, gps, health, start, truth
 from vehicles.messages import GpsPose, Message
 from vehicles.schedule import SECOND, instants, nanoseconds

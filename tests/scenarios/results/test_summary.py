@@ -12,11 +12,11 @@ from scenarios.cli.tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.channel.account import LinkSummary
+from scenarios.results.completeness.holes import RecordHole
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.files import LOG_NAME
-from scenarios.results.holes import RecordHole
-from scenarios.results.log_summary import late_lines, scenario_in, summary_of
+from scenarios.results.log_summary import scenario_in, summary_of
 from scenarios.results.meanings import MEANINGS
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import (
@@ -28,6 +28,7 @@ from scenarios.results.summary import (
     from_json,
     to_json,
 )
+from scenarios.results.summing_up import late_lines
 from scenarios.results.versions import PACKAGES
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict

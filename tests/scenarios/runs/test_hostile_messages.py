@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from scenarios.cli.running.recording import listeners
+from scenarios.cli.running.watching import listeners
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json

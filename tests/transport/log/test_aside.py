@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +14,8 @@ import pytest
 from tests.made.transport import drive
 from tests.made.transport.logs import put, rows
 from transport.codec import encode
-from transport.log.aside import AsideWriter, serve
+from transport.log.aside.server import serve
+from transport.log.aside.writer import AsideWriter
 from transport.log.message_log import MessageLog
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -59,6 +61,9 @@ def written(log: MessageLog, count: int = 700) -> None:
     messages: list[Message] = []
     for number in range(count):
         messages += [drive.truth("v1", number), drive.gps("v2", number, drive.START)]
+    # Numbers of NumPy's, which nobody should send, are numbers all the same.
+    messages.append(replace(drive.truth("v1", count), speed_mps=np.float64(7.5)))
+    messages.append(replace(drive.trajectory("v2", 0), sample_east_m=(np.float64(0.5), 1.5)))
     for at, message in enumerate(messages):
         if at % 3:
             put(log, drive.START + at, message)

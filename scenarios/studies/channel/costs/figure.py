@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.runs.pool import cores
+from scenarios.runs.cores import cores
 from scenarios.studies.channel.costs.drives import (
     SCENARIO,
     SETTINGS,

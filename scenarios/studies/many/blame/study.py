@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarios.runs.pool import RunAll, cores
+from scenarios.runs.cores import cores
+from scenarios.runs.pool import RunAll
 from scenarios.studies.many.blame.imposed import LossFree, loss_free
 from scenarios.studies.many.blame.losses import Burst, RecordedRun, bursts_of, read_run
 from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_alone

@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from scenarios.runs.pool import WorkerPool, cores
+from scenarios.runs.cores import cores
+from scenarios.runs.pool import WorkerPool
 from scenarios.studies.many.engine.batch import EngineError
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from scenarios.results.pictures.layouts import (
     FOXGLOVE_NAME,
     RERUN_NAME,
     rerun_layout,
-    scene_of,
     write_foxglove_layout,
 )
+from scenarios.runs.log_file import scene_of
 
 SCENARIO = load_scenario("lane_change")
 

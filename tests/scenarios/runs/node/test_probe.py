@@ -2,7 +2,8 @@ import time
 
 import pytest
 
-from scenarios.runs.node.probe import Lateness, NoProbe, ProcessProbe, Usage
+from scenarios.runs.node.probe import NoProbe, Usage
+from scenarios.runs.node.process_probe import Lateness, ProcessProbe
 
 MS = 1_000_000
 

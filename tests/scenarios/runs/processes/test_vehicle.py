@@ -8,7 +8,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
-from scenarios.runs.node.probe import Lateness, ProcessProbe
+from scenarios.runs.node.process_probe import Lateness, ProcessProbe
 from scenarios.runs.processes import vehicle as process
 from scenarios.runs.processes.clock_offset import answer_for_clock
 from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint, Membership

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from scenarios.runs.cores import cores
 from scenarios.runs.forked import can_fork
-from scenarios.runs.pool import cores, warm_workers
+from scenarios.runs.pool import warm_workers
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from scenarios.studies.many.blame.rerun import BlameQuestion, drive

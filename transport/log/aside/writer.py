@@ -1,32 +1,34 @@
 """A log that another process writes, while this one goes on with what is to be logged.
 
 What a run in virtual time takes for its log is a quarter of its time, of which most can be done on
-another core. Here messages are encoded and sent over a pipe, many at once; over there a `LogWriter`
-does with them what it would have done here, so the file is the same to the byte. If this process is
-killed, the other one completes the log with all that it was sent.
+another core. Here the values of messages are sent over a pipe, those of many messages at once; over
+there a `LogWriter` does with the messages what it would have done here, so the file is the same to
+the byte. If this process is killed, the other one completes the log with all that it was sent.
 """
 
 import marshal
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
 from transport.closing import Closing
-from transport.codec import decode, encode
-from transport.log.fast_mcap import can_be_fast
+from transport.codec import decode, values_of
 from transport.log.records import LogError
-from transport.log.writer import LogWriter
-from transport.topics import TOPIC_OF, TOPICS, Topic
+from transport.topics import TOPIC_OF, Topic
 from vehicles.messages import Message
 
 SENT_AT_ONCE = 256
 """So many calls wait for each other."""
+MARSHAL_FORMAT = 2
+"""Numbers as they are in memory, and no search for those that come twice."""
 _LENGTH = struct.Struct("<I")
-_Call = tuple[Any, ...]
-"""Name of a method of the log, and its arguments; a message begins with the name of its topic."""
+Call = tuple[Any, ...]
+"""Name of a method of the log, and its arguments; instead of `write` stands the topic's name, and
+as the last argument the message, of which the values are sent."""
+Answer = tuple[str, bool]
+"""What is said at the start and at the end: what is wrong, or nothing, and whether it is `fast`."""
 
 
 class AsideWriter(Closing):
@@ -37,17 +39,17 @@ class AsideWriter(Closing):
     """
 
     def __init__(self, path: Path, calls: BinaryIO, answers: BinaryIO) -> None:
-        """Write to `path` by whoever does the `calls` and gives `answers`, see `serve`.
+        """Write to `path` by whoever does the `calls` and gives `answers`, see `aside_server`.
 
         Nothing is begun before the first call, which raises LogError if it cannot be.
         """
         self._path = path
         self._calls, self._answers = calls, answers
-        self._waiting: list[_Call] = []
+        self._waiting: list[Call] = []
         self.broken = False
         """True once the file cannot be written any more."""
-        self.fast = can_be_fast()
-        """False with a version of the mcap package that allows no faster way to add messages."""
+        self.fast = True
+        """False, once the log has begun, where the mcap package allows no faster way to add."""
         self._has_begun = False
 
     def write(  # noqa: PLR0917 (as in LogWriter)
@@ -66,12 +68,7 @@ class AsideWriter(Closing):
             if data is None:
                 raise TypeError("neither bytes nor a message")
             message = decode(topic, data)
-        valid_at: int = getattr(message, topic.instant)
-        sent_at = valid_at if publish_time is None else publish_time
-        content = message if data is None else data
-        self._waiting.append(
-            (topic.name, vehicle, log_time, sent_at, message.seq, valid_at, content)
-        )
+        self._waiting.append((topic.name, vehicle, data, log_time, publish_time, message))
         if len(self._waiting) >= SENT_AT_ONCE:
             self._send()
 
@@ -81,7 +78,7 @@ class AsideWriter(Closing):
         """Log true error and gap (m) of a vehicle at an instant (ns), which nobody sent."""
         if self.broken:
             return
-        # One of NumPy's numbers, as a controller of one's own may bring in, would arrive as bytes.
+        # A number of NumPy's would arrive as bytes.
         deviation = float(error), float(gap)
         self._waiting.append(("write_deviation", log_time, vehicle, true_at, *deviation))
 
@@ -118,12 +115,12 @@ class AsideWriter(Closing):
     def _send(self) -> None:
         """Send what waits."""
         calls = [
-            (*call[:-1], encode(call[-1])) if type(call[-1]) in TOPIC_OF else call
+            (*call[:-1], values_of(call[-1])) if type(call[-1]) in TOPIC_OF else call
             for call in self._waiting
         ]
         self._waiting = []
         try:
-            _put(self._calls, calls)
+            put(self._calls, calls)
         except OSError:
             self._give_up(self._answer())
         if not self._has_begun:
@@ -132,11 +129,12 @@ class AsideWriter(Closing):
                 self._give_up(error)
 
     def _answer(self) -> str:
-        """What is said at the start or the end: empty, or what is wrong."""
+        """What is wrong, if anything, as is said at the start and at the end."""
         try:
-            return str(_got(self._answers))
+            error, self.fast = got(self._answers)
         except (OSError, EOFError):
             return f"{self._path}: cannot write the log: the process that writes it has ended"
+        return str(error)
 
     def _give_up(self, error: str) -> NoReturn:
         self.broken = True
@@ -146,48 +144,14 @@ class AsideWriter(Closing):
         raise LogError(error)
 
 
-def serve(begin: Callable[[], LogWriter], calls: BinaryIO, answers: BinaryIO) -> None:
-    """Write the log that `begin` makes, by the calls of an `AsideWriter`, to the last one.
-
-    The log is completed then, also if the process that called was killed. Without a call there is
-    none.
-    """
-    batches = _all(calls)
-    if (first := next(batches, None)) is None:
-        return
-    error = ""
-    with suppress(OSError):  # nobody waits for an answer any more
-        try:
-            with begin() as log:
-                _put(answers, "")
-                for batch in chain([first], batches):
-                    _do(log, batch)
-        except LogError as failure:
-            error = str(failure)
-        _put(answers, error)
-
-
-def _do(log: LogWriter, calls: list[_Call]) -> None:
-    for method, *arguments in calls:
-        if method in TOPICS:
-            log.write_known(TOPICS[method], *arguments)
-        else:
-            getattr(log, method)(*arguments)
-
-
-def _all(calls: BinaryIO) -> Iterator[list[_Call]]:
-    with suppress(EOFError):
-        while True:
-            yield _got(calls)
-
-
-def _put(stream: BinaryIO, what: Any) -> None:
-    data = marshal.dumps(what)
+def put(stream: BinaryIO, what: list[Call] | Answer) -> None:
+    """Write calls or an answer, for `got`; raises OSError."""
+    data = marshal.dumps(what, MARSHAL_FORMAT)
     stream.write(_LENGTH.pack(len(data)) + data)
     stream.flush()
 
 
-def _got(stream: BinaryIO) -> Any:
+def got(stream: BinaryIO) -> Any:
     """The next thing that was put; raises EOFError behind the last one."""
     head = stream.read(_LENGTH.size)
     size = _LENGTH.unpack(head)[0] if len(head) == _LENGTH.size else -1

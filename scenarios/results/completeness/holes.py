@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Literal
 
-from scenarios.results.recorded_numbers import RecordedNumbers
+from scenarios.results.completeness.recorded_numbers import RecordedNumbers
 from vehicles.schedule import SECOND, instant
 
 HoleKind = Literal["pose", "true pose"]

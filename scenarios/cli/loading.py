@@ -1,0 +1,20 @@
+"""How a command imports hundreds of modules."""
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def loading() -> Iterator[None]:
+    """Let the garbage collector wait: it would go through all modules again and again for nothing.
+
+    A twentieth of the time of imports.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()

@@ -1,0 +1,79 @@
+"""A run on the wall clock: what its processes share is prepared, then they are started.
+
+What only a recorder needs is not imported before the vehicles are forked: they would have a part of
+it in their memory.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.node.sink import BatchingSink
+from scenarios.runs.processes.forking import Deed
+from scenarios.runs.processes.launcher import SAID_BY_RECORDER, LaunchPlan, launch
+from scenarios.runs.processes.membership import Fingerprint
+from scenarios.runs.processes.supervisor import Supervisor
+from scenarios.runs.stop import Stop, stop_on_signals
+from scenarios.runs.virtual.convoy import VirtualConvoy
+from transport.log.records import LogError
+
+BePart = Callable[[Scenario, Sequence[str]], Deed]
+"""Prepares, of a run of a scenario, what a forked process does as `convoy ARGUMENTS`."""
+PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle")
+"""Modules of the parts of a run but for the recorder, which imports its own."""
+
+
+def run_processes(plan: LaunchPlan, be_part: BePart | None, *, quiet: bool) -> int:
+    """`convoy run` on the wall clock: returns the exit code."""
+    stop = stop_on_signals()
+    become = None
+    if be_part is not None:
+        prepare_parts(plan.scenario)
+        become = partial(be_part, plan.scenario)
+    outcome = launch(plan, stop, Supervisor(become), _complete)
+    said = {"", stop.reason, SAID_BY_RECORDER}  # a signal was said when it came
+    if outcome.reason not in said:
+        _say_in_red(outcome.reason)
+    if outcome.repaired:
+        from scenarios.cli.running.recording import sum_up
+
+        with suppress(LogError):  # killed before the first message
+            sum_up(plan.folder, quiet=quiet)
+    return outcome.exit_code
+
+
+def _complete(log: Path) -> bool:
+    from transport.log.repair import complete
+
+    return complete(log)
+
+
+def _say_in_red(line: str) -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    Console(stderr=True).print(Text(line, "bold red"), highlight=False)
+
+
+def prepare_parts(scenario: Scenario) -> None:
+    """Do once what every part of a run of `scenario` would do first."""
+    for module in PARTS:
+        import_module(module)
+    Fingerprint.of(scenario)
+    for vehicle in scenario.vehicle_names:
+        scenario.vehicle(vehicle)
+    warm_up()
+
+
+def warm_up() -> None:
+    """Drive three vehicles for a second of virtual time, to no end but to have done it once.
+
+    What the interpreter notes beside the code as it first runs, each vehicle would else write for
+    itself, and so have more memory of its own and take longer over its first ticks.
+    """
+    convoy = VirtualConvoy(load_scenario("lane_change", ("duration_s=1", "convoy.vehicles=3")))
+    convoy.build(lambda vehicle: BatchingSink(vehicle, convoy.bus, convoy.clock.now))
+    convoy.run(Stop())

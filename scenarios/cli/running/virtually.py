@@ -1,0 +1,37 @@
+"""What `convoy run --clock virtual` does, with a picture and tables."""
+
+from pathlib import Path
+
+import click
+
+from scenarios.cli.running.watching import layout, listeners, show
+from scenarios.definition.scenario import Scenario
+from scenarios.results.metrics import Metrics
+from scenarios.runs.stop import EXIT_FAILED, Stop
+from scenarios.runs.virtual.logged import run_virtual
+from transport.log.message_log import MessageLog
+
+
+def run_virtually(
+    scenario: Scenario,
+    folder: Path,
+    stop: Stop,
+    rerun: str,
+    *,
+    quiet: bool,
+    writer: MessageLog | None,
+) -> int:
+    """`convoy run --clock virtual`, with the log of `writer` if there is one: the exit code."""
+    metrics = Metrics.of(scenario)
+    with (
+        layout(folder, scenario, rerun, quiet=quiet),
+        listeners(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
+    ):
+        stop.begun = True
+        summary = run_virtual(
+            scenario, folder, stop, metrics=metrics, listeners=watchers, writer=writer
+        )
+    show(summary, folder, quiet=quiet)
+    if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came
+        click.echo(summary.reason, err=True)
+    return stop.exit_code if summary.reason else 0
