@@ -22,7 +22,9 @@ Result = TypeVar("Result")
 
 PAUSES_S = (0.0, 0.05, 0.5)
 """Before each further attempt to start a worker: what it is forked from may not be up yet."""
-IMPORTED = ("scenarios.runs.virtual.logged", "scenarios.runs.virtual.unlogged")
+IMPORTED = tuple(
+    f"scenarios.runs.{name}" for name in ("log_file", "virtual.logged", "virtual.unlogged")
+)
 """What workers run is imported once for all of them."""
 
 

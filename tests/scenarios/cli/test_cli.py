@@ -1,4 +1,5 @@
 import errno
+import gc
 import json
 import os
 import random
@@ -15,6 +16,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+from scenarios.cli.loading import loading
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.scenario import drills, library, load_scenario, template
@@ -146,6 +148,29 @@ def test_vehicles_are_forked_before_what_a_recorder_needs_is_loaded() -> None:
     assert {"zenoh", "scenarios.runs.processes.vehicle"} <= loaded
     assert not {"rich", "mcap", "zstandard", "foxglove_schemas_protobuf", "scipy", "rerun"} & loaded
     assert not [name for name in loaded if name.startswith("scenarios.results.metrics")]
+
+
+def test_a_run_in_virtual_time_loads_neither_the_bus_nor_what_writes_a_log() -> None:
+    code = (
+        "import scenarios.cli.running.launching, scenarios.cli.running.virtually\n"
+        "import scenarios.runs.virtual.aside, sys; print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    unneeded = {"zenoh", "mcap", "zstandard", "foxglove_schemas_protobuf", "psutil", "scipy"}
+    assert not unneeded & {*done.stdout.split()}
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_the_garbage_collector_waits_for_imports_and_is_then_as_it_was(*, enabled: bool) -> None:
+    assert gc.isenabled()
+    try:
+        if not enabled:
+            gc.disable()
+        with loading():
+            assert not gc.isenabled()
+        assert gc.isenabled() == enabled
+    finally:
+        gc.enable()
 
 
 def test_list_names_the_scenarios_that_ship() -> None:
