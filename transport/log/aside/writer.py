@@ -39,7 +39,7 @@ class AsideWriter(Closing):
     """
 
     def __init__(self, path: Path, calls: BinaryIO, answers: BinaryIO) -> None:
-        """Write to `path` by whoever does the `calls` and gives `answers`, see `aside_server`.
+        """Write to `path` by whoever does the `calls` and gives `answers`, see `server.serve`.
 
         Nothing is begun before the first call, which raises LogError if it cannot be.
         """
