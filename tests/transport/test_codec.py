@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 
 from tests.made.transport import drive
 from tests.made.transport.any_messages import KINDS, any_message, plain_values
-from transport.codec import MAX_BYTES, PROTOBUF, RefusedMessageError, as_read, decode, encode
+from transport.codec import (
+    MAX_BYTES,
+    PROTOBUF,
+    RefusedMessageError,
+    as_read,
+    decode,
+    encode,
+    message_of,
+    values_of,
+)
 from transport.topics import TOPIC_OF, TOPICS, Topic
 from vehicles.messages import CompositeTrajectory, FloatOrNan, LogText, Message, RunEnd, RunStart
 
@@ -30,6 +39,12 @@ def test_what_is_decoded_is_what_was_encoded(message: Message) -> None:
     assert [type(getattr(decoded, f.name)) for f in fields(decoded)] == [
         type(getattr(message, f.name)) for f in fields(message)
     ]
+
+
+@settings(max_examples=50)
+@given(any_message)
+def test_a_message_is_made_of_its_values(message: Message) -> None:
+    assert message_of(TOPIC_OF[type(message)], values_of(message)) == message
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
