@@ -24,6 +24,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.made.interpreted import interpreted_only
+
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("vehicles", "transport", "scenarios")
 TOP_LEVEL = {
@@ -221,6 +223,7 @@ def imported_and_executed(
     return there, module
 
 
+@interpreted_only
 def test_written_initialisers_take_what_those_of_dataclass_do(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

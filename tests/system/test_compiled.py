@@ -1,5 +1,6 @@
 """A compiled installation drives the same runs as an interpreted one, bit for bit."""
 
+import json
 import os
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 NO_RADIO = "change=[{kind='cut', at_s=1, for_s=2.5}]"
+CRASH = "change=[{kind='crash', vehicle='v2', at_s=1, for_s=1.5}]"
 RUNS = (
     ("lane_change", "duration_s=4"),
     ("lane_change", "duration_s=3", "control.trajectory=paper", "control.controller=stanley"),
@@ -86,3 +88,9 @@ def test_compiled_runs_have_the_same_bytes(campaign: int, tmp_path: Path) -> Non
     for number, run in enumerate(RUNS):
         expected = driven(plain, tmp_path / f"plain{number}", *run)
         assert driven(compiled, tmp_path / f"compiled{number}", *run) == expected, run
+    # A process that crashes hands its car over to the one that it becomes.
+    crashing = ("run", "lane_change", "--quiet", "--set", "duration_s=4", "--set", CRASH)
+    python(compiled, "-m", "scenarios.cli", *crashing, "--out", str(tmp_path / "crashed"))
+    summary = json.loads((tmp_path / "crashed" / "summary.json").read_text())
+    assert summary["outcome"] == "completed"
+    assert all(vehicle["finished"] for vehicle in summary["vehicles"])

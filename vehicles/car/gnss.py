@@ -63,6 +63,9 @@ class GnssNoise:
                 raise ValueError(f"{field.name} noise must be at least 0, not {value}")
 
 
+_State = tuple[list[float], ReceiverErrors | None, ForcedStates | None, bool, deque[Fix]]
+
+
 class GnssReceiver:
     """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
 
@@ -96,6 +99,17 @@ class GnssReceiver:
         self._errors, self._plain = errors, plain
         self._latency = errors.model.latency if errors else 0
         self._coming: deque[Fix] = deque()
+
+    def __reduce__(self) -> "tuple[type[GnssReceiver], tuple[object, ...], _State]":
+        """Let it be pickled, compiled too."""
+        made_of = self._noise, self._cadence.rate_hz, self._cadence.start_at, self._random
+        errors = self._errors, self._forced, self._plain
+        return GnssReceiver, made_of, (self._drawn, *errors, self._coming)
+
+    def __setstate__(self, state: "_State") -> None:
+        """Go on as the one that was pickled."""
+        self._drawn, self._errors, self._forced, self._plain, self._coming = state
+        self._latency = self._errors.model.latency if self._errors else 0
 
     def measure(self, body: Body, now: int) -> Fix | None:
         """Measure `body` if `now` (ns) is an instant of measurement; returns what is known then.

@@ -7,7 +7,7 @@ car: it is not broadcast.
 import math
 from dataclasses import dataclass, fields
 
-from numpy.random import Generator
+from numpy.random import PCG64, Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.schedule import Cadence
@@ -48,6 +48,9 @@ class InertialNoise:
                 raise ValueError(f"{field.name} noise must be at least 0, not {value}")
 
 
+_State = tuple[Generator, Motion, list[float]]
+
+
 class InertialSensor:
     """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
 
@@ -66,6 +69,15 @@ class InertialSensor:
         speed, yaw_rate = random.standard_normal(2).tolist()
         self._bias = Motion(noise.speed_bias * speed, noise.yaw_rate_bias * yaw_rate)
         self._drawn: list[float] = []
+
+    def __reduce__(self) -> "tuple[type[InertialSensor], tuple[object, ...], _State]":
+        """Let it be pickled, compiled too; the one that is made first draws from another stream."""
+        made_of = self._noise, self._cadence.rate_hz, self._cadence.start_at, Generator(PCG64(0))
+        return InertialSensor, made_of, (self._random, self._bias, self._drawn)
+
+    def __setstate__(self, state: "_State") -> None:
+        """Go on as the one that was pickled."""
+        self._random, self._bias, self._drawn = state
 
     def redraw(self, random: Generator) -> None:
         """Take the white noise from another stream from now on; the biases of Section V-D stay."""

@@ -8,9 +8,9 @@ over is the car, which no crash of software stops, and the clock.
 import os
 import pickle
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from tempfile import TemporaryFile
-from typing import NoReturn, cast
+from typing import IO, Any, NoReturn, cast
 
 from scenarios.runs.node.node import Handover
 from scenarios.runs.node.process_probe import Lateness
@@ -41,10 +41,30 @@ class SoftwareLostError(Exception):
         super().__init__("the process starts anew")
 
 
+class _Pickler(pickle.Pickler):
+    """Packs compiled data classes by what they are made of: they cannot be made of nothing."""
+
+    def reducer_override(self, thing: Any) -> Any:
+        """Say how `thing` is made anew, if it is of such a class."""
+        kind = type(thing)
+        if not (is_dataclass(kind) and hasattr(kind, "__mypyc_attrs__")):
+            return NotImplemented
+        return _made, (kind, {f.name: getattr(thing, f.name) for f in fields(kind) if f.init})
+
+
+def _made(kind: type[Any], values: dict[str, Any]) -> Any:
+    return kind(**values)
+
+
+def pack(handover: object, file: IO[bytes]) -> None:
+    """Write a handover, for `pickle.load`."""
+    _Pickler(file).dump(handover)
+
+
 def start_anew(handover: ProcessHandover) -> NoReturn:
     """End this process, and be the same program anew; nothing but `handover` is left of it."""
     with TemporaryFile(buffering=0) as file:  # without a name, so it is gone with its last reader
-        pickle.dump(handover, file)
+        pack(handover, file)
         file.seek(0)
         os.set_inheritable(file.fileno(), True)
         os.environ[VARIABLE] = str(file.fileno())

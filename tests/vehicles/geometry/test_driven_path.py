@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.made.interpreted import interpreted_only
 from tests.made.scenarios.messages import at, truth
 from tests.made.transport import drive
 from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
@@ -435,6 +436,7 @@ def nearest(pose: TruePose, path: Sequence[TruePose]) -> float:
     )
 
 
+@interpreted_only
 @pytest.mark.parametrize("road", SELF_MEETING)
 def test_what_all_followers_have_passed_is_forgotten_and_nothing_changes(
     road: str, monkeypatch: pytest.MonkeyPatch
@@ -457,6 +459,7 @@ def test_what_all_followers_have_passed_is_forgotten_and_nothing_changes(
     assert most < 60 + 2 * 50 < len(keeping._chords)
 
 
+@interpreted_only
 def test_nobody_who_stays_behind_keeps_the_whole_path_known(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

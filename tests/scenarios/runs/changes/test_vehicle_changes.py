@@ -3,6 +3,7 @@
 import json
 import math
 import pickle
+from io import BytesIO
 from itertools import pairwise
 
 import pytest
@@ -13,6 +14,7 @@ from scenarios.runs.node.fault import VehicleFaultError
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.phases import BRAKING, Down
 from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.processes.restart import pack
 from scenarios.runs.virtual.step_order import steps_in_order
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from tests.made.examples import examples
@@ -297,7 +299,8 @@ def test_a_process_that_starts_anew_from_the_handover_does_the_same(
         if handover is None or exchanged:
             continue
         exchanged += 1
-        handover = pickle.loads(pickle.dumps(handover))
+        pack(handover, file := BytesIO())
+        handover = pickle.loads(file.getvalue())
         arrived = node.inbox
         other = anew.builders[name].node(anew.start_at, anew.sink(name), NoProbe(), handover)
         assert isinstance(other, Node)

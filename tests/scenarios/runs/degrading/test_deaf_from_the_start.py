@@ -8,6 +8,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged import UnloggedRun
 from tests.made.convoys.speed_runs import Driven, drive
+from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
 from vehicles.driver.degradation.sources import Source
 from vehicles.messages import TruePose
@@ -64,6 +65,7 @@ def test_nobody_is_hit_who_brakes_for_want_of_first_messages(loss: float, case: 
     assert collisions(summary(3, 15.0, *own, seed=25 + case)) == 0
 
 
+@interpreted_only
 def test_if_nobody_missed_first_messages_some_would_be_hit(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

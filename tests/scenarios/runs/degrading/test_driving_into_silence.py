@@ -6,6 +6,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged import UnloggedRun
 from tests.made.convoys.speed_runs import drive
+from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.pair import SourcePair
 from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
 
@@ -70,6 +71,7 @@ def test_the_log_says_why_a_car_brakes_whose_road_is_known() -> None:
     assert not [text for text in said["v2"] if "brakes with" in text.text]  # it heard none brake
 
 
+@interpreted_only
 def test_if_none_announced_its_stop_some_would(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SourcePair, "stops_at", lambda *_: 0)
     assert collisions(driven("tunnel", 8, 1)) > 0
@@ -80,6 +82,7 @@ def test_nobody_is_hit_who_brakes_for_lack_of_messages_himself() -> None:
     assert collisions(driven("lte_v2x_dense", 8, 1, "duration_s=24")) == 0
 
 
+@interpreted_only
 def test_if_guards_announced_nothing_some_would_be_hit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SpeedGuard, "_brakes_at", lambda *_: 0)
     assert collisions(driven("lte_v2x_dense", 8, 1, "duration_s=24")) > 0

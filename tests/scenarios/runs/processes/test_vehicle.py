@@ -14,6 +14,7 @@ from scenarios.runs.processes.clock_offset import answer_for_clock
 from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint, Membership
 from scenarios.runs.processes.vehicle import RunOffError, VehicleProcess, punctual
 from scenarios.runs.stop import Stop
+from tests.made.interpreted import interpreted_only
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.clock import VirtualClock, late_after, ticks
 from transport.codec import encode
@@ -60,6 +61,7 @@ def test_a_start_that_lies_behind_is_told_apart_from_a_clock_ahead(
         vehicle.await_start(lambda _: None, 1.0)
 
 
+@interpreted_only
 @pytest.mark.parametrize("says_the_run_is_on", [True, False])
 def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
     monkeypatch: pytest.MonkeyPatch, *, says_the_run_is_on: bool

@@ -8,6 +8,7 @@ import pytest
 
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.runs.run_log import RunLog
+from tests.made.interpreted import interpreted_only
 from tests.made.scenarios.long_drive import TENTH_S, sent_in
 from tests.made.scenarios.messages import START, STRAIGHT, at, verdict
 from transport.codec import encode
@@ -44,6 +45,7 @@ def record(run: RunLog, first: int, last: int) -> int:
     return count
 
 
+@interpreted_only
 def test_what_is_kept_of_each_message_is_next_to_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
