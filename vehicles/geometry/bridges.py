@@ -115,9 +115,13 @@ def filled(points: FloatArray, reach: float) -> Filled:
         before, after = points[:, begin : hole + 1], points[:, hole + 1 : end]
         near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
         spacing = min(float(np.median(near)), steps[hole] / _FILLED) if near.size else math.inf
+        course = _course(points, max(begin - 1, 0), hole + 1)
+        beyond = _course(points, min(end, points.shape[1] - 1), hole)
         try:
             bridge = _bridge(
-                _end(before, 2.0 * reach), _end(after[:, ::-1], 2.0 * reach), float(spacing)
+                _end(before, 2.0 * reach, course),
+                _end(after[:, ::-1], 2.0 * reach, beyond),
+                float(spacing),
             )
         except ValueError as error:
             raise UnbridgedError(f"a hole of {steps[hole]:.1f} m {error}", hole) from error
@@ -164,15 +168,25 @@ def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
     )
 
 
-def _end(points: FloatArray, reach: float) -> _End:
-    """Where the last of `points` (2, n) lies on the arc or line through those within `reach`."""
+def _course(points: FloatArray, start: int, end: int) -> float:
+    """Direction (rad) from one of `points` (2, n) to another, by their numbers."""
+    dx, dy = (points[:, end] - points[:, start]).tolist()
+    return math.atan2(dy, dx)
+
+
+def _end(points: FloatArray, reach: float, alone: float) -> _End:
+    """Where the last of `points` (2, n) lies on the arc or line through those within `reach`.
+
+    A single point between two holes tells no direction: it is passed in that of `alone` (rad),
+    which leads from the points beyond one hole to those beyond the other.
+    """
     away = np.hypot(points[0] - points[0, -1], points[1] - points[1, -1])
     outside = np.flatnonzero(away > reach)
     first = min(int(outside[-1]) + 1 if outside.size else 0, points.shape[1] - SIDE)
     side = points[:, max(first, 0) :]
-    if side.shape[1] == 1:
-        raise ValueError("next to a single point")
     x, y = float(side[0, -1]), float(side[1, -1])
+    if side.shape[1] == 1:
+        return _End(x, y, alone)
     arc = _arc(side)
     foot = arc.at(arc.project(x, y).station)
     return _End(foot.east, foot.north, foot.yaw)

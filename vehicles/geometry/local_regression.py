@@ -18,6 +18,12 @@ FloatArray = NDArray[np.float64]
 NEIGHBOURS = 7
 """A local cubic (4 unknowns) rests on at least so many points."""
 
+ON_EACH_SIDE = 3
+"""It rests on so many of them to either side, where there are as many."""
+
+SLOPE = 0.3
+"""So fast (m/m) its reach widens towards places where points are sparse."""
+
 _CHUNK = 256  # places smoothed at once: bounds the memory
 
 
@@ -43,8 +49,20 @@ def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
         first = np.clip(right - shift, 0, t.size - NEIGHBOURS)
         span = np.maximum(at - t[first], t[first + NEIGHBOURS - 1] - at)
         nearest = np.minimum(nearest, span)
-    needed = np.maximum(reach + short, nearest)
+    # Between a cluster of points and those far apart it must rest on both, or it extrapolates.
+    before = at - t[np.maximum(right - ON_EACH_SIDE, 0)]
+    after = t[np.minimum(right + ON_EACH_SIDE - 1, t.size - 1)] - at
+    sparse = _gradual(np.maximum(nearest, np.maximum(before, after)), at[1] - at[0])
+    needed = np.maximum(reach + short, sparse)
     return _envelope(needed, math.ceil(0.25 * reach / (at[1] - at[0])))
+
+
+def _gradual(needed: FloatArray, step: float) -> FloatArray:
+    """Lowest curve above `needed`, given every `step` m, that rises and falls by SLOPE at most."""
+    slope = SLOPE * step * np.arange(needed.size)
+    from_left = np.maximum.accumulate(needed + slope) - slope
+    from_right = (np.maximum.accumulate((needed - slope)[::-1]))[::-1] + slope
+    return np.asarray(np.maximum(from_left, from_right))
 
 
 def _envelope(needed: FloatArray, cells: int) -> FloatArray:

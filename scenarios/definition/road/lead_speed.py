@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.path import Path
 
+_Floats = NDArray[np.float64]
+
 STEP = 0.05
 """Time step (s) of a speed over time that depends on the station."""
 
@@ -22,6 +24,15 @@ RECORDED_WINDOW = 1.0
 
 DERIVED_WINDOW = 2.0
 """...and speeds derived from recorded times over this (s), since positions are noisier."""
+
+SILENCE, SILENT_INTERVALS = 2.0, 4.0
+"""Nothing was recorded where instants are further apart than this (s) and so many usual ones..."""
+
+SILENT_BRAKING, SILENT_ACCELERATION = 2.5, 1.5
+"""...and if the car was slower meanwhile, it is taken to have braked and sped up so (m/s²)."""
+
+CRAWLING = 1.0
+"""No car crawls on like this (m/s) while it cannot be seen: it stands for a while."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,27 +100,82 @@ def recorded(
 
     `stations` (m) are those of the recorded points on the smoothed path, so the distance driven
     never drifts from the path: recorded `speeds` are scaled to cover it exactly, and where there
-    are none the speed is that of the stations. Both are averaged over a window; stops remain stops.
+    are none, as while nothing was recorded for SILENCE, the speed is that of the stations. Both are
+    averaged over a window; stops remain stops.
     """
     kept = np.flatnonzero(np.diff(np.asarray(times), prepend=-math.inf) > 0.0)
     t, s = np.asarray(times, float)[kept], np.asarray(stations, float)[kept]
-    window, ratio, distance = DERIVED_WINDOW, 1.0, s - s[0]
+    window, ratio, distance, gone = DERIVED_WINDOW, 1.0, s - s[0], np.diff(t)
+    usual = float(np.median(gone)) if gone.size else 0.0
+    silent = gone > max(SILENCE, SILENT_INTERVALS * usual)
     if len(speeds) > 0:
         v = np.asarray(speeds, float)[kept]
-        driven = np.concatenate((np.zeros(1), np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))))
-        ratio = float(distance[-1] / driven[-1]) if driven[-1] > 0.0 else math.inf
-        window, distance = RECORDED_WINDOW, driven * ratio
+        driven = _summed(np.where(silent, 0.0, 0.5 * (v[1:] + v[:-1]) * gone))
+        unseen = _summed(np.where(silent, np.diff(s), 0.0))
+        seen = distance[-1] - unseen[-1]
+        ratio = float(seen / driven[-1]) if driven[-1] > 0.0 else math.inf
+        window, distance = RECORDED_WINDOW, driven * ratio + unseen
+    t, distance = _with_silences(t, distance, np.flatnonzero(silent).tolist())
     span = float(t[-1] - t[0])
     knots = np.arange(math.ceil(span / RECORDED_STEP) + 1, dtype=np.float64) * RECORDED_STEP
-    half = 0.5 * max(window, 3.0 * span / max(t.size - 1, 1))
+    half = 0.5 * max(window, 3.0 * span / max(kept.size - 1, 1))
     return SpeedProfile(
         tuple(knots.tolist()), tuple(_mean_speed(t - t[0], distance, knots, half))
     ), ratio
 
 
-def _mean_speed(
-    t: NDArray[np.float64], distance: NDArray[np.float64], knots: NDArray[np.float64], half: float
-) -> list[float]:
+def _summed(steps: _Floats) -> _Floats:
+    return np.concatenate((np.zeros(1), np.cumsum(steps)))
+
+
+def _with_silences(t: _Floats, distance: _Floats, silent: Sequence[int]) -> tuple[_Floats, _Floats]:
+    """Put instants into silences, numbered by the point before, in which the car slowed down."""
+
+    def speed(begin: float, end: float) -> float:
+        here, there = np.interp((begin, end), t, distance).tolist()
+        return (there - here) / (end - begin) if end > begin else 0.0
+
+    times, places = [t], [distance]
+    for k in silent:
+        begin, end = t[k : k + 2].tolist()
+        first = speed(max(begin - SILENCE, float(t[0])), begin)
+        last = speed(end, min(end + SILENCE, float(t[-1])))
+        since, way = _slowed_down(end - begin, float(distance[k + 1] - distance[k]), first, last)
+        times.append(begin + since)
+        places.append(distance[k] + way)
+    at = np.concatenate(times)
+    order = np.argsort(at, kind="stable")
+    return at[order], np.concatenate(places)[order]
+
+
+def _slowed_down(span: float, way: float, first: float, last: float) -> tuple[_Floats, _Floats]:
+    """Give instants (s) in a `span`, and how far (m) of its `way` a car had come by then.
+
+    It brakes from a speed of `first` (m/s) to one that it holds, and speeds up again to `last`;
+    instead of CRAWLING it drives on before it brakes, and stands. None where it was not slower
+    meanwhile, or braked harder.
+    """
+    # The way of who holds h is way = h * spare + h² * change + ramps.
+    spare = span - first / SILENT_BRAKING - last / SILENT_ACCELERATION
+    change = 0.5 / SILENT_BRAKING + 0.5 / SILENT_ACCELERATION
+    ramps = 0.5 * first**2 / SILENT_BRAKING + 0.5 * last**2 / SILENT_ACCELERATION
+    if spare <= 0.0 or ramps > way:
+        return np.zeros(0), np.zeros(0)
+    held = 2.0 * (way - ramps) / (spare + math.sqrt(spare**2 + 4.0 * change * (way - ramps)))
+    on = 0.0
+    if held >= min(first, last):
+        return np.zeros(0), np.zeros(0)
+    if 0.0 < held < CRAWLING and way - ramps <= first * spare:
+        held, on = 0.0, (way - ramps) / first
+    braking, speeding = (first - held) / SILENT_BRAKING, (last - held) / SILENT_ACCELERATION
+    since = np.arange(RECORDED_STEP, span, RECORDED_STEP)
+    slowing = np.maximum(on + braking - np.maximum(since, on), 0.0)
+    before = first * np.minimum(since, on) + 0.5 * SILENT_BRAKING * (braking**2 - slowing**2)
+    after = 0.5 * SILENT_ACCELERATION * np.maximum(since - (span - speeding), 0.0) ** 2
+    return since, before + held * np.maximum(since - on, 0.0) + after
+
+
+def _mean_speed(t: _Floats, distance: _Floats, knots: _Floats, half: float) -> list[float]:
     """Mean speed (m/s) within `half` s of each knot, within the record's time."""
     late, early = np.minimum(knots + half, t[-1]), np.maximum(knots - half, 0.0)
     early = np.minimum(early, late - half)

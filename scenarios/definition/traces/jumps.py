@@ -21,6 +21,13 @@ UNLIKELY = 6.0
 MOST_ACCELERATION = 15.0
 """No car brakes or corners harder than this (m/s²)."""
 
+SPARSE = 0.4
+"""Points as far apart in time as this (s) are few: what jumps by metres passes for hard braking."""
+
+ABRUPT = 2.0
+"""No car is further than this (m/s²), times the square of the interval (s) of few points, from the
+cubic in time through two before and two behind: its acceleration would change by 18 m/s²."""
+
 TIGHTEST = 3.0
 """No car turns tighter than with this radius (m)."""
 
@@ -77,7 +84,10 @@ class JumpFinder:
 
     def _suspects(self) -> list[int]:
         """Points that lie off the line between their neighbours, with those next to them."""
-        odd = [k for k in range(1, len(self.kept) - 1) if self._excess(k, k - 1, k + 1) > 0.0]
+        count = len(self.kept)
+        odd = [
+            k for k in range(1, count - 1) if self._excess(k, k - 1, k + 1) > 0.0 or self._strays(k)
+        ]
         if not self.timed:
             odd += [k for k in range(1, len(self.kept) - 1) if not self._is_in_step(k, k + 1)]
         ends = [0, len(self.kept) - 1]
@@ -99,6 +109,8 @@ class JumpFinder:
                 )
             if off and self._is_plausible_without(before, after):
                 return count
+            if count == 1 and self._strays(place):
+                return 1
         if place == last and self._excess(*(self._k(last - k) for k in range(3))) > 0.0:
             return 1
         return None
@@ -112,6 +124,38 @@ class JumpFinder:
         row = [k for k in row if k < len(self.kept)]
         threes = zip(row, row[1:], row[2:], strict=False)
         return all(self._excess(self._k(b), self._k(a), self._k(c)) <= 0.0 for a, b, c in threes)
+
+    def _strays(self, place: int) -> bool:
+        """Whether a point is further from where those around put it than any car gets.
+
+        Without it none of them is. Only for points that are SPARSE.
+        """
+        if not self.timed or not 2 <= place < len(self.kept) - 2:
+            return False
+        here, interval = self._off_cubic(self.kept[place - 2 : place + 3])
+        allowed = max(self._least, ABRUPT * interval * interval)
+        if interval < SPARSE or here <= allowed:
+            return False
+        others = [*self.kept[max(0, place - 4) : place], *self.kept[place + 1 : place + 5]]
+        rows = (others[k : k + 5] for k in range(len(others) - 4))
+        return all(self._off_cubic(row)[0] <= allowed for row in rows)
+
+    def _off_cubic(self, row: Sequence[int]) -> tuple[float, float]:
+        """How far (m) the third of five points is off the cubic in time through the others.
+
+        And half the time (s) between its neighbours. Nothing where instants repeat.
+        """
+        at, four = self._t[row[2]], (row[0], row[1], row[3], row[4])
+        t = [self._t[k] for k in four]
+        interval = 0.5 * (t[2] - t[1])
+        if not t[0] < t[1] < at < t[2] < t[3]:
+            return 0.0, interval
+        x, y = self._xy[row[2]]
+        for i, k in enumerate(four):  # Lagrange's form
+            weight = math.prod((at - t[j]) / (t[i] - t[j]) for j in range(4) if j != i)
+            x -= weight * self._xy[k][0]
+            y -= weight * self._xy[k][1]
+        return math.hypot(x, y), interval
 
     def _offset(self, k: int, a: int, b: int) -> tuple[float, float]:
         """How far (m) point k is from the line from a to b at its time, and how far it may be."""

