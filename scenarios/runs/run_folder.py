@@ -15,6 +15,7 @@ from tempfile import TemporaryFile
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.runs.stop import remove_if_empty
 
 ROOM_BYTES = 1024 * 1024
 """A folder in which there is no room for this much is refused before the start."""
@@ -36,14 +37,16 @@ def default_folder(slug: str, started: datetime, root: Path = Path("runs")) -> P
 
 
 @contextmanager
-def claimed(folder: Path) -> Iterator[None]:
-    """Hold `folder` for one run; a folder that had to be made and stays empty is removed.
+def claimed(folder: Path, *, fresh: bool = False) -> Iterator[None]:
+    """Hold `folder` for one run; one that is `fresh` or had to be made and stays empty is removed.
 
     Raises ScenarioError if another run holds it or has left its log in it, and OSError if it cannot
     be written into.
     """
-    made = not folder.exists()
+    made = fresh or not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
+    if made:
+        remove_if_empty(folder)
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         _lock(descriptor, folder)

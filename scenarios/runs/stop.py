@@ -10,6 +10,7 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from threading import Event, Thread
 from types import FrameType
 
@@ -27,7 +28,8 @@ class Stop:
 
     Loops poll it and none waits on the event, so a signal handler may set it. `begun` says that
     the process has something to complete before it ends; `launched` that another process started
-    it and speaks for it; `orphaned` that this launcher has ended.
+    it and speaks for it; `orphaned` that this launcher has ended. An empty `folder` is not left by
+    a process that ends at once.
     """
 
     def __init__(self) -> None:
@@ -35,6 +37,7 @@ class Stop:
         self.begun = False
         self.launched = False
         self.orphaned = False
+        self.folder: Path | None = None
         self.reason = ""
         self.exit_code = 0
 
@@ -85,6 +88,9 @@ class _Watch:
                 with suppress(OSError):  # nobody reads it any more
                     os.write(2, f"{_reason(number)}\n".encode())
             if not self.stop.begun:
+                if self.stop.folder is not None:
+                    with suppress(OSError):  # not empty
+                        self.stop.folder.rmdir()
                 os._exit(128 + number)
 
 
@@ -105,6 +111,12 @@ def end_on_signals(*, say: bool) -> None:
     global _watch  # noqa: PLW0603 - signals are the process's, not an object's
     _watch = _Watch(say=say)
     _ask_on_signals(_watch.stop)
+
+
+def remove_if_empty(folder: Path) -> None:
+    """If a signal ends this process at once, let it remove `folder` where nothing is in that."""
+    if _watch is not None:
+        _watch.stop.folder = folder
 
 
 @contextmanager

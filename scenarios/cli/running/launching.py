@@ -41,7 +41,7 @@ def run_scenario(
         click.echo(f"warning: {line}", err=True)
     refuse_picture(rerun, out)  # here, in one line, rather than by the recorder
     folder = run_folder(scenario, out)
-    with claimed(folder):
+    with claimed(folder, fresh=out is None):
         if clock == "virtual":
             return _run_virtually(scenario, folder, rerun, quiet=quiet)
         with loading():

@@ -38,7 +38,7 @@ def record_run(
     refuse_picture(rerun, out)
     folder = run_folder(scenario, out)
     with (
-        nullcontext() if launched else claimed(folder),
+        nullcontext() if launched else claimed(folder, fresh=out is None),
         open_bus(options, RECORDER_DEFAULTS) as bus,
     ):
         member = Membership(bus, options.run, RECORDER, "recorder", Fingerprint.of(scenario))

@@ -24,6 +24,10 @@ with claimed(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60.0)
 """
+INTERRUPTED = f"""
+from scenarios.runs.stop import end_on_signals
+end_on_signals(say=False)
+{HOLDER}"""
 
 
 def test_runs_of_the_same_second_get_folders_of_their_own(tmp_path: Path) -> None:
@@ -72,6 +76,25 @@ def test_only_a_folder_that_was_made_and_stayed_empty_is_removed(tmp_path: Path)
         with claimed(folder):
             if folder is used:
                 (folder / "run.mcap").touch()
+    assert not made.exists()
+    assert there.exists()
+    assert used.exists()
+
+
+def test_a_signal_leaves_no_empty_folder_that_was_made(tmp_path: Path) -> None:
+    made, there, used = tmp_path / "made", tmp_path / "there", tmp_path / "used"
+    there.mkdir()
+    for folder in (made, there, used):
+        holder = subprocess.Popen(
+            [sys.executable, "-c", INTERRUPTED, str(folder)], stdout=subprocess.PIPE, text=True
+        )
+        with holder:
+            assert holder.stdout is not None
+            assert holder.stdout.readline() == "held\n"
+            if folder is used:
+                (folder / "run.mcap").touch()
+            holder.send_signal(signal.SIGINT)
+        assert holder.returncode == 130
     assert not made.exists()
     assert there.exists()
     assert used.exists()
