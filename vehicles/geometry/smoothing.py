@@ -250,20 +250,32 @@ def _closed(record: _Record, half_width: float) -> _Record:
     gap = np.sqrt(dx * dx + dy * dy)
     near = gap <= CLOSING_DISTANCE
     away = int(np.argmin(near))
-    crossing = near[1:] & near[:-1] & (along[:-1] < 0.0) & (along[1:] >= 0.0)
+    crossing = (along[:-1] < 0.0) & (along[1:] >= 0.0)
     crossing &= np.diff(along) > 0.5 * np.diff(t)  # within 60 deg of the direction at the start
+    shares = np.clip(-along[:-1] / np.where(crossing, np.diff(along), 1.0), 0.0, 1.0)
+    crossing &= np.abs(aside[:-1] + shares * np.diff(aside)) <= CLOSING_DISTANCE
     crossed = np.flatnonzero(crossing[away:])
     if near.all() or not (crossed.size or near[-1]):
         raise ValueError(f"the drive does not close: it ends {gap[-1]:.1f} m from its first point")
     if not crossed.size:
         return _Record(t, points, float(t[-1] + gap[-1]))
     k = away + int(crossed[0])
-    share = along[k] / (along[k] - along[k + 1])
-    missed = float(aside[k] + share * (aside[k + 1] - aside[k]))
+    share = float(shares[k])
     end = float(t[k] + share * (t[k + 1] - t[k]))
+    missed = _beside(t, aside, k, end)
     t, blend = t[: k + 1], min(SEAM_BLEND, 0.5 * end)
     shift = 0.5 * missed * (_ramp(1.0 - t / blend) - _ramp(1.0 - (end - t) / blend))
     return _Record(t, points[:, : k + 1] + np.stack((-ty * shift, tx * shift)), end)
+
+
+def _beside(t: FloatArray, aside: FloatArray, k: int, end: float) -> float:
+    """Distance aside at t = `end`, between points k and k + 1: on the cubic through four."""
+    four = range(max(0, min(k - 1, t.size - 4)), min(t.size, max(k + 3, 4)))
+    return float(
+        sum(
+            aside[i] * math.prod((end - t[j]) / (t[i] - t[j]) for j in four if j != i) for i in four
+        )
+    )
 
 
 def _ramp(u: FloatArray) -> FloatArray:

@@ -82,3 +82,14 @@ def test_small_wander_round_the_start_is_not_a_closed_drive() -> None:
     angle = np.arange(0.0, 2.0 * math.pi, 0.1)
     with pytest.raises(ValueError, match="does not close"):
         smooth_path(3.0 * np.sin(angle), 3.0 * np.cos(angle), 2.0, closed=True)
+
+
+@pytest.mark.parametrize("spacing", [4.0, 9.0, 15.0, 22.0])
+def test_a_closed_drive_of_few_points_closes_in_a_curve_without_a_seam(spacing: float) -> None:
+    """As one that is recorded once a second: no two points are near the first one."""
+    angle = np.arange(0.0, 2.3 * math.pi, spacing / 70.0)
+    smoothed = smooth_path(70.0 * np.sin(angle), -70.0 * np.cos(angle), 8.0, closed=True, laps=2)
+    assert smoothed.lap_length == pytest.approx(140.0 * math.pi, rel=0.002)
+    assert np.max(np.abs(smoothed.path.curvature)) < 1.0 / 60.0
+    off = np.hypot(smoothed.path.east, smoothed.path.north) - 70.0
+    assert np.max(np.abs(off)) < 0.15
