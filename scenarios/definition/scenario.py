@@ -25,11 +25,15 @@ from scenarios.definition.library import ScenarioFile, drills, library, read_fil
 from scenarios.definition.limits.problems import limit_problems
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import refusals, shown
-from scenarios.definition.road.replayed import ReplayedDrive, plan_replay, replay_problems
+from scenarios.definition.road.replayed import (
+    ReplayedDrive,
+    plan_replay,
+    replay_problems,
+    whole_run,
+)
 from scenarios.definition.road.route import (
     Route,
     gap_policy,
-    longest_run,
     plan_route,
     vehicle_names,
 )
@@ -149,9 +153,9 @@ class Scenario:
 
     @cached_property
     def duration_s(self) -> float:
-        """How long the run lasts: as given, or until the lead has driven its path."""
+        """How long the run lasts: as given, or until the lead's or a replayed drive is over."""
         given = self.tables.duration_s
-        return longest_run(self.route) if given is None else given
+        return whole_run(self.route, self.replays.values()) if given is None else given
 
     @property
     def start_at_ns(self) -> int:

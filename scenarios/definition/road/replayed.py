@@ -2,14 +2,14 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from scenarios.definition.errors import Refused
-from scenarios.definition.road.route import Route, smoothed_points
+from scenarios.definition.road.route import Route, longest_run, smoothed_points
 from scenarios.definition.schema.path import PointsPath
 from scenarios.definition.schema.tables import ScenarioTables, VehicleTable
 from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
@@ -150,12 +150,22 @@ def _begun(
 
 
 def _apart(lead: PointsPath, drive: PointsPath) -> float | None:
-    """How much later (s) than the lead's a drive begins; None where one has no absolute times."""
-    if lead.clock is None or drive.clock is None:
+    """How much later (s) than the lead's a drive begins; None where only one has absolute times.
+
+    Where none has, both files are taken to count from one instant.
+    """
+    if (lead.clock is None) != (drive.clock is None):
         return None
     apart = drive.began_at_s - lead.began_at_s
     # Times of day say nothing of the date: the nearer of two days is meant.
-    return apart if lead.clock == drive.clock == "unix" else math.remainder(apart, DAY)
+    return math.remainder(apart, DAY) if "day" in {lead.clock, drive.clock} else apart
+
+
+def whole_run(route: Route, drives: Iterable[ReplayedDrive]) -> float:
+    """Time (s) until the lead reaches the end of its path, or a replayed one that of its record."""
+    longest = longest_run(route)
+    ends = min((drive.lasts for drive in drives if drive.lasts > 0.0), default=math.inf)
+    return longest if ends + OVERTIME >= longest else math.floor(10.0 * ends) / 10.0
 
 
 def replay_problems(
@@ -177,7 +187,16 @@ def replay_problems(
 def replay_warnings(
     tables: ScenarioTables, name: str, drive: ReplayedDrive, route: Route, duration: float
 ) -> Iterator[str]:
-    """Say where a replayed vehicle is not on the lead's path between its neighbours."""
+    """Say where a replayed vehicle is not on the lead's path between its neighbours.
+
+    And whether the run ends with it, since no duration is given.
+    """
+    longest = longest_run(route)
+    if tables.duration_s is None and duration < longest and drive.lasts < duration + 0.1:
+        yield (
+            f"{name}: its record ends {duration:g} s after the start, and with it the run: the "
+            f"lead's drive lasts {longest:g} s"
+        )
     names = tables.convoy.vehicle_names
     behind = dict(pairwise(names)).get(name, "")
     seen = list(_looks(drive, route, duration))
@@ -200,8 +219,12 @@ def replay_warnings(
     left = late.station - (late.lead - gap)
     if left < LEAST_GAP:
         where = f"{abs(left):.1f} m {'ahead of' if left > 0.0 else 'behind'} {behind}"
-        keys = f"vehicle.{name}.replay_offset_s and vehicle.{behind}.gap_m"
-        yield f"{name}: is replayed {where}, which follows it, at {late.at:.1f} s: see {keys}"
+        usual = route.gaps[names.index(behind)]
+        remedy = f"set vehicle.{behind}.gap_m to {math.ceil(2.0 * usual - left)}"
+        yield (
+            f"{name}: is replayed {where}, which follows it, at {late.at:.1f} s: {remedy}, or see "
+            f"vehicle.{name}.replay_offset_s"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,8 +39,8 @@ class DriveInPlane:
 
     east_m, north_m and, where the file has them for every point, time_s (from the first point
     on, never decreasing) and speed_mps, an entry each per point. `skipped` names the bad lines,
-    `remarks` say what was left out, and `place_numbers` where in the file the points stand. With a
-    `clock`, the times count from `began_at_s` on it.
+    `remarks` say what was left out, and `place_numbers` where in the file the points stand. Times
+    count from `began_at_s` on the `clock`, or without one on that of the file.
     """
 
     source: str
@@ -184,7 +184,7 @@ def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> Drive
         speed_mps=tuple(_speed_at(left, speeds)) if speeds else (),
         skipped=tuple(drive.skipped),
         clock=drive.clock if timed else None,
-        began_at_s=drive.zero + first if timed and drive.clock else 0.0,
+        began_at_s=drive.zero + first if timed else 0.0,
         place_word=points[0].place.split()[0],
         place_numbers=tuple(int(points[k].place.split()[1]) for k in kept),
         noise_m=left.noise,

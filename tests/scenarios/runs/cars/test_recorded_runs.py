@@ -86,6 +86,10 @@ def test_the_log_of_a_run_tells_the_offset_of_its_coordinates(tmp_path: Path) ->
 LEAD = Rough(course=SWEEP, speed=15.0, form="gpx")
 
 
+UPTIME = 1e6
+"""Times of a receiver (s) that count from when it was switched on."""
+
+
 def two_drives(
     folder: Path, lead: Rough = LEAD, later: float = 1.0, offset: str = "", own: str = ""
 ) -> str:
@@ -161,19 +165,73 @@ def test_without_common_times_both_drives_begin_together_and_the_offset_parts_th
     tmp_path: Path,
 ) -> None:
     lead = replace(LEAD, form="csv", offset=UTM)
-    together = with_two(tmp_path, lead)
+    together = with_two(tmp_path, lead, UPTIME)
     assert not together.replays["v2"].common
     (line,) = [line for line in report_of(together).warnings if line.startswith("v2")]
     assert re.fullmatch(
         r"v2: is replayed \d\.\d m (ahead of|behind) the lead at .* see vehicle.v2.replay_offset_s",
         line,
     )
-    apart = with_two(tmp_path, lead, offset="replay_offset_s = 1.0\n")
+    apart = with_two(tmp_path, lead, UPTIME, offset="replay_offset_s = 1.0\n")
     assert [line for line in report_of(apart).warnings if line.startswith("v2")] == []
     (lag,) = {apart.replays["v2"].begun - together.replays["v2"].begun}
     assert lag == pytest.approx(-1.0)
     trial = rehearse(apart)
     assert max(drive.cross_track_max for drive in trial.drives[2:]) < WITHIN_M
+
+
+def test_a_run_without_a_duration_ends_with_the_drive_that_is_over_first(tmp_path: Path) -> None:
+    text = two_drives(tmp_path).replace("duration_s = 30.0\n", "")
+    name = re.search(r'replay = "(.*)"', text)
+    assert name is not None
+    lasts = scenario_from_text(text, folder=tmp_path).duration_s
+    shorter = replace(LEAD, seed=2)
+    (tmp_path / name[1]).write_bytes(FORMATS[shorter.form](shorter.points()[:-100]))
+    scenario = scenario_from_text(text, folder=tmp_path)
+    assert lasts - 11.0 < scenario.duration_s < lasts - 5.0
+    assert scenario.duration_s == pytest.approx(scenario.replays["v2"].lasts, abs=0.1)
+    (line,) = [line for line in report_of(scenario).warnings if "its record ends" in line]
+    assert line.startswith(f"v2: its record ends {scenario.duration_s:g} s after the start")
+    assert scenario_from_text(scenario.text).duration_s == scenario.duration_s
+
+
+def test_where_a_follower_starts_ahead_of_who_is_replayed_check_says_what_to_set(
+    tmp_path: Path,
+) -> None:
+    early = with_two(tmp_path, LEAD, 3.0)
+    (line,) = [line for line in report_of(early).warnings if "which follows it" in line]
+    remedy = re.search(
+        r"set (vehicle\.v3\.gap_m) to (\d+), or see vehicle.v2.replay_offset_s", line
+    )
+    assert remedy is not None
+    set_so = scenario_from_text(
+        two_drives(tmp_path, LEAD, 3.0), overrides=[f"{remedy[1]}={remedy[2]}"], folder=tmp_path
+    )
+    assert not [line for line in report_of(set_so).warnings if "which follows it" in line]
+    place = set_so.route.start_station(2)
+    second = set_so.replays["v2"].at(0.0)[0]
+    ahead = (
+        set_so.route.path.project(second.east, second.north, place, window=100.0).station - place
+    )
+    assert ahead == pytest.approx(early.route.gaps[2], abs=1.5)
+
+
+def test_relative_times_of_both_count_from_one_instant(tmp_path: Path) -> None:
+    """Also where the second car stood a while before it followed."""
+    lead = replace(LEAD, form="csv")
+    second = [(0.1 * k, 0.0, 0.0, 0.0) for k in range(50)]
+    second += [(t + 5.0, e, n, v) for t, e, n, v in replace(lead, seed=2).points()]
+    (tmp_path / "second.csv").write_bytes(FORMATS["csv"](second))
+    text = text_of(lead, tmp_path) + '[vehicle.v2]\nreplay = "second.csv"\n'
+    for scenario in (
+        given := scenario_from_text(text, folder=tmp_path),
+        scenario_from_text(given.text),
+    ):
+        begun = scenario.replays["v2"].begun
+        assert begun == pytest.approx(-5.0 - scenario.route.run_in, abs=1.0)
+    assert with_two(tmp_path, lead).replays["v2"].begun == pytest.approx(
+        -1.0 - given.route.run_in, abs=0.01
+    )
 
 
 def test_drives_of_different_hours_begin_together(tmp_path: Path) -> None:
