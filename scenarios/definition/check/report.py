@@ -13,6 +13,7 @@ from scenarios.definition.check.links import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
 from scenarios.definition.check.sampled_loop import sampled_loop_warnings
+from scenarios.definition.check.slip import slip_warnings
 from scenarios.definition.road.replayed import replay_warnings
 from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
@@ -238,6 +239,7 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *receiver_warnings(scenario),
         *sampled_loop_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *_speed_warnings(scenario, run),
+        *slip_warnings(scenario, zip(run.speeds, run.curvatures, strict=True)),
     )
     return tuple(dict.fromkeys(found))  # one file may be the path and replayed as well
 

@@ -1,0 +1,40 @@
+"""What the paper's law leaves although the load is learned: foretold, and driven."""
+
+import re
+
+import numpy as np
+import pytest
+
+from scenarios.definition.check.report import check, report_of
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.runs.virtual.rehearsal import rehearse
+
+LEARNED = "control.estimate_slip=true"
+BEND = """
+extends = "paper_base"
+name = "bend"
+[path]
+kind = "segments"
+segments = [{ length_m = 100.0 }, { length_m = 600.0, radius_m = 500.0, turn = "left" }]
+[convoy]
+vehicles = 2
+"""
+
+
+@pytest.mark.parametrize("speed", [8.0, 15.0, 27.0, 30.0])
+def test_a_car_settles_where_it_is_foretold(speed: float) -> None:
+    settings = [LEARNED, f"speed.set_mps={speed}", f"duration_s={600.0 / speed}"]
+    scenario = scenario_from_text(BEND, overrides=settings)
+    (line,) = [line for line in report_of(scenario).warnings if "estimate_slip" in line]
+    foretold = re.search(r"settles (\d\.\d) cm beside", line)
+    assert foretold is not None
+    follower = rehearse(scenario).followers[0]
+    settled = 100.0 * float(np.abs(follower.cross_track[-50:]).mean())
+    assert settled == pytest.approx(float(foretold[1]), abs=0.1)
+
+
+def test_it_is_said_of_that_law_only_and_only_where_the_load_is_learned() -> None:
+    (line,) = check("paper_base", [LEARNED]).warnings
+    assert line.startswith("v2, v3, v4: estimate_slip learns the load, but")
+    assert check("paper_base").warnings == ()
+    assert check("paper_base", [LEARNED, "control.controller=slip_compensated"]).warnings == ()
