@@ -21,7 +21,7 @@ NEIGHBOURS = 7
 ON_EACH_SIDE = 3
 """It rests on so many of them to either side, where there are as many."""
 
-SLOPE = 0.3
+SLOPE = 0.5
 """So fast (m/m) its reach widens towards places where points are sparse."""
 
 _CHUNK = 256  # places smoothed at once: bounds the memory

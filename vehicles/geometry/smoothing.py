@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vehicles.geometry.bridges import UnbridgedError, filled, lengths, scatter
 from vehicles.geometry.geodesy import wrap_angle
+from vehicles.geometry.interpolation import cubic_weights
 from vehicles.geometry.local_regression import local_cubic
 from vehicles.geometry.path import SAMPLING, FloatArray, Path
 
@@ -176,11 +177,7 @@ def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatAr
     at = 0.5 * (t[k] + t[k + 1])
     four = [k - 1, k, k + 1, k + 2]
     halfway = np.zeros((2, k.size))
-    for i in four:  # Lagrange's form
-        weight = np.ones(k.size)
-        for j in four:
-            if j is not i:
-                weight *= (at - t[j]) / (t[i] - t[j])
+    for i, weight in zip(four, cubic_weights([t[i] for i in four], at), strict=True):
         halfway += weight * points[:, i]
     return halfway, 0.5 * (stations[k] + stations[k + 1])
 
@@ -262,20 +259,12 @@ def _closed(record: _Record, half_width: float) -> _Record:
     k = away + int(crossed[0])
     share = float(shares[k])
     end = float(t[k] + share * (t[k + 1] - t[k]))
-    missed = _beside(t, aside, k, end)
+    first = min(max(k - 1, 0), t.size - 4)
+    weights = cubic_weights(t[first : first + 4].tolist(), end)
+    missed = math.fsum(w * a for w, a in zip(weights, aside[first:].tolist(), strict=False))
     t, blend = t[: k + 1], min(SEAM_BLEND, 0.5 * end)
     shift = 0.5 * missed * (_ramp(1.0 - t / blend) - _ramp(1.0 - (end - t) / blend))
     return _Record(t, points[:, : k + 1] + np.stack((-ty * shift, tx * shift)), end)
-
-
-def _beside(t: FloatArray, aside: FloatArray, k: int, end: float) -> float:
-    """Distance aside at t = `end`, between points k and k + 1: on the cubic through four."""
-    four = range(max(0, min(k - 1, t.size - 4)), min(t.size, max(k + 3, 4)))
-    return float(
-        sum(
-            aside[i] * math.prod((end - t[j]) / (t[i] - t[j]) for j in four if j != i) for i in four
-        )
-    )
 
 
 def _ramp(u: FloatArray) -> FloatArray:

@@ -239,7 +239,7 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *receiver_warnings(scenario),
         *sampled_loop_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *_speed_warnings(scenario, run),
-        *slip_warnings(scenario, zip(run.speeds, run.curvatures, strict=True)),
+        *slip_warnings(scenario, list(zip(run.speeds, run.curvatures, strict=True))),
     )
     return tuple(dict.fromkeys(found))  # one file may be the path and replayed as well
 

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vehicles.driver.speed import SpeedProfile
-from vehicles.geometry.path import Path
-
-_Floats = NDArray[np.float64]
+from vehicles.geometry.path import FloatArray, Path
 
 STEP = 0.05
 """Time step (s) of a speed over time that depends on the station."""
@@ -124,11 +121,13 @@ def recorded(
     ), ratio
 
 
-def _summed(steps: _Floats) -> _Floats:
+def _summed(steps: FloatArray) -> FloatArray:
     return np.concatenate((np.zeros(1), np.cumsum(steps)))
 
 
-def _with_silences(t: _Floats, distance: _Floats, silent: Sequence[int]) -> tuple[_Floats, _Floats]:
+def _with_silences(
+    t: FloatArray, distance: FloatArray, silent: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
     """Put instants into silences, numbered by the point before, in which the car slowed down."""
 
     def speed(begin: float, end: float) -> float:
@@ -148,7 +147,9 @@ def _with_silences(t: _Floats, distance: _Floats, silent: Sequence[int]) -> tupl
     return at[order], np.concatenate(places)[order]
 
 
-def _slowed_down(span: float, way: float, first: float, last: float) -> tuple[_Floats, _Floats]:
+def _slowed_down(
+    span: float, way: float, first: float, last: float
+) -> tuple[FloatArray, FloatArray]:
     """Give instants (s) in a `span`, and how far (m) of its `way` a car had come by then.
 
     It brakes from a speed of `first` (m/s) to one that it holds, and speeds up again to `last`;
@@ -175,7 +176,7 @@ def _slowed_down(span: float, way: float, first: float, last: float) -> tuple[_F
     return since, before + held * np.maximum(since - on, 0.0) + after
 
 
-def _mean_speed(t: _Floats, distance: _Floats, knots: _Floats, half: float) -> list[float]:
+def _mean_speed(t: FloatArray, distance: FloatArray, knots: FloatArray, half: float) -> list[float]:
     """Mean speed (m/s) within `half` s of each knot, within the record's time."""
     late, early = np.minimum(knots + half, t[-1]), np.maximum(knots - half, 0.0)
     early = np.minimum(early, late - half)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.geometry.bridges import NEARBY, lengths, scatter
+from vehicles.geometry.interpolation import cubic_weights
 
 LONGEST_JUMP = 10
 """A jump goes away and comes back within so many points."""
@@ -132,30 +133,29 @@ class JumpFinder:
         """
         if not self.timed or not 2 <= place < len(self.kept) - 2:
             return False
-        here, interval = self._off_cubic(self.kept[place - 2 : place + 3])
+        row = self.kept[place - 2 : place + 3]
+        interval = 0.5 * (self._t[row[3]] - self._t[row[1]])
         allowed = max(self._least, ABRUPT * interval * interval)
-        if interval < SPARSE or here <= allowed:
+        if interval < SPARSE or self._off_cubic(row) <= allowed:
             return False
         others = [*self.kept[max(0, place - 4) : place], *self.kept[place + 1 : place + 5]]
         rows = (others[k : k + 5] for k in range(len(others) - 4))
-        return all(self._off_cubic(row)[0] <= allowed for row in rows)
+        return all(self._off_cubic(row) <= allowed for row in rows)
 
-    def _off_cubic(self, row: Sequence[int]) -> tuple[float, float]:
+    def _off_cubic(self, row: Sequence[int]) -> float:
         """How far (m) the third of five points is off the cubic in time through the others.
 
-        And half the time (s) between its neighbours. Nothing where instants repeat.
+        Nothing where instants repeat.
         """
         at, four = self._t[row[2]], (row[0], row[1], row[3], row[4])
         t = [self._t[k] for k in four]
-        interval = 0.5 * (t[2] - t[1])
         if not t[0] < t[1] < at < t[2] < t[3]:
-            return 0.0, interval
+            return 0.0
         x, y = self._xy[row[2]]
-        for i, k in enumerate(four):  # Lagrange's form
-            weight = math.prod((at - t[j]) / (t[i] - t[j]) for j in range(4) if j != i)
+        for weight, k in zip(cubic_weights(t, at), four, strict=True):
             x -= weight * self._xy[k][0]
             y -= weight * self._xy[k][1]
-        return math.hypot(x, y), interval
+        return math.hypot(x, y)
 
     def _offset(self, k: int, a: int, b: int) -> tuple[float, float]:
         """How far (m) point k is from the line from a to b at its time, and how far it may be."""

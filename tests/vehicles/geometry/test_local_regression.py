@@ -63,7 +63,7 @@ def test_sparse_points_are_joined_without_corners() -> None:
     circle = 100.0 * np.stack([np.cos(t / 100.0), np.sin(t / 100.0)])
     at = np.arange(0.0, 390.0, 0.25)
     smoothed = local_cubic(t, circle, at, 5.0)
-    assert np.max(np.abs(np.hypot(*smoothed) - 100.0)) < 0.03
+    assert np.max(np.abs(np.hypot(*smoothed) - 100.0)) < 0.02
     bend = np.diff(smoothed, n=2) / 0.25**2
     assert np.max(np.abs(np.diff(bend))) < 0.001  # of a bend of 0.01
 
