@@ -1,20 +1,18 @@
 """The cubic through four given values."""
 
-from collections.abc import Sequence
-from typing import TypeVar
+import numpy as np
 
 from vehicles.geometry.path import FloatArray
 
-Number = TypeVar("Number", float, FloatArray)
 
+def cubic_weights(t: FloatArray, at: FloatArray | float) -> FloatArray:
+    """Weights of the values given at four places `t` (4, ...) in their cubic's value at `at` (...).
 
-def cubic_weights(t: Sequence[Number], at: Number) -> list[Number]:
-    """Weights of values given at four places `t` in their cubic's value `at` a place (Lagrange).
-
-    Of arrays, each entry is a cubic of its own.
+    Lagrange's form (elementary algebra); the weights have the shape of `t`.
     """
-    weights = []
-    for i, here in enumerate(t):
-        a, b, c = (other for j, other in enumerate(t) if j != i)
-        weights.append((at - a) / (here - a) * ((at - b) / (here - b)) * ((at - c) / (here - c)))
+    weights = np.ones_like(t)
+    for i in range(4):
+        for j in range(4):
+            if j != i:
+                weights[i] *= (at - t[j]) / (t[i] - t[j])
     return weights

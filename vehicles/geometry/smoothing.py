@@ -177,7 +177,7 @@ def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatAr
     at = 0.5 * (t[k] + t[k + 1])
     four = [k - 1, k, k + 1, k + 2]
     halfway = np.zeros((2, k.size))
-    for i, weight in zip(four, cubic_weights([t[i] for i in four], at), strict=True):
+    for i, weight in zip(four, cubic_weights(np.stack([t[i] for i in four]), at), strict=True):
         halfway += weight * points[:, i]
     return halfway, 0.5 * (stations[k] + stations[k + 1])
 
@@ -260,8 +260,8 @@ def _closed(record: _Record, half_width: float) -> _Record:
     share = float(shares[k])
     end = float(t[k] + share * (t[k + 1] - t[k]))
     first = min(max(k - 1, 0), t.size - 4)
-    weights = cubic_weights(t[first : first + 4].tolist(), end)
-    missed = math.fsum(w * a for w, a in zip(weights, aside[first:].tolist(), strict=False))
+    weights = cubic_weights(t[first : first + 4], end)
+    missed = math.fsum((weights * aside[first : first + 4]).tolist())
     t, blend = t[: k + 1], min(SEAM_BLEND, 0.5 * end)
     shift = 0.5 * missed * (_ramp(1.0 - t / blend) - _ramp(1.0 - (end - t) / blend))
     return _Record(t, points[:, : k + 1] + np.stack((-ty * shift, tx * shift)), end)

@@ -152,7 +152,7 @@ class JumpFinder:
         if not t[0] < t[1] < at < t[2] < t[3]:
             return 0.0
         x, y = self._xy[row[2]]
-        for weight, k in zip(cubic_weights(t, at), four, strict=True):
+        for weight, k in zip(cubic_weights(np.array(t), at).tolist(), four, strict=True):
             x -= weight * self._xy[k][0]
             y -= weight * self._xy[k][1]
         return math.hypot(x, y)
