@@ -15,10 +15,10 @@ class MessageLog(Protocol):
     """
 
     @property
-    def broken(self) -> bool: ...  # noqa: D102 - see the class
+    def broken(self) -> bool: ...
 
     @property
-    def fast(self) -> bool: ...  # noqa: D102
+    def fast(self) -> bool: ...
 
     def write(  # noqa: PLR0917 - as in LogWriter
         self,

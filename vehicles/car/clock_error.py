@@ -21,20 +21,20 @@ class VehicleClock:
     drift: float = 0.0
 
     def error(self, now: int) -> int:
-        """By how much (ns) it is ahead at the true instant `now` (ns) (not in the paper)."""
+        """By how much (ns) it is ahead at the true instant `now` (ns)."""
         if not self.drift:
             return self.offset
         return self.offset + round(self.drift * (now - self.start_at) / MILLION)
 
     def stamped(self, at: int) -> int:
-        """Return what it reads (ns) at the true instant `at` (ns) (not in the paper)."""
+        """Return what it reads (ns) at the true instant `at` (ns)."""
         return at + self.error(at)
 
     def judged(self, now: int, poses: Sequence[GpsPose]) -> Sequence[GpsPose]:
         """Poses received at `now` (ns) with their stamps as old as they seem by this clock.
 
         Whoever compares a stamp with a reading of this clock is wrong by its error; as much as if
-        the clock were right and the stamp were earlier by that. Not in the paper.
+        the clock were right and the stamp were earlier by that.
         """
         error = self.error(now)
         if not error:

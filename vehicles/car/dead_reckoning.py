@@ -77,7 +77,7 @@ class SlipModel:
 
 
 class DriftModel:
-    """How fast dead reckoning goes wrong, biases apart: an error model beyond the paper.
+    """How fast dead reckoning goes wrong, biases apart.
 
     Densities of random walks, standard deviation² per time: `along` and `across` the body (m²/s),
     `heading` (rad²/s). White noise of deviation s held for T walks with density s² T.
@@ -92,7 +92,7 @@ class DriftModel:
         self.heading = period * (noise.yaw_rate**2 + (YAW_JERK * between) ** 2)
 
     def across(self, speed: float, yaw_rate: float) -> float:
-        """Density across the body (m²/s) at a motion, beyond the paper: of the slip's error.
+        """Density across the body (m²/s) at a motion: of the slip's error.
 
         One of deviation s that lasts for a time t (a Gauss–Markov process) walks with 2 s² t.
         """

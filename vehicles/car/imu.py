@@ -26,7 +26,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class InertialNoise:
-    """Standard deviations of the errors of speed (m/s) and yaw rate (rad/s). Not in the paper.
+    """Standard deviations of the errors of speed (m/s) and yaw rate (rad/s).
 
     Each reading has white Gaussian noise; the biases are constant over a run and drawn once for a
     vehicle. A gyroscope: 0.1 deg/s of noise, which is 0.01 deg/s/sqrt(Hz) over 100 Hz (data sheets

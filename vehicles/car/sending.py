@@ -77,18 +77,18 @@ class FixedRate:
     cadence: Cadence
 
     def due(self, now: int, waiting: Fix | None, opens: int) -> bool:  # noqa: ARG002
-        """Whether it is an instant of the schedule (not in the paper)."""
+        """Whether it is an instant of the schedule."""
         return now >= opens and self.cadence.due(now)
 
     def sent(self, now: int, fix: Fix) -> None:
-        """Nothing depends on what was sent (not in the paper)."""
+        """Nothing depends on what was sent."""
 
 
 def profile_instants(profile: Sequence[tuple[float, float]]) -> Iterator[int]:
     """Instants (ns) of a rate that changes: `profile` has times (s) and the rate (Hz) from then on.
 
     Where the integral of the rate is a whole number, so a change of rate changes what is left of
-    the period that is on. Before the first time nothing is sent. Not in the paper.
+    the period that is on. Before the first time nothing is sent.
     """
     turns = Fraction(0)
     wanted = 0
@@ -107,7 +107,7 @@ def profile_instants(profile: Sequence[tuple[float, float]]) -> Iterator[int]:
 
 
 class Profile:
-    """At a rate that changes over time (not in the paper); an instant too soon is passed over."""
+    """At a rate that changes over time; an instant too soon is passed over."""
 
     def __init__(self, profile: Sequence[tuple[float, float]], start_at: int) -> None:
         """`profile` as `profile_instants` takes it, from `start_at` (ns) on."""
@@ -120,7 +120,7 @@ class Profile:
         return None if instant is None else self._start_at + instant
 
     def due(self, now: int, waiting: Fix | None, opens: int) -> bool:  # noqa: ARG002
-        """Whether it is one of the instants (not in the paper)."""
+        """Whether it is one of the instants."""
         found = False
         while self._next is not None and self._next <= now:
             found = self._next == now
@@ -128,7 +128,7 @@ class Profile:
         return found and now >= opens
 
     def sent(self, now: int, fix: Fix) -> None:
-        """Nothing depends on what was sent (not in the paper)."""
+        """Nothing depends on what was sent."""
 
 
 class CooperativeAwareness:
@@ -193,7 +193,7 @@ class Shares:
 
     @property
     def shortest(self) -> float:
-        """Least span (ns) between two instants drawn (not in the paper): the jitter is cut off."""
+        """Least span (ns) between two instants drawn: the jitter is cut off."""
         return min(self.intervals) - FARTHEST * self.jitter
 
     def draw(self, random: Generator) -> int:

@@ -79,7 +79,7 @@ def axle_loads(p: VehicleParameters) -> tuple[float, float]:
 
 
 def brush_force(slip: float, stiffness: float, capacity: float) -> float:
-    """Lateral force (N) of an axle of brushes at a slip angle (rad), beyond the paper: Fiala, 1954.
+    """Lateral force (N) of an axle of brushes at a slip angle (rad): Fiala, 1954.
 
     F = -C s (1 - x + x²/3) with x = C |s| / (3 capacity), and -capacity sgn(s) from x = 1 on;
     `stiffness` C in N/rad, `capacity` in N, the force at which it slides.
@@ -94,7 +94,7 @@ def brush_force(slip: float, stiffness: float, capacity: float) -> float:
 def lateral_share(acceleration: float, friction: float) -> float:
     """Share of the friction left across the car at a longitudinal acceleration (m/s²).
 
-    The circle of friction, beyond the paper: Hindiyeh and Gerdes, 2014.
+    The circle of friction: Hindiyeh and Gerdes, 2014.
     """
     used = acceleration / (friction * GRAVITY)
     left = 1.0 - used * used

@@ -30,7 +30,7 @@ class CommandLimit:
         self._last = first
 
     def held_back(self, command: SteeringCommand) -> SteeringCommand:
-        """Command of this control instant, at most a step from the last one's; not in the paper.
+        """Command of this control instant, at most a step from the last one's.
 
         To be called once at every control instant. The parts δ_ff and δ_fb stay what they were.
         """

@@ -109,7 +109,7 @@ class Decision:
 
     @property
     def announcement(self) -> Announcement:
-        """What is told to those behind beside the pose (beyond the paper, as in a CAM)."""
+        """What is told to those behind beside the pose, as in a CAM."""
         return Announcement(
             mode=self.mode,
             hazard=self.situation.hazard,

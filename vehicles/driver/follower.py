@@ -262,7 +262,7 @@ class Follower:
 def blended(
     parts: Sequence[tuple[float, TrackingErrors, SteeringCommand]],
 ) -> tuple[TrackingErrors, SteeringCommand]:
-    """Mean errors and command of several trajectories by their shares (not in the paper)."""
+    """Mean errors and command of several trajectories by their shares."""
     return (
         TrackingErrors(
             lateral=sum([share * e.lateral for share, e, _ in parts]),

@@ -187,7 +187,7 @@ def bend_acceleration(
 
     A predecessor that leaves a bend accelerates while those behind are still in it. At a distance s
     the bend allows v² <= a_lat/|κ| + 2 b s with half the braking limit for b (uniformly accelerated
-    motion: elementary algebra, not in the paper); what is too fast is taken back at `BEND_RATE`.
+    motion: elementary algebra); what is too fast is taken back at `BEND_RATE`.
     """
     if curvature_ahead is None or limits.lateral == math.inf:
         return math.inf
@@ -239,7 +239,7 @@ class SpeedLaw(Protocol):
 
 
 def profile_correction(wanted: float, speed: float) -> float:
-    """Acceleration (m/s²) that takes a speed error (m/s) back mildly, beyond the paper."""
+    """Acceleration (m/s²) that takes a speed error (m/s) back mildly."""
     correction = PROFILE_CORRECTION * (wanted - speed)
     if -CORRECTION_MAX <= correction <= CORRECTION_MAX:  # as mostly
         return correction

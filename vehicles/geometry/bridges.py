@@ -41,7 +41,7 @@ has 20 times the variance, and half of all normal numbers are within 0.6745."""
 
 
 class UnbridgedError(ValueError):
-    """A hole that cannot be bridged (beyond the paper); point number `before` is before it."""
+    """A hole that cannot be bridged; point number `before` is before it."""
 
     def __init__(self, text: str, before: int) -> None:
         super().__init__(text)
@@ -74,7 +74,7 @@ def scatter(points: FloatArray) -> float:
     """Standard deviation (m, per axis) of the white noise in `points` (2, n); 0 for a few points.
 
     From the median of their third difference across their course, which neither uneven spacing nor
-    a steady curve enters, nor a few points that are far off (beyond the paper).
+    a steady curve enters, nor a few points that are far off.
     """
     if points.shape[1] < SIDE:
         return 0.0
@@ -95,7 +95,7 @@ def lengths(points: FloatArray) -> FloatArray:
 
 
 def holes_in(steps: FloatArray) -> NDArray[np.int64]:
-    """Which of `steps` (m) from point to point are holes (beyond the paper)."""
+    """Which of `steps` (m) from point to point are holes."""
     long = np.flatnonzero(steps > HOLE)
     usual = [float(np.median(steps[max(0, k - NEARBY) : k + NEARBY + 1])) for k in long.tolist()]
     return np.asarray(long[steps[long] > UNUSUAL * np.array(usual)], dtype=np.int64)

@@ -41,7 +41,7 @@ SLOWEST_PROGRESS = 0.5
 
 
 class NoPathError(ValueError):
-    """Points that make no path (beyond the paper); `point` is the culprit's number, from 0."""
+    """Points that make no path; `point` is the culprit's number, from 0."""
 
     def __init__(self, text: str, point: int) -> None:
         super().__init__(text)

@@ -100,8 +100,7 @@ class FitSettings:
     def price_of_join(self, freedom: int) -> float:
         """How much squared residual, in noise squared, a join and so many unknowns must explain.
 
-        Akaike's criterion asks 2 for each (beyond the paper); a join's place may be anywhere, and
-        asks more.
+        Akaike's criterion asks 2 for each; a join's place may be anywhere, and asks more.
         """
         return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
 
@@ -135,7 +134,7 @@ class FitSettings:
     def reach(self) -> float:
         """By how much, in noise squared, a curve may score worse than the best and still count.
 
-        Where its Akaike weight (beyond the paper) is `ignored` times that of the best.
+        Where its Akaike weight is `ignored` times that of the best.
         """
         return 2.0 * self.temperature * log(1.0 / self.ignored)
 

@@ -1,4 +1,4 @@
-"""Least squares for a curve whose curvature changes evenly: a clothoid (beyond the paper).
+"""Least squares for a curve whose curvature changes evenly: a clothoid.
 
 The arc of `fit_arc` and one more linear unknown, the rate of the curvature: the graph gains a term
 that is the clothoid's way off the arc, to first order in the rate and exact in the curvature.
@@ -28,7 +28,7 @@ series of its way off the arc ends at the sixth power of a quarter of that."""
 
 
 class Clothoid(NamedTuple):
-    """Graph of a clothoid, and the column of its rate for `drift` (beyond the paper)."""
+    """Graph of a clothoid, and the column of its rate for `drift`."""
 
     graph: Graph
     column: Floats

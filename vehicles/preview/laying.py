@@ -46,8 +46,8 @@ def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
 def between(one: LocalCurve, joined: LocalCurve, share: float, data: FitData) -> LocalCurve:
     """Mean of a curve of one piece and one of two, `share` being that of the second.
 
-    Place and direction are means beside the sample that is nearest to the ego, curvatures all along
-    (beyond the paper): so the curve does not jump where another explains the samples better.
+    Place and direction are means beside the sample that is nearest to the ego, curvatures
+    all along, so the curve does not jump where another explains the samples better.
     """
     nearest = min(int(data.station.searchsorted(0.0)), len(data.station) - 1)
     x, y = data.rows.item(X, nearest), data.rows.item(Y, nearest)

@@ -71,7 +71,7 @@ class Window(NamedTuple):
 
 
 def plausible(one: Sample, other: Sample, settings: TraceSettings) -> bool:
-    """Whether a car could have been at both places at their instants (not in the paper)."""
+    """Whether a car could have been at both places at their instants."""
     span = abs(other.measured_at - one.measured_at) / SECOND
     reach = settings.jump_ratio * max(abs(one.speed), abs(other.speed)) * span
     distance = hypot(other.east - one.east, other.north - one.north)

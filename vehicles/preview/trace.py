@@ -246,9 +246,9 @@ class Trace:
         """Join the ego's place to the first sample by a straight line, if that lies ahead of it.
 
         A convoy forms up on a straight lead-in, and what a source drove before its first message
-        is unknown (not in the paper): points on the straight line let the fit interpolate, where
-        a few noisy samples 15 to 60 m ahead would be extrapolated backwards. Does nothing once a
-        bridge is laid, once samples behind the ego were forgotten, or before a sample is held.
+        is unknown: points on the straight line let the fit interpolate, where a few noisy samples
+        15 to 60 m ahead would be extrapolated backwards. Does nothing once a bridge is laid, once
+        samples behind the ego were forgotten, or before a sample is held.
         """
         line = self._line
         if not line.at or self.joined:
@@ -341,8 +341,8 @@ class Trace:
     def gap(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego at (east, north) to the source's newest place.
 
-        For keeping gaps (not in the paper). None before the first sample. How far the source went
-        since then is for the caller to add.
+        For keeping gaps. None before the first sample. How far the source went since then is for
+        the caller to add.
         """
         if self.newest is None:
             return None

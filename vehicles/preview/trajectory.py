@@ -121,9 +121,8 @@ def fuse(
     """Trajectories to steer along, each with its share of the command; empty if there is none.
 
     `composite` is one trajectory through both sources (Section III-A), `predecessor` one without
-    lead data (Section V-D.1), `blend` one trajectory per source, whose commands are to be blended
-    (not in the paper). `alpha` in [0, 1] is the predecessor's weight of eq. (5); a source alone
-    gets all of it.
+    lead data (Section V-D.1), `blend` one trajectory per source, whose commands are to be blended.
+    `alpha` in [0, 1] is the predecessor's weight of eq. (5); a source alone gets all of it.
     """
     if fusion != "blend":
         used = lead if fusion == "composite" else None

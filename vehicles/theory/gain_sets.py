@@ -67,7 +67,7 @@ def abscissa(parameters: VehicleParameters, gains: Gains, speeds: Sequence[float
 def singular_frequency(parameters: VehicleParameters) -> float | None:
     """Frequency (rad/s) at which the boundary in a (k_e, k_theta) plane runs to infinity, if any.
 
-    Not in the paper: the determinant of the two equations of `boundary_curve` is proportional to
+    The determinant of the two equations of `boundary_curve` (Section III-F) is proportional to
     C_r (a + b) + (m a b - I_z) w², whatever the speed; it vanishes if I_z > m a b. The paper's car
     has I_z just below m a b (they differ by 0.01 %); most loaded ones lie above.
     """

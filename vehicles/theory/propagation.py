@@ -82,7 +82,7 @@ def trace_propagation(
     steering: SteeringModel = "second order",
     known: VehicleParameters | None = None,
 ) -> Transfer:
-    """Lateral offset of a follower over that of the path its predecessor left, beyond the paper.
+    """Lateral offset of a follower over that of the path its predecessor left.
 
     F = n_e (k_e + (k_theta / v) s + (k_omega / v + (L + K_sg v²) / v²) s²) / Delta: the numerator
     n_e of e_lat / delta_f (Section III-F) times the law of eqs. (6), (7) with the reference's

@@ -97,9 +97,10 @@ def maximum_gain(transfer: Transfer) -> float:
 
 
 def largest_weight(transfer: Transfer) -> float:
-    """Largest alpha below which alpha |T| < 1 at every frequency, at most 1; beyond the paper.
+    """Largest alpha below which alpha |T| < 1 at every frequency, at most 1.
 
-    Below it the chain with the lead's data contracts: what a vehicle adds is not amplified behind.
+    Alpha is the predecessor's weight of eq. (5). Below this value the chain with the lead's data
+    contracts: what a vehicle adds is not amplified behind.
     """
     return min(1.0, 1.0 / peak(transfer).magnitude)
 

@@ -16,7 +16,7 @@ NO_TRAJECTORY = "no trajectory through what is heard"
 class ModesByReach:
     """Steered along is whose samples reach ahead of the car, however old they are.
 
-    Where none do, it coasts: along its last trajectory, or as its reaction is (beyond the paper).
+    Where none do, it coasts: along its last trajectory, or as its reaction is.
     """
 
     def decide(
@@ -29,7 +29,7 @@ class ModesByReach:
         fitted: bool,
         has_path: bool,
     ) -> tuple[Mode, str]:
-        """Mode by the windows of the last fit, and who is missing (beyond the paper)."""
+        """Mode by the windows of the last fit, and who is missing."""
         reaching = [mode for mode, one in pair.used.items() if one.reaches]
         silent = [one for one in pair.used.values() if not one.reaches]
         why = ", ".join(
@@ -50,7 +50,7 @@ def without_hearing(
     """Steering command of a reaction where nobody is heard: the last one, or straight.
 
     "hold" keeps the `last` command, "straight" turns the wheels straight, as the guardian of the
-    Apollo system does; all others steer as `asked` along their trajectory (beyond the paper).
+    Apollo system does; all others steer as `asked` along their trajectory.
     """
     if mode != "coast" or reaction in ("degrade", "extrapolate"):
         return asked

@@ -20,7 +20,7 @@ NOTHING_HEARD = "nothing heard yet"
 
 
 class Modes(Protocol):
-    """Decides on the mode of a follower (beyond the paper)."""
+    """Decides on the mode of a follower."""
 
     def decide(
         self,
@@ -35,13 +35,13 @@ class Modes(Protocol):
         """Mode at a control instant `now` (ns) at `speed` (m/s), and why.
 
         `fitted` says whether the samples supported a trajectory when last fitted, `has_path`
-        whether they ever did. Beyond the paper.
+        whether they ever did.
         """
         ...
 
 
 class ModeMachine:
-    """Composite → lead or predecessor → coast → stop, and back (beyond the paper).
+    """Composite → lead or predecessor → coast → stop, and back.
 
     Steered along is who is relied on. Who hears nobody coasts as long as a stop within the known
     path needs no more than comfortable braking, and stops otherwise, until somebody is relied on
@@ -70,7 +70,7 @@ class ModeMachine:
         fitted: bool,  # noqa: ARG002 - what was fitted last is steered along
         has_path: bool,
     ) -> tuple[Mode, str]:
-        """Mode at a control instant `now` (ns) at `speed` (m/s), and why (beyond the paper).
+        """Mode at a control instant `now` (ns) at `speed` (m/s), and why.
 
         Why is what is missing, and when the mode changes who is relied on anew.
         """

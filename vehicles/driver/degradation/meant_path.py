@@ -38,7 +38,7 @@ MOST, FORGOTTEN = 4096, 1024
 
 
 class MeantPath:
-    """Where the path is beside the places that a source told (beyond the paper).
+    """Where the path is beside the places that a source told.
 
     Of each its instant (ns), and in turn east and north (m), yaw (rad) and how far left of the path
     it lies (m).
@@ -109,7 +109,7 @@ class MeantShare:
         self._wanted = wanted
 
     def go_on(self, mode: Mode, span: float) -> None:
-        """Steer along `mode` for `span` (s); without anybody heard it stays (beyond the paper)."""
+        """Steer along `mode` for `span` (s); without anybody heard it stays."""
         if mode == "predecessor" and self._wanted:
             self.now = min(self.now + span / self._span, 1.0)
         elif self.now and mode in ("composite", "lead"):

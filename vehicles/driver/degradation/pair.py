@@ -123,8 +123,7 @@ class SourcePair:
     def look(self, now: int, pose: Pose, acceleration: float, *, anew: bool) -> Situation:
         """Judge all of it at a control instant `now` (ns), after `acceleration` (m/s²) was asked.
 
-        Beyond the paper. How far the path is known is measured `anew`, or worked out from the speed
-        meanwhile.
+        How far the path is known is measured `anew`, or worked out from the speed meanwhile.
         """
         span = (now - self._looked_at) / SECOND if self._looked_at else 0.0
         self._looked_at = now
@@ -146,7 +145,7 @@ class SourcePair:
 
     @property
     def run_out(self) -> bool:
-        """Whether none that is relied on tells more of the road (beyond the paper)."""
+        """Whether none that is relied on tells more of the road."""
         return all(one.runs_out for one in self.used.values() if one.relied_on)
 
     def stops_at(self, mode: Mode, brakes_at: int) -> int:
@@ -155,7 +154,7 @@ class SourcePair:
         0 if nothing says so. That is when the last source that it relies on, or waits for, is lost,
         as soon as a message of each is overdue; or when its guard has to brake behind the
         predecessor (`brakes_at`, 0 for not); and not later than the predecessor's, behind which it
-        stops too. Beyond the paper.
+        stops too.
         """
         if self._settings.reaction != "degrade":
             return 0
@@ -184,7 +183,7 @@ def _stop(speed: float, acceleration: float, braking: Braking, period: float = 0
 
 
 def farthest(sources: Iterable[Source]) -> float:
-    """How far the path is known ahead of the car (m) by any of them (beyond the paper), or NaN."""
+    """How far the path is known ahead of the car (m) by any of them, or NaN."""
     known = nan
     for one in sources:
         if isnan(known) or one.known > known:

@@ -8,7 +8,7 @@ class Probation:
     """Doubles with each relapse, and halves after each time without one.
 
     As PX4's estimator EKF2 does with its sensors: the time grows while failing and shrinks while
-    passing (beyond the paper).
+    passing.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
@@ -19,7 +19,7 @@ class Probation:
         self.length = settings.probation
 
     def fail(self, now: int) -> None:
-        """Count that the source was lost at `now` (ns), or is not believed (beyond the paper)."""
+        """Count that the source was lost at `now` (ns), or is not believed."""
         settings = self._settings
         if self._trusted_at is not None:
             healthy = (now - self._trusted_at) / SECOND
@@ -30,13 +30,13 @@ class Probation:
         self._next = min(2.0 * self.length, max(settings.probation_max, settings.probation))
 
     def begin(self, now: int) -> None:
-        """Begin at `now` (ns), when the source is heard again (beyond the paper)."""
+        """Begin at `now` (ns), when the source is heard again."""
         self._began_at = now
 
     def served(self, now: int) -> float:
-        """Time (s) of it that has passed at `now` (ns), beyond the paper."""
+        """Time (s) of it that has passed at `now` (ns)."""
         return (now - self._began_at) / SECOND
 
     def end(self, now: int) -> None:
-        """Rely on the source again from `now` (ns) on (beyond the paper)."""
+        """Rely on the source again from `now` (ns) on."""
         self._trusted_at = now

@@ -45,7 +45,7 @@ class Reception:
     def add(self, now: int, measured_at: int, seq: int) -> bool:
         """Take in a message heard at `now`; returns whether it is the newest by its time stamp.
 
-        One that came before, by its number, does not count (beyond the paper).
+        One that came before, by its number, does not count.
         """
         if seq > self._highest:
             self._highest = seq
@@ -65,22 +65,19 @@ class Reception:
         return True
 
     def forget(self) -> None:
-        """Forget what came: what lies on both sides of a long silence is no period.
-
-        Beyond the paper.
-        """
+        """Forget what came: what lies on both sides of a long silence is no period."""
         self._recent.clear()
         self._heard_at.clear()
 
     def silence(self, now: int) -> float:
-        """Time (s) since a newer message was heard, NaN before the first (beyond the paper).
+        """Time (s) since a newer message was heard, NaN before the first.
 
         Not since it was measured: a latency is no silence.
         """
         return nan if self._newest_at is None else (now - self._newest_at) / SECOND
 
     def share(self, now: int) -> float:
-        """Share of the messages of the last second that came (beyond the paper), NaN before any.
+        """Share of the messages of the last second that came, NaN before any.
 
         Within a second of the first message, of those since then.
         """
@@ -92,12 +89,12 @@ class Reception:
     def delivers(self, now: int, share: float) -> bool:
         """Whether at least `share` of what usually comes did so in the last second.
 
-        But for one message, which may have come just before or just after (beyond the paper).
+        But for one message, which may have come just before or just after.
         """
         return self._came(now) + 1 >= share * self.usual_share * self._expected(now)
 
     def count_share(self, now: int, share: float) -> None:
-        """Let the `share` of the last second count for the usual one (beyond the paper)."""
+        """Let the `share` of the last second count for the usual one."""
         span = (now - self._counted_until) / SECOND
         self._counted_until = now
         if span <= 0.0:
@@ -108,7 +105,7 @@ class Reception:
         self.usual_share = before + (share - before) * span / self._counted
 
     def pause_count(self, now: int) -> None:
-        """Let the time until `now` not count for the usual share (beyond the paper)."""
+        """Let the time until `now` not count for the usual share."""
         self._counted_until = now
 
     def _came(self, now: int) -> int:

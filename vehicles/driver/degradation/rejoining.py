@@ -33,7 +33,7 @@ class _Way:
 
 
 class Rejoining:
-    """Takes the car from where it is to a path that it hears of again (beyond the paper).
+    """Takes the car from where it is to a path that it hears of again.
 
     A steering law would turn its wheels by all that the error asks for, at once. So the error to
     be corrected is that from a cubic (Hermite) which leads from the car's place and heading to the
@@ -48,11 +48,11 @@ class Rejoining:
 
     @property
     def under_way(self) -> bool:
-        """Whether the car is still on its way back (beyond the paper)."""
+        """Whether the car is still on its way back."""
         return self._wanted or self._way is not None
 
     def want(self) -> None:
-        """Begin at the next errors: the path has become another one (beyond the paper)."""
+        """Begin at the next errors: the path has become another one."""
         self._wanted = True
 
     def from_there(self, now: int, errors: TrackingErrors, speed: float) -> TrackingErrors:

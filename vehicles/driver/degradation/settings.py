@@ -23,7 +23,7 @@ driven   the way that it drove, with its errors, which add up along the convoy
 class Braking:
     """A way of braking: deceleration (m/s², positive) and the jerk (m/s³) at which it builds up.
 
-    Beyond the paper, as planners state it (Autoware).
+    As planners state it (Autoware).
     """
 
     deceleration: float
@@ -64,6 +64,6 @@ class DegradationSettings:
     hardest: Braking = Braking(6.0, 12.0)
 
     def lost_after_silence(self, period: float) -> float:
-        """Silence (s) after which a source of such a `period` (s) is lost (beyond the paper)."""
+        """Silence (s) after which a source of such a `period` (s) is lost."""
         silence, least = self.lost_periods * period, self.lost_after
         return least if least > silence else silence

@@ -8,7 +8,7 @@ from vehicles.messages import Mode, SourceStatus
 
 @dataclass(slots=True)
 class SourceFreshness:
-    """What a follower knows of one source at a control instant (beyond the paper).
+    """What a follower knows of one source at a control instant.
 
     `age` (s) is that of the newest sample, counted from when it was measured, `silence` (s) the
     time since it was heard, `period` (s) the time between messages as expected, `share` that of the
@@ -31,7 +31,7 @@ class SourceFreshness:
 
     @property
     def is_lost(self) -> bool:
-        """Whether it is silent for too long, or what it says is not believed (beyond the paper)."""
+        """Whether it is silent for too long, or what it says is not believed."""
         return self.status in ("lost", "distrusted")
 
 
@@ -39,7 +39,7 @@ class SourceFreshness:
 class Situation:
     """What a follower knows of its sources, its road and its brakes at a control instant.
 
-    Beyond the paper. The first follower has one source, which is both. `known` (m) is the path
+    The first follower has one source, which is both. `known` (m) is the path
     known ahead of the car by all sources; `comfortable_stop` and `firm_stop` are the braking
     distances (m), `blind` how far the car would drive beyond the known path in the hardest stop (m,
     0 if it stops within).

@@ -73,7 +73,7 @@ class Source:
 
     @property
     def status(self) -> SourceStatus:
-        """What is made of it (beyond the paper)."""
+        """What is made of it."""
         return self._now.status
 
     @property
@@ -88,7 +88,7 @@ class Source:
 
     @property
     def freshness(self) -> SourceFreshness:
-        """How fresh it was when last looked at (beyond the paper)."""
+        """How fresh it was when last looked at."""
         seen = self._now
         return SourceFreshness(
             seen.status,
@@ -106,22 +106,22 @@ class Source:
 
     @property
     def lost_at(self) -> int:
-        """When it is lost (ns) unless it is heard again, as of the last look (beyond the paper)."""
+        """When it is lost (ns) unless it is heard again, as of the last look."""
         return self._now.lost_at
 
     @property
     def stops_at(self) -> int:
-        """When it begins to stop (ns), as it announced last, or 0 (beyond the paper)."""
+        """When it begins to stop (ns), as it announced last, or 0."""
         return self._now.stops_at
 
     @property
     def runs_out(self) -> bool:
-        """Whether it tells no more of the road: it is late or astray (beyond the paper)."""
+        """Whether it tells no more of the road: it is late or astray."""
         return self._now.status == "late" or self._strayed
 
     @property
     def is_missed(self) -> bool:
-        """Whether a message of it is overdue, long before it counts as late (beyond the paper)."""
+        """Whether a message of it is overdue, long before it counts as late."""
         if self._now.status == "unheard":
             return self._waited > MISSED_AFTER * self._period
         share = self._reception.usual_share
@@ -130,7 +130,7 @@ class Source:
 
     @property
     def never_came(self) -> bool:
-        """Whether it was never heard in the time in which others are lost (beyond the paper)."""
+        """Whether it was never heard in the time in which others are lost."""
         after = self._settings.lost_after_silence(self._period)
         return self._now.status == "unheard" and self._waited > after
 
@@ -181,13 +181,13 @@ class Source:
         return window if self.reaches else None
 
     def locate(self, east: float, north: float) -> None:
-        """Measure how far its path is known ahead of the ego at (east, north), beyond the paper."""
+        """Measure how far its path is known ahead of the ego at (east, north)."""
         self._known = self.trace.known(east, north)
 
     def look(self, now: int, driven: float, span: float) -> None:
         """Judge it at a control instant `now` (ns), `span` (s) and `driven` (m) after the last.
 
-        By silence, not by age, so that a latency alone makes nobody lost (beyond the paper).
+        By silence, not by age, so that a latency alone makes nobody lost.
         """
         seen, reception, at = self._now, self._reception, self.trace.newest_at
         self._known -= driven

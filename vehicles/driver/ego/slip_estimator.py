@@ -99,7 +99,7 @@ class SlipEstimator:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the ratio, by the filter of Kalman, 1960; not in the paper."""
+        """Standard deviation of the ratio, by the filter of Kalman, 1960."""
         return math.sqrt(self._variance)
 
     @property
@@ -141,7 +141,7 @@ class SlipEstimator:
         return 0.5 * (angle + self._steering)
 
     def correct(self, yaw_rate: float, speed: float) -> None:
-        """Take a yaw rate (rad/s) measured now at a speed (m/s): Kalman, 1960; not in the paper."""
+        """Take a yaw rate (rad/s) measured now at a speed (m/s): Kalman, 1960."""
         empty, laden = self._models[0].yaw_rate, self._models[1].yaw_rate
         if speed < LEARNS_FROM or abs(yaw_rate) * speed > LINEAR_UP_TO:
             return

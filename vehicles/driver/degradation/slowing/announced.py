@@ -10,7 +10,7 @@ class AnnouncedStop:
     """Whether the predecessor is taken to stop as hard as it can, and how far it gets.
 
     Else cars that drive into silence one after the other would begin to brake one after the other
-    at one and the same place, and all come to stand there. Beyond the paper.
+    at one and the same place, and all come to stand there.
     """
 
     def __init__(self, hardest: Braking) -> None:
@@ -20,8 +20,7 @@ class AnnouncedStop:
     def is_expected(self, now: int, predecessor: SourceFreshness) -> bool:
         """Whether it stops at `now`, as it announced: until it is heard of what it does instead.
 
-        While it is heard, until its brakes have gripped: from then on they can be followed. Beyond
-        the paper.
+        While it is heard, until its brakes have gripped: from then on they can be followed.
         """
         stops_at = predecessor.stops_at
         if not stops_at or now < stops_at:
@@ -37,7 +36,7 @@ class AnnouncedStop:
     def way(self, now: int, speed: float, predecessor: SourceFreshness) -> float:
         """How far (m) it gets from where it was at its newest sample, at `speed` (m/s) then.
 
-        It drives on at that speed until the announced instant, or brakes already. Beyond the paper.
+        It drives on at that speed until the announced instant, or brakes already.
         """
         free = (predecessor.stops_at - now) / SECOND + predecessor.age
         if free > 0.0:

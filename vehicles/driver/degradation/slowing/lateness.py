@@ -18,7 +18,7 @@ USUAL_SHARE = 0.05
 class AgeWatch:
     """How much older than usual what is known of the predecessor is, and was lately.
 
-    Until the first message, the predecessor is where it was at the start. Beyond the paper.
+    Until the first message, the predecessor is where it was at the start.
     """
 
     def __init__(self, settings: DegradationSettings, period: float) -> None:
@@ -32,11 +32,11 @@ class AgeWatch:
 
     @property
     def usual(self) -> float:
-        """Largest age (s) to be expected, beyond the paper: that when heard, and a period."""
+        """Largest age (s) to be expected: that when heard, and a period."""
         return self._usual + self._period
 
     def observe(self, now: int, age: float, source: SourceFreshness) -> None:
-        """Take the age (s) of the newest sample at `now` (ns); beyond the paper."""
+        """Take the age (s) of the newest sample at `now` (ns)."""
         settings = self._settings
         if not isnan(source.period):
             self._period = source.period
@@ -52,17 +52,11 @@ class AgeWatch:
                 self._peak, self._peak_at = growth, now
 
     def is_longest(self, now: int) -> bool:
-        """Whether what is known at `now` (ns) is late, and older than it was lately.
-
-        Beyond the paper.
-        """
+        """Whether what is known at `now` (ns) is late, and older than it was lately."""
         return self._peak_at == now
 
     def is_awake(self, now: int) -> bool:
-        """Whether messages are late at `now` (ns), or were within the probation.
-
-        Beyond the paper.
-        """
+        """Whether messages are late at `now` (ns), or were within the probation."""
         if self._late_at is None:
             return False
         return now - self._late_at <= self._settings.probation * SECOND
@@ -70,7 +64,7 @@ class AgeWatch:
     def growth(self, now: int) -> float:
         """Age beyond the usual (s): the largest lately, which is forgotten gradually.
 
-        Beyond the paper; a gap that followed the present age would pump.
+        A gap that followed the present age would pump.
         """
         if not self._peak:
             return 0.0

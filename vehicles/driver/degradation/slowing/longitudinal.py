@@ -60,7 +60,7 @@ STANDING = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardedCar:
-    """What the guard knows of its car and its place in the convoy, beyond the paper.
+    """What the guard knows of its car and its place in the convoy.
 
     `length` (m) of a car, `friction` of the road, `policy` and `limits` of gap keeping (where the
     convoy drives a common speed: the gap at the start), `initial_gap` (m) to the predecessor at the
@@ -136,7 +136,7 @@ class SpeedGuard:
     def command(
         self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
     ) -> SpeedCommand:
-        """Command at `now` (ns) while the car steers along `mode`; beyond the paper, see the class.
+        """Command at `now` (ns) while the car steers along `mode`; see the class.
 
         To be called once at every control instant.
         """

@@ -20,7 +20,7 @@ def stopping_distance(speed: float, acceleration: float, braking: Braking) -> fl
 
     The acceleration changes at the jerk of `braking` until its deceleration is reached, which is
     then held: s = v t + a t²/2 ∓ j t³/6 on the way there, v²/(2 b) from there (kinematics,
-    elementary algebra; the stop profile of Autoware's planners; beyond the paper).
+    elementary algebra; the stop profile of Autoware's planners).
     """
     if speed <= 0.0:
         return 0.0
@@ -49,7 +49,7 @@ def needed_deceleration(
 
     Without a limit of the jerk (m/s³) it is v²/(2 s); with one, it is that which the present
     acceleration (m/s²) is changed to at this jerk (see `stopping_distance`), by bisection. Infinite
-    if none suffices (elementary kinematics, beyond the paper).
+    if none suffices (elementary kinematics).
     """
     if speed <= 0.0:
         return 0.0

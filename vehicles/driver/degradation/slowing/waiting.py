@@ -24,7 +24,7 @@ SLOWEST = 1.0
 
 
 class ConvoyWatch:
-    """Which followers are lost, or say that they degrade (beyond the paper).
+    """Which followers are lost, or say that they degrade.
 
     One that is silent for longer than a source may be is lost, counted from the start on; it is
     found again when nothing was wrong for the probation.
@@ -45,10 +45,7 @@ class ConvoyWatch:
         self._why = ""
 
     def observe(self, now: int, received: Sequence[GpsPose]) -> str:
-        """Take what was heard by `now` (ns); says for whom to wait and why, or nothing.
-
-        Beyond the paper.
-        """
+        """Take what was heard by `now` (ns); says for whom to wait and why, or nothing."""
         for message in received:
             self._hear(now, message)
         wrong = [why for name in self._heard_at if (why := self._wrong(now, name))]
@@ -74,7 +71,7 @@ class ConvoyWatch:
 
 
 class WaitingProfile(ProfileSpeed):
-    """Drives a speed profile, slower while there is somebody to wait for (beyond the paper).
+    """Drives a speed profile, slower while there is somebody to wait for.
 
     Its time then passes more slowly, so the lead is everywhere at most as fast as the profile is
     there, in bends too. As long as nobody is waited for it is `ProfileSpeed` to the bit.

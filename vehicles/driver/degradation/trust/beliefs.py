@@ -21,7 +21,7 @@ class _Doubt:
 
 
 class Beliefs:
-    """The gates of all sources (beyond the paper); without gates everything is believed."""
+    """The gates of all sources; without gates everything is believed."""
 
     def __init__(self, gates: Mapping[str, InnovationGate] | None = None) -> None:
         """`gates` are by the names of the sources."""
@@ -30,7 +30,7 @@ class Beliefs:
         self._remarks: list[str] = []
 
     def judge(self, now: int, name: str, fix: Fix) -> Belief:
-        """What to make of a pose of `name`, heard at `now` (ns) (beyond the paper)."""
+        """What to make of a pose of `name`, heard at `now` (ns)."""
         gate = self._gates.get(name)
         if gate is None:
             return Belief(believed=True, reason="", deviation=fix.accuracy)
@@ -51,7 +51,7 @@ class Beliefs:
         return verdict
 
     def remarks(self) -> tuple[str, ...]:
-        """Lines for the log since the last call: "v1 not believed: frozen" (beyond the paper)."""
+        """Lines for the log since the last call: "v1 not believed: frozen"."""
         if not self._remarks:
             return ()
         said, self._remarks = tuple(self._remarks), []

@@ -66,7 +66,7 @@ FORGOTTEN = 3 * SECOND
 
 
 class Belief(NamedTuple):
-    """What to make of a pose (not in the paper): whether to use it, why not, how exact it is.
+    """What to make of a pose: whether to use it, why not, how exact it is.
 
     `reason` is "over-confident" of poses that are believed, but not their accuracy; `deviation` (m,
     per axis) is what to assume instead.
@@ -78,7 +78,7 @@ class Belief(NamedTuple):
 
 
 class InnovationGate:
-    """Judges the poses of one source in the order in which they are heard (beyond the paper).
+    """Judges the poses of one source in the order in which they are heard.
 
     A pose is held against the newest one believed. Refused poses that agree with one another for
     `settle` are the source's new place, so none is shut out for ever. Counted are the `refused`.

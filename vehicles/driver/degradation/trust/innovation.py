@@ -71,7 +71,7 @@ class Innovation(NamedTuple):
 
 @lru_cache(maxsize=64)  # receivers mostly say the same again and again
 def stated_variance(accuracy: float) -> float:
-    """Variance (m²) of a place per axis by its own account, within reason (not in the paper).
+    """Variance (m²) of a place per axis by its own account, within reason.
 
     `accuracy` (m) is the deviation that its fix states.
     """
