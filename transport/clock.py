@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import inf
-from threading import Event
 from typing import Protocol
 
 from vehicles.schedule import MILLISECOND, SECOND, instants
@@ -35,7 +34,7 @@ class Clock(Protocol):
     def wait_until(self, at: int) -> int:
         """Wait for instant `at` and return by how many ns it has passed.
 
-        Returns early, with a negative number, once the clock's stop event is set.
+        Returns early, with a negative number, once the clock is stopped.
         """
 
 
@@ -45,12 +44,14 @@ class WallClock:
     Setting the system's clock while a run is on moves nothing.
     """
 
-    def __init__(self, stop: Event | None = None, offset: int | None = None) -> None:
-        """`offset` (ns) from the monotonic clock to Unix time is that of now, unless it is given.
+    def __init__(
+        self, is_stopped: Callable[[], bool] = lambda: False, offset: int | None = None
+    ) -> None:
+        """`is_stopped` ends a wait; `offset` (ns) leads from the monotonic clock to Unix time.
 
-        A process that goes on in place of another one keeps to its clock.
+        By default it is that of now; a process that continues another one keeps its clock.
         """
-        self._stop = stop or Event()
+        self._is_stopped = is_stopped
         self.offset = time.time_ns() - time.monotonic_ns() if offset is None else offset
 
     def now(self) -> int:
@@ -59,9 +60,8 @@ class WallClock:
 
     def wait_until(self, at: int) -> int:
         """Sleep until `at`; return the lateness in ns, negative when stopped before."""
-        # Sleeping in slices, not Event.wait(): a signal handler may then set the event from the
-        # very thread that waits, which could deadlock on the event's own lock.
-        while (remaining := at - self.now()) > 0 and not self._stop.is_set():
+        # Sleep in slices: a signal handler cannot end an Event.wait() without taking its lock.
+        while (remaining := at - self.now()) > 0 and not self._is_stopped():
             time.sleep(min(remaining, _LONGEST_SLEEP_NS) / SECOND)
         return -remaining
 
@@ -118,8 +118,8 @@ def poll(
 ) -> bool:
     """Look every so often whether something holds, for so long at most; says whether it does.
 
-    For what a signal handler or another thread brings about: an event that is waited on could
-    deadlock with the handler that sets it.
+    For what a signal handler or another thread changes: a handler must take no lock, and so can
+    set no event.
     """
     give_up_at = time.monotonic() + at_most_s
     while not holds():

@@ -2,8 +2,8 @@
 
 A command goes through two phases. Until it has begun (`Stop.begun`), nothing is lost by its end,
 and a request ends the process at once, whatever the main thread is doing: importing, or blocked in
-a library that waits for a router. Afterwards a request only sets `Stop.event`, and the command
-completes what it writes.
+a library that waits for a router. Afterwards `Stop.asked` holds, and the command completes what it
+writes.
 """
 
 import os
@@ -11,7 +11,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Event, Thread
+from threading import Thread
 from types import FrameType
 
 EXIT_FAILED = 1
@@ -26,32 +26,38 @@ REST = 0
 class Stop:
     """Whether the process was asked to stop, why, and with which exit code it has to end.
 
-    Loops poll it and none waits on the event, so a signal handler may set it. `begun` says that
-    the process has something to complete before it ends; `launched` that another process started
-    it and speaks for it; `orphaned` that this launcher has ended. An empty `folder` is not left by
-    a process that ends at once.
+    A request takes no lock, since a signal handler makes it, and a second signal may interrupt the
+    first one's handler. So loops poll `asked`. `begun` says that the process has something to
+    complete before it ends; `launched` that another process started it and speaks for it;
+    `orphaned` that this launcher has ended. An empty `folder` is not left by a process that ends at
+    once.
     """
 
     def __init__(self) -> None:
-        self.event = Event()
+        self._requests: list[tuple[str, int]] = []
         self.begun = False
         self.launched = False
         self.orphaned = False
         self.folder: Path | None = None
-        self.reason = ""
-        self.exit_code = 0
 
     @property
     def asked(self) -> bool:
         """Whether the process was asked to stop."""
-        return self.event.is_set()
+        return bool(self._requests)
+
+    @property
+    def reason(self) -> str:
+        """Reason of the first request, empty before."""
+        return self._requests[0][0] if self._requests else ""
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of the first request, 0 before."""
+        return self._requests[0][1] if self._requests else 0
 
     def ask(self, reason: str, exit_code: int) -> None:
-        """Ask to stop; the first reason stays."""
-        if not self.asked:
-            self.reason = reason
-            self.exit_code = exit_code
-            self.event.set()
+        """Request a stop; the first request decides."""
+        self._requests.append((reason, exit_code))
 
 
 class _Watch:

@@ -123,7 +123,7 @@ def test_an_instant_that_has_passed_is_not_waited_for() -> None:
 
 def test_waiting_ends_when_asked_to_stop() -> None:
     stop = Event()
-    clock = WallClock(stop)
+    clock = WallClock(stop.is_set)
     Timer(0.05, stop.set).start()
     began = time.monotonic()
     assert clock.wait_until(clock.now() + 60 * SECOND) < -50 * SECOND

@@ -165,7 +165,7 @@ class VehicleProcess:
         self._membership = membership
         self._stop = stop
         self._before = before
-        self._clock = WallClock(stop.event, before.clock_offset if before else None)
+        self._clock = WallClock(lambda: stop.asked, before.clock_offset if before else None)
         self._joined_at = self._clock.now()
         self._announced = RunAnnouncements(bus, self._clock.now)
         self._recorder = RecorderWatch(membership, bus)

@@ -84,6 +84,51 @@ def test_a_second_signal_changes_nothing() -> None:
         assert last_words(process)[1] in {130, 143}  # the kernel may deliver either first
 
 
+INTERRUPTED = """
+import signal, sys
+from scenarios.runs.stop import stop_on_signals
+
+def interrupted_at(step):
+    # Let SIGINT interrupt the handler of SIGTERM at its line number `step`, counted from 0.
+    left = step
+
+    def trace(frame, event, argument):
+        nonlocal left
+        if event == "line":
+            if left == 0:
+                signal.raise_signal(signal.SIGINT)
+            left -= 1
+        return trace
+
+    stop = stop_on_signals()
+    handler = signal.getsignal(signal.SIGTERM)
+    sys.settrace(trace)
+    handler(signal.SIGTERM, None)
+    sys.settrace(None)
+    assert (stop.reason, stop.exit_code) in (
+        ("stopped by SIGTERM", 143), ("stopped by SIGINT", 130)
+    ), (step, stop.reason, stop.exit_code)
+    return left < 0
+
+step = 0
+while interrupted_at(step):
+    step += 1
+print(step)
+"""
+
+
+def test_a_signal_within_the_handler_of_another_neither_hangs_nor_mixes_them() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=SOON_S,
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 0
+
+
 def test_the_end_of_standard_input_is_the_end_of_the_launcher() -> None:
     with waiter("launched") as process:
         assert process.stdin is not None
