@@ -28,7 +28,9 @@ FixState = Literal["fixed", "float", "single"]
 
 Without a fix nothing is measured, and nothing sent."""
 Outcome = Literal["delivered", "dropped"]
-Level = Literal["debug", "info", "warning", "error", "fatal"]
+Level = Literal["debug", "info", "warning", "error", "alert", "fatal"]
+"""Severity of a line in the log. "alert" puts the figures of the run in doubt, such as clocks that
+disagree; "fatal" ends its vehicle."""
 
 
 class Announcement(NamedTuple):
@@ -250,6 +252,16 @@ class LogText:
     logged_at_ns: int
     level: Level
     text: str
+
+    @property
+    def ends_vehicle(self) -> bool:
+        """Whether the vehicle cannot drive on and leaves the run."""
+        return self.level == "fatal"
+
+    @property
+    def doubts_figures(self) -> bool:
+        """Whether the line belongs to the warnings of the run's summary."""
+        return self.level == "alert"
 
 
 @dataclass(slots=True, kw_only=True)

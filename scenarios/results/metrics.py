@@ -24,7 +24,6 @@ from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.detector import EventDetector, detector_of
 from scenarios.results.figures import VehicleFigures
 from scenarios.results.summary import VehicleSummary
-from transport.links.gate import CLOCKS_DIFFER
 from transport.topics import TOPIC_OF
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range
@@ -167,7 +166,7 @@ class Metrics:
             self.deadlines.begin(message.start_at_ns)
 
     def _add_text(self, text: LogText) -> None:
-        if text.text.endswith(CLOCKS_DIFFER) and len(self.warnings) < MOST_WARNINGS:
+        if text.doubts_figures and len(self.warnings) < MOST_WARNINGS:
             self.warnings.append(f"{text.vehicle}: {text.text}")
 
     def _add_truth(self, figures: VehicleFigures, pose: TruePose, at: int) -> None:

@@ -15,6 +15,7 @@ from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (
     GpsPose,
     Health,
+    Level,
     LogText,
     Message,
     RunEnd,
@@ -161,7 +162,7 @@ class Recorder:
     def _note_misdated(self, key_expression: str, reason: str, at: int) -> None:
         vehicle, _ = self._topics.get(key_expression, ("", None))
         if vehicle and (line := self._misdated.count(vehicle, reason)):
-            self.say(at, line, "error")
+            self.say(at, line, "alert")
 
     def _admit(
         self, key_expression: str, data: bytes, at: int
@@ -194,7 +195,7 @@ class Recorder:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
         return topic, message, seen
 
-    def say(self, at: int, text: str, level: str = "info") -> None:
+    def say(self, at: int, text: str, level: Level = "info") -> None:
         """Write a line of the run's own into the log."""
         self._put(LogText, at, logged_at_ns=at, level=level, text=text)
 

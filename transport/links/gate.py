@@ -30,8 +30,6 @@ MISDATED = ("past", "future")
 """Reasons that blame the clock of the sender or of the receiver, when there are many."""
 MANY = 100
 """So many are said; then ten times as many, and so on."""
-CLOCKS_DIFFER = "do the clocks agree?"
-"""What is said of them ends so."""
 
 _ROUNDING = 0.001
 """Periods; instants are rounded to nanoseconds."""
@@ -137,4 +135,4 @@ class MisdatedCount:
             return None
         self.said[key] = count = self.counts[key]
         meaning = REASONS[reason].meaning
-        return f"{count} messages of {sender} refused as {reason}, {meaning}: {CLOCKS_DIFFER}"
+        return f"{count} messages of {sender} refused as {reason}, {meaning}: do the clocks agree?"

@@ -47,6 +47,7 @@ _LEVELS = {
     "info": Log.INFO,
     "warning": Log.WARNING,
     "error": Log.ERROR,
+    "alert": Log.ERROR,
     "fatal": Log.FATAL,
 }
 

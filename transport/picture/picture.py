@@ -75,6 +75,7 @@ _LEVELS = {
     "info": "INFO",
     "warning": "WARN",
     "error": "ERROR",
+    "alert": "ERROR",
     "fatal": "CRITICAL",
 }
 

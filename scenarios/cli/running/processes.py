@@ -13,7 +13,7 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.forking import Deed
-from scenarios.runs.processes.launcher import SAID_BY_RECORDER, LaunchPlan, launch
+from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.membership import Fingerprint
 from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.stop import Stop, stop_on_signals
@@ -34,8 +34,7 @@ def run_processes(plan: LaunchPlan, be_part: BePart | None, *, quiet: bool) -> i
         prepare_parts(plan.scenario)
         become = partial(be_part, plan.scenario)
     outcome = launch(plan, stop, Supervisor(become), _complete)
-    said = {"", stop.reason, SAID_BY_RECORDER}  # a signal was said when it came
-    if outcome.reason not in said:
+    if outcome.reason and not outcome.is_reported:
         _say_in_red(outcome.reason)
     if outcome.repaired:
         from scenarios.cli.running.recording import sum_up

@@ -57,7 +57,7 @@ class Progress:
                 self._start_at = message.start_at_ns
             case LogText() if message.level == "debug":
                 pass  # for the log only
-            case LogText() if message.level in {"error", "fatal"} or not known:
+            case LogText() if message.level in {"error", "alert", "fatal"} or not known:
                 line = f"{message.vehicle}: {message.text}"
                 self._console.print(
                     line, highlight=False, markup=False, emoji=False, soft_wrap=True

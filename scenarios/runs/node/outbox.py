@@ -92,7 +92,7 @@ class Outbox:
             self._add_truth(now, body, self._use(body, decision.actuation))
             self._add_decision(now, decision)
         for line in self._inbox.complaints():
-            self._add_text(now, line, "error")
+            self._add_text(now, line, "alert")
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()

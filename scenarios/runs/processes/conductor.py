@@ -103,7 +103,7 @@ class Conductor:
 
     def listen(self, at: int, message: Message) -> None:
         """Note from a recorded message which vehicle has finished, or cannot drive on."""
-        if isinstance(message, LogText) and message.level == "fatal":
+        if isinstance(message, LogText) and message.ends_vehicle:
             self._faults.setdefault(message.vehicle, message.text)
         if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
             self._finished.add(message.vehicle)

@@ -18,8 +18,8 @@ WATCH_PERIOD_S = 0.05
 NOTICED_S = 0.1
 """Until then each process knows that its router has ended, on a busy machine too."""
 ROUTER, RECORDER = "router", "recorder"
-SAID_BY_RECORDER = "the run failed"
-"""Reason of a run whose recorder has said the true one."""
+RECORDER_FAILED = "the run failed"
+"""Reason of a run whose recorder has printed the true one."""
 
 
 class ProcessSupervisor(Protocol):
@@ -74,18 +74,20 @@ class RunOutcome:
     """How the run ended: exit code and, if not as planned, the line that says why.
 
     `repaired` says that the recorder could not complete its log, and that the launcher did;
-    `router_ended` that the run failed by that, unless its recorder knows better.
+    `router_ended` that the run failed by that, unless its recorder knows better. `is_reported`
+    marks a reason that another process, or a signal's handler, has printed already.
     """
 
     exit_code: int = 0
     reason: str = ""
     repaired: bool = False
     router_ended: bool = False
+    is_reported: bool = False
 
-    def fail(self, reason: str, exit_code: int = EXIT_FAILED) -> None:
+    def fail(self, reason: str, exit_code: int = EXIT_FAILED, *, is_reported: bool = False) -> None:
         """End the run; the first failure decides."""
         if not self.reason:
-            self.reason, self.exit_code = reason, exit_code
+            self.reason, self.exit_code, self.is_reported = reason, exit_code, is_reported
 
 
 def launch(
@@ -142,12 +144,12 @@ def _is_over(
     vehicles = plan.scenario.vehicle_names
     goes_on = plan.scenario.goes_on_without_the_dead
     if stop.asked:
-        outcome.fail(stop.reason, stop.exit_code)
+        outcome.fail(stop.reason, stop.exit_code, is_reported=True)
     for child in supervisor.ended():
         if child is recorder and child.exit_code == 0:
             return True
         if child is recorder and child.exit_code == EXIT_FAILED:
-            outcome.fail(SAID_BY_RECORDER)
+            outcome.fail(RECORDER_FAILED, is_reported=True)
         elif child.name not in vehicles or (child.exit_code != 0 and not goes_on):
             outcome.router_ended = child.name == ROUTER and not outcome.reason
             outcome.fail(f"{describe(child)}; the run ends")

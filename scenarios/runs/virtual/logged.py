@@ -80,7 +80,7 @@ def _watching(scenario: Scenario, stop: Stop, run: Callable[[], RunLog]) -> tupl
     """Listeners that say who has left, and end a run as soon as its limits are broken."""
 
     def tell_of_leaving(at: int, text: Message) -> None:
-        if isinstance(text, LogText) and text.level == "fatal":
+        if isinstance(text, LogText) and text.ends_vehicle:
             left = f"{text.vehicle} left {(at - scenario.start_at_ns) / SECOND:.1f} s"
             run().recorder.say(at, f"{left} after the start; the convoy goes on without it")
 

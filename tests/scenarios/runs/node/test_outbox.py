@@ -355,5 +355,5 @@ def test_a_hundred_poses_with_wrong_stamps_are_told_at_the_very_tick() -> None:
         inbox.take(at(seq * 0.02))
         box.publish(at(seq * 0.02), BODY, None, DECISION)
     told = [one for one in bus.of(LogText) if isinstance(one, LogText) and "clocks" in one.text]
-    assert [(one.level, one.logged_at_ns) for one in told] == [("error", at(99 * 0.02))]
+    assert [(one.level, one.logged_at_ns) for one in told] == [("alert", at(99 * 0.02))]
     assert told[0].text.startswith("100 messages of v1 refused as future")

@@ -11,7 +11,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.processes.launcher import (
     NOTICED_S,
-    SAID_BY_RECORDER,
+    RECORDER_FAILED,
     WATCH_PERIOD_S,
     LaunchPlan,
     RunOutcome,
@@ -238,7 +238,7 @@ def test_a_recorder_that_completed_its_run_decides_over_nothing_else(folder: Pat
 @pytest.mark.parametrize("goes_on", [False, True])
 def test_a_recorder_that_failed_has_said_why_itself(folder: Path, *, goes_on: bool) -> None:
     launched = play(folder, (5.0, "recorder", 1), goes_on=goes_on)
-    assert launched.ending == (1, SAID_BY_RECORDER)
+    assert launched.ending == (1, RECORDER_FAILED)
 
 
 @pytest.mark.parametrize("goes_on", [False, True])
