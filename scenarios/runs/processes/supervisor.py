@@ -1,11 +1,12 @@
 """Starts the processes of a run, reports which have ended, and stops those that are left."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Protocol
+from typing import IO, Protocol
 
 from scenarios.runs.processes.forking import Become, Birth, ForkedProcess, can_fork, fork_all
 from scenarios.runs.processes.router import LISTENING
@@ -54,6 +55,12 @@ def describe(child: ChildProcess) -> str:
     return f"{child.name} ended with exit code {code}"
 
 
+def write_error(logged: bytes) -> None:
+    """Write to the standard error as it is, if that is open."""
+    with suppress(OSError):
+        os.write(2, logged)
+
+
 def spawn(arguments: Sequence[str], *, piped: bool) -> "subprocess.Popen[bytes]":
     """Start `convoy ARGUMENTS` as a program of its own."""
     return subprocess.Popen(  # noqa: S603 - our own command line, no shell
@@ -75,6 +82,7 @@ class Supervisor:
     def __init__(self, become: Become | None = None) -> None:
         """Let children do what `become` prepares, forked where that can be; else start programs."""
         self.children: list[Child] = []
+        self._router_output: IO[bytes] | None = None
         self._become = become if become is not None and can_fork() else None
 
     def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
@@ -97,13 +105,24 @@ class Supervisor:
         return self.children[before:]
 
     def start_router(self) -> str:
-        """Start a router on a free port of the loopback interface; returns its endpoint."""
+        """Start a router on a free port of the loopback interface; returns its endpoint.
+
+        Lines that its libraries log before or after it is ready go to the standard error.
+        """
         arguments = ["router", "--leash", "-l", "tcp/127.0.0.1:0"]
         output = self.start("router", arguments, piped=True).process.stdout
-        first_line = output.readline().decode() if output else ""
-        if not first_line.startswith(LISTENING):
-            raise BusError("the router did not start")
-        return first_line.removeprefix(LISTENING).strip()
+        while output is not None and (line := output.readline()):
+            if line.startswith(LISTENING.encode()):
+                os.set_blocking(output.fileno(), False)
+                self._router_output = output
+                return line.decode().removeprefix(LISTENING).strip()
+            write_error(line)
+        raise BusError("the router did not start")
+
+    def _pass_on_output(self) -> None:
+        """Empty the pipe of the router's output, which would stop the router if it got full."""
+        if self._router_output is not None and (logged := self._router_output.read()):
+            write_error(logged)
 
     def tell(self, name: str, reason: str) -> None:
         """Tell a child why it has to stop; one that has ended is passed over."""
@@ -115,6 +134,7 @@ class Supervisor:
 
     def ended(self) -> list[Child]:
         """Children that have ended since the last call; they are no longer in `children`."""
+        self._pass_on_output()
         ended = [child for child in self.children if child.exit_code is not None]
         self.children = [child for child in self.children if child not in ended]
         return ended
@@ -127,11 +147,12 @@ class Supervisor:
         chosen = [c for c in self.children if names is None or c.name in names]
         for child in chosen:
             child.process.terminate()
-        poll(
-            lambda: all(child.exit_code is not None for child in chosen),
-            every_s=POLL_S,
-            at_most_s=grace_s,
-        )
+
+        def have_ended() -> bool:
+            self._pass_on_output()
+            return all(child.exit_code is not None for child in chosen)
+
+        poll(have_ended, every_s=POLL_S, at_most_s=grace_s)
         remaining = [child for child in chosen if child.exit_code is None]
         for child in remaining:
             child.process.kill()

@@ -13,11 +13,13 @@ from pathlib import Path
 import psutil
 import pytest
 
+from scenarios.runs.processes.router import LISTENING
 from scenarios.runs.processes.supervisor import Child, Supervisor, describe
 from tests.made.ended import has_ended
 from transport.bus.bus import BusError
 
 SOON_S = 15.0
+PIPE_BYTES = 65536
 ROUTER = ("router", "--leash", "-l", "tcp/127.0.0.1:0")
 LAUNCHER = """
 import time
@@ -134,6 +136,25 @@ def test_a_child_that_cannot_do_its_work_ends_by_itself(supervisor: Supervisor) 
     assert supervisor.ended() == [child]
     assert describe(child) == "nonsense ended with exit code 2"
     assert supervisor.stop() == []
+
+
+def test_a_router_that_logs_starts_and_is_not_blocked_by_its_log(
+    supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("RUST_LOG", "trace")
+    endpoint = supervisor.start_router()
+    logged = 0
+
+    def more_than_a_pipe_holds() -> bool:
+        nonlocal logged
+        assert is_up(endpoint)
+        assert supervisor.ended() == []
+        logged += len(capfd.readouterr().err)
+        return logged > 2 * PIPE_BYTES
+
+    until(more_than_a_pipe_holds)
+    assert supervisor.stop() == []
+    assert LISTENING not in capfd.readouterr().out
 
 
 def test_a_router_that_does_not_start_is_told_in_one_line(
