@@ -58,7 +58,9 @@ class TrustWatch:
 
     def _doubting(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
         name, at = tracking.vehicle, tracking.decided_at_ns
-        ahead = self._ahead[name]
+        ahead = self._ahead.get(name)
+        if ahead is None:  # the lead has no sources
+            return
         statuses = {self._lead: tracking.lead_status}
         if ahead != self._lead:
             statuses[ahead] = tracking.predecessor_status

@@ -229,6 +229,8 @@ def test_a_source_that_is_not_believed_is_an_event_for_each_time() -> None:
     assert found[0].line.startswith("distrust: v3 does not believe v1")
     first = detected(*(tracking("v2", seq, **(doubt | both)) for seq in range(3)))
     assert [one.vehicles for one in first] == [("v1", "v2")]  # lead and predecessor are one
+    both_ways = detected(tracking("v2", 0, **doubt), tracking("v1", 0), tracking("v1", 1, **doubt))
+    assert [one.vehicles for one in both_ways] == [("v1", "v2")]  # the lead follows nobody
 
 
 def test_what_was_not_recorded_is_no_lost_path() -> None:
