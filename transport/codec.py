@@ -2,10 +2,10 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import fields
-from itertools import compress, repeat
+from dataclasses import MISSING, fields
+from itertools import repeat
 from math import isfinite, isinf
-from operator import attrgetter, itemgetter, not_
+from operator import attrgetter, itemgetter
 from typing import Any, Literal, get_args, get_origin
 
 from google.protobuf.message import DecodeError
@@ -22,8 +22,6 @@ MAX_BYTES = 16_384
 """No message of ours is larger; larger ones are refused unread."""
 NEVER_TAKEN_UP = 20
 """Values in a tuple that Python keeps for later, up to 2000 of them, and then makes anew."""
-ADDED = {"piece_curvature_rate_per_m2": "piece_curvature_per_m"}
-"""Columns of numbers that logs of earlier versions lack, and one as long: they are read as 0."""
 
 
 class RefusedMessageError(ValueError):
@@ -90,8 +88,12 @@ class _Form:
             for name in self.lists
             if (first := firsts.setdefault(name.partition("_")[0], name)) != name
         ]
-        self.added = [
-            (self.lists[name], self.lists[ADDED[name]]) for name in self.lists if name in ADDED
+        self.defaults = {f.name: f.default for f in fields(message) if f.default is not MISSING}
+        """Values of the fields that a log of an earlier version may lack."""
+        self.added_columns = [
+            (self.lists[name], self.lists[first])
+            for first, name in self.columns
+            if name in self.defaults
         ]
 
 
@@ -117,11 +119,11 @@ def message_of(topic: Topic, values: Values) -> Message:
 def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
     """Read the message of `topic` from `data`; raises RefusedMessageError with the reason.
 
-    Fields that are not in the schema are passed over, as Protobuf means it, so that the log of a
-    later version can be read. With `exact` they are refused: for what comes off a bus, where all
-    are of one version, and where one message's bytes often hold every field of another. Then a
-    number that is not finite is refused too, unless its field may be NaN. Control characters in
-    texts are escaped either way, so that they reach no terminal.
+    By default logs of every version are read: unknown fields are ignored, and a missing field gets
+    its default, if it has one. With `exact`, for messages from a bus, whose members all have one
+    version, every field is required and no other is allowed: bytes cut between two fields, and
+    those of another message, are refused. So is a number that is not finite, unless its field
+    may be NaN. Control characters in texts are escaped either way, so that they reach no terminal.
     """
     form = _FORMS[topic.message]
     values = _parse(form, data, exact=exact)
@@ -156,13 +158,13 @@ def _with(values: Values, place: int, value: object) -> Values:
 
 
 def _with_tuples(form: _Form, values: Values, *, exact: bool) -> Values:
-    """Return the values with tuples as lists; of a log also those columns that it may lack."""
+    """Return the values with tuples as lists; columns that a log lacks are filled with zeros."""
     found = list(values)
     for place in form.lists.values():
         found[place] = tuple(found[place])
     if not exact:
-        for place, like in form.added:
-            found[place] = found[place] or (0.0,) * len(found[like])
+        for place, first in form.added_columns:
+            found[place] = found[place] or (0.0,) * len(found[first])
     return tuple(found)
 
 
@@ -196,7 +198,7 @@ def _check_numbers(form: _Form, values: Values) -> None:
 
 
 def _parse(form: _Form, data: bytes, *, exact: bool) -> Values:
-    """Return the values of the fields, all of which are there."""
+    """Return the values of the fields: all of them are present, or have a default in a log."""
     if len(data) > MAX_BYTES:
         raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_BYTES}")
     try:
@@ -207,9 +209,12 @@ def _parse(form: _Form, data: bytes, *, exact: bool) -> Values:
     # Cut between two fields, or written by another program, bytes can still be valid Protobuf.
     # What is neither zero nor empty is there.
     if not all(values):
-        for name in compress(form.names, map(not_, values)):
-            if name not in form.lists and not parsed.HasField(name):
+        for place, (name, value) in enumerate(zip(form.names, values, strict=False)):
+            if value or name in form.lists or parsed.HasField(name):
+                continue
+            if exact or name not in form.defaults:
                 raise RefusedMessageError("garbage", f"not a whole {_name(form)}")
+            values = _with(values, place, form.defaults[name])
     if exact and len(UnknownFieldSet(parsed)):
         raise RefusedMessageError("garbage", f"more than a {_name(form)}")
     return values

@@ -3,10 +3,11 @@
 These dataclasses are a boundary, so every field carries its unit. Frames: "east/north" is the
 local tangent plane at the scenario's origin (WGS84), yaw is counter-clockwise from east, left is
 positive for lateral error, curvature and steering. `heading_deg` is a compass course (clockwise
-from north). Instants are integer nanoseconds of Unix time, on the run's schedule.
+from north). Instants are integer nanoseconds of Unix time, on the run's schedule. A field that was
+added later has a default, for logs that lack it; the rule is in transport/convoy.proto.
 
-Nobody changes a message once it is made. They are not frozen all the same: a run makes a thousand
-a second for each vehicle, and frozen ones take three times as long to make.
+Treat messages as immutable. They are not frozen because frozen dataclasses take three times as long
+to construct, and a run makes a thousand a second for each vehicle.
 """
 
 from dataclasses import dataclass, field
@@ -86,8 +87,8 @@ class GpsPose:
     mode: Mode
     hazard: bool
     acceleration_mps2: float
-    path_offset_m: FloatOrNan
-    stops_at_ns: int
+    path_offset_m: FloatOrNan = float("nan")
+    stops_at_ns: int = 0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -139,7 +140,7 @@ class CompositeTrajectory:
     sample_source: tuple[int, ...]
     residual_m_rms: float
     residual_m_max: float
-    piece_curvature_rate_per_m2: tuple[float, ...]
+    piece_curvature_rate_per_m2: tuple[float, ...] = ()
 
 
 @dataclass(slots=True, kw_only=True)

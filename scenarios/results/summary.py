@@ -6,9 +6,10 @@ fields mean is in `meanings`.
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from math import isfinite, nan
-from typing import Any, Literal
+from types import NoneType
+from typing import Any, Literal, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -179,23 +180,35 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def _numbers(value: Any, kind: type) -> Any:
-    """Put NaN back for the null of a figure that is always a number."""
+def _filled(value: Any, kind: type) -> Any:
+    """Restore NaN where JSON has null, and fill in figures that an earlier version lacked.
+
+    A missing figure is NaN or None, whichever its type allows, unless its class has a default.
+    """
     if not isinstance(value, dict):
         return value
-    always = {one.name for one in fields(kind) if one.type is float}
-    return {k: nan if k in always and v is None else v for k, v in value.items()}
+    filled = dict(value)
+    for one in fields(kind):
+        if one.name in filled:
+            if filled[one.name] is None and one.type is float:
+                filled[one.name] = nan
+        elif one.default is MISSING and one.default_factory is MISSING:
+            if one.type is float:
+                filled[one.name] = nan
+            elif NoneType in get_args(one.type):
+                filled[one.name] = None
+    return filled
 
 
 def from_json(text: str) -> RunSummary:
-    """Read the content of a `summary.json`; raises ValueError for anything else."""
+    """Read the content of a `summary.json` of any version; raises ValueError for anything else."""
     values = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("a summary is a table")  # noqa: TRY004 - wrong content of a file
-    values = _numbers(values, RunSummary)
+    values = _filled(values, RunSummary)
     for name, kind in (("vehicles", VehicleSummary), ("links", LinkSummary)):
         if isinstance(values.get(name), list):
-            values[name] = [_numbers(row, kind) for row in values[name]]
+            values[name] = [_filled(row, kind) for row in values[name]]
     own = {one.name for one in fields(RunSummary)}
     try:
         return _FIGURES.validate_python(

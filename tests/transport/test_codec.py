@@ -4,7 +4,7 @@ import math
 import struct
 import sys
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
 from typing import Any
 
 import pytest
@@ -103,7 +103,27 @@ def test_a_message_cut_anywhere_is_refused(data: st.DataObject, message: Message
     whole = encode(message)
     cut = data.draw(st.integers(0, len(whole) - 1))
     with pytest.raises(RefusedMessageError):
-        decode(TOPIC_OF[type(message)], whole[:cut])
+        decode(TOPIC_OF[type(message)], whole[:cut], exact=True)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_a_field_with_a_default_may_be_missing_in_a_log_only(kind: type[Message]) -> None:
+    topic, message = TOPIC_OF[kind], kind(**plain_values(kind))
+    for field in fields(kind):
+        parsed = PROTOBUF[kind].FromString(encode(message))
+        parsed.ClearField(field.name)
+        data = parsed.SerializeToString()
+        with pytest.raises(RefusedMessageError):
+            decode(topic, data, exact=True)
+        if field.default is MISSING:
+            with pytest.raises(RefusedMessageError):
+                decode(topic, data)
+        elif isinstance(field.default, tuple):
+            assert getattr(decode(topic, data), field.name) == (0.0,)
+        else:
+            assert repr(decode(topic, data)) == repr(
+                replace(message, **{field.name: field.default})
+            )
 
 
 def test_zeros_are_sent_and_are_not_taken_for_nothing() -> None:
@@ -118,6 +138,8 @@ def test_fields_of_a_later_version_are_passed_over() -> None:
     start = RunStart(vehicle="run", seq=1, start_at_ns=2, run_id="x")
     later = bytes([15 << 3 | 1]) + struct.pack("<d", 1.5)
     assert decode(TOPICS["start"], encode(start) + later) == start
+    with pytest.raises(RefusedMessageError, match="more than a RunStart"):
+        decode(TOPICS["start"], encode(start) + later, exact=True)
 
 
 @settings(max_examples=150)

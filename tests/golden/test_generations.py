@@ -1,0 +1,218 @@
+"""Every command reads the logs that earlier versions wrote: one for each generation of the schema.
+
+`logs/` has a folder for each generation, with `run.mcap` and `summary.json` as `convoy run` wrote
+them. For a new generation add a folder; nothing here changes.
+"""
+
+import json
+import math
+import signal
+from collections.abc import Iterator
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto, FileDescriptorSet
+from mcap.reader import make_reader
+
+from scenarios.cli.main import cli
+from scenarios.results.log_summary import summary_of
+from scenarios.results.summary import from_json, to_json
+from scenarios.runs.virtual.replay import read_recorded_vehicle
+from transport.codec import PROTOBUF
+from transport.log.reader import LogReader
+from transport.log.repair import repair
+from transport.topics import TOPICS
+from vehicles.messages import Message
+
+LOGS = sorted((Path(__file__).parent / "logs").iterdir())
+KINDS = {kind.__name__: kind for kind in PROTOBUF}
+
+
+@pytest.fixture(params=LOGS, ids=lambda folder: folder.name)
+def folder(request: pytest.FixtureRequest) -> Path:
+    chosen: Path = request.param
+    return chosen
+
+
+@pytest.fixture(autouse=True)
+def own_signals() -> Iterator[None]:
+    """Commands set signal handlers; the test run keeps its own."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def convoy(*arguments: str | Path) -> str:
+    done = CliRunner().invoke(cli, list(map(str, arguments)))
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_all_messages_are_read(folder: Path) -> None:
+    reader = LogReader(folder / "run.mcap")
+    assert not reader.damage
+    assert not reader.truncated
+    kinds = {type(message) for _, _, message in reader.messages()}
+    assert kinds == {topic.message for topic in TOPICS.values() if topic.name in _topics(reader)}
+    assert sum(1 for _ in reader.messages()) == sum(reader.counts.values())
+
+
+def _topics(reader: LogReader) -> set[str]:
+    return {topic for _, topic in reader.counts}
+
+
+def test_the_first_generation_has_every_topic_of_its_time() -> None:
+    assert _topics(LogReader(LOGS[0] / "run.mcap")) == {
+        *("gps", "truth", "trajectory", "tracking", "command", "verdict", "health", "log"),
+        *("change", "start", "end"),
+    }
+
+
+def _first_values(folder: Path, topic: str, name: str) -> set[object]:
+    messages = LogReader(folder / "run.mcap").messages((topic,))
+    return {getattr(message, name) for _, _, message in messages}
+
+
+def test_the_first_generation_has_messages_dropped_and_refused() -> None:
+    assert {"loss", "cut", "corrupted"} <= _first_values(LOGS[0], "verdict", "reason")
+    assert {"link", "cut", "gnss", "stall"} <= _first_values(LOGS[0], "change", "kind")
+
+
+def test_the_summary_is_read(folder: Path) -> None:
+    beside = from_json((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary_of(folder / "run.mcap") == beside
+    assert json.loads(convoy("report", folder, "--json")) == json.loads(to_json(beside))
+    assert "v3" in convoy("report", folder)
+
+
+def test_a_summary_of_another_version_is_read(folder: Path) -> None:
+    text = (folder / "summary.json").read_text(encoding="utf-8")
+    values: dict[str, Any] = json.loads(text)
+    values["later"] = {"nested": [1]}
+    for row in values["vehicles"]:
+        row["later_m"] = 1.0
+        del row["cross_track_error_m_max"], row["distance_m"]
+    del values["holes"]
+    read = from_json(json.dumps(values))
+    assert [one.name for one in read.vehicles] == ["v1", "v2", "v3"]
+    assert read.vehicles[1].cross_track_error_m_max is None
+    assert math.isnan(read.vehicles[1].distance_m)
+    assert read.holes == ()
+
+
+def test_figures_are_computed_from_a_log_that_breaks_off(folder: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "run.mcap"
+    broken.write_bytes((folder / "run.mcap").read_bytes()[:-20])
+    assert repair(broken)  # then the summary inside is no longer trusted
+    ours, whole = summary_of(broken), summary_of(folder / "run.mcap")
+    assert ours.reason.startswith("the log breaks off")
+    for row, recorded in zip(ours.vehicles, whole.vehicles, strict=True):
+        assert row.poses == recorded.poses
+        assert row.cross_track_error_m_max == recorded.cross_track_error_m_max
+
+
+def test_a_review_draws_it(folder: Path, tmp_path: Path) -> None:
+    convoy("review", folder, "--rerun", f"save={tmp_path / 'run.rrd'}")
+    assert (tmp_path / "run.rrd").stat().st_size > 0
+
+
+def test_it_is_explained(folder: Path) -> None:
+    found = json.loads(convoy("explain", folder, "--vehicle", "v3", "--at", "3", "--json"))
+    assert {one["sender"] for one in found["sources"]} == {"v1", "v2"}
+
+
+def test_laws_are_fitted_to_its_links(folder: Path) -> None:
+    fitted = convoy("channel", "fit", folder)
+    assert fitted.count("[[link]]") == 3
+
+
+def test_the_session_is_repeated(folder: Path, tmp_path: Path) -> None:
+    session = tmp_path / "session.toml"
+    convoy("scenario-from", folder, "-o", session)
+    done = CliRunner().invoke(
+        cli, ["run", str(session), "--clock=virtual", "--quiet", f"--out={tmp_path / 'again'}"]
+    )
+    assert done.exit_code in {0, 1}, done.output  # 1: it breaks a limit, as the recorded run did
+    assert summary_of(tmp_path / "again" / "run.mcap").links
+
+
+def test_losses_are_blamed(folder: Path, tmp_path: Path) -> None:
+    convoy("blame", folder, "--workers", "0", "--runs", "10", "--out", tmp_path)
+    found = json.loads((tmp_path / "blame.json").read_text(encoding="utf-8"))
+    assert found["considered_bursts"] > 0
+
+
+def drive(folder: Path, out: Path, text: str) -> None:
+    """Drive two seconds of a scenario that reads the log."""
+    file = out / "reader.toml"
+    text = text.replace("LOG", str(folder / "run.mcap"))
+    file.write_text(f"name = 'reader'\nduration_s = 2.0\n{text}", encoding="utf-8")
+    convoy("run", file, "--clock", "virtual", "--quiet", "--out", out / "run")
+    assert summary_of(out / "run" / "run.mcap").outcome == "completed"
+
+
+PATH = "[convoy]\nvehicles = 3\n[path]\nkind = 'trace'\nfile = 'LOG'\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PATH,
+        f"{PATH}[speed]\nlead = 'recorded'\n[vehicle.v2]\nreplay = 'LOG'\nreplay_vehicle = 'v2'\n",
+        f"{PATH}[links]\nloss = {{kind = 'log', file = 'LOG'}}\n",
+    ],
+    ids=["path", "replayed follower", "losses"],
+)
+def test_it_is_a_drive_and_a_link(folder: Path, tmp_path: Path, text: str) -> None:
+    drive(folder, tmp_path, text)
+
+
+def test_a_vehicle_is_replayed(folder: Path) -> None:
+    recorded = read_recorded_vehicle(folder / "run.mcap", "v2")
+    assert {pose.vehicle for pose in recorded.poses} == {"v2"}
+    assert len(recorded.truth) == LogReader(folder / "run.mcap").counts["v2", "truth"]
+
+
+def _schemas(folder: Path) -> dict[str, DescriptorProto]:
+    """Our messages as the log describes them."""
+    with (folder / "run.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    files = [FileDescriptorSet.FromString(schema.data) for schema in summary.schemas.values()]
+    return {
+        message.name: message
+        for one in files
+        for file in one.file
+        if file.package == "convoy"
+        for message in file.message_type
+    }
+
+
+def _described(kind: type[Message]) -> DescriptorProto:
+    described = DescriptorProto()
+    PROTOBUF[kind].DESCRIPTOR.CopyToProto(described)
+    return described
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_the_schema_grows_as_its_rule_demands(folder: Path, name: str) -> None:
+    """Numbers and types stay, removed numbers are reserved, added fields have a default."""
+    then = {one.number: one for one in _schemas(folder)[name].field}
+    described = _described(KINDS[name])
+    now = {one.number: one for one in described.field}
+    reserved = {n for one in described.reserved_range for n in range(one.start, one.end)}
+    for number, field in then.items():
+        assert number in now or number in reserved, field.name
+        if number in now:
+            assert _form(now[number]) == _form(field)
+    added = {now[number].name for number in now.keys() - then.keys()}
+    defaults = {one.name for one in fields(KINDS[name]) if one.default is not MISSING}
+    assert added <= defaults
+
+
+def _form(field: FieldDescriptorProto) -> tuple[str, int, int]:
+    return field.name, field.type, field.label
