@@ -32,7 +32,10 @@ ROOMS = {
 """Rooms of which all modules are compiled but these: they cannot be, or take no time in a run."""
 MODULES = (
     *("vehicles/schedule", "scenarios/runs/recorder", "scenarios/runs/processes/vehicle"),
-    *(f"transport/{name}" for name in ("clock", "codec", "telemetry", "thinning")),
+    *(
+        f"transport/{name}"
+        for name in ("clock", "codec", "message_numbers", "telemetry", "thinning")
+    ),
     *("transport/log/packed_messages", "transport/log/writer"),
     *("scenarios/runs/watchers", "scenarios/runs/processes/arrivals"),
     *(
@@ -49,7 +52,7 @@ MODULES = (
     *(
         f"scenarios/results/{name}"
         for name in (
-            *("deviations", "figures", "metrics", "completeness/recorded_numbers"),
+            *("deviations", "figures", "metrics"),
             *("events/bodies", "events/detector", "events/encounters", "events/watches"),
         )
     ),

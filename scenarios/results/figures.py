@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from math import inf, sqrt
 
 from scenarios.results.completeness.holes import EdgeInstants
-from scenarios.results.completeness.recorded_numbers import MOST_RANGES, RecordedNumbers
 from scenarios.results.degradation.reaction import Reaction
+from transport.message_numbers import MOST_RANGES, MessageNumbers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING
 from vehicles.messages import Health, TruePose
@@ -104,10 +104,10 @@ class TyreFigures:
 class VehicleFigures:
     """What one vehicle did."""
 
-    numbers: RecordedNumbers = field(default_factory=RecordedNumbers)
+    numbers: MessageNumbers = field(default_factory=MessageNumbers)
     edges: EdgeInstants = field(default_factory=EdgeInstants)
     first_sent_at: int | None = None
-    true_numbers: RecordedNumbers = field(default_factory=lambda: RecordedNumbers(MOST_RANGES))
+    true_numbers: MessageNumbers = field(default_factory=lambda: MessageNumbers(MOST_RANGES))
     last_at: int = 0
     distance: float = 0.0
     speed: float = 0.0

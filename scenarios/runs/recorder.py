@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from scenarios.results.completeness.recorded_numbers import MOST_RANGES, RecordedNumbers
 from scenarios.results.metrics import Metrics
 from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
 from transport.log.message_log import MessageLog
+from transport.message_numbers import MOST_RANGES, MessageNumbers
 from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (
@@ -97,8 +97,8 @@ class Recorder:
         self._writer = writer
         self._metrics = metrics
         self._listeners = by_kind(listeners)
-        self._seen: defaultdict[str, RecordedNumbers] = defaultdict(
-            lambda: RecordedNumbers(MOST_RANGES)
+        self._seen: defaultdict[str, MessageNumbers] = defaultdict(
+            lambda: MessageNumbers(MOST_RANGES)
         )
         self._next: Counter[type[Message]] = Counter()
         self._start_at: int | None = None
@@ -166,7 +166,7 @@ class Recorder:
 
     def _admit(
         self, key_expression: str, data: bytes, at: int
-    ) -> tuple[Topic, Message, RecordedNumbers]:
+    ) -> tuple[Topic, Message, MessageNumbers]:
         """Read a message of this run; raises RefusedMessageError.
 
         Returns it with its topic, and the numbers of those that came before it.

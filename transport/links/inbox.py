@@ -12,13 +12,16 @@ from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGat
 from transport.links.laws.effect import NOWHERE, Passage, Whereabouts
 from transport.links.line import Line
 from transport.links.link import Link, Verdict
-from transport.links.remembered import NumbersHeard, PlacesPassed
+from transport.links.remembered import PlacesPassed
+from transport.message_numbers import MessageNumbers
 from transport.reasons import counts_as_late
 from transport.topics import key
 from vehicles.messages import GpsPose, LinkVerdict
 
 QUEUE = 4096
 """Messages that wait at most for a tick to take them; the oldest go first."""
+WINDOW = 8192
+"""Numbers this far behind a sender's newest are refused, so that memory is bounded."""
 
 
 @dataclass(slots=True)
@@ -41,11 +44,19 @@ class IncomingLink:
     late: int = 0
     line: Line | None = field(init=False)
     held: dict[int, tuple[GpsPose, bool]] = field(default_factory=dict)
-    numbers: NumbersHeard = field(default_factory=NumbersHeard)
+    numbers: MessageNumbers = field(default_factory=lambda: MessageNumbers(window=WINDOW))
 
     def __post_init__(self) -> None:
         """Begin the line, if the link's messages depend on one another."""
         self.line = Line(self.link) if self.link.stages else None
+
+    def number(self, seq: int) -> None:
+        """Note that `seq` came; raises RefusedMessageError if it came before or is far behind."""
+        newest = self.numbers.newest
+        if seq <= newest - WINDOW:
+            raise RefusedMessageError("past", f"number {seq} is far behind {newest}")
+        if not self.numbers.add(seq):
+            raise RefusedMessageError("duplicate", f"number {seq} came before")
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +242,7 @@ class Inbox:
         pose = link.gate.admit(data, now)
         if pose.sent_at_ns < self._heard_from:  # while nobody listened
             return
-        link.numbers.add(pose.seq)
+        link.number(pose.seq)
         passage = self._passage(pose, len(data))
         judged = link.link.judge(passage)
         if link.content is not None:
@@ -290,7 +301,7 @@ class Inbox:
         """Hand over what the channel made of message `seq` besides, unless its number tells it."""
         if nth == COPY and link.content is not None and link.content.filters:
             try:
-                link.numbers.add(seq)
+                link.number(seq)
             except RefusedMessageError as refusal:
                 self._refused[refusal.reason] += 1
                 return []

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Literal
 
-from scenarios.results.completeness.recorded_numbers import RecordedNumbers
+from transport.message_numbers import MessageNumbers
 from vehicles.schedule import SECOND, instant
 
 HoleKind = Literal["pose", "true pose"]
@@ -66,7 +66,7 @@ class EdgeInstants:
         if self._newest is None or number > self._newest[0]:
             self._newest = number, at
 
-    def holes(self, vehicle: str, numbers: RecordedNumbers, start_at: int) -> Iterator[RecordHole]:
+    def holes(self, vehicle: str, numbers: MessageNumbers, start_at: int) -> Iterator[RecordHole]:
         """Give the holes in `numbers` of a run that started at `start_at` (ns).
 
         What was sent last may be missing without a trace.
@@ -92,7 +92,7 @@ def expected_poses(ran_ns: int, rate_hz: float) -> int:
 
 def holes_of(
     vehicle: str,
-    numbers: RecordedNumbers,
+    numbers: MessageNumbers,
     rate_hz: float,
     expected: int,
     kind: HoleKind = "pose",

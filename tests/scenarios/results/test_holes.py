@@ -14,45 +14,13 @@ from scenarios.results.completeness.holes import (
     expected_poses,
     hole_lines,
 )
-from scenarios.results.completeness.recorded_numbers import RecordedNumbers
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary
 from scenarios.results.summing_up import silent_links
 from tests.made.scenarios.messages import START, at, gps, health, start, truth
+from transport.message_numbers import MessageNumbers
 from vehicles.messages import GpsPose, Message
 from vehicles.schedule import SECOND, instants, nanoseconds
-
-
-@given(numbers=st.lists(st.integers(0, 30)), expected=st.integers(0, 40))
-def test_holes_are_the_numbers_that_are_not_there(numbers: list[int], expected: int) -> None:
-    known = RecordedNumbers()
-    for number in numbers:
-        known.add(number)
-    holes = list(known.missing(expected))
-    end = max([expected, *(number + 1 for number in numbers)])
-    missing = [number for number in range(end) if number not in numbers]
-    assert [n for first, last in holes for n in range(first, last + 1)] == missing
-    assert all(first - 1 not in missing and last + 1 not in missing for first, last in holes)
-
-
-@given(numbers=st.lists(st.integers(0, 60), unique=True))
-def test_of_scattered_numbers_only_some_ranges_are_kept(numbers: list[int]) -> None:
-    known, least = RecordedNumbers(), RecordedNumbers(most_ranges=5)
-    for number in numbers:
-        for one in (known, least):
-            assert number not in one
-            one.add(number)
-    assert [n for n in range(61) if n in known] == sorted(numbers)
-    assert {n for n in range(61) if n in least} <= set(numbers)
-    assert len(list(least.missing(0))) <= 5
-
-
-def test_numbers_in_turn_are_one_range() -> None:
-    known = RecordedNumbers(most_ranges=1)
-    for number in range(1000):
-        known.add(number)
-    assert all(number in known for number in (0, 500, 999))
-    assert 1000 not in known
 
 
 @given(ran=st.integers(0, 3 * SECOND), rate_hz=st.sampled_from([7.0, 12.5, 20.0, 60.0]))
@@ -171,7 +139,7 @@ def test_without_a_schedule_a_hole_lies_between_the_poses_beside_it(
 ) -> None:
     """In whatever order they came; what was sent last may be missing without a trace."""
     sent_at = [START + sum(gaps[: k + 1]) * SECOND // 1000 for k in range(25)]
-    numbers, edges = RecordedNumbers(), EdgeInstants()
+    numbers, edges = MessageNumbers(), EdgeInstants()
     for number in order[:kept]:
         numbers.add(number)
         edges.add(number, sent_at[number])

@@ -13,9 +13,9 @@ from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import link as link_of
 from transport.clock import ticks
-from transport.codec import encode
+from transport.codec import RefusedMessageError, encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
-from transport.links.inbox import QUEUE, Inbox
+from transport.links.inbox import QUEUE, WINDOW, Inbox, IncomingLink
 from transport.links.laws.effect import NOWHERE, Passage
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
@@ -414,3 +414,40 @@ def test_an_inbox_goes_on_from_the_counts_of_another() -> None:
     other.take(START + 200 * MS)
     assert [one.seq for one in other.verdicts()] == [2]
     assert other.heard == 1
+
+
+NUMBERS = st.one_of(
+    st.integers(0, 40),
+    st.integers(WINDOW - 5, WINDOW + 45),
+    st.integers(3 * WINDOW, 3 * WINDOW + 9),
+    st.just(2**63),
+)
+
+
+def verdict(link: IncomingLink, seq: int) -> str:
+    """Why a number is refused, empty if it is not."""
+    try:
+        link.number(seq)
+    except RefusedMessageError as refusal:
+        return refusal.reason
+    return ""
+
+
+@given(st.lists(NUMBERS, max_size=60))
+def test_a_number_is_new_once_unless_it_is_far_behind(came: list[int]) -> None:
+    link, all_so_far, newest = ear().links["lead"], set[int](), -1
+    for seq in came:
+        expected = "past" if seq <= newest - WINDOW else "duplicate" if seq in all_so_far else ""
+        assert verdict(link, seq) == expected
+        if not expected:
+            all_so_far.add(seq)
+            newest = max(newest, seq)
+
+
+def test_a_refusal_states_the_number_and_the_reason() -> None:
+    link = ear().links["lead"]
+    link.number(WINDOW)
+    with pytest.raises(RefusedMessageError, match=f"^past: number 0 is far behind {WINDOW}$"):
+        link.number(0)
+    with pytest.raises(RefusedMessageError, match=f"^duplicate: number {WINDOW} came before$"):
+        link.number(WINDOW)

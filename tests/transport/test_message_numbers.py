@@ -1,0 +1,64 @@
+"""Ranges hold what a plain set of all numbers would, in little memory."""
+
+import tracemalloc
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transport.message_numbers import MessageNumbers
+
+
+@given(numbers=st.lists(st.integers(0, 30)), expected=st.integers(0, 40))
+def test_holes_are_the_numbers_that_are_not_there(numbers: list[int], expected: int) -> None:
+    known = MessageNumbers()
+    for number in numbers:
+        known.add(number)
+    holes = list(known.missing(expected))
+    end = max([expected, *(number + 1 for number in numbers)])
+    missing = [number for number in range(end) if number not in numbers]
+    assert [n for first, last in holes for n in range(first, last + 1)] == missing
+    assert all(first - 1 not in missing and last + 1 not in missing for first, last in holes)
+
+
+@given(numbers=st.lists(st.integers(0, 60)))
+def test_a_number_is_new_once(numbers: list[int]) -> None:
+    known, seen = MessageNumbers(), set[int]()
+    for number in numbers:
+        assert known.add(number) == (number not in seen)
+        seen.add(number)
+        assert known.newest == max(seen)
+    assert known.count == len(numbers)
+
+
+@given(numbers=st.lists(st.integers(0, 60), unique=True))
+def test_of_scattered_numbers_only_some_ranges_are_kept(numbers: list[int]) -> None:
+    known, least = MessageNumbers(), MessageNumbers(most_ranges=5)
+    for number in numbers:
+        for one in (known, least):
+            assert number not in one
+            one.add(number)
+    assert [n for n in range(61) if n in known] == sorted(numbers)
+    assert {n for n in range(61) if n in least} <= set(numbers)
+    assert len(list(least.missing(0))) <= 5
+
+
+def test_numbers_in_turn_are_one_range() -> None:
+    known = MessageNumbers(most_ranges=1)
+    for number in range(1000):
+        known.add(number)
+    assert all(number in known for number in (0, 500, 999))
+    assert 1000 not in known
+
+
+def test_memory_is_bounded_by_the_window() -> None:
+    known = MessageNumbers(window=1000)
+    for number in range(0, 2000, 2):
+        known.add(number)
+    tracemalloc.start()
+    for number in range(2000, 100_000, 2):
+        known.add(number)
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown < 40_000  # two integers of 32 bytes for each of 500 ranges
+    assert 99_998 in known
+    assert 0 not in known
