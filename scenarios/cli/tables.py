@@ -13,7 +13,6 @@ from rich.text import Text
 
 from scenarios.cli.whole import print_whole
 from scenarios.results.channel.account import LinkSummary
-from scenarios.results.channel.alarms import AlarmSummary
 from scenarios.results.completeness.holes import hole_lines
 from scenarios.results.degradation.reaction import NO_REACTION
 from scenarios.results.events.encounters import EventKind
@@ -268,7 +267,7 @@ def freshness_table(summary: RunSummary) -> Table:
         table.add_column(f"≤ {limit}\nms, %", justify="right", no_wrap=True)
     counts = any(row.false_alarms.counted is not None for row in summary.links)
     if counts:
-        table.add_column("false alarms\nlaw / run", justify="right", no_wrap=True)
+        table.add_column("false\nalarms", justify="right", no_wrap=True)
     for row in _worst_links(summary):
         gaps = row.arrival_gap_ms_mean, row.arrival_gap_ms_p95, row.arrival_gap_ms_max
         ages = row.age_ms_mean, row.age_ms_p95, row.age_ms_max
@@ -277,16 +276,14 @@ def freshness_table(summary: RunSummary) -> Table:
             " / ".join("-" if one is None else f"{one:.0f}" for one in gaps),
             " / ".join("-" if one is None else f"{one:.0f}" for one in ages),
             *(_figure(row.safe_time_ratio.get(limit), 100.0) for limit in SHOWN_AGES_MS),
-            *([_alarms(row.false_alarms)] if counts else []),
+            *([_count(row.false_alarms.counted)] if counts else []),
         )
     _note_more_links(summary, table)
     return table
 
 
-def _alarms(found: AlarmSummary) -> str:
-    """How often a source counted as lost: predicted by the laws, and counted."""
-    counted = "-" if found.counted is None else str(found.counted)
-    return f"{'-' if found.predicted is None else f'{found.predicted:.1f}'} / {counted}"
+def _count(number: int | None) -> str:
+    return "-" if number is None else str(number)
 
 
 def _asked(value: float | None, scale: float = 1.0) -> str:

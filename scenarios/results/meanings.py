@@ -115,10 +115,9 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         " the receiver's steering commands",
         "age_ms_p95": "not exceeded by 95 %",
         "age_ms_max": "the oldest",
-        "false_alarms": "how often the receiver counted the sender as lost though it sent:"
-        " predicted by the laws for so many messages (null where no number says it, or the link or"
-        " an end of it was changed meanwhile), counted, and low and high, the interval of 95 % of"
-        " the expectation by the count, which allows for swarms of alarms",
+        "false_alarms": "how often the receiver counted the sender as lost although it sent:"
+        " counted, null where the receiver does not report it; predicted, low and high are null,"
+        " except in older summaries",
         "safe_time_ratio": "share of the steering commands with an age of at most so many ms",
     },
     "events": {

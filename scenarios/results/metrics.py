@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache, partial
 from itertools import pairwise, zip_longest
 from math import inf, isfinite
 from operator import attrgetter
@@ -10,12 +9,11 @@ from typing import Any
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.changing.asked import changed_links
-from scenarios.definition.check.alarms import FalseAlarms, false_alarms
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import sends_every_instant
 from scenarios.results.channel.account import LinkSummary, link_summary, misses
-from scenarios.results.channel.alarms import AlarmSummary, AlarmTally, alarm_miss, alarm_summary
+from scenarios.results.channel.alarms import AlarmSummary, AlarmTally
 from scenarios.results.channel.tally import LinkTally
 from scenarios.results.completeness.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.degradation.deadlines import Deadlines
@@ -66,7 +64,6 @@ class Metrics:
         control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
         duration_ns: int = 0,
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
-        alarms_of: Callable[[tuple[str, str]], FalseAlarms | None] = lambda _: None,
         deadlines: Deadlines | None = None,
         plotted: bool = True,
     ) -> None:
@@ -75,10 +72,9 @@ class Metrics:
         `road_yaw` (rad) is the direction of the road on which the convoy starts; `rates_hz` are
         those at which poses are sent from the start on, None for a vehicle whose poses come by no
         such schedule; `duration_ns` is as planned; `linear_slips` are the slip angles
-        (rad) of front and rear axle up to which each vehicle's tyres are linear; `alarms_of` says
-        what a link's laws say of false alarms; `deadlines` are what followers have to have done by
-        an instant. Without a detector of events, usual cars and thresholds. `deviations` are kept
-        only of a run that is `plotted`: they are no figures.
+        (rad) of front and rear axle up to which each vehicle's tyres are linear; `deadlines` are
+        what followers have to have done by an instant. Without a detector of events, usual cars and
+        thresholds. `deviations` are kept only of a run that is `plotted`: they are no figures.
         """
         self._names = list(vehicles)
         self._lead = self._names[0]
@@ -97,8 +93,6 @@ class Metrics:
         self.vehicles = {name: VehicleFigures() for name in vehicles}
         self.links: defaultdict[tuple[str, str], LinkTally] = defaultdict(LinkTally)
         self._alarms: defaultdict[tuple[str, str], AlarmTally] = defaultdict(AlarmTally)
-        self._alarms_of = cache(alarms_of)
-        self._changed: set[str] = set()
         self._cross_track_error = CrossTrackError(self._names[0], road_yaw, self._names[1:])
         self.deviations = Deviations(self._names[1:])
         self.deadlines = deadlines or Deadlines()
@@ -138,7 +132,6 @@ class Metrics:
                 name: linear_range(scenario.vehicle(name).parameters)
                 for name in scenario.vehicle_names
             },
-            alarms_of=partial(false_alarms, scenario),
             deadlines=Deadlines(scenario.tables.limits, scenario.lead),
             plotted=plotted,
         )
@@ -277,7 +270,6 @@ class Metrics:
         """From now on its poses come by no schedule, or links are not as they were asked for."""
         if change.kind in VEHICLE_CHANGES:
             self._rates_hz[change.vehicle] = None
-            self._changed.add(change.vehicle)
         for pair in changed_links(change.table, self._names, self._requested):
             self.links[pair].changed |= pair[1] == change.vehicle
 
@@ -397,27 +389,14 @@ class Metrics:
 
     def _link(self, link: tuple[str, str]) -> LinkSummary:
         requested, sent = self._requested[link], self.vehicles[link[0]].poses
-        return link_summary(
-            link, requested, sent, self.links[link], self._alarm_summary(link, sent)
-        )
-
-    def _alarm_summary(self, link: tuple[str, str], sent: int) -> AlarmSummary:
-        """False alarms of a link while its sender lived."""
-        counted = self._alarms[link].counted(self.vehicles[link[0]].last_at)
-        return alarm_summary(self._law_of_alarms(link), sent, counted)
-
-    def _law_of_alarms(self, link: tuple[str, str]) -> FalseAlarms | None:
-        """What the laws of a link say, unless it was changed or messages came late on their own."""
-        if self._changed & set(link) or self.links[link].changed or self.links[link].late:
-            return None
-        return self._alarms_of(link)
+        # Alarms count while the sender ran.
+        alarms = AlarmSummary(counted=self._alarms[link].counted(self.vehicles[link[0]].last_at))
+        return link_summary(link, requested, sent, self.links[link], alarms)
 
     def link_misses(self) -> Iterator[str]:
         """Say which links did something else than was asked of them, beyond sampling error."""
         for link in sorted(self._requested, key=self._order):
             yield from misses(link, self._requested[link], self.links[link])
-            found = self._alarm_summary(link, self.vehicles[link[0]].poses)
-            yield from alarm_miss(link, self._law_of_alarms(link), found)
         if changed := [f"{a} → {b}" for (a, b), one in sorted(self.links.items()) if one.changed]:
             these = ", ".join(changed)
             yield f"changed during the run, so not held against what was asked: {these}"

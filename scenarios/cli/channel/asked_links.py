@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from scenarios.definition.check.alarms import SAMPLED
 from scenarios.definition.check.links import AskedLink, AskedReceiver
 
 UNKNOWN = "no number says it beforehand"
@@ -16,7 +17,7 @@ Row = tuple[str, str]
 def print_links(
     name: str, links: Sequence[AskedLink], deaf: Sequence[AskedReceiver], console: Console
 ) -> None:
-    """Print a block for each link, links of which all is alike in one, and who hears nobody."""
+    """Print a block for each group of equal links, and how often receivers lose all sources."""
     console.print(f"[bold]{escape(name)}, its links[/]", highlight=False)
     if not links:
         console.print("none: nobody receives")
@@ -33,7 +34,7 @@ def print_links(
             table.add_row(f"  {what}", escape(text))
         console.print(table)
     if deaf:
-        console.print("\n[bold]no source heard, though all send[/]", highlight=False)
+        console.print("\n[bold]all sources lost, although all send[/]", highlight=False)
     together: dict[str, list[str]] = {}
     for receiver in deaf:
         together.setdefault(_often(receiver.deaf_per_h), []).append(receiver.receiver)
@@ -45,7 +46,7 @@ def _often(per_h: float | None) -> str:
     if per_h is None:
         return UNKNOWN
     if not per_h:
-        return "never"
+        return f"not once in a sample of {SAMPLED} messages"
     return f"{per_h:.0f} times an hour" if per_h >= 100.0 else f"{per_h:.2g} times an hour"
 
 
@@ -68,9 +69,8 @@ def _rows(link: AskedLink) -> Iterator[Row]:
         yield "delay", f"{link.latency_ms_mean:.4g} ± {link.latency_ms_deviation:.4g} ms"
     age = UNKNOWN if link.age_ms_mean is None else f"{link.age_ms_mean:.4g} ms on average"
     yield "age", f"of the newest message at a command: {age}, at {link.rate_hz:.3g} Hz"
-    silence = f"for more than {link.silence_s_max:.3g} s though the sender sends"
-    by = ", by a sample" if link.is_sampled else ""
-    yield "silent", f"{silence}: {_often(link.false_alarms_per_h)}{by}"
+    silence = f"for more than {link.silence_s_max:.3g} s although the sender sends"
+    yield "silent", f"{silence}: {_often(link.false_alarms_per_h)}"
 
 
 def _burst(link: AskedLink) -> str:

