@@ -21,6 +21,7 @@ from scenarios.cli.main import cli
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import from_json, to_json
 from scenarios.runs.virtual.replay import read_recorded_vehicle
+from scenarios.studies.many.blame.losses import read_run
 from transport.codec import PROTOBUF
 from transport.log.reader import LogReader
 from transport.log.repair import repair
@@ -78,7 +79,9 @@ def _first_values(folder: Path, topic: str, name: str) -> set[object]:
 
 
 def test_the_first_generation_has_messages_dropped_and_refused() -> None:
-    assert {"loss", "cut", "corrupted"} <= _first_values(LOGS[0], "verdict", "reason")
+    assert {"loss", "cut"} <= _first_values(LOGS[0], "verdict", "reason")
+    assert "distrusted" in _first_values(LOGS[0], "tracking", "predecessor_status")
+    assert _first_values(LOGS[0], "health", "rejected_messages") > {0}
     assert {"link", "cut", "gnss", "stall"} <= _first_values(LOGS[0], "change", "kind")
 
 
@@ -130,20 +133,36 @@ def test_laws_are_fitted_to_its_links(folder: Path) -> None:
     assert fitted.count("[[link]]") == 3
 
 
-def test_the_session_is_repeated(folder: Path, tmp_path: Path) -> None:
+def truth(log: Path) -> list[tuple[int, str, Message]]:
+    return list(LogReader(log).messages(("truth",)))
+
+
+@pytest.fixture
+def again(folder: Path, tmp_path: Path) -> Path:
+    """The log of the recorded session, repeated by this version."""
     session = tmp_path / "session.toml"
     convoy("scenario-from", folder, "-o", session)
     done = CliRunner().invoke(
         cli, ["run", str(session), "--clock=virtual", "--quiet", f"--out={tmp_path / 'again'}"]
     )
     assert done.exit_code in {0, 1}, done.output  # 1: it breaks a limit, as the recorded run did
-    assert summary_of(tmp_path / "again" / "run.mcap").links
+    return tmp_path / "again" / "run.mcap"
 
 
-def test_losses_are_blamed(folder: Path, tmp_path: Path) -> None:
-    convoy("blame", folder, "--workers", "0", "--runs", "10", "--out", tmp_path)
-    found = json.loads((tmp_path / "blame.json").read_text(encoding="utf-8"))
-    assert found["considered_bursts"] > 0
+def test_the_session_is_repeated(folder: Path, again: Path) -> None:
+    assert summary_of(again).identity.seed == summary_of(folder / "run.mcap").identity.seed
+    assert len(truth(again)) == len(truth(folder / "run.mcap"))
+
+
+def test_losses_are_blamed_where_the_run_can_be_repeated(
+    folder: Path, again: Path, tmp_path: Path
+) -> None:
+    """A version in which vehicles drive otherwise reads the log and refuses to blame its losses."""
+    options = ["--workers", "0", "--runs", "10", "--out", str(tmp_path)]
+    done = CliRunner().invoke(cli, ["blame", str(folder), *options])
+    repeated = truth(again) == truth(folder / "run.mcap")
+    assert done.exit_code == (0 if repeated else 2), done.output
+    assert read_run(folder / "run.mcap").told
 
 
 def drive(folder: Path, out: Path, text: str) -> None:
