@@ -111,7 +111,8 @@ def recorded(
         unseen = _summed(np.where(silent, np.diff(s), 0.0))
         seen = distance[-1] - unseen[-1]
         ratio = float(seen / driven[-1]) if driven[-1] > 0.0 else math.inf
-        window, distance = RECORDED_WINDOW, driven * ratio + unseen
+        if ratio < math.inf:
+            window, distance = RECORDED_WINDOW, driven * ratio + unseen
     t, distance = _with_silences(t, distance, np.flatnonzero(silent).tolist())
     span = float(t[-1] - t[0])
     knots = np.arange(math.ceil(span / RECORDED_STEP) + 1, dtype=np.float64) * RECORDED_STEP

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from scenarios.definition.errors import Refused
-from scenarios.definition.road.route import Route, longest_run, smoothed_points
+from scenarios.definition.road.route import Route, check_span, longest_run, smoothed_points
 from scenarios.definition.schema.path import PointsPath
 from scenarios.definition.schema.tables import ScenarioTables, VehicleTable
 from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
@@ -18,6 +18,9 @@ from vehicles.geometry.smoothing import SmoothedPath
 
 STEP = 0.2
 """Time step (s) between the knots of a recorded motion."""
+
+LEAST_INTERVAL = 0.01
+"""Stands and holes are filled with points that are no closer than this (s)."""
 
 REACH = 1.0
 """Recorded stations are smoothed over this time (s) to either side..."""
@@ -99,6 +102,7 @@ def plan_replay(tables: ScenarioTables, name: str, route: Route) -> ReplayedDriv
         raise Refused(key, "has not been read")
     if not drive.time_s:
         raise Refused(key, f"{drive.source}: given without times, allowed only with them")
+    check_span(f"{key} ({drive.source})", drive)
     try:
         road = smoothed_points(drive, RUN_IN)
     except Refused as error:
@@ -122,7 +126,8 @@ def _knots(
     if t.size < NEIGHBOURS:
         return None
     # Stands and holes are long steps in time, over which a cubic would swing: filled evenly.
-    even = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / float(np.median(np.diff(t)))), t.size) + 1)
+    usual = max(float(np.median(np.diff(t))), LEAST_INTERVAL)
+    even = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / usual), t.size) + 1)
     times = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / STEP), 1) + 1)
     reach = max(REACH, REACH_PER_METRE * road.noise)
     stations = local_cubic(even, np.interp(even, t, s)[None, :], times, reach)[0]

@@ -106,6 +106,9 @@ def gaps_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:
 
 def plan_route(tables: ScenarioTables) -> Route:
     """Make path and speed of a scenario whose trace has been read; raises Refused."""
+    if tables.speed.lead == "recorded" and isinstance(tables.path, PointsPath):
+        key = f"path ({tables.path.source})" if tables.path.source else "path.time_s"
+        check_span(key, tables.path)
     fastest = _first_speed_at_most(tables)
     lead_in = sum(gaps_at(tables, fastest)) + RUN_UP
     path, start, smoothed = _path(tables, lead_in)
@@ -136,6 +139,13 @@ def plan_route(tables: ScenarioTables) -> Route:
         plan=plan,
         run_in=profile.time_to(smoothed.start - start) if smoothed else 0.0,
     )
+
+
+def check_span(key: str, table: PointsPath) -> None:
+    """Raise Refused for a drive over more time than a run has, before that much is laid out."""
+    span = max(table.time_s, default=0.0) - min(table.time_s, default=0.0)
+    if not span <= LONGEST:
+        raise Refused(key, f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}")
 
 
 def _first_speed_at_most(tables: ScenarioTables) -> float:
@@ -257,9 +267,6 @@ def _recorded(
         raise Refused("speed.lead", 'given "recorded", allowed only for a trace with times')
     if table.closed:
         raise Refused("speed.lead", 'given "recorded", allowed only with path.closed = false')
-    if (span := max(table.time_s) - min(table.time_s)) > LONGEST:
-        where = f"path ({table.source})" if table.source else "path.time_s"
-        raise Refused(where, f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}")
     profile, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
     if not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
         times = f"{1.0 / ratio:.2f} times" if ratio > 0.0 else "not"

@@ -97,8 +97,8 @@ def read_csv(text: str) -> RecordedDrive:
             drive.skipped.append(f"line {number}: {error}")
         else:
             drive.points.append(_csv_point(f"line {number}", columns, values))
-    first = drive.points[0].time if drive.points else None
-    return replace(drive, clock="unix" if first is not None and first >= FIRST_UNIX else None)
+    usual = drive.points[len(drive.points) // 2].time if drive.points else None
+    return replace(drive, clock="unix" if usual is not None and usual >= FIRST_UNIX else None)
 
 
 def _cells(line: str, mark: str) -> list[str]:

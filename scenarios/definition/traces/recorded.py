@@ -19,6 +19,7 @@ from scenarios.definition.traces.formats import (
     read_log,
     read_nmea,
 )
+from scenarios.definition.traces.leaps import without_leaps
 from vehicles.geometry.geodesy import LocalPlane, Origin
 
 MAX_BYTES = 200_000_000
@@ -78,6 +79,8 @@ def read_trace(
     """
     try:
         drive = _sifted(_read(path, vehicle))
+        points, leaping = without_leaps(drive.points)
+        drive = replace(drive, points=points, skipped=[*drive.skipped, *leaping])
         _check_order(drive)
         trace = _laid_out(path.name, drive, origin)
         _check_shape(trace)
@@ -173,6 +176,11 @@ def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> Drive
     timed = len(times) == len(points)
     left = cleaned(np.array((east, north)), times if timed else ())
     kept, speeds = left.kept, _speeds(points)
+    remarks = list(_remarks(left, points))
+    if speeds and not any(speeds):
+        speeds = ()
+        instead = "speeds follow from the times" if timed else "speeds are ignored"
+        remarks.append(f"every recorded speed is 0 while the position changes: {instead}")
     first = times[kept[0]] if timed else 0.0
     stood = sum(one.last - one.first + 1 for one in left.stands)
     return DriveInPlane(
@@ -190,7 +198,7 @@ def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> Drive
         noise_m=left.noise,
         jumping_points=sum(jump.last - jump.first + 1 for jump in left.jumps),
         standing_points=stood,
-        remarks=tuple(_remarks(left, points)),
+        remarks=tuple(remarks),
     )
 
 

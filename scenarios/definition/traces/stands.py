@@ -190,8 +190,9 @@ def _stand(
 
 def _wanders(core: Floats, at: Floats, span: float) -> bool:
     """Whether points end up far closer to their beginning than their way, window by window, is."""
-    edges = np.searchsorted(at, np.arange(at[0], at[-1] + span, span))
-    means = [np.mean(core[:, a:b], axis=1) for a, b in pairwise(edges.tolist()) if b > a]
+    windows = np.floor((at - at[0]) / span)  # only those with points: a clock may leap by years
+    edges = [0, *(np.flatnonzero(np.diff(windows)) + 1).tolist(), at.size]
+    means = [np.mean(core[:, a:b], axis=1) for a, b in pairwise(edges)]
     if len(means) < 3:
         return False
     way = sum(float(np.hypot(*(after - before))) for before, after in pairwise(means))
