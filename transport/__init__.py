@@ -10,6 +10,7 @@ thinning         of which topics the log holds but some messages
 texts            what of a text may reach a terminal and a line of the log
 closing          what closes itself at the end of a `with`
 colours          colours of the vehicles in every picture
+panels           the table of panels of the picture, live and of a log
 clock            wall clock and virtual time
 bus/             between processes: Zenoh, or memory within one process
 links/           what a directed link does to a message, and what a vehicle receives

@@ -4,37 +4,22 @@ import json
 from collections.abc import Sequence
 
 from transport.colours import colour_of
+from transport.panels import PANELS, Panel
 
-PLOTS = (
-    ("True cross-track error (m)", "deviation.cross_track_error_m"),
-    ("Error as believed (m)", "tracking.lateral_error_m"),
-    ("True gap (m)", "deviation.true_gap_m"),
-    ("Believed gap (m)", "tracking.gap_m"),
-    ("Age of the lead's newest pose (s)", "tracking.lead_age_s"),
-)
-"""Title, and topic with field, of what is plotted of each follower."""
-
-
-AHEAD = (
-    ("road known", "known_m", "#f2f2f2"),
-    ("stop, comfortably", "comfortable_stop_m", "#6f8f4f"),
-    ("stop, firmly", "firm_stop_m", "#d04040"),
-)
-"""Label, field and colour of what is plotted of the road ahead of one follower."""
+KINDS = {"plot": "Plot", "states": "StateTransitions", "plot_of_one": "Plot"}
+"""Foxglove's names of the kinds of panels, in the order from top to bottom."""
 
 
 def foxglove_layout(vehicles: Sequence[str]) -> str:
     """Lay out the log of a run of `vehicles`, lead first; to be imported in Foxglove."""
-    plots = {f"Plot!{number}": _plot(vehicles, *row) for number, row in enumerate(PLOTS)}
-    shown = {"StateTransitions!mode": _modes(vehicles)}
-    if len(vehicles) > 1:
-        shown["Plot!ahead"] = _road_ahead(vehicles[len(vehicles) // 2])
+    panels = [panel for panel in PANELS.values() if panel.foxglove and panel.suits(vehicles)]
+    panels.sort(key=lambda panel: list(KINDS).index(panel.kind))
+    shown = {f"{KINDS[panel.kind]}!{panel.name}": _panel(panel, vehicles) for panel in panels}
     left = {"first": "3D!scene", "second": "RosOut!text", "direction": "column"}
     layout = {
         "configById": {
             "3D!scene": _scene(vehicles),
             "RosOut!text": {"topicToRender": "/convoy/run/text", "minLogLevel": 1},
-            **plots,
             **shown,
         },
         "globalVariables": {},
@@ -42,7 +27,7 @@ def foxglove_layout(vehicles: Sequence[str]) -> str:
         "playbackConfig": {"speed": 1},
         "layout": {
             "first": {**left, "splitPercentage": 75},
-            "second": _stacked([*plots, *shown]),
+            "second": _stacked(list(shown)),
             "direction": "row",
             "splitPercentage": 55,
         },
@@ -74,52 +59,30 @@ def _scene(vehicles: Sequence[str]) -> dict[str, object]:
     }
 
 
-def _plot(vehicles: Sequence[str], title: str, field: str) -> dict[str, object]:
-    paths = [
-        _path(f"/convoy/{name}/{field}", name, "#{:02x}{:02x}{:02x}".format(*colour_of(place)))
-        for place, name in enumerate(vehicles)
-        if place
+def _panel(panel: Panel, vehicles: Sequence[str]) -> dict[str, object]:
+    followers = panel.followers(vehicles)
+    drawn = [(place, name, series) for place, name in followers.items() for series in panel.series]
+    paths: list[dict[str, object]] = [
+        {
+            "value": f"/convoy/{name}/{series.topic}.{series.field}",
+            "label": series.label_of(name),
+            "timestampMethod": "receiveTime",
+        }
+        for _, name, series in drawn
     ]
-    return _curves(title, paths)
-
-
-def _road_ahead(vehicle: str) -> dict[str, object]:
-    """How far the road ahead of one follower is known, and what a stop takes."""
-    paths = [
-        _path(f"/convoy/{vehicle}/tracking.{field}", label, colour)
-        for label, field, colour in AHEAD
-    ]
-    return _curves(f"Road ahead of {vehicle} (m)", paths)
-
-
-def _modes(vehicles: Sequence[str]) -> dict[str, object]:
-    """What each follower steers along."""
-    paths = [
-        {"value": f"/convoy/{name}/tracking.mode", "label": name, "timestampMethod": "receiveTime"}
-        for name in vehicles[1:]
-    ]
-    return {"foxglovePanelTitle": "Steers along", "paths": paths, "isSynced": True}
-
-
-def _path(value: str, label: str, colour: str) -> dict[str, object]:
+    heading = panel.heading(next(iter(followers.values()), ""))
+    shown = {"foxglovePanelTitle": heading, "paths": paths, "isSynced": True}
+    if panel.kind == "states":
+        return shown
+    for path, (place, _, series) in zip(paths, drawn, strict=True):
+        colour = series.colour or colour_of(place)
+        path |= {"color": "#{:02x}{:02x}{:02x}".format(*colour), "enabled": True}
     return {
-        "value": value,
-        "label": label,
-        "color": colour,
-        "enabled": True,
-        "timestampMethod": "receiveTime",
-    }
-
-
-def _curves(title: str, paths: Sequence[object]) -> dict[str, object]:
-    return {
-        "foxglovePanelTitle": title,
-        "paths": paths,
+        **shown,
         "showLegend": True,
         "legendDisplay": "floating",
         "showXAxisLabels": True,
         "showYAxisLabels": True,
-        "isSynced": True,
         "xAxisVal": "timestamp",
     }
 

@@ -5,7 +5,7 @@ view             opens and closes it there
 picture          turns messages into entities of the recording
 shapes           cars, road, name tags
 detail           how much is drawn of a long convoy
-curves           curves over time, sent in batches
+curves           curves and states over time, as the table of panels lists them
 marks            marks of collisions and the like, in plans and plots
 link_states      how each link was over each half second
 blueprint        layout and colours

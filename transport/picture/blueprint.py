@@ -26,8 +26,8 @@ import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
 from transport.colours import Colour
+from transport.panels import ROWS, Panel, Row
 from transport.picture.detail import Detail
-from transport.picture.link_states import LATE, LOSSES, OK, SILENT
 
 Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Square", "Up"]
 Road = tuple[Sequence[float], Sequence[float]]
@@ -44,54 +44,6 @@ ROAD = (0x6A, 0x6A, 0x6A)
 EDGE = (0x45, 0x45, 0x45)
 WORST = (0x00, 0xE5, 0xFF)
 
-CALM, WAITING, HALTED = (0x2E, 0x4A, 0x44), (0x3F, 0x44, 0x7E), (0x4F, 0x25, 0x66)
-LEAST_LOSS, ALL_LOST = (0x5C, 0x4A, 0x36), (0xB0, 0x10, 0x3C)
-
-
-def _shade(share: float) -> Colour:
-    """Colour of a share lost, from brown to crimson."""
-    red, green, blue = (
-        round(least + share * (most - least))
-        for least, most in zip(LEAST_LOSS, ALL_LOST, strict=True)
-    )
-    return red, green, blue
-
-
-def hazard_in(mode: str) -> str:
-    """State of a vehicle that warns those behind of itself."""
-    return f"{mode}, hazard"
-
-
-STATES: dict[str, dict[str, Colour]] = {
-    "links": {
-        OK: CALM,
-        LATE: WAITING,
-        **{state: _shade(k / 9.0) for k, state in enumerate(LOSSES)},
-        SILENT: HALTED,
-    },
-    "messages": {OK: CALM, LATE: WAITING, "lost": ALL_LOST},
-    "mode": {
-        "path": (0x4A, 0x4A, 0x4A),
-        "composite": CALM,
-        "lead": (0x2A, 0x4C, 0x66),
-        "predecessor": LEAST_LOSS,
-        "coast": (0x8A, 0x5A, 0x10),
-        "stop": ALL_LOST,
-        "straight": HALTED,
-    },
-    "sources": {
-        "unheard": HALTED,
-        "fresh": CALM,
-        "late": WAITING,
-        "probation": (0x2A, 0x4C, 0x66),
-        "distrusted": (0x8A, 0x5A, 0x10),
-        "lost": ALL_LOST,
-    },
-}
-STATES["mode"] |= {hazard_in(mode): colour for mode, colour in STATES["mode"].items()}
-"""Colours of states: of a link over half a second, of its single messages, of what a vehicle steers
-along, and of what it makes of its sources. They are dark, and so apart from the colours of the
-cars."""
 EVENTS: dict[str, tuple[Colour, Shape, float]] = {
     "distrust": ((0xFF, 0xFF, 0x99), "Plus", 6.0),
     "slide": ((0x00, 0xFF, 0xFF), "Down", 5.0),
@@ -105,34 +57,14 @@ EVENTS: dict[str, tuple[Colour, Shape, float]] = {
 worst comes last and so above the others."""
 MARKS = {"change": ((0xFF, 0xFF, 0xFF), "Circle", 5.0), **EVENTS}
 """The same of all that is marked: what was done to the convoy beside what happened to it."""
-MARKED_PLOTS = ("cross_track", "true_gap")
-CLOSING: dict[str, tuple[str, Colour, float]] = {
-    "comfortable_stop": ("stop, comfortably", (0x6F, 0x8F, 0x4F), 1.5),
-    "firm_stop": ("stop, firmly", (0xD0, 0x40, 0x40), 1.5),
-    "known": ("road known", (0xF2, 0xF2, 0xF2), 2.5),
-}
-"""Curves of one follower's road ahead: name, colour and width."""
-LEAST_CLOSING_M = 40.0
-PLOTS = {
-    "cross_track": "True cross-track error (m, left positive)",
-    "tracking": "Error as believed (m)",
-    "true_gap": "True gap (m)",
-    "gap": "Believed gap (m)",
-    "speed": "Speed (m/s)",
-    "steering": "Steering (deg)",
-    "age": "Age of lead's and predecessor's newest pose (s)",
-    "loss": "Lost of each half second's (%)",
-    "received": "Received of the last second (%)",
-    "weight": "Weight of the predecessor (%)",
-}
-"""What is plotted, and what a tab has room for. The true gap is that between bodies, the believed
-one that between centres of mass along the path."""
+LEAST_RANGE_M = 40.0
 
 
 def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
     """Lay out the picture of `vehicles`, lead first, that drive about `gap_m` apart on `road`."""
     flat = road is not None and _is_flat(road)
     detail = Detail(vehicles)
+    rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, vehicles, detail, gap_m))]
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
@@ -141,24 +73,7 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
                 _log_view(),
                 row_shares=[4, 2, 2] if flat else [3, 4, 2],
             ),
-            rrb.Vertical(
-                rrb.Tabs(
-                    _plot("cross_track", legend=len(vehicles) <= LEGEND_HOLDS), _plot("tracking")
-                ),
-                *_closing(detail, gap_m),
-                rrb.Tabs(_plot("true_gap"), _plot("gap"), _plot("speed"), _plot("steering")),
-                rrb.Tabs(
-                    _states("mode", "Steers along", hidden=vehicles[0]),
-                    _states("sources", "Sources"),
-                ),
-                rrb.Tabs(_plot("age"), _plot("received"), _plot("weight")),
-                rrb.Tabs(
-                    _states("links", "Links, each half second"),
-                    _plot("loss"),
-                    _states("messages", "Messages (zoom in)"),
-                ),
-                row_shares=[6, *([6] if len(vehicles) > 1 else []), 4, 6, 4, 6],
-            ),
+            rrb.Vertical(*(tabs for _, tabs in rows), row_shares=[row.share for row, _ in rows]),
             column_shares=[5, 4],
         ),
         rrb.TimePanel(timeline=TIMELINE, expanded=False),
@@ -280,33 +195,46 @@ def middle(count: int) -> int:
     return count // 2
 
 
-def _plot(quantity: str, *, legend: bool = False) -> rrb.TimeSeriesView:
+def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, gap_m: float) -> rrb.Tabs | None:
+    """Lay out the panels of a row; None if they show followers and there is none.
+
+    Of plots for each follower that of the vehicle that the view moves along with is open.
+    """
+    tabs: list[rrb.View] = []
+    active = None
+    for panel in row.panels:
+        match panel.kind:
+            case "plot":
+                tabs.append(_plot(panel, legend=len(vehicles) <= LEGEND_HOLDS))
+            case "states":
+                tabs.append(_states(panel, lead=vehicles[0]))
+            case "plot_of_one":
+                active = len(tabs) + middle(len(detail.names)) - 1
+                most = max(panel.range_gaps * (detail.shown - 1) * gap_m, LEAST_RANGE_M)
+                tabs += [_plot_of_one(panel, name, most) for name in detail.names[1:]]
+    return rrb.Tabs(*tabs, active_tab=active) if tabs else None
+
+
+def _plot(panel: Panel, *, legend: bool) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
-        name=PLOTS[quantity],
-        origin=f"plots/{quantity}",
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
+        name=panel.heading(""),
+        origin=f"plots/{panel.name}",
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=panel.legend and legend),
     )
 
 
-def _closing(detail: Detail, gap_m: float) -> list[rrb.Tabs]:
-    """Show each follower's road ahead: what is known of it, and what a stop takes.
-
-    At first that of the vehicle that the view moves along with. What a stop takes at full speed may
-    be far above; it comes down as the car slows down.
-    """
-    most = max(3.0 * (detail.shown - 1) * gap_m, LEAST_CLOSING_M)
-    views = [
-        rrb.TimeSeriesView(
-            name=f"Road ahead of {name} (m)",
-            origin=f"plots/closing/{name}",
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=True),
-            axis_y=rrb.ScalarAxis(range=(-0.2 * most, most)),
-        )
-        for name in detail.names[1:]
-    ]
-    return [rrb.Tabs(*views, active_tab=middle(len(detail.names)) - 1)] if views else []
+def _plot_of_one(panel: Panel, vehicle: str, most: float) -> rrb.TimeSeriesView:
+    """Lay out the plot of one follower; its largest value is `most` if the panel has a range."""
+    return rrb.TimeSeriesView(
+        name=panel.heading(vehicle),
+        origin=f"plots/{panel.name}/{vehicle}",
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=panel.legend),
+        axis_y=rrb.ScalarAxis(range=(-0.2 * most, most)) if panel.range_gaps else None,
+    )
 
 
-def _states(origin: str, name: str, *, hidden: str = "") -> rrb.StateTimelineView:
-    contents = [f"/{origin}/**", *([f"- /{origin}/{hidden}"] if hidden else [])]
-    return rrb.StateTimelineView(name=name, origin=origin, contents=contents)
+def _states(panel: Panel, *, lead: str) -> rrb.StateTimelineView:
+    hidden = [f"- /{panel.name}/{lead}"] if panel.lead == "hidden" else []
+    return rrb.StateTimelineView(
+        name=panel.heading(""), origin=panel.name, contents=[f"/{panel.name}/**", *hidden]
+    )

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from transport.panels import LATE, LOSSES, OK, SILENT
 from transport.reasons import counts_as_loss
 from vehicles.messages import LinkVerdict
 from vehicles.schedule import MILLISECOND, SECOND
@@ -16,9 +17,6 @@ WINDOW_NS = SECOND // 2
 MARGIN_NS = 100 * MILLISECOND
 """A window is judged when its receiver is so far past its end: verdicts and poses of one vehicle
 come under different topics."""
-OK, LATE, SILENT = "ok", "late", "silent"
-LOSSES = tuple(f"{tenth}0 % lost" for tenth in range(1, 11))
-"""States of a window by the share lost: to the nearest tenth, and all of it only if all was."""
 
 
 def message_state(verdict: LinkVerdict) -> str:

@@ -9,7 +9,8 @@ which of them are cars, and which numbers are curves:
 import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ from rerun.blueprint.encodings import (
 )
 
 from transport.colours import Colour, colour_of
-from transport.picture.blueprint import CLOSING, ROAD, middle
+from transport.panels import PANELS, Panel, Series
+from transport.picture.blueprint import ROAD, middle
+from transport.topics import TOPICS
 
 TIMELINE = "message_publish_time"
 """When a message was valid; the log time is when it was recorded."""
@@ -32,13 +35,6 @@ HEIGHT_M = 1.5
 EYE_M = (-25.0, -12.0, 22.0)
 """The direction from which the scene is looked at."""
 LEAST_REACH_M = 40.0
-PLOTS = (
-    ("True cross-track error (m)", "deviation", "convoy.Deviation", "cross_track_error_m"),
-    ("Error as believed (m)", "tracking", "convoy.Tracking", "lateral_error_m"),
-    ("True gap (m)", "deviation", "convoy.Deviation", "true_gap_m"),
-    ("Believed gap (m)", "tracking", "convoy.Tracking", "gap_m"),
-)
-"""Title, topic, message and field of what is plotted of each vehicle."""
 
 
 def save_log_layout(
@@ -55,12 +51,10 @@ def save_log_layout(
     """
     names = list(cars)
     beside = path.with_name(path.name + ".part")
-    errors, believed, gaps, believed_gaps = (_plot(names, *row) for row in PLOTS)
-    ahead = [_road_ahead(names[middle(len(names))])] if len(names) > 1 else []
     rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(_scene(cars, gap_m), _text(names), row_shares=[3, 1]),
-            rrb.Vertical(errors, believed, *ahead, rrb.Tabs(gaps, believed_gaps)),
+            rrb.Vertical(*_rows(names)),
             column_shares=[5, 4],
         ),
         rrb.TimePanel(timeline=TIMELINE, expanded=False),
@@ -110,45 +104,50 @@ def _dots(colour: Colour, half_size: tuple[float, float, float]) -> list[Any]:
     return [dot.visualizer()]
 
 
-def _plot(
-    names: Sequence[str], title: str, topic: str, message: str, field: str
-) -> rrb.TimeSeriesView:
-    """Plot a field of the messages of all followers; nothing is known of the lead's."""
-    overrides: dict[Any, Any] = {}
-    for place, name in enumerate(names[1:], start=1):
-        overrides[f"convoy/{name}/{topic}"] = [_curve(name, colour_of(place), 1.5, message, field)]
+def _rows(names: Sequence[str]) -> Iterator[rrb.View | rrb.Tabs]:
+    """Lay out the panels row by row; those of a row are tabs."""
+    panels = [panel for panel in PANELS.values() if panel.plain_row and panel.suits(names)]
+    for _, row in groupby(sorted(panels, key=_plain_row), _plain_row):
+        tabs = [_plot(panel, names) for panel in row]
+        yield tabs[0] if len(tabs) == 1 else rrb.Tabs(*tabs)
+
+
+def _plain_row(panel: Panel) -> int:
+    return panel.plain_row
+
+
+def _plot(panel: Panel, names: Sequence[str]) -> rrb.TimeSeriesView:
+    """Plot fields of the messages of followers; none are known of the lead."""
+    followers = panel.followers(names)
+    overrides: dict[Any, Any] = {
+        f"convoy/{name}/{panel.topic}": [
+            _curve(series, name, colour_of(place)) for series in panel.series
+        ]
+        for place, name in followers.items()
+    }
     return rrb.TimeSeriesView(
-        name=title,
+        name=panel.heading(next(iter(followers.values()), "")),
         origin="convoy",
         contents=[f"/{entity}" for entity in overrides],
         overrides=overrides,
     )
 
 
-def _curve(label: str, colour: Colour, width: float, message: str, field: str) -> Any:
+def _curve(series: Series, vehicle: str, colour: Colour) -> Any:
     """One field of a message as a curve."""
-    line = rr.SeriesLines(names=[label], colors=[colour], widths=[width])
+    message = TOPICS[series.topic].message.__name__ if series.topic in TOPICS else "Deviation"
+    line = rr.SeriesLines(
+        names=[series.label_of(vehicle)],
+        colors=[series.colour or colour],
+        widths=[series.width],
+    )
     mapping = VisualizerComponentMapping(
         target="Scalars:scalars",
         source_kind=ComponentSourceKind.SourceComponent,
-        source_component=f"{message}:message",
-        selector=f".{field}",
+        source_component=f"convoy.{message}:message",
+        selector=f".{series.field}",
     )
     return line.visualizer(mappings=[mapping])
-
-
-def _road_ahead(name: str) -> rrb.TimeSeriesView:
-    """Plot how far the road ahead of one follower is known, and what a stop takes."""
-    curves = [
-        _curve(words, colour, width, "convoy.Tracking", f"{curve}_m")
-        for curve, (words, colour, width) in CLOSING.items()
-    ]
-    return rrb.TimeSeriesView(
-        name=f"Road ahead of {name} (m)",
-        origin="convoy",
-        contents=[f"/convoy/{name}/tracking"],
-        overrides={f"convoy/{name}/tracking": curves},
-    )
 
 
 def _text(names: Sequence[str]) -> rrb.TextLogView:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import rerun as rr
 
-from transport.picture.blueprint import MARKED_PLOTS, MARKS
+from transport.panels import PANELS
+from transport.picture.blueprint import MARKS
 
 NAMES_FROM_M, ROW_M = 2.0, 2.2
 """Where the rows of names begin beside the road, and how far they are apart."""
@@ -30,8 +31,16 @@ class Mark:
 
     @property
     def plots(self) -> tuple[str, ...]:
-        """Plots in which it is marked: those of all vehicles, and the road ahead of its last."""
-        return (*MARKED_PLOTS, f"closing/{self.vehicles[-1]}")
+        """Plots that show the mark: those of all vehicles, and those of the last vehicle alone."""
+        return _marked_plots(self.vehicles[-1:])
+
+
+def _marked_plots(vehicles: Sequence[str]) -> tuple[str, ...]:
+    """Names of the marked plots of all vehicles, and of those that each of `vehicles` has alone."""
+    marked = [panel for panel in PANELS.values() if panel.marked]
+    common = [panel.name for panel in marked if panel.kind == "plot"]
+    own = [panel.name for panel in marked if panel.kind == "plot_of_one"]
+    return (*common, *(f"{panel}/{name}" for panel in own for name in vehicles))
 
 
 class Marks:
@@ -40,7 +49,7 @@ class Marks:
     def __init__(self, recording: rr.RecordingStream, followers: Sequence[str]) -> None:
         """Log the styles, so that the legend has them."""
         self._recording = recording
-        plots = (*MARKED_PLOTS, *(f"closing/{name}" for name in followers))
+        plots = _marked_plots(followers)
         for kind, (colour, shape, size) in MARKS.items():
             style = rr.SeriesPoints(
                 colors=[colour],

@@ -9,19 +9,10 @@ import numpy as np
 import rerun as rr
 
 from transport.colours import Colour, colour_of
-from transport.picture.blueprint import (
-    CLOSING,
-    TIMELINE,
-    WORST,
-    Reach,
-    Road,
-    blueprint,
-    hazard_in,
-    middle,
-)
-from transport.picture.curves import Curves
+from transport.panels import SLOW_CURVE_NS
+from transport.picture.blueprint import TIMELINE, WORST, Reach, Road, blueprint, middle
+from transport.picture.curves import Curves, PanelSeries, States
 from transport.picture.detail import Detail
-from transport.picture.link_states import LinkStates, message_state
 from transport.picture.marks import Mark, Marks
 from transport.picture.shapes import (
     CarShape,
@@ -33,7 +24,6 @@ from transport.picture.shapes import (
     ring,
     ring_label,
     road_with_marks,
-    state_style,
     turn_about,
 )
 from transport.topics import valid_at
@@ -56,8 +46,6 @@ from vehicles.schedule import MILLISECOND, SECOND, Timer
 CAR_NS = 40 * MILLISECOND
 TRAJECTORY_NS = 100 * MILLISECOND
 DRIVEN_NS = 200 * MILLISECOND
-CURVE_NS = 40 * MILLISECOND
-SLOW_CURVE_NS = 200 * MILLISECOND
 BATCH_NS = 500 * MILLISECOND
 """Curves are gathered and sent twice a second, which costs a tenth of sending each value."""
 AWAY_NS = SECOND
@@ -109,10 +97,10 @@ class Picture:
         self._places: dict[str, int] = {}
         self._timers: dict[tuple[str, str], Timer] = {}
         self._curves = Curves(recording)
+        states = States(recording, self._at)
+        self._series = PanelSeries(self._curves, states, self.detail)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
         self._cross_track_error = CrossTrackError(vehicles[0], road_yaw, vehicles[1:])
-        self._states: dict[str, str] = {}
-        self._links = LinkStates()
         self._errors: dict[str, float] = {}
         self._where: dict[str, tuple[float, float]] = {}
         self._yaw: dict[str, float] = {}
@@ -126,8 +114,8 @@ class Picture:
         self._draw: dict[type[Message], Callable[[Any], None]] = {
             TruePose: self._truth,
             CompositeTrajectory: self._trajectory,
-            Tracking: self._tracking,
-            Command: self._command,
+            Tracking: self._values,
+            Command: self._values,
             LinkVerdict: self._verdict,
             LogText: self._text,
             Change: self._change,
@@ -180,7 +168,7 @@ class Picture:
     def _truth(self, truth: TruePose) -> None:
         vehicle, at = truth.vehicle, truth.true_at_ns
         self._seen[vehicle] = at
-        self._place(vehicle)
+        self._values(truth)
         car_is_due = self._is_due(vehicle, "car", at, self._car_ns)
         if car_is_due or vehicle in self.detail:
             for foot in self._cross_track_error.add(truth):
@@ -202,9 +190,8 @@ class Picture:
             piece = rr.LineStrips2D.from_fields(strips=[driven])
             self._recording.log(f"world/driven/{vehicle}", piece)
             del driven[:-1]
-        if vehicle in self.detail and self._is_due(vehicle, "speed", at, SLOW_CURVE_NS):
-            self._curves.add("speed", vehicle, at, truth.speed_mps)
-            self._show_links(vehicle, at)
+        if vehicle in self.detail and self._is_due(vehicle, "links", at, SLOW_CURVE_NS):
+            self._series.show_links(vehicle, at)
 
     def _move_along(self, truth: TruePose) -> None:
         """Let the view follow this vehicle, with a larger unit where not all would be in it."""
@@ -239,72 +226,13 @@ class Picture:
         )
         self._recording.log(f"world/samples/{vehicle}", samples)
 
-    def _tracking(self, tracking: Tracking) -> None:
-        vehicle, at = tracking.vehicle, tracking.decided_at_ns
-        place = self._place(vehicle)
-        mode = hazard_in(tracking.mode) if tracking.hazard else tracking.mode
-        self._state(f"mode/{vehicle}", mode, at)
-        if vehicle not in self.detail:
-            return
-        self._curves.add("tracking", vehicle, at, tracking.lateral_error_m)
-        if not place:
-            return
-        self._curves.add("gap", vehicle, at, tracking.gap_m)
-        self._sources(tracking, one_source=place == 1)
-        if self._is_due(vehicle, "closing", at, CURVE_NS):
-            self._road_ahead(tracking)
-        if self._is_due(vehicle, "age", at, SLOW_CURVE_NS):
-            self._curves.add("age", f"{vehicle}/lead", at, tracking.lead_age_s)
-            self._curves.add("age", f"{vehicle}/predecessor", at, tracking.predecessor_age_s)
-            shares = tracking.lead_received_ratio, tracking.predecessor_received_ratio
-            for source, share in zip(("lead", "predecessor"), shares, strict=True):
-                self._curves.add("received", f"{vehicle}/{source}", at, 100.0 * share)
-            weight = tracking.predecessor_weight_ratio
-            self._curves.add("weight", vehicle, at, 100.0 * weight)
-
-    def _sources(self, tracking: Tracking, *, one_source: bool) -> None:
-        """Show what a follower makes of its sources.
-
-        The lead is the first follower's predecessor, too: it has but one.
-        """
-        vehicle, at = tracking.vehicle, tracking.decided_at_ns
-        self._state(f"sources/{vehicle}/lead", tracking.lead_status, at)
-        if not one_source:
-            self._state(f"sources/{vehicle}/predecessor", tracking.predecessor_status, at)
-
-    def _road_ahead(self, tracking: Tracking) -> None:
-        """Draw how far the road is known, and what a stop takes."""
-        vehicle, at = tracking.vehicle, tracking.decided_at_ns
-        values = {
-            "known": tracking.known_m,
-            "comfortable_stop": tracking.comfortable_stop_m,
-            "firm_stop": tracking.firm_stop_m,
-        }
-        for curve, (words, colour, width) in CLOSING.items():
-            self._curves.style("closing", f"{vehicle}/{curve}", words, colour, width)
-            self._curves.add("closing", f"{vehicle}/{curve}", at, values[curve])
-
-    def _command(self, command: Command) -> None:
-        vehicle, at = command.vehicle, command.decided_at_ns
-        self._place(vehicle)
-        if vehicle in self.detail and self._is_due(vehicle, "steering", at, CURVE_NS):
-            self._curves.add("steering", vehicle, at, math.degrees(command.steering_rad))
+    def _values(self, message: Tracking | Command | TruePose) -> None:
+        """Draw what panels show of a message."""
+        self._series.draw(message, self._place(message.vehicle))
 
     def _verdict(self, verdict: LinkVerdict) -> None:
-        if verdict.vehicle not in self.detail:
-            return
-        link = f"{verdict.vehicle}/from_{verdict.sender}"
-        self._links.count(link, verdict)
-        state = message_state(verdict)
-        if state:
-            self._state(f"messages/{link}", state, verdict.heard_at_ns)
-
-    def _show_links(self, receiver: str, at: int) -> None:
-        """Show how the links into a vehicle were, up to its own instant `at` (ns)."""
-        for window in self._links.passed(receiver, at):
-            self._state(f"links/{window.link}", window.state, window.at)
-            if window.loss_ratio is not None:
-                self._curves.add("loss", window.link, window.at, 100.0 * window.loss_ratio)
+        if verdict.vehicle in self.detail:
+            self._series.count(verdict)
 
     def _show_worst(self, now: int) -> None:
         """Ring the vehicle that is furthest off the lead's path, if it is far off."""
@@ -375,17 +303,6 @@ class Picture:
         }
         for entity, shape in shapes.items():
             self._recording.log(f"world/{entity}", shape, static=True)
-
-    def _state(self, entity: str, state: str, at: int) -> None:
-        """Show the state of a link or of a vehicle, if it changed."""
-        before = self._states.get(entity)
-        if before == state:
-            return
-        if before is None:
-            self._recording.log(entity, state_style(entity.partition("/")[0]), static=True)
-        self._states[entity] = state
-        self._at(at)
-        self._recording.log(entity, rr.StateChange(state=state))
 
     def _vehicle_to_follow(self, at: int) -> str:
         """Name the vehicle that the view follows: the middle one of those that send."""

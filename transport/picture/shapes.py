@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from transport.colours import Colour
-from transport.picture.blueprint import EDGE, ROAD, STATES, WORST
+from transport.picture.blueprint import EDGE, ROAD, WORST
 from vehicles.geometry.lanes import lane_edges as beside
 
 MARK_SPACING_M = 50.0
@@ -128,11 +128,3 @@ def road_with_marks(
         draw_order=2,
     )
     return road, marks
-
-
-def state_style(kind: str) -> rr.StateConfiguration:
-    """Colours of the states of one kind: "links", "messages" or "mode"."""
-    colours = STATES[kind]
-    return rr.StateConfiguration(
-        values=list(colours), labels=list(colours), colors=list(colours.values())
-    )

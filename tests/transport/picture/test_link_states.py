@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 
 from tests.made.transport import drive
 from transport.colours import COLOURS
-from transport.picture.blueprint import STATES
+from transport.panels import LOSSES, PANELS
 from transport.picture.link_states import (
-    LOSSES,
     MARGIN_NS,
     WINDOW_NS,
     LinkStates,
@@ -90,8 +89,8 @@ def test_how_often_anybody_looks_changes_nothing(outcomes: list[str], random: Ra
 
 
 def test_every_state_has_its_colour_apart_from_the_cars() -> None:
-    assert set(LOSSES) <= set(STATES["links"])
-    for states in STATES.values():
+    assert set(LOSSES) <= set(PANELS["links"].states)
+    for states in (panel.states for panel in PANELS.values()):
         for state in states.values():
             for car in COLOURS:
                 apart = sum((a - b) ** 2 for a, b in zip(state, car, strict=True)) ** 0.5

@@ -8,7 +8,8 @@ import pytest
 
 from tests.made.scenarios.messages import START, at, start, tracking, truth
 from tests.made.transport.recording import Table, columns
-from transport.picture.blueprint import CLOSING, MARKS, STATES, blueprint, hazard_in
+from transport.panels import PANELS, flagged
+from transport.picture.blueprint import MARKS, blueprint
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 from vehicles.messages import Change, Message, Mode, SourceStatus
@@ -80,8 +81,9 @@ def test_the_road_that_is_known_closes_in_on_what_a_stop_takes(drawn: Table) -> 
     firm = curve(drawn, "closing/v3/firm_stop")
     assert firm == pytest.approx({seq: 90.0 - seq for seq in firm})
     assert curve(drawn, "closing/v3/comfortable_stop")[10] == pytest.approx(210.0)
-    names = [drawn[f"/plots/closing/v3/{one}"]["SeriesLines:names"][0] for one in CLOSING]
-    assert names == [[words] for words, _, _ in CLOSING.values()]
+    for one in PANELS["closing"].series:
+        names = drawn[f"/plots/closing/v3/{one.name}"]["SeriesLines:names"][0]
+        assert names == [one.label]
 
 
 def test_what_is_unknown_is_not_drawn(drawn: Table) -> None:
@@ -97,7 +99,7 @@ def test_share_and_weight_are_curves_in_per_cent(drawn: Table) -> None:
 
 def test_modes_sources_and_warnings_are_strips(drawn: Table) -> None:
     assert states(drawn, "mode/v3") == [
-        (0.0, "composite"), (0.8, "coast"), (1.0, hazard_in("stop")),
+        (0.0, "composite"), (0.8, "coast"), (1.0, flagged("stop", "hazard")),
     ]  # fmt: skip
     expected = [(0.0, "fresh"), (0.48, "late"), (0.8, "lost")]
     assert states(drawn, "sources/v3/lead") == expected
@@ -108,8 +110,8 @@ def test_modes_sources_and_warnings_are_strips(drawn: Table) -> None:
 
 def test_every_state_has_a_colour() -> None:
     modes = {*get_args(Mode)}
-    assert set(STATES["mode"]) == modes | {hazard_in(mode) for mode in modes}
-    assert set(STATES["sources"]) == {*get_args(SourceStatus)}
+    assert set(PANELS["mode"].states) == modes | {flagged(mode, "hazard") for mode in modes}
+    assert set(PANELS["sources"].states) == {*get_args(SourceStatus)}
 
 
 def test_what_was_done_is_marked_where_and_when_it_was(drawn: Table) -> None:

@@ -23,7 +23,7 @@ from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.colours import colour_of
 from transport.picture import viewer_process
-from transport.picture.blueprint import MARKED_PLOTS, MARKS, Reach
+from transport.picture.blueprint import MARKS, Reach
 from transport.picture.option import DATA_PORT, PAGE_PORT, RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
@@ -291,7 +291,7 @@ def test_a_mark_stands_at_its_place_and_at_its_instant(tmp_path: Path) -> None:
     assert spot["Points2D:positions"] == [[[8.0, 1.0]]]
     assert name["Points2D:labels"] == [["near miss v2 v1"]]
     assert name["Points2D:positions"][0][0][1] < 0.0  # to the right, off the road
-    for plot in MARKED_PLOTS:
+    for plot in ("cross_track", "true_gap"):
         curve = table[f"/plots/{plot}/events/near_miss"]
         shown = [
             (at, value)

@@ -24,7 +24,7 @@ from transport.codec import encode
 from transport.convoy_pb2 import Deviation
 from transport.log.records import LogError
 from transport.log.writer import LogWriter
-from transport.picture.blueprint import EVENTS, MARKED_PLOTS
+from transport.picture.blueprint import EVENTS
 from transport.picture.option import parse_rerun_option
 from transport.topics import TOPIC_OF
 from vehicles.messages import Message
@@ -251,7 +251,7 @@ def test_every_event_is_marked_at_its_instant(drawn: Drawn) -> None:
         for kind in EVENTS:
             marks = table.get(f"/world/events/{kind}", {}).get("run_time", [])
             assert marks == sorted(expected.get(kind, []))
-            for plot in MARKED_PLOTS:
+            for plot in ("cross_track", "true_gap"):
                 plotted = table[f"/plots/{plot}/events/{kind}"]["run_time"]
                 assert [at for at in plotted if at >= 0] == marks
 

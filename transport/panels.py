@@ -1,0 +1,267 @@
+"""Panels of the picture as a table.
+
+The live picture, the layout for a plain log in Rerun and the layout for Foxglove follow it.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from transport.colours import Colour
+from transport.topics import TOPICS
+from vehicles.messages import Message
+from vehicles.schedule import MILLISECOND
+
+CURVE_NS = 40 * MILLISECOND
+SLOW_CURVE_NS = 200 * MILLISECOND
+
+OK, LATE, SILENT = "ok", "late", "silent"
+LOSSES = tuple(f"{tenth}0 % lost" for tenth in range(1, 11))
+"""States of a link over half a second by the share lost: to the nearest tenth, 100 % only if all
+messages were lost."""
+CALM, WAITING, HALTED = (0x2E, 0x4A, 0x44), (0x3F, 0x44, 0x7E), (0x4F, 0x25, 0x66)
+LEAST_LOSS, ALL_LOST = (0x5C, 0x4A, 0x36), (0xB0, 0x10, 0x3C)
+DOUBTFUL, ALONE = (0x8A, 0x5A, 0x10), (0x2A, 0x4C, 0x66)
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One curve or strip of states of each vehicle.
+
+    Its values are those of `field` in the log's messages of `topic`. The picture itself computes
+    the values of series without a field and of topics that the bus does not carry. `name`
+    distinguishes the series of a vehicle; `label`, `colour` and `width` are those of its curve, by
+    default the vehicle's. A state becomes "<state>, <flag>" while the Boolean field `flag` is true.
+    `of_first` is False for series that the first follower has not, as its predecessor is the lead.
+    """
+
+    topic: str = ""
+    field: str = ""
+    name: str = ""
+    label: str = ""
+    colour: Colour | None = None
+    width: float = 1.5
+    flag: str = ""
+    of_first: bool = True
+
+    def label_of(self, vehicle: str) -> str:
+        """Label of the series of `vehicle` in a legend."""
+        return self.label or f"{vehicle} {self.name}".rstrip()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """One row: what a panel shows, of which vehicles, and in which layouts.
+
+    `kind` is a plot of all vehicles, one plot for each follower, or strips of states with the
+    colours `states`. Values are drawn in `unit`, `factor` times those of the messages, every
+    `period_ns` (0: each of them). A vehicle that is not drawn in detail has no series, except in a
+    panel of `every_vehicle`. `lead` tells whether the lead has series and whether the panel shows
+    them. `marked` plots show the events. The y axis reaches to `range_gaps` gaps of the convoy
+    (0: fits the data). `plain_row` is the row in the layout for a plain log in Rerun (0: absent),
+    `foxglove` whether Foxglove's layout has the panel.
+    """
+
+    name: str
+    title: str
+    kind: Literal["plot", "plot_of_one", "states"]
+    series: tuple[Series, ...] = (Series(),)
+    unit: str = ""
+    factor: float = 1.0
+    period_ns: int = 0
+    lead: Literal["absent", "hidden", "shown"] = "absent"
+    every_vehicle: bool = False
+    states: Mapping[str, Colour] = field(default_factory=dict)
+    marked: bool = False
+    legend: bool = False
+    range_gaps: float = 0.0
+    plain_row: int = 0
+    foxglove: bool = False
+
+    @property
+    def topic(self) -> str:
+        """Topic of the messages that hold the values, empty if the picture computes them."""
+        return self.series[0].topic
+
+    def heading(self, vehicle: str) -> str:
+        """Title with the unit; `vehicle` is part of it if each follower has its own panel."""
+        title = self.title.format(vehicle=vehicle)
+        return f"{title} ({self.unit})" if self.unit else title
+
+    def suits(self, vehicles: Sequence[str]) -> bool:
+        """Whether there is something to show of a convoy."""
+        return self.kind != "plot_of_one" or len(vehicles) > 1
+
+    def followers(self, vehicles: Sequence[str]) -> Mapping[int, str]:
+        """Followers by place that the layout of a plain log shows: one if each has its own plot."""
+        middle = len(vehicles) // 2
+        only = range(middle, middle + 1) if self.kind == "plot_of_one" else range(len(vehicles))
+        return {place: vehicles[place] for place in only if place}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Panels that share a place as tabs, and the share of the height that it takes."""
+
+    share: int
+    panels: tuple[Panel, ...]
+
+
+def flagged(state: str, flag: str) -> str:
+    """State of a vehicle while a flag, such as "hazard", is raised."""
+    return f"{state}, {flag}"
+
+
+def _loss_colour(share: float) -> Colour:
+    """Shade a share lost from brown to crimson."""
+    red, green, blue = (
+        round(least + share * (most - least))
+        for least, most in zip(LEAST_LOSS, ALL_LOST, strict=True)
+    )
+    return red, green, blue
+
+
+_MODES = {
+    "path": (0x4A, 0x4A, 0x4A),
+    "composite": CALM,
+    "lead": ALONE,
+    "predecessor": LEAST_LOSS,
+    "coast": DOUBTFUL,
+    "stop": ALL_LOST,
+    "straight": HALTED,
+}
+
+# Colours of states are dark, and so differ from the colours of the cars.
+# fmt: off
+ROWS = (
+    Row(6, (
+        Panel(
+            name="cross_track", title="True cross-track error", unit="m, left positive",
+            kind="plot", series=(Series("deviation", "cross_track_error_m"),),
+            marked=True, legend=True, plain_row=1, foxglove=True,
+        ),
+        Panel(
+            name="tracking", title="Error as believed", unit="m",
+            kind="plot", series=(Series("tracking", "lateral_error_m"),),
+            lead="shown", plain_row=2, foxglove=True,
+        ),
+    )),
+    Row(6, (
+        Panel(
+            name="closing", title="Road ahead of {vehicle}", unit="m",
+            kind="plot_of_one",
+            series=(
+                Series("tracking", "comfortable_stop_m", name="comfortable_stop",
+                       label="stop, comfortably", colour=(0x6F, 0x8F, 0x4F)),
+                Series("tracking", "firm_stop_m", name="firm_stop",
+                       label="stop, firmly", colour=(0xD0, 0x40, 0x40)),
+                Series("tracking", "known_m", name="known",
+                       label="road known", colour=(0xF2, 0xF2, 0xF2), width=2.5),
+            ),
+            period_ns=CURVE_NS, marked=True, legend=True, range_gaps=3.0,
+            plain_row=3, foxglove=True,
+        ),
+    )),
+    Row(4, (
+        Panel(  # between bodies
+            name="true_gap", title="True gap", unit="m",
+            kind="plot", series=(Series("deviation", "true_gap_m"),),
+            marked=True, plain_row=4, foxglove=True,
+        ),
+        Panel(  # between centres of mass along the path
+            name="gap", title="Believed gap", unit="m",
+            kind="plot", series=(Series("tracking", "gap_m"),),
+            plain_row=4, foxglove=True,
+        ),
+        Panel(
+            name="speed", title="Speed", unit="m/s",
+            kind="plot", series=(Series("truth", "speed_mps"),),
+            period_ns=SLOW_CURVE_NS, lead="shown",
+        ),
+        Panel(
+            name="steering", title="Steering", unit="deg",
+            kind="plot", series=(Series("command", "steering_rad"),), factor=math.degrees(1.0),
+            period_ns=CURVE_NS, lead="shown",
+        ),
+    )),
+    Row(6, (
+        Panel(
+            name="mode", title="Steers along",
+            kind="states", series=(Series("tracking", "mode", flag="hazard"),),
+            states=_MODES | {flagged(mode, "hazard"): _MODES[mode] for mode in _MODES},
+            lead="hidden", every_vehicle=True, foxglove=True,
+        ),
+        Panel(
+            name="sources", title="Sources",
+            kind="states",
+            series=(
+                Series("tracking", "lead_status", name="lead"),
+                Series("tracking", "predecessor_status", name="predecessor", of_first=False),
+            ),
+            states={
+                "unheard": HALTED,
+                "fresh": CALM,
+                "late": WAITING,
+                "probation": ALONE,
+                "distrusted": DOUBTFUL,
+                "lost": ALL_LOST,
+            },
+        ),
+    )),
+    Row(4, (
+        Panel(
+            name="age", title="Age of lead's and predecessor's newest pose", unit="s",
+            kind="plot",
+            series=(
+                Series("tracking", "lead_age_s", name="lead"),
+                Series("tracking", "predecessor_age_s", name="predecessor"),
+            ),
+            period_ns=SLOW_CURVE_NS, foxglove=True,
+        ),
+        Panel(
+            name="received", title="Received of the last second", unit="%",
+            kind="plot",
+            series=(
+                Series("tracking", "lead_received_ratio", name="lead"),
+                Series("tracking", "predecessor_received_ratio", name="predecessor"),
+            ),
+            factor=100.0, period_ns=SLOW_CURVE_NS,
+        ),
+        Panel(
+            name="weight", title="Weight of the predecessor", unit="%",
+            kind="plot", series=(Series("tracking", "predecessor_weight_ratio"),),
+            factor=100.0, period_ns=SLOW_CURVE_NS,
+        ),
+    )),
+    Row(6, (
+        Panel(
+            name="links", title="Links, each half second",
+            kind="states",
+            states={
+                OK: CALM,
+                LATE: WAITING,
+                **{state: _loss_colour(k / 9.0) for k, state in enumerate(LOSSES)},
+                SILENT: HALTED,
+            },
+        ),
+        Panel(
+            name="loss", title="Lost of each half second's", unit="%",
+            kind="plot", factor=100.0,
+        ),
+        Panel(
+            name="messages", title="Messages (zoom in)",
+            kind="states", states={OK: CALM, LATE: WAITING, "lost": ALL_LOST},
+        ),
+    )),
+)
+# fmt: on
+PANELS: Mapping[str, Panel] = {panel.name: panel for row in ROWS for panel in row.panels}
+
+
+def panels_of(message: type[Message]) -> Iterator[Panel]:
+    """Panels whose values stand in messages of one type."""
+    for panel in PANELS.values():
+        topic = TOPICS.get(panel.topic)
+        if topic and topic.message is message:
+            yield panel
