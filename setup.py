@@ -27,7 +27,7 @@ ROOMS = {
     "vehicles/geometry": {"bridges", "lanes", "local_regression", "smoothing"},
     "vehicles/preview": {"paper_recipe"},
     "vehicles/car": {"drift", "fix_states", "gnss_errors", "parameters"},
-    "vehicles/driver": {"baselines", "slip_estimator", "steering", "tracking"},
+    "vehicles/driver": {"baselines", "settings", "slip_estimator", "steering", "tracking"},
 }
 """Rooms of which all modules are compiled but these: they cannot be, or take no time in a run."""
 MODULES = (

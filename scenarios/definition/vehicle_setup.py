@@ -20,7 +20,7 @@ from scenarios.definition.schema.tables import (
 from vehicles.car.gnss import GnssNoise
 from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, Loading, VehicleParameters, loaded
-from vehicles.driver.degradation.settings import Braking, DegradationSettings
+from vehicles.driver.degradation.settings import DegradationSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,23 +85,7 @@ class VehicleSetup:
     @property
     def degradation(self) -> DegradationSettings:
         """When it counts a source as lost, and what it does then."""
-        table = self.steering.degradation
-        return DegradationSettings(
-            reaction=table.reaction,
-            late_periods=table.late_periods,
-            lost_periods=table.lost_periods,
-            lost_after=table.lost_s,
-            trusted_share=table.trusted_share_ratio,
-            probation=table.probation_s,
-            probation_max=table.probation_s_max,
-            forgiven_after=table.forgiven_after_s,
-            gate=table.gate_deviations,
-            heading_gate=table.heading_gate_deviations,
-            predecessor_path=table.predecessor_path,
-            comfortable=Braking(table.comfortable_mps2, table.comfortable_jerk_mps3),
-            firm=Braking(table.firm_mps2, table.firm_jerk_mps3),
-            hardest=Braking(table.hardest_mps2, table.hardest_jerk_mps3),
-        )
+        return self.steering.degradation.value
 
     @property
     def gains(self) -> Gains:

@@ -41,8 +41,7 @@ class Alarms:
 
 def longest_silence_s(source: VehicleSetup, receiver: VehicleSetup) -> float:
     """Silence (s) beyond which a receiver counts a source as lost."""
-    table = receiver.steering.degradation
-    return max(table.lost_periods / link_rate_hz(source.sending, source.gnss), table.lost_s)
+    return receiver.degradation.lost_after_silence(1.0 / link_rate_hz(source.sending, source.gnss))
 
 
 def first_distance_m(scenario: Scenario, link: tuple[str, str]) -> float:

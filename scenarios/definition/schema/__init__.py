@@ -1,12 +1,12 @@
 """The tables of a scenario file: keys with units, defaults and limits.
 
 table        what they have in common
+settings     tables made from the settings classes of vehicles
 path         the path: segments, a recorded trace, or points
 gnss         the receivers and the errors of their positions
 sending      when a vehicle sends which of its fixes
 links        what directed links do to messages
 channel/     the tables of a link
-degradation  what followers do when messages fail
 changes      what is done to a running convoy
 limits       what a run has to hold
 log          what the log of a run holds

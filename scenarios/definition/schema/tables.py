@@ -12,14 +12,15 @@ from pydantic import AwareDatetime, Field, StringConstraints
 
 from scenarios.definition.schema.changes import Changes
 from scenarios.definition.schema.channel.outages import Spans
-from scenarios.definition.schema.degradation import DegradationTable
 from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.log import LogTable
 from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.sending import EveryFixSending, SendingTable
+from scenarios.definition.schema.settings import SettingsTable
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
+from vehicles.driver.degradation.settings import DegradationSettings
 
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 """Between them instants fit into 64 bits of nanoseconds, of which a log's have no sign."""
@@ -86,7 +87,7 @@ class SteeringTable(Table):
     estimate_slip: bool = False
     own_state: Literal["estimated", "exact"] = "estimated"
     gains: GainsTable = GainsTable()
-    degradation: DegradationTable = DegradationTable()
+    degradation: SettingsTable[DegradationSettings] = SettingsTable[DegradationSettings]()
 
 
 class ControlTable(SteeringTable):

@@ -132,9 +132,9 @@ class Witness:
         self._from = self._start + nanoseconds(cut.at_s)
         self._to = self._from + nanoseconds(cut.for_s)
         self._heard_at = inf
-        table = scenario.tables.control.degradation
-        period_s = 1.0 / scenario.tables.gnss.rate_hz
-        self._lost_after = nanoseconds(max(table.lost_periods * period_s, table.lost_s))
+        degradation = scenario.tables.control.degradation.value
+        period = 1.0 / scenario.tables.gnss.rate_hz
+        self._lost_after = nanoseconds(degradation.lost_after_silence(period))
         self._path = CrossTrackError(self._names[0], scenario.route.start_yaw, self._names[1:])
         self._of: defaultdict[str, _Heard] = defaultdict(_Heard)
 

@@ -1,27 +1,29 @@
 """Thresholds of degradation, and the ways of braking; SI units."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from vehicles.setting import Setting
 
 Reaction = Literal["degrade", "extrapolate", "hold", "straight"]
-"""What a follower does when it hears nobody any more.
+"""Reaction of a follower without data.
 
-degrade      slows down while it knows the road, and stops
-extrapolate  goes on along its last trajectory at full speed
-hold         keeps its last steering command, at full speed
-straight     turns its wheels straight, at full speed, as one production system does
+degrade      slow down while the road is known, and stop
+extrapolate  continue along the last trajectory at full speed
+hold         keep the last steering command, at full speed
+straight     turn the wheels straight, at full speed, as one production system does
 """
 PredecessorPath = Literal["meant", "driven"]
-"""What a follower that hears its predecessor alone follows of it.
+"""Path that a follower follows while it receives its predecessor alone.
 
-meant    the lead's path, as far as the predecessor says how far off it is
-driven   the way that it drove, with its errors, which add up along the convoy
+meant    the lead's path, reconstructed from the offset that the predecessor reports
+driven   the predecessor's own path, with its errors, which add up along the convoy
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """A way of braking: deceleration (m/s², positive) and the jerk (m/s³) at which it builds up.
+    """Deceleration (m/s², positive) and the jerk (m/s³) at which it builds up.
 
     As planners state it (Autoware).
     """
@@ -32,36 +34,93 @@ class Braking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DegradationSettings:
-    """When a source counts as late, lost and found again, and how the car slows down (s, m/s²).
+    """Thresholds of degradation, and how the car slows down (s, m/s²; beyond the paper).
 
-    Beyond the paper, whose followers trust in whatever they heard last.
-
-    A source is late after `late_periods` expected periods without a message, lost after
-    `lost_periods` or `lost_after`, whichever is longer (openpilot: 10 periods). It is relied on
-    again once `trusted_share` of what it usually delivers was received over `probation`, which
-    doubles with each relapse up to `probation_max` and halves again after each `forgiven_after`
-    without one (PX4's estimator: the time grows while failing and shrinks while passing). What a
-    source says is not believed beyond `gate` standard deviations of its position, `heading_gate` of
-    its heading (PX4's EKF2: 5 and 2.6). Of a predecessor that it hears alone it follows
-    `predecessor_path`, which it comes to within `probation`. `comfortable` and `firm` are
-    Autoware's comfortable and emergency stops, `hardest` what a stop may take where less does not
-    suffice.
+    The thresholds of a lost source are openpilot's, its growing probation is that of PX4's
+    estimator, the gates are those of PX4's EKF2, and comfortable and firm braking are Autoware's
+    comfortable and emergency stops.
     """
 
-    reaction: Reaction = "degrade"
-    late_periods: float = 3.0
-    lost_periods: float = 10.0
-    lost_after: float = 0.5
-    trusted_share: float = 0.9
-    probation: float = 1.0
-    probation_max: float = 16.0
-    forgiven_after: float = 10.0
-    gate: float = 5.0
-    heading_gate: float = 3.0
-    predecessor_path: PredecessorPath = "meant"
-    comfortable: Braking = Braking(1.0, 0.3)
-    firm: Braking = Braking(2.5, 1.5)
-    hardest: Braking = Braking(6.0, 12.0)
+    reaction: Annotated[
+        Reaction,
+        Setting(
+            "without data: slow down while the road is known, and stop; or a baseline to compare "
+            'with, at full speed: "extrapolate" the last trajectory, "hold" the last steering '
+            'command, or turn the wheels "straight"'
+        ),
+    ] = "degrade"
+    late_periods: Annotated[
+        float, Setting("expected periods without a message until a source is late", "", 1, 1000)
+    ] = 3.0
+    lost_periods: Annotated[float, Setting("and until it is lost", "", 1, 1000)] = 10.0
+    lost_after: Annotated[
+        float,
+        Setting("shortest silence until it is lost, if that is longer", "s", 0.01, 60, name="lost"),
+    ] = 0.5
+    trusted_share: Annotated[
+        float,
+        Setting(
+            "share of its usual messages that a source must deliver during its probation before "
+            "it is relied on again",
+            unit="ratio",
+            least=0,
+            most=1,
+        ),
+    ] = 0.9
+    probation: Annotated[
+        float, Setting("length of the probation, doubled with each relapse", "s", 0.1, 60)
+    ] = 1.0
+    probation_max: Annotated[float, Setting("up to this length", "s", 0.1, 600)] = 16.0
+    forgiven_after: Annotated[
+        float, Setting("time without a relapse that halves the probation", "s", 0.1, 3600)
+    ] = 10.0
+    gate: Annotated[
+        float,
+        Setting(
+            "positions further from the expected one than this many standard deviations are "
+            "rejected",
+            unit="deviations",
+            least=1,
+            most=1000,
+        ),
+    ] = 5.0
+    heading_gate: Annotated[float, Setting("headings likewise", "deviations", 1, 1000)] = 3.0
+    predecessor_path: Annotated[
+        PredecessorPath,
+        Setting(
+            "path followed while the lead is lost: the lead's, reconstructed from the offset that "
+            'the predecessor reports; or the one "driven" by the predecessor'
+        ),
+    ] = "meant"
+    comfortable_deceleration: Annotated[
+        float, Setting("comfortable braking", "mps2", 0.1, 12, name="comfortable")
+    ] = 1.0
+    comfortable_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 100)] = 0.3
+    firm_deceleration: Annotated[float, Setting("firm braking", "mps2", 0.1, 12, name="firm")] = 2.5
+    firm_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 100)] = 1.5
+    hardest_deceleration: Annotated[
+        float,
+        Setting(
+            "hardest braking, for stops that would otherwise end beyond the known road",
+            unit="mps2",
+            least=0.1,
+            most=12,
+            name="hardest",
+        ),
+    ] = 6.0
+    hardest_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 1000)] = 12.0
+
+    @property
+    def comfortable(self) -> Braking:
+        return Braking(self.comfortable_deceleration, self.comfortable_jerk)
+
+    @property
+    def firm(self) -> Braking:
+        return Braking(self.firm_deceleration, self.firm_jerk)
+
+    @property
+    def hardest(self) -> Braking:
+        return Braking(self.hardest_deceleration, self.hardest_jerk)
 
     def lost_after_silence(self, period: float) -> float:
         """Silence (s) after which a source of such a `period` (s) is lost."""

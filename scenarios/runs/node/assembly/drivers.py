@@ -177,16 +177,16 @@ class DriverBuilder:
 
     def _beliefs(self) -> Beliefs:
         """Gates for the sources; the baselines of degradation believe everything, as they did."""
-        asked = self._setup.steering.degradation
+        asked = self._setup.degradation
         if asked.reaction != "degrade":
             return Beliefs()
         return Beliefs(
             {
                 name: InnovationGate(
                     self._scenario.vehicle(name).gnss_noise,
-                    gate=asked.gate_deviations,
-                    heading_gate=asked.heading_gate_deviations,
-                    settle=asked.probation_s,
+                    gate=asked.gate,
+                    heading_gate=asked.heading_gate,
+                    settle=asked.probation,
                 )
                 for name in self._setup.senders
             }

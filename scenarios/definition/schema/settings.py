@@ -1,0 +1,169 @@
+"""Tables of a scenario file generated from the settings classes of `vehicles`."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import reduce
+from operator import or_
+from types import GenericAlias, NoneType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Generic,
+    Literal,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+from pydantic import Field, create_model
+
+from scenarios.definition.schema.table import Table
+from vehicles.setting import Setting
+
+S = TypeVar("S")
+
+
+@dataclass(frozen=True, slots=True)
+class SettingField:
+    """A field of a settings class; `kind` is its type without None, which is allowed if optional.
+
+    `whole` fields with a unit of time count nanoseconds.
+    """
+
+    name: str
+    kind: Any
+    optional: bool
+    setting: Setting
+    default: Any
+
+    @property
+    def key(self) -> str:
+        return self.setting.key(self.name)
+
+    @property
+    def entry(self) -> Any:
+        """Type of an entry of a list, else that of the field."""
+        return get_args(self.kind)[0] if get_origin(self.kind) is tuple else self.kind
+
+    @property
+    def whole(self) -> bool:
+        return self.entry is int
+
+
+class SettingsTable(Table, Generic[S]):
+    """The table of a settings class, whose keys have unit suffixes; `value` is in SI units.
+
+    `SettingsTable[Gains]` is generated from `Gains`: fields, defaults, bounds and docstring.
+    """
+
+    settings: ClassVar[type[Any]]
+    by_key: ClassVar[Mapping[str, SettingField]]
+
+    if not TYPE_CHECKING:
+
+        def __class_getitem__(cls, kind: type) -> type:
+            """Return the generated table; a type variable is for type checkers only."""
+            return table_of(kind) if is_dataclass(kind) else cls
+
+    @property
+    def value(self) -> S:
+        given = {one.name: _to_si(one, getattr(self, key)) for key, one in self.by_key.items()}
+        made: S = self.settings(**given)
+        return made
+
+
+_GENERATED: dict[tuple[type[Any], str], type[SettingsTable[Any]]] = {}
+
+
+def table_of(settings: type[Any], word: str = "") -> type[SettingsTable[Any]]:
+    """Generate the table of a settings class; `word` is its `kind` where there are several."""
+    if (settings, word) not in _GENERATED:
+        by_key = {one.key: one for one in fields_of(settings)}
+        entries: dict[str, Any] = {"kind": (Literal[word], word)} if word else {}
+        entries |= {key: _entry(one) for key, one in by_key.items()}
+        made = create_model(
+            settings.__name__, __base__=SettingsTable, __doc__=settings.__doc__, **entries
+        )
+        made.settings, made.by_key = settings, by_key
+        _GENERATED[settings, word] = made
+    return _GENERATED[settings, word]
+
+
+def one_of(kinds: Mapping[str, type[S]]) -> type[SettingsTable[S]]:
+    """Type of a table that is one of several, told apart by its key `kind`."""
+    either = reduce(or_, (table_of(settings, word) for word, settings in kinds.items()))
+    made: type[SettingsTable[S]] = Annotated[either, Field(discriminator="kind")]  # type: ignore[assignment]
+    return made
+
+
+def table_with(value: S, kinds: Mapping[str, type] | None = None) -> SettingsTable[S]:
+    """Return the table that stands for `value`, with every key set."""
+    words = {settings: word for word, settings in (kinds or {}).items()}
+    table = table_of(type(value), words.get(type(value), ""))
+    given = {key: _from_si(one, getattr(value, one.name)) for key, one in table.by_key.items()}
+    return table.model_validate({key: one for key, one in given.items() if one is not None})
+
+
+def fields_of(settings: type[Any]) -> Iterator[SettingField]:
+    """Fields of a settings class that its constructor takes, in order."""
+    hints = get_type_hints(settings, include_extras=True)
+    for one in fields(settings):
+        if not one.init:
+            continue
+        kind, *extras = get_args(hints[one.name]) or [hints[one.name]]
+        setting = next((extra for extra in extras if isinstance(extra, Setting)), None)
+        kind = hints[one.name] if setting is None else kind
+        parts = get_args(kind)
+        if optional := NoneType in parts:
+            kind = reduce(or_, [part for part in parts if part is not NoneType])
+        made: Any = MISSING if one.default_factory is MISSING else one.default_factory()
+        default = made if one.default is MISSING else one.default
+        yield SettingField(one.name, kind, optional, setting or Setting(), default)
+
+
+def _entry(one: SettingField) -> tuple[Any, Any]:
+    """Annotation and description of a key for Pydantic."""
+    setting = one.setting
+    given = {"ge": setting.least, "le": setting.most, "gt": setting.above}
+    rules: dict[str, Any] = {word: bound for word, bound in given.items() if bound is not None}
+    if setting.infinite:
+        rules["allow_inf_nan"] = True
+    annotation = one.entry
+    if setting.kinds is not None:
+        annotation = one_of(setting.kinds)
+    elif is_dataclass(annotation):
+        annotation = table_of(one.entry)
+    elif one.whole and setting.unit:
+        annotation = float
+    if get_origin(one.kind) is tuple:
+        bounded = Annotated[annotation, Field(**rules)] if rules else annotation
+        rules = {"strict": False} | ({"min_length": 1} if setting.filled else {})
+        annotation = GenericAlias(tuple, (bounded, ...))
+    if one.default is not MISSING:
+        rules["default"] = _from_si(one, one.default)
+    return (annotation | None if one.optional else annotation), Field(**rules)
+
+
+def _to_si(one: SettingField, value: Any) -> Any:
+    """Value of a key as the settings class has it."""
+    if isinstance(value, SettingsTable):
+        return value.value
+    if isinstance(value, tuple):
+        return tuple(_to_si(one, entry) for entry in value)
+    if isinstance(value, float):
+        return one.setting.to_si(value, whole=one.whole)
+    return value
+
+
+def _from_si(one: SettingField, value: Any) -> Any:
+    """Value of a settings class as its key has it."""
+    if is_dataclass(value):
+        return table_with(value, one.setting.kinds)
+    if isinstance(value, tuple):
+        return tuple(_from_si(one, entry) for entry in value)
+    if one.entry in {int, float} and one.setting.unit and value is not None:
+        return one.setting.from_si(value, whole=one.whole)
+    return value

@@ -1,0 +1,62 @@
+"""Description of a setting beside its field: documentation, unit of its key, and allowed range.
+
+A settings class is a frozen dataclass whose fields are annotated with a `Setting`. Inside, values
+are in SI units; in a scenario file the key has the unit's suffix.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import degrees, radians
+
+from vehicles.schedule import MILLISECOND, SECOND
+
+QUALIFIERS = ("_max", "_min")
+"""Endings of a name that follow the unit in its key: `probation_max` is `probation_s_max`."""
+PER_SI = {"ms": 1000.0}
+"""Units of keys that are not SI but proportional to it: how many of them make one."""
+NANOSECONDS = {"s": SECOND, "ms": MILLISECOND}
+"""Nanoseconds in a unit of time; whole-number fields with such a unit count nanoseconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One setting: what it does, the unit of its key, and its bounds in that unit.
+
+    `least` and `most` are allowed themselves, `above` is not. `name` replaces the field's name in
+    the key. `kinds` are the classes of a table, or of the entries of a list, by the word of their
+    key `kind`. Bounds of a list hold for its entries; with `filled` it must have one.
+    """
+
+    doc: str = ""
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    above: float | None = None
+    name: str = ""
+    kinds: Mapping[str, type] | None = None
+    filled: bool = False
+    infinite: bool = False
+
+    def key(self, field: str) -> str:
+        """Key of `field` in a scenario file: its name with the unit, then any qualifier."""
+        name = self.name or field
+        if not self.unit:
+            return name
+        ending = next((one for one in QUALIFIERS if name.endswith(one)), "")
+        return f"{name.removesuffix(ending)}_{self.unit}{ending}"
+
+    def to_si(self, value: float, *, whole: bool = False) -> float:
+        """SI value, or nanoseconds for `whole` fields, of a number in the key's unit."""
+        if whole and self.unit in NANOSECONDS:
+            return round(value * NANOSECONDS[self.unit])
+        if self.unit == "deg":
+            return radians(value)
+        return value / PER_SI[self.unit] if self.unit in PER_SI else value
+
+    def from_si(self, value: float, *, whole: bool = False) -> float:
+        """Inverse of `to_si`, rounded to 12 digits so that 0.1 stays 0.1."""
+        if whole and self.unit in NANOSECONDS:
+            return value / NANOSECONDS[self.unit]
+        if self.unit == "deg":
+            return float(f"{degrees(value):.12g}")
+        return float(f"{value * PER_SI[self.unit]:.12g}") if self.unit in PER_SI else value
