@@ -14,7 +14,7 @@ from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 Array = NDArray[np.float64]
-KINDS = frozenset((TruePose, Tracking))
+KINDS: frozenset[type[Message]] = frozenset((TruePose, Tracking))
 """Kinds of message of which drives are made."""
 
 
@@ -80,13 +80,15 @@ def _largest(values: Array) -> float:
 
 
 class DriveRecorder:
-    """Records what is needed of a run to tell its drives, vehicle by vehicle."""
+    """An observer that keeps what the drives of a run are made of, vehicle by vehicle."""
+
+    kinds = KINDS
 
     def __init__(self) -> None:
         self._truth: defaultdict[str, list[TruePose]] = defaultdict(list)
         self._errors: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
 
-    def listen(self, message: Message) -> None:
+    def listen(self, _at: int, message: Message) -> None:
         """Take a message; kinds that are not needed are passed over."""
         if isinstance(message, TruePose):
             self._truth[message.vehicle].append(message)

@@ -6,7 +6,9 @@ from scenarios.definition.schema.limits import LimitsTable
 from scenarios.results.degradation.deadlines import DeadlineFigure
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent
+from scenarios.results.metrics import Metrics
 from scenarios.results.summary import LimitFigure, VehicleSummary
+from vehicles.messages import Message, TruePose
 
 COUNTED: dict[str, EventKind] = {
     "collisions_max": "collision",
@@ -62,6 +64,36 @@ def broken_limits(
     """Say which limits were broken, a line each; `events` are in order of time."""
     found = limit_figures(limits, events, vehicles, deadlines)
     return [one.line for one in found if one.broken]
+
+
+class LimitWatch:
+    """An observer that knows when a run has to end early: after collisions that break a limit.
+
+    `metrics` take each message before it does. `reason` is empty until then.
+    """
+
+    kinds: frozenset[type[Message]] = frozenset({TruePose})  # nothing else brings collisions
+
+    def __init__(self, limits: LimitsTable, metrics: Metrics) -> None:
+        self._limits = limits
+        self._metrics = metrics
+        self.reason = ""
+
+    def listen(self, at: int, _pose: Message) -> None:
+        """Look whether the limits require the end of the run, at instant `at` (ns)."""
+        collisions = self._metrics.events.collisions
+        if collisions and not self.reason and collision_ends_run(self._limits, collisions):
+            ran_ns = max(at - (self._metrics.start_at or 0), 0)
+            self.reason = why_failed("", self.broken(ran_ns))
+
+    def broken(self, ran_ns: int) -> list[str]:
+        """List the limits that are broken by now, after `ran_ns`, a line each."""
+        return broken_limits(
+            self._limits,
+            self._metrics.events.events(),
+            self._metrics.vehicle_summaries(ran_ns),
+            self._metrics.deadlines.figures(ran_ns),
+        )
 
 
 def why_failed(reason: str, broken: Sequence[str]) -> str:

@@ -82,7 +82,7 @@ class Metrics:
         self._rates_hz: dict[str, float | None] = dict(rates_hz or {})
         self._control_rate_hz = control_rate_hz
         self._duration_ns = duration_ns
-        self._start_at: int | None = None
+        self.start_at: int | None = None
         self.events = events or EventDetector(
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
         )
@@ -115,7 +115,7 @@ class Metrics:
         self._takes = {
             kind: (take, attrgetter(TOPIC_OF[kind].instant)) for kind, take in takes.items()
         }
-        self.kinds = frozenset((*self._takes, LogText, RunStart))
+        self.kinds: frozenset[type[Message]] = frozenset((*self._takes, LogText, RunStart))
 
     @classmethod
     def of(cls, scenario: Scenario, *, plotted: bool = True) -> "Metrics":
@@ -141,6 +141,10 @@ class Metrics:
         """Topics of the kinds of message that carry a figure."""
         return [TOPIC_OF[kind].name for kind in (*self._takes, LogText, RunStart)]
 
+    def listen(self, _at: int, message: Message) -> None:
+        """Take one message, as an observer of a run."""
+        self.add(message)
+
     def add(self, message: Message) -> None:
         """Take one message; kinds that carry no figure, and strangers, are passed over."""
         if (found := self._takes.get(type(message))) is not None:
@@ -154,7 +158,7 @@ class Metrics:
         elif isinstance(message, LogText):
             self._add_text(message)
         elif isinstance(message, RunStart):
-            self._start_at = message.start_at_ns
+            self.start_at = message.start_at_ns
             self.events.begin(message.start_at_ns)
             self.deadlines.begin(message.start_at_ns)
 
@@ -301,10 +305,10 @@ class Metrics:
         figures = self.vehicles[name]
         rate_hz = self._rates_hz.get(name, USUAL_RATE_HZ)
         if rate_hz is None:
-            return figures.edges.holes(name, figures.numbers, self._start_at or 0)
+            return figures.edges.holes(name, figures.numbers, self.start_at or 0)
         expected = 0
-        if self._start_at is not None and figures.health and figures.health.final:
-            until = min(ran_ns, figures.health.reported_at_ns - self._start_at)
+        if self.start_at is not None and figures.health and figures.health.final:
+            until = min(ran_ns, figures.health.reported_at_ns - self.start_at)
             if until < self._duration_ns:  # stopped: its last poses were not sent any more
                 until -= SILENT_NS
             expected = expected_poses(until, rate_hz)
@@ -326,14 +330,14 @@ class Metrics:
         figures, rate_hz = self.vehicles[name], self._rates_hz.get(name, USUAL_RATE_HZ)
         if rate_hz is not None:
             return figures.poses / rate_hz
-        begun = figures.first_sent_at if as_sender else self._start_at
+        begun = figures.first_sent_at if as_sender else self.start_at
         return 0.0 if begun is None else max(figures.last_at - begun, 0) / SECOND
 
     def _silent_from(self, figures: VehicleFigures, ran_ns: int) -> float | None:
         """Time (s) after which nothing was heard of a vehicle though the run went on."""
-        if self._start_at is None:
+        if self.start_at is None:
             return None
-        until = max(figures.last_at - self._start_at, 0)
+        until = max(figures.last_at - self.start_at, 0)
         return until / SECOND if ran_ns - until > SILENT_NS else None
 
     def link_summaries(self) -> tuple[LinkSummary, ...]:

@@ -2,10 +2,10 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import cast
 
 from scenarios.results.metrics import Metrics
+from scenarios.runs.observer import Observer, listeners_by_kind
 from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
 from transport.log.message_log import MessageLog
@@ -30,39 +30,6 @@ EARLY_NS = SECOND
 ANY_AGE_NS = 2**62
 """A pose is recorded however long it took to come."""
 
-Listener = Callable[[int, Message], None]
-"""Gets the instant of reception (ns) and each accepted message: viewer, progress, conductor."""
-
-
-@dataclass(slots=True)
-class Selective:
-    """A listener that is given messages of some kinds only: a run has very many of the others."""
-
-    kinds: frozenset[type[Message]]
-    listen: Listener
-
-    def __call__(self, at: int, message: Message) -> None:
-        """Take a message of one of the kinds, received at instant `at` (ns)."""
-        self.listen(at, message)
-
-
-def by_kind(listeners: Sequence[Listener]) -> dict[type[Message], list[Listener]]:
-    """Tell who is given messages of each kind, in the order of the listeners."""
-    found: dict[type[Message], list[Listener]] = {}
-    for kind in TOPIC_OF:
-        found[kind] = []
-        for one in listeners:
-            if not isinstance(one, Selective):
-                found[kind].append(one)
-            elif kind in one.kinds:
-                found[kind].append(one.listen)
-    return found
-
-
-def kinds_of(listeners: Sequence[Listener]) -> frozenset[type[Message]]:
-    """Kinds of message that any of the listeners is given."""
-    return frozenset([kind for kind, ones in by_kind(listeners).items() if ones])
-
 
 class Recorder:
     """Writes the messages of known vehicles; anything else on their keys is only counted.
@@ -78,13 +45,13 @@ class Recorder:
         plane: LocalPlane,
         writer: MessageLog,
         metrics: Metrics,
-        listeners: Sequence[Listener] = (),
+        observers: Sequence[Observer] = (),
         clock_errors_ns: Mapping[str, int] | None = None,
     ) -> None:
         """`vehicles` are the names with their highest rates of sending (Hz).
 
         Their own clocks are off by `clock_errors_ns` at most, where they are off at all. `plane` is
-        the scenario's; `listeners` see each message after it has been written.
+        the scenario's; `observers` receive each message after it has been written.
         """
         self._topics: dict[str, tuple[str, Topic]] = {
             key(vehicle, topic): (vehicle, topic)
@@ -96,7 +63,7 @@ class Recorder:
         self._plane = plane
         self._writer = writer
         self._metrics = metrics
-        self._listeners = by_kind(listeners)
+        self._listeners = listeners_by_kind([metrics, *observers])
         self._seen: defaultdict[str, MessageNumbers] = defaultdict(
             lambda: MessageNumbers(MOST_RANGES)
         )
@@ -106,6 +73,7 @@ class Recorder:
         self._last_health: dict[str, bytes] = {}
         self._gates: dict[str, PoseGate] = {}
         self.recorded = 0
+        self.last_at = 0
         self.rejected: Counter[str] = Counter()
 
     @property
@@ -147,7 +115,7 @@ class Recorder:
         The last counters of a vehicle, which it repeats until they are heard, are recorded once.
         """
         try:
-            topic, message, seen = self._admit(key_expression, data, at)
+            message, seen = self._admit(key_expression, data, at)
         except RefusedMessageError as refusal:
             if data != self._last_health.get(key_expression):
                 self.rejected[refusal.reason] += 1
@@ -156,7 +124,7 @@ class Recorder:
         seen.add(message.seq)
         if isinstance(message, Health):
             self._last_health[key_expression] = data
-        self.on_sent(topic, as_read(data, message), message, at)
+        self.record(at, message, as_read(data, message))
         return True
 
     def _note_misdated(self, key_expression: str, reason: str, at: int) -> None:
@@ -164,12 +132,10 @@ class Recorder:
         if vehicle and (line := self._misdated.count(vehicle, reason)):
             self.say(at, line, "alert")
 
-    def _admit(
-        self, key_expression: str, data: bytes, at: int
-    ) -> tuple[Topic, Message, MessageNumbers]:
+    def _admit(self, key_expression: str, data: bytes, at: int) -> tuple[Message, MessageNumbers]:
         """Read a message of this run; raises RefusedMessageError.
 
-        Returns it with its topic, and the numbers of those that came before it.
+        Returns it with the numbers of those that came before it.
         """
         found = self._topics.get(key_expression)
         if found is None:
@@ -193,7 +159,7 @@ class Recorder:
         seen = self._seen[key_expression]
         if message.seq in seen:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
-        return topic, message, seen
+        return message, seen
 
     def say(self, at: int, text: str, level: Level = "info") -> None:
         """Write a line of the run's own into the log."""
@@ -223,25 +189,24 @@ class Recorder:
         make = cast("Callable[..., Message]", kind)
         message = make(vehicle=CONDUCTOR, seq=self._next[kind], **fields)
         self._next[kind] += 1
-        topic = TOPIC_OF[kind]
         data = encode(message)
-        self.on_sent(topic, data, message, at)
+        self.record(at, message, data)
         return data
 
-    def on_sent(self, topic: Topic, data: bytes | None, message: Message, at: int) -> None:
-        """Record a message at instant `at` (ns), as one from a vehicle of the same process.
+    def record(self, at: int, message: Message, data: bytes | None = None) -> None:
+        """Write a message into the log at instant `at` (ns) and pass it to all observers.
 
         Without `data` it is encoded as it is written.
         """
-        self._writer.write(topic, message.vehicle, data, at, None, message)
-        self.recorded += 1
-        self._metrics.add(message)
+        self.last_at = at
         kind = type(message)
+        self._writer.write(TOPIC_OF[kind], message.vehicle, data, at, None, message)
+        self.recorded += 1
+        for listen in self._listeners[kind]:
+            listen(at, message)
         if kind is TruePose:  # nothing else brings deviations
             for one in self._metrics.deviations.news():
                 self._writer.write_deviation(at, *one)
-        for listener in self._listeners[kind]:
-            listener(at, message)
         if kind is TruePose or kind is Tracking:  # nothing else brings events and warnings
             self.say_news(at)
 

@@ -10,12 +10,13 @@ from scenarios.definition.sending import highest_rate_hz
 from scenarios.results.channel.account import in_words
 from scenarios.results.completeness.holes import hole_lines
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.limits import broken_limits, collision_ends_run, why_failed
+from scenarios.results.limits import LimitWatch, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import write_foxglove_layout
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
 from scenarios.results.summing_up import METADATA_NAME, silent_links, summarise, write_summary
-from scenarios.runs.recorder import Listener, Recorder
+from scenarios.runs.observer import Observer
+from scenarios.runs.recorder import Recorder
 from transport.log.message_log import MessageLog
 from transport.log.records import LogError
 from vehicles.geometry.geodesy import LocalPlane
@@ -39,18 +40,17 @@ class RunLog:
         clock: ClockName,
         run_id: str,
         metrics: Metrics | None = None,
-        listeners: Sequence[Listener] = (),
+        observers: Sequence[Observer] = (),
         replayed: frozenset[str] = frozenset(),
         writer: MessageLog | None = None,
     ) -> None:
         """Open the log in `folder`, which is made, and write what the run is into it.
 
         If it has been begun already, `writer` is given. Each message goes to `metrics`, which are
-        the run's figures, and then to the `listeners`. Vehicles that are `replayed` receive
+        the run's figures, and then to the `observers`. Vehicles that are `replayed` receive
         nothing.
         """
         self._scenario = scenario
-        self._limits = scenario.tables.limits
         self._folder = folder
         self._replayed = replayed
         self._identity = RunIdentity.here(scenario, clock, run_id)
@@ -59,6 +59,7 @@ class RunLog:
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
         self.metrics = metrics or Metrics.of(scenario)
+        self._limits = LimitWatch(scenario.tables.limits, self.metrics)
         self.recorder = Recorder(
             vehicles={
                 name: highest_rate_hz(setup.sending, setup.gnss)
@@ -68,12 +69,11 @@ class RunLog:
             plane=LocalPlane(scenario.origin),
             writer=self._writer,
             metrics=self.metrics,
-            listeners=listeners,
+            observers=[*observers, self._limits],
             clock_errors_ns={
                 name: scenario.clock_error_ns(name) for name in scenario.vehicle_names
             },
         )
-        self._start_at: int | None = None
         self._end_at = 0
         self._reason = ""
 
@@ -83,7 +83,6 @@ class RunLog:
 
     def start(self, at: int, start_at: int) -> bytes:
         """Log the start instant (ns); returns the announcement for the bus."""
-        self._start_at = start_at
         start = self.recorder.begin(at, start_at, self._identity.run_id)
         if not self._writer.fast:
             self.recorder.say(at, SLOW_WRITER, "warning")
@@ -106,7 +105,8 @@ class RunLog:
                 if row.judged:
                     self.recorder.say(at, in_words(row), "debug")  # for the log only
             silent = silent_links(self.metrics, self._replayed, self._scenario.off_links)
-            self._reason = why_failed(reason or silent, self._broken())
+            broken = self._limits.broken(self._ran_ns)
+            self._reason = why_failed(reason or self.must_end or silent, broken)
             return self.recorder.end(at, self._reason)
         except LogError as error:
             self._reason = reason or str(error)
@@ -115,22 +115,14 @@ class RunLog:
     @property
     def must_end(self) -> str:
         """Why the run has to end now, by its limits; empty while it need not."""
-        collisions = self.metrics.events.collisions
-        if not collisions or not collision_ends_run(self._limits, collisions):
-            return ""
-        return why_failed("", self._broken())
-
-    def _broken(self) -> list[str]:
-        vehicles = self.metrics.vehicle_summaries(self._ran_ns)
-        deadlines = self.metrics.deadlines.figures(self._ran_ns)
-        return broken_limits(self._limits, self.metrics.events.events(), vehicles, deadlines)
+        return self._limits.reason
 
     @property
     def _ran_ns(self) -> int:
-        if self._start_at is None:
+        if self.metrics.start_at is None:
             return 0
         planned = nanoseconds(self._scenario.duration_s)
-        return min(max(self._end_at - self._start_at, 0), planned)
+        return min(max(self._end_at - self.metrics.start_at, 0), planned)
 
     def close(self, at: int) -> RunSummary:
         """Complete the log at instant `at` (ns) and write the summary, which is returned.

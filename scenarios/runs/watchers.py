@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from scenarios.runs.recorder import Listener, by_kind, kinds_of
+from scenarios.runs.observer import Observer, kinds_of, listeners_by_kind
 from vehicles.messages import Change, LogText, Message, RunEnd, RunStart
 
 ALWAYS = (Change, LogText, RunEnd, RunStart)
@@ -15,11 +15,11 @@ class Watchers:
     So a picture that takes longer than the convoy drives costs the picture, and never the log.
     """
 
-    def __init__(self, listeners: Sequence[Listener], is_behind: Callable[[], bool]) -> None:
+    def __init__(self, observers: Sequence[Observer], is_behind: Callable[[], bool]) -> None:
         """`is_behind` says whether more waits to be recorded than there should."""
-        self._listeners = by_kind(listeners)
-        self.kinds = kinds_of(listeners)
-        """Messages that anybody listens to."""
+        self._listeners = listeners_by_kind(observers)
+        self.kinds = kinds_of(observers)
+        """Messages that at least one observer wants."""
         self._is_behind = is_behind
         self.left_out = 0
         """Messages that nobody was shown."""

@@ -54,7 +54,7 @@ def record(folder: Path, vehicles: int, minutes: int) -> Iterator[Row]:
         clock="wall",
         run_id="bench",
         metrics=metrics,
-        listeners=(progress.listen,),
+        observers=(progress,),
     )
     run.start(START, START)
     received, began = 0, time.process_time()

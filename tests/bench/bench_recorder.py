@@ -28,7 +28,6 @@ from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BATCH_NS, BusSink
 from scenarios.runs.processes.clock_offset import answer_for_clock
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint
-from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.convoy import VirtualConvoy
 from tests.bench.bench_run import Row, plain_loop, print_rows, timed, used_s
 from tests.system.logs import Run
@@ -72,7 +71,7 @@ def traffic(scenario: Scenario) -> list[Sent]:
         found.append(Sent(convoy.clock.now() - begin, message.vehicle, topic, data))
 
     nodes = convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, note))
-    convoy.run(Stop())
+    convoy.run()
     for node in nodes.values():
         node.outbox.publish_health(convoy.clock.now(), final=True)
     return found

@@ -16,7 +16,7 @@ from scenarios.runs.processes.forking import Deed
 from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.membership import Fingerprint
 from scenarios.runs.processes.supervisor import Supervisor
-from scenarios.runs.stop import Stop, stop_on_signals
+from scenarios.runs.stop import stop_on_signals
 from scenarios.runs.virtual.convoy import VirtualConvoy
 from transport.log.records import LogError
 
@@ -75,4 +75,4 @@ def warm_up() -> None:
     """
     convoy = VirtualConvoy(load_scenario("lane_change", ("duration_s=1", "convoy.vehicles=3")))
     convoy.build(lambda vehicle: BatchingSink(vehicle, convoy.bus, convoy.clock.now))
-    convoy.run(Stop())
+    convoy.run()

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from scenarios.cli.running.destination import refuse_picture, run_folder
-from scenarios.cli.running.watching import layout, listeners, show
+from scenarios.cli.running.watching import layout, observers, show
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
@@ -46,7 +46,7 @@ def record_run(
         metrics = Metrics.of(scenario)
         with (
             layout(folder, scenario, rerun, quiet=quiet),
-            listeners(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
+            observers(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
         ):
             stop.begun = True
             recorder = RecorderProcess(
@@ -57,7 +57,7 @@ def record_run(
                 member,
                 metrics=metrics,
                 gather_s=gather_s,
-                listeners=watchers,
+                observers=watchers,
             )
             summary = recorder.record_until_over()
         show(summary, folder, quiet=quiet)

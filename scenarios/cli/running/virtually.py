@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.running.watching import layout, listeners, show
+from scenarios.cli.running.watching import layout, observers, show
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.stop import EXIT_FAILED, Stop
@@ -25,11 +25,11 @@ def run_virtually(
     metrics = Metrics.of(scenario)
     with (
         layout(folder, scenario, rerun, quiet=quiet),
-        listeners(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
+        observers(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
     ):
         stop.begun = True
         summary = run_virtual(
-            scenario, folder, stop, metrics=metrics, listeners=watchers, writer=writer
+            scenario, folder, stop, metrics=metrics, observers=watchers, writer=writer
         )
     show(summary, folder, quiet=quiet)
     if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came

@@ -14,7 +14,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.drawing import open_drawing
 from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.results.summary import RunSummary
-from scenarios.runs.recorder import Listener, Selective
+from scenarios.runs.observer import Observer, OnMessage
 from transport.picture.option import parse_rerun_option
 
 
@@ -26,9 +26,9 @@ def layout(
 
 
 @contextmanager
-def listeners(
+def observers(
     scenario: Scenario, metrics: Metrics, rerun: str, *, run_id: str, quiet: bool
-) -> Iterator[list[Listener]]:
+) -> Iterator[list[Observer]]:
     """Open the viewer and the progress line, which are given each message as it is recorded.
 
     The progress line shows what `metrics` has gathered.
@@ -36,14 +36,14 @@ def listeners(
     with ExitStack() as stack:
         option = parse_rerun_option(rerun)
         view = stack.enter_context(open_drawing(option, scenario, run_id, metrics))
-        found: list[Listener] = [] if option.sink == "off" else [view.draw]
+        found: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
         if view.where and not quiet:
             Console(stderr=True).print(
                 f"watch it: {view.where}", soft_wrap=True, highlight=False, markup=False
             )
         if not quiet:
             progress = stack.enter_context(Progress(metrics, scenario.duration_s))
-            found.append(Selective(progress.kinds, progress.listen))
+            found.append(progress)
         yield found
 
 

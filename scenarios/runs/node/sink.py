@@ -19,8 +19,6 @@ LOG_ONLY = {TOPIC_OF[kind].name for kind in (CompositeTrajectory, Command)}
 
 OnSent = Callable[[Topic, bytes, Message], None]
 """Is given each message as it is sent, with its bytes."""
-OnMade = Callable[[Topic, bytes | None, Message], None]
-"""Is given each message, with its bytes if it was encoded: the recorder in virtual time."""
 
 
 class Sink(Protocol):
@@ -67,34 +65,6 @@ class BusSink:
 
     def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - whoever listens may read all
         """Everything may be read."""
-        return True
-
-
-class RecordedSink:
-    """Publishes what others need, and gives every message to the recorder of the same process.
-
-    The recorder writes many messages at once, and encodes then what nobody else has needed.
-    """
-
-    def __init__(self, vehicle: str, bus: Bus, on_made: OnMade) -> None:
-        """`on_made` is called for each message, in the order in which they are made."""
-        self._heard = BusSink(vehicle, bus, on_made)
-        self._on_made = on_made
-
-    def send(self, message: Message) -> None:
-        """Record `message`; what is urgent is published by `flush`."""
-        topic = TOPIC_OF[type(message)]
-        if topic.urgent:
-            self._heard.send(message)
-        else:
-            self._on_made(topic, None, message)
-
-    def flush(self) -> None:
-        """Publish what waits."""
-        self._heard.flush()
-
-    def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - the log holds them all
-        """Everything is recorded."""
         return True
 
 

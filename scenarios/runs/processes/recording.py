@@ -9,12 +9,12 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
 from scenarios.runs.control.status import StatusBoard
 from scenarios.runs.node.sink import BATCH_NS
+from scenarios.runs.observer import Observer
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
 from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
 from scenarios.runs.processes.membership import Membership
 from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
-from scenarios.runs.recorder import Listener, Selective
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from scenarios.runs.watchers import Watchers
@@ -65,7 +65,7 @@ class RecorderProcess:
         *,
         metrics: Metrics | None = None,
         gather_s: float = GATHER_S,
-        listeners: Sequence[Listener] = (),
+        observers: Sequence[Observer] = (),
     ) -> None:
         """Open the log in `folder` and subscribe to everything that the convoy publishes."""
         self._clock = WallClock()
@@ -82,7 +82,7 @@ class RecorderProcess:
             gather_until=self._clock.now() + round(gather_s * SECOND),
         )
         metrics = metrics or Metrics.of(scenario)
-        self._watchers = Watchers(listeners, lambda: len(self._arrivals) > MOST_WAITING)
+        self._watchers = Watchers(observers, lambda: len(self._arrivals) > MOST_WAITING)
         self._board = StatusBoard(scenario, membership.run, metrics)
         self._run = RunLog(
             scenario,
@@ -90,11 +90,7 @@ class RecorderProcess:
             clock="wall",
             run_id=folder.name,
             metrics=metrics,
-            listeners=(
-                Selective(self._conductor.kinds, self._conductor.listen),
-                Selective(self._board.kinds, self._board.listen),
-                Selective(self._watchers.kinds, self._watchers.listen),
-            ),
+            observers=(self._conductor, self._board, self._watchers),
         )
         self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
         self._flushing, self._showing = Timer(FLUSH_NS), Timer(SHOW_NS)

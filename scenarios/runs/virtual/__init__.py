@@ -1,10 +1,10 @@
 """All vehicles of a scenario in one process, as fast as it goes.
 
+drive       the harness: a run whose messages go to observers
 convoy      the vehicles, their bus and their clock
-step_order  whose turn it is
-replay      a recorded vehicle put back on the road
-logged      a run into a log
+step_order  the order of the vehicles' steps
+replay      a recorded vehicle that sends its poses again
+logged      a run with log and summary
 aside       a process that writes the log meanwhile
-rehearsal   a run whose drives stay in memory
-unlogged    a run of which only the figures stay
+unlogged    a run with only its summary, or its drives
 """

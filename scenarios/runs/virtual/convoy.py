@@ -1,6 +1,6 @@
 """The vehicles of a scenario in one process: nodes over a memory bus, and the order of their steps.
 
-What becomes of their messages is another matter: a log, figures, or nothing.
+`drive` passes their messages to observers.
 """
 
 import gc
@@ -18,7 +18,6 @@ from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import Sink
-from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.step_order import Step, Stepper, steps_in_order
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick, VirtualClock
@@ -45,6 +44,11 @@ def rarely_collected() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
+def never() -> bool:
+    """Let a run go on to its end."""
+    return False
+
+
 @dataclass(frozen=True, slots=True)
 class Branch:
     """After the instant `at` (ns) what is random comes from another seed; up to it nothing changes.
@@ -62,8 +66,16 @@ class VirtualConvoy:
     `left` are the vehicles that cannot drive on and without which the others do.
     """
 
-    def __init__(self, scenario: Scenario, branches: Sequence[Branch] = ()) -> None:
-        """`branches` are in order of time; instants are those of the scenario's virtual run."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        branches: Sequence[Branch] = (),
+        on_left: Callable[[int, str], None] = lambda _at, _vehicle: None,
+    ) -> None:
+        """`branches` are in order of time; instants are those of the scenario's virtual run.
+
+        `on_left` is called with the instant (ns) and the name of each vehicle that leaves.
+        """
         self.bus = MemoryBus()
         self.clock = VirtualClock(scenario.start_at_ns)
         self._scenario = scenario
@@ -73,6 +85,7 @@ class VirtualConvoy:
             (branch.at, partial(self._redraw, branch.seed)) for branch in branches
         )
         self.left: set[str] = set()
+        self._on_left = on_left
 
     def build(
         self, sink_of: Callable[[str], Sink], replays: "Sequence[Replay]" = ()
@@ -113,7 +126,10 @@ class VirtualConvoy:
                 if self.left | {name} >= nodes.keys():
                     raise
                 self.left.add(name)
-                nodes[name].outbox.publish_fault(tick.at, fault.text)
+                outbox = nodes[name].outbox
+                outbox.say(tick.at, fault.text, "fatal")
+                self._on_left(tick.at, name)
+                outbox.publish_health(tick.at, final=True)
 
         return step_or_leave
 
@@ -139,8 +155,8 @@ class VirtualConvoy:
         for builder, node in self._live:
             builder.redraw(node, seed, numbers)
 
-    def run(self, stop: Stop) -> None:
-        """Let all vehicles make their steps until the end of the run, or until asked to stop.
+    def run(self, until: Callable[[], bool] = never) -> None:
+        """Let all vehicles make their steps to the end of the run, or `until` it is over early.
 
         Raises VehicleFaultError if a controller fails and nobody goes on without its vehicle.
         """
@@ -153,6 +169,6 @@ class VirtualConvoy:
                     self._due.popleft()[1]()
                 self.clock.wait_until(tick.at)
                 step(tick)
-                if stop.asked:
+                if until():
                     return
         self.clock.wait_until(end_at)

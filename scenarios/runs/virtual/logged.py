@@ -1,25 +1,23 @@
-"""`--clock virtual`: the same nodes in one process over a memory bus, as fast as they go."""
+"""`--clock virtual`: a virtual run that writes a log and a summary."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.drives import DriveRecorder, Trial
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
-from scenarios.runs.node.fault import VehicleFaultError
-from scenarios.runs.node.sink import RecordedSink
-from scenarios.runs.recorder import Listener, Selective
+from scenarios.runs.observer import ALL_KINDS, Observer, OnMessage
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from scenarios.runs.virtual.convoy import VirtualConvoy
+from scenarios.runs.virtual.drive import drive
 from transport.log.message_log import MessageLog
 from transport.log.records import LogError
-from transport.topics import Topic
-from vehicles.messages import LogText, Message, TruePose
+from vehicles.messages import Message, RunStart
 from vehicles.schedule import SECOND
 
-if TYPE_CHECKING:  # what reads logs is for those who have some
+if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
     from scenarios.runs.virtual.replay import Replay
 
 
@@ -29,66 +27,82 @@ def run_virtual(
     stop: Stop,
     *,
     metrics: Metrics | None = None,
-    listeners: Sequence[Listener] = (),
+    observers: Sequence[Observer] = (),
     replays: "Sequence[Replay]" = (),
     writer: MessageLog | None = None,
 ) -> RunSummary:
-    """Run `scenario` in virtual time into `folder`; returns the summary.
+    """Run `scenario` in virtual time and write log and summary into `folder`.
 
-    Vehicles in `replays` send what was recorded, the others are live. The `writer` of the log is
-    given if that has been begun. Depends on nothing but these, the scenario, its seed and the
-    versions: the log is equal byte for byte.
+    The log is equal byte for byte for equal arguments, seeds and versions.
+
+    Args:
+        scenario: What to simulate.
+        folder: Where the files go.
+        stop: Ends the run early; asked to stop with a reason if the run fails.
+        metrics: Figures that the `observers` show; made here otherwise.
+        observers: Called for every recorded message, after log and figures.
+        replays: Vehicles that send what was recorded, while the others are live.
+        writer: Log that has been begun elsewhere.
+
     """
-    convoy = VirtualConvoy(scenario)
-    clock = convoy.clock
     run = RunLog(
         scenario,
         folder,
         clock="virtual",
         run_id=scenario.virtual_run_id,
         metrics=metrics,
-        listeners=(*listeners, *_watching(scenario, stop, lambda: run)),
+        observers=observers,
         replayed=frozenset(replay.vehicle for replay in replays),
         writer=writer,
     )
 
-    on_sent, now = run.recorder.on_sent, clock.now
+    def begin(at: int, start: Message) -> None:
+        if isinstance(start, RunStart):
+            run.start(at, start.start_at_ns)
 
-    def record(topic: Topic, data: bytes | None, message: Message) -> None:
-        on_sent(topic, data, message, now())
+    def log_departure(at: int, vehicle: str) -> None:
+        after_s = (at - scenario.start_at_ns) / SECOND
+        line = f"{vehicle} left {after_s:.1f} s after the start; the convoy goes on without it"
+        run.recorder.say(at, line)
 
-    run.start(clock.now(), clock.now())
-    nodes = convoy.build(lambda vehicle: RecordedSink(vehicle, convoy.bus, record), replays)
+    log = (
+        OnMessage(begin, frozenset({RunStart})),
+        OnMessage(run.recorder.record, ALL_KINDS - {RunStart}),
+    )
+    at = scenario.start_at_ns
     try:
-        try:
-            convoy.run(stop)
-        except VehicleFaultError as fault:
-            stop.ask(str(fault), EXIT_FAILED)
-        for name, node in nodes.items():
-            if name not in convoy.left:  # those have said their last words
-                node.outbox.publish_health(clock.now(), final=True)
+        outcome = drive(
+            scenario,
+            log,
+            until=lambda: stop.asked or bool(run.must_end),
+            replays=replays,
+            on_left=log_departure,
+        )
+        at = outcome.at
+        if outcome.fault is not None:
+            stop.ask(str(outcome.fault), EXIT_FAILED)
     except LogError as error:  # the disk is full, or the log was removed
+        at = run.recorder.last_at
         stop.ask(str(error), EXIT_FAILED)
-    run.end(clock.now(), stop.reason)
-    summary = run.close(clock.now())
-    if summary.reason:  # a limit can also be broken by a run that went on to its end
+    run.end(at, stop.reason)
+    summary = run.close(at)
+    if summary.reason:  # also of a run that broke a limit and went on to its end
         stop.ask(summary.reason, EXIT_FAILED)
     return summary
 
 
-def _watching(scenario: Scenario, stop: Stop, run: Callable[[], RunLog]) -> tuple[Listener, ...]:
-    """Listeners that say who has left, and end a run as soon as its limits are broken."""
+def record_trial(
+    scenario: Scenario,
+    folder: Path,
+    replays: "Sequence[Replay]" = (),
+    observers: Sequence[Observer] = (),
+) -> Trial:
+    """Run `scenario` as `run_virtual` does, and keep what its vehicles drove.
 
-    def tell_of_leaving(at: int, text: Message) -> None:
-        if isinstance(text, LogText) and text.ends_vehicle:
-            left = f"{text.vehicle} left {(at - scenario.start_at_ns) / SECOND:.1f} s"
-            run().recorder.say(at, f"{left} after the start; the convoy goes on without it")
-
-    def end_by_limits(_at: int, _pose: Message) -> None:
-        if (reason := run().must_end) and not stop.asked:
-            stop.ask(reason, EXIT_FAILED)
-
-    return (
-        Selective(frozenset({LogText}), tell_of_leaving),
-        Selective(frozenset({TruePose}), end_by_limits),  # nothing else brings collisions
-    )
+    Raises LogError if the run failed.
+    """
+    drives = DriveRecorder()
+    summary = run_virtual(scenario, folder, Stop(), observers=(drives, *observers), replays=replays)
+    if summary.reason:
+        raise LogError(summary.reason)
+    return drives.trial(scenario)

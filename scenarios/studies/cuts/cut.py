@@ -9,7 +9,7 @@ from math import inf, isnan
 import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.virtual.rehearsal import overhear
+from scenarios.runs.virtual.drive import drive
 from vehicles.driver.degradation.settings import Reaction
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Command, LinkVerdict, Message, Mode, Tracking, TruePose
@@ -122,7 +122,9 @@ class _Heard:
 
 
 class Witness:
-    """Takes all messages of a run with a cut, and gives the figures of its followers."""
+    """An observer of a run with a cut that gives the figures of its followers."""
+
+    kinds: frozenset[type[Message]] = frozenset((Command, LinkVerdict, Tracking, TruePose))
 
     def __init__(self, cut: LinkCut, scenario: Scenario) -> None:
         self._cut = cut
@@ -138,7 +140,7 @@ class Witness:
         self._path = CrossTrackError(self._names[0], scenario.route.start_yaw, self._names[1:])
         self._of: defaultdict[str, _Heard] = defaultdict(_Heard)
 
-    def listen(self, message: Message) -> None:
+    def listen(self, _at: int, message: Message) -> None:
         """Take one message."""
         of = self._of[message.vehicle]
         match message:
@@ -226,5 +228,5 @@ def carry_out(cut: LinkCut) -> tuple[CutFigures, ...]:
     """Drive one cut in virtual time; the figures of each follower."""
     scenario = cut.scenario()
     witness = Witness(cut, scenario)
-    overhear(scenario, witness.listen)
+    drive(scenario, [witness]).raise_fault()
     return witness.figures()

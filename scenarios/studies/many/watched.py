@@ -13,10 +13,8 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.events.detector import LaneWatch, PathWatch, sizes_of
 from scenarios.results.events.encounters import Encounters, Episode
 from scenarios.results.limits import collision_ends_run
-from scenarios.runs.node.fault import VehicleFaultError
-from scenarios.runs.stop import EXIT_FAILED, Stop
-from scenarios.runs.virtual.convoy import Branch, VirtualConvoy
-from scenarios.runs.virtual.unlogged import FiguresSink
+from scenarios.runs.virtual.convoy import Branch
+from scenarios.runs.virtual.drive import drive
 from scenarios.studies.many.limit import EVENTS, Limit
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Message, Tracking, TruePose
@@ -24,8 +22,6 @@ from vehicles.schedule import SECOND
 
 Measure = Literal["limit", "silence"]
 """How near a run is to a limit: by what the limit is about, or by how long nothing was received."""
-KINDS = frozenset((TruePose, Tracking))
-"""Kinds of message that limits and measures are about."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,73 +181,66 @@ def watch_of(limit: Limit, scenario: Scenario) -> Watch:
 
 
 class WatchedRun:
-    """A virtual run without a log that is watched for one limit, and ends when it is broken.
+    """An observer of a virtual run that follows one limit, and ends the run once it is broken."""
 
-    With `branches` what is random comes from other seeds after their instants.
-    """
+    kinds: frozenset[type[Message]] = frozenset((TruePose, Tracking))
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        limit: Limit,
-        *,
-        branches: Sequence[Branch] = (),
-        measure: Measure = "limit",
-    ) -> None:
-        self.convoy = VirtualConvoy(scenario, branches)
-        self._scenario = scenario
+    def __init__(self, scenario: Scenario, limit: Limit, measure: Measure = "limit") -> None:
+        self.is_over = False
         self._watch = watch_of(limit, scenario)
         self._lead = scenario.vehicle_names[0]
         self._measures_silence = measure == "silence"
-        # What ends the run of a log as well: what came later does not count there either.
-        ends = collision_ends_run(scenario.tables.limits, 1 + (self._most_collisions or 0))
+        # A collision ends a logged run as well: later messages do not count there either.
+        self._limits = scenario.tables.limits
+        ends = collision_ends_run(self._limits, 1 + (self._limits.collisions_max or 0))
         self._collisions = Encounters(sizes_of(scenario)) if ends else None
         self._collided = 0
-        self._stop = Stop()
         self._records: list[NearRecord] = []
 
-    @property
-    def _most_collisions(self) -> int | None:
-        return self._scenario.tables.limits.collisions_max
-
-    def take(self, message: Message) -> None:
-        """Take a message of one of the vehicles."""
-        if self._stop.asked:
+    def listen(self, at: int, message: Message) -> None:
+        """Take a message of one of the vehicles at instant `at` (ns)."""
+        if self.is_over:
             return
         value = self._watch.take(message)
         if self._watch.broken:
-            self._note(inf)
-            self._stop.ask("the limit is broken", EXIT_FAILED)
+            self._note(at, inf)
+            self.is_over = True
             return
         if self._measures_silence:
             value = silence(message, self._lead)
-        self._note(value)
+        self._note(at, value)
         if self._collisions is not None and isinstance(message, TruePose):
             met = self._collisions.add(message)
             self._collided += sum(episode.kind == "collision" for episode in met)
-            if collision_ends_run(self._scenario.tables.limits, self._collided):
-                self._stop.ask("a collision", EXIT_FAILED)
+            self.is_over = collision_ends_run(self._limits, self._collided)
 
-    def run(self) -> Watched:
-        """Run until the limit is broken, or to the end."""
-        self.convoy.build(lambda vehicle: FiguresSink(vehicle, self.convoy.bus, self.take, KINDS))
-        try:
-            self.convoy.run(self._stop)
-        except VehicleFaultError as fault:
-            self._stop.ask(str(fault), EXIT_FAILED)
+    def finish(self, at: int) -> Watched:
+        """Return what is known of the run, which ended at instant `at` (ns)."""
         self._watch.finish()
         if self._watch.broken:
-            self._note(inf)
+            self._note(at, inf)
         return Watched(tuple(self._records))
 
-    def _note(self, value: float) -> None:
+    def _note(self, at: int, value: float) -> None:
         if value > (self._records[-1].value if self._records else -inf):
-            self._records.append(NearRecord(self.convoy.clock.now(), value))
+            self._records.append(NearRecord(at, value))
 
 
-def watched(scenario: Scenario, limit: Limit) -> Watched:
-    """Run `scenario` until it breaks `limit`, or to its end."""
-    return WatchedRun(scenario, limit).run()
+def watched(
+    scenario: Scenario,
+    limit: Limit,
+    *,
+    branches: Sequence[Branch] = (),
+    measure: Measure = "limit",
+) -> Watched:
+    """Run `scenario` in virtual time until it breaks `limit`, or to its end.
+
+    Random numbers come from other seeds after the instants of the `branches`. A fault of a vehicle
+    ends the run.
+    """
+    run = WatchedRun(scenario, limit, measure)
+    outcome = drive(scenario, [run], until=lambda: run.is_over, branches=branches)
+    return run.finish(outcome.at)
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:

@@ -12,7 +12,7 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.files import LOG_NAME
-from scenarios.runs.virtual.rehearsal import record
+from scenarios.runs.virtual.logged import record_trial
 from scenarios.runs.virtual.replay import Replay, head_start, read_recorded_vehicle
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import Fusion
@@ -65,7 +65,7 @@ def _drive(
     kind = "" if place < 2 else f"_{fusion}"
     name = run.vehicle_names[place]
     log = folder / f"run_{place + 1}_{name}{kind}"
-    trial = record(run, log, _replays(run, [path for _, path in before]))
+    trial = record_trial(run, log, _replays(run, [path for _, path in before]))
     return next(drive for drive in trial.drives if drive.name == name), log
 
 

@@ -28,7 +28,9 @@ class SampleFigures:
 
 
 class SampleCounter:
-    """Counts the samples of every trajectory when it is recorded; a listener to a run."""
+    """Counts the samples of every trajectory when it is recorded; an observer of a run."""
+
+    kinds: frozenset[type[Message]] = frozenset((CompositeTrajectory, TruePose))
 
     def __init__(self) -> None:
         self.figures = SampleFigures()

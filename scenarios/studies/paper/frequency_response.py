@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.results.drives import Trial
-from scenarios.runs.virtual.rehearsal import rehearse
+from scenarios.runs.virtual.unlogged import drive_trial
 from vehicles.preview.curve_fit import Trajectory
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def drive_sine(
 ) -> SineResponse:
     """Drive a convoy behind a lead on a sine of `frequency` (rad/s); see `sine_scenario`."""
     scenario = sine_scenario(frequency, preview_s, trajectory)
-    return SineResponse(frequency, preview_s, amplitudes(rehearse(scenario), frequency))
+    return SineResponse(frequency, preview_s, amplitudes(drive_trial(scenario), frequency))
 
 
 def sine_scenario(

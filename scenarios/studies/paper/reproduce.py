@@ -12,7 +12,8 @@ from scenarios.definition.refusal import near
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Trial
 from scenarios.runs.pool import Job, run_jobs
-from scenarios.runs.virtual.rehearsal import record, rehearse
+from scenarios.runs.virtual.logged import record_trial
+from scenarios.runs.virtual.unlogged import drive_trial
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import EXACT, RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs
@@ -148,9 +149,9 @@ def run_experiment(experiment: Experiment, folder: Path) -> Run:
     """Do one run, with its log in `folder` if it is to have one."""
     scenario = load_scenario(experiment.scenario, experiment.overrides, experiment.seed)
     if not experiment.logged:
-        return Run(rehearse(scenario))
+        return Run(drive_trial(scenario))
     counter = SampleCounter()
-    return Run(record(scenario, folder, listeners=(counter.listen,)), counter.figures)
+    return Run(record_trial(scenario, folder, observers=(counter,)), counter.figures)
 
 
 def _field(folder: Path, trajectory: Trajectory) -> FieldRuns:

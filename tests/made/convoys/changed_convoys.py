@@ -11,9 +11,9 @@ from scenarios.runs.node.fault import stepping
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.replayed import ReplayedNode
-from scenarios.runs.virtual.rehearsal import RehearsalSink
+from scenarios.runs.observer import OnMessage, listeners_by_kind
+from scenarios.runs.virtual.drive import ObservedSink
 from scenarios.runs.virtual.step_order import Stepper, steps_in_order
-from transport.bus.bus import Bus
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick
 from vehicles.messages import Message, TruePose
@@ -38,19 +38,6 @@ def changed(*changes: str, rest: str = "", overrides: Sequence[str] = ()) -> Sce
     return scenario_from_text(f"{ROAD}\n{rest}\n{entries}", overrides=overrides)
 
 
-class Noted(RehearsalSink):
-    """Keeps all messages, in the order in which they were sent."""
-
-    def __init__(self, vehicle: str, bus: Bus, sent: list[Message]) -> None:
-        super().__init__(vehicle, bus, lambda _: None)
-        self._sent = sent
-
-    def send(self, message: Message) -> None:
-        """Take one message; a pose waits until `flush`."""
-        self._sent.append(message)
-        super().send(message)
-
-
 @dataclass
 class ChangedConvoy:
     """A convoy in virtual time: its nodes, and all messages in the order in which they were sent.
@@ -70,9 +57,10 @@ class ChangedConvoy:
         for name, builder in self.builders.items():
             self.put(name, builder.node(self.start_at, self.sink(name), NoProbe()))
 
-    def sink(self, name: str) -> RehearsalSink:
+    def sink(self, name: str) -> ObservedSink:
         """Where the messages of a vehicle go; only poses are encoded, which the others hear."""
-        return Noted(name, self.bus, self.sent)
+        keep = OnMessage(lambda _, message: self.sent.append(message))
+        return ObservedSink(name, self.bus, lambda: 0, listeners_by_kind([keep]))
 
     def put(self, name: str, node: Node | ReplayedNode) -> None:
         """Let `node` be the vehicle from now on."""

@@ -4,9 +4,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 
 from scenarios.definition.scenario import Scenario
-from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.convoy import VirtualConvoy
-from scenarios.runs.virtual.unlogged import FiguresSink
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual.drive import drive as virtual_drive
 from vehicles.messages import Command, LogText, Message, TruePose
 
 
@@ -18,7 +17,7 @@ class Driven:
     commands: defaultdict[str, list[Command]] = field(default_factory=lambda: defaultdict(list))
     texts: defaultdict[str, list[LogText]] = field(default_factory=lambda: defaultdict(list))
 
-    def take(self, message: Message) -> None:
+    def take(self, _at: int, message: Message) -> None:
         """Keep a message of one of these kinds."""
         match message:
             case TruePose():
@@ -31,7 +30,6 @@ class Driven:
 
 def drive(scenario: Scenario) -> Driven:
     """Drive `scenario` to its end; only poses are encoded, which the others hear."""
-    convoy, driven = VirtualConvoy(scenario), Driven()
-    convoy.build(lambda vehicle: FiguresSink(vehicle, convoy.bus, driven.take))
-    convoy.run(Stop())
+    driven = Driven()
+    virtual_drive(scenario, [OnMessage(driven.take)]).raise_fault()
     return driven

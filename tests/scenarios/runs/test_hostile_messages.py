@@ -11,20 +11,19 @@ from random import Random
 
 import pytest
 
-from scenarios.cli.running.watching import listeners
+from scenarios.cli.running.watching import observers
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import BusSink
+from scenarios.runs.observer import Observer, OnMessage
 from scenarios.runs.processes.clock_offset import measure
 from scenarios.runs.processes.conductor import Conductor, Phase
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
 from scenarios.runs.processes.vehicle import RunAnnouncements
-from scenarios.runs.recorder import Listener
 from scenarios.runs.run_log import RunLog
-from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.convoy import VirtualConvoy
 from tests.made.scenarios.hostile_messages import TEXTS, Put, Stranger
 from transport.bus.bus import Bus, BusError
@@ -86,7 +85,7 @@ def drive(
     draw: Callable[[Stranger, Sequence[Put]], Put],
     count: int,
     metrics: Metrics | None = None,
-    watchers: Sequence[Listener] = (),
+    watchers: Sequence[Observer] = (),
 ) -> Attacked:
     """Run a short convoy whose recorder listens to its bus, with `count` messages of a stranger."""
     scenario = trial()
@@ -109,7 +108,11 @@ def drive(
         clock="virtual",
         run_id="x",
         metrics=metrics,
-        listeners=(conductor.listen, lambda _, message: own.update([message.vehicle]), *watchers),
+        observers=(
+            conductor,
+            OnMessage(lambda _, message: own.update([message.vehicle])),
+            *watchers,
+        ),
     )
     announced = RunAnnouncements(bus, clock.now)
     bus.publish(key(CONDUCTOR, TOPICS["start"]), run.start(clock.now(), clock.now()))
@@ -147,7 +150,7 @@ def drive(
     bus.subscribe(EVERYTHING, take)
     bus.subscribe(EVERYTHING, hear)
     nodes = convoy.build(lambda name: AttackedSink(name, bus, disturb))
-    convoy.run(Stop())
+    convoy.run()
     for node in nodes.values():
         node.outbox.publish_health(clock.now(), final=True)
         node.inbox.take(clock.now() + 120 * SECOND)  # so that nothing is waiting any more
@@ -217,7 +220,7 @@ def test_what_may_be_a_vehicle_s_own_is_used_or_counted(tmp_path: Path, campaign
         return drawn if len(drawn[1]) % 2 else stranger.refusable(heard)
 
     metrics, picture = Metrics.of(trial()), f"save={tmp_path / 'run.rrd'}"
-    with listeners(trial(), metrics, picture, run_id="x", quiet=False) as watchers:
+    with observers(trial(), metrics, picture, run_id="x", quiet=False) as watchers:
         run = drive(tmp_path, anything, campaign, metrics, watchers)
     came = run.honest.total() + run.hostile.total()
     assert run.recorded + sum(run.summary.recorder_rejected_messages.values()) == came

@@ -12,8 +12,9 @@ from scenarios.definition.schema.links import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.rehearsal import record, rehearse
+from scenarios.runs.virtual.logged import record_trial
 from scenarios.runs.virtual.replay import RecordedVehicle, head_start, read_recorded_vehicle
+from scenarios.runs.virtual.unlogged import drive_trial
 from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode, encode
@@ -35,7 +36,7 @@ def convoy() -> Scenario:
 @pytest.fixture(scope="module")
 def recorded(convoy: Scenario, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trial]:
     folder = tmp_path_factory.mktemp("recorded")
-    return folder / LOG_NAME, record(convoy, folder)
+    return folder / LOG_NAME, record_trial(convoy, folder)
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +126,7 @@ def test_followers_cannot_tell_a_replayed_car_from_a_live_one(
         read_recorded_vehicle(log, name).replay(start_at=convoy.start_at_ns)
         for name in ("v1", "v2")
     ]
-    again = rehearse(convoy, replays)
+    again = drive_trial(convoy, replays)
     assert [drive.name for drive in again.drives] == ["v1", "v2", "v3"]
     for drive, before in zip(again.drives, live.drives, strict=True):
         assert np.array_equal(drive.east, before.east)
@@ -138,7 +139,7 @@ def test_the_log_of_a_run_behind_a_replay_holds_the_replayed_car(
     convoy: Scenario, recorded: tuple[Path, Trial], tmp_path: Path
 ) -> None:
     replay = read_recorded_vehicle(recorded[0], "v1").replay(start_at=convoy.start_at_ns)
-    record(convoy, tmp_path, [replay])
+    record_trial(convoy, tmp_path, [replay])
     counts = LogReader(tmp_path / LOG_NAME).counts
     assert counts["v1", "gps"] == 120
     assert counts["v1", "truth"] == 300
@@ -152,8 +153,8 @@ def test_a_record_longer_than_the_run_counts_up_to_the_end_of_the_run(
     short = load_scenario("lane_change", ["duration_s=3.0", "convoy.vehicles=3"], seed=5)
     lead = read_recorded_vehicle(recorded[0], "v1")
     assert lead.poses[-1].measured_at_ns - lead.started_at > 5 * SECOND
-    logged = record(short, tmp_path, [lead.replay(start_at=short.start_at_ns)])
-    kept = rehearse(short, [lead.replay(start_at=short.start_at_ns)])
+    logged = record_trial(short, tmp_path, [lead.replay(start_at=short.start_at_ns)])
+    kept = drive_trial(short, [lead.replay(start_at=short.start_at_ns)])
     assert [len(drive.at) for drive in kept.drives] == [150, 150, 150]
     for drive, again in zip(kept.drives, logged.drives, strict=True):
         assert np.array_equal(drive.cross_track, again.cross_track)

@@ -18,6 +18,7 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.run_log import SLOW_WRITER
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.convoy import COLLECTED_EVERY
@@ -207,7 +208,7 @@ def test_listeners_hear_what_is_logged(tmp_path: Path) -> None:
         load_scenario("lane_change", SHORT),
         tmp_path,
         Stop(),
-        listeners=[lambda at, message: heard.append((at, message))],
+        observers=[OnMessage(lambda at, message: heard.append((at, message)))],
     )
     assert [(at, type(m), m.vehicle, m.seq) for at, m in heard] == [
         (at, type(m), m.vehicle, m.seq) for at, m in ran().recorded
@@ -221,7 +222,7 @@ def test_a_run_that_is_stopped_has_a_whole_log(tmp_path: Path) -> None:
         if at >= scenario.start_at_ns + SECOND:
             stop.ask("stopped by SIGINT", 130)
 
-    summary = run_virtual(scenario, tmp_path, stop, listeners=[after_a_second])
+    summary = run_virtual(scenario, tmp_path, stop, observers=[OnMessage(after_a_second)])
     assert (summary.outcome, summary.reason) == ("failed", "stopped by SIGINT")
     assert summary.ran_s == pytest.approx(1.0, abs=0.02)
     reader = LogReader(tmp_path / "run.mcap")
@@ -386,7 +387,7 @@ def test_garbage_is_collected_rarely_during_a_run_and_as_before_after_it(tmp_pat
         load_scenario("lane_change", ["duration_s=0.1"]),
         tmp_path / "run",
         Stop(),
-        listeners=[lambda _, message: during.add((type(message), gc.get_threshold()[0]))],
+        observers=[OnMessage(lambda _, one: during.add((type(one), gc.get_threshold()[0])))],
     )
     assert (TruePose, COLLECTED_EVERY) in during
     assert gc.get_threshold() == before

@@ -10,7 +10,8 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import scenario_in
-from scenarios.runs.virtual.rehearsal import record, rehearse
+from scenarios.runs.virtual.logged import record_trial
+from scenarios.runs.virtual.unlogged import drive_trial
 from scenarios.studies.paper.experiments import (
     FIRST_CHANGE_S,
     LANE,
@@ -130,7 +131,7 @@ def test_a_road_that_is_not_moved_is_the_case_s_own(case: RunKey) -> None:
 
 def test_a_rehearsal_gives_the_figures_of_the_logged_run(tmp_path: Path) -> None:
     scenario = load_scenario("lane_change", ["duration_s=7.0", "convoy.vehicles=2"])
-    logged, kept = record(scenario, tmp_path), rehearse(scenario)
+    logged, kept = record_trial(scenario, tmp_path), drive_trial(scenario)
     assert kept.tracking == logged.tracking
     assert kept.cross_track == logged.cross_track
     assert kept.tracking[0] > 0.01  # so there is something to compare
@@ -143,7 +144,7 @@ def test_the_field_runs_are_a_convoy_one_car_at_a_time(tmp_path: Path) -> None:
         ("composite", runs.with_lead_data),
         ("predecessor", runs.without_lead_data),
     ):
-        at_once = rehearse(
+        at_once = drive_trial(
             load_scenario("paper_field", ["duration_s=6.0", f'control.fusion="{fusion}"'])
         )
         for drive, live in zip(trial.drives, at_once.drives, strict=True):
@@ -290,7 +291,7 @@ def test_the_paper_s_trajectory_gives_the_paper_s_numbers() -> None:
         run = EXPERIMENTS[key].along("paper")
         until = [f"duration_s={FIRST_CHANGE_S[key]}"] if key in (A, C) else []
         scenario = load_scenario(run.scenario, [*run.overrides, *until], run.seed)
-        largest[key] = 100.0 * max(rehearse(scenario).tracking)
+        largest[key] = 100.0 * max(drive_trial(scenario).tracking)
     assert largest[A] == pytest.approx(4.1, abs=0.3)
     assert largest[C] == pytest.approx(9.8, abs=0.4)
     assert largest[BASE] == pytest.approx(6.8, abs=0.5)

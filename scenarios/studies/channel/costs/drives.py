@@ -13,7 +13,7 @@ from statistics import median
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.pool import run_jobs
-from scenarios.runs.virtual.rehearsal import rehearse
+from scenarios.runs.virtual.unlogged import drive_trial
 
 SCENARIO = "lossy_lane_change"
 SETTINGS = (
@@ -139,4 +139,4 @@ def driven(plan: Plan, progress: Callable[[str], None], workers: int) -> list[Co
 
 def error_m(channel: Channel, seed: int) -> float:
     """Drive once; largest true distance (m) of the last vehicle from the lead's path."""
-    return rehearse(channel.scenario(seed)).cross_track[-1]
+    return drive_trial(channel.scenario(seed)).cross_track[-1]

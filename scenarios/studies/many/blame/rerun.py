@@ -11,9 +11,9 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import KINDS
 from scenarios.results.events.detector import detector_of
 from scenarios.runs.node.fault import VehicleFaultError
-from scenarios.runs.stop import Stop
+from scenarios.runs.observer import OnMessage, listeners_by_kind
 from scenarios.runs.virtual.convoy import VirtualConvoy
-from scenarios.runs.virtual.rehearsal import RehearsalSink
+from scenarios.runs.virtual.drive import ObservedSink
 from scenarios.studies.many.limit import EVENTS, Limit
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Message, Tracking, TruePose
@@ -160,7 +160,7 @@ class Rerun:
         self.convoy = VirtualConvoy(scenario)
         self.watch = RerunWatch(scenario, asked.question, scenario.start_at_ns)
         self._asked = asked
-        self._stop = Stop()
+        self._answered = False
 
     def turn(self, scenario: Scenario, asked: Asked) -> None:
         """Go on with other losses, the same so far, and another question about the same figures."""
@@ -170,18 +170,19 @@ class Rerun:
 
     def run(self) -> BlameAnswer:
         """Drive; what it came to."""
-        bus = self.convoy.bus
-        self.convoy.build(lambda vehicle: RehearsalSink(vehicle, bus, self._listen, KINDS))
+        bus, now = self.convoy.bus, self.convoy.clock.now
+        listeners = listeners_by_kind([OnMessage(self._listen, KINDS)])
+        self.convoy.build(lambda vehicle: ObservedSink(vehicle, bus, now, listeners))
         with suppress(VehicleFaultError):  # what it came to until a vehicle cannot drive on counts
-            self.convoy.run(self._stop)
+            self.convoy.run(lambda: self._answered)
         return self.watch.answer(whole=self._asked.whole)
 
-    def _listen(self, message: Message) -> None:
+    def _listen(self, _at: int, message: Message) -> None:
         watch, asked = self.watch, self._asked
         watch.listen(message)
         broken = asked.ends_when_broken and watch.broken_at is not None
         if broken or watch.now > asked.question.until:
-            self._stop.ask("answered", 0)
+            self._answered = True
 
 
 def drive(

@@ -20,8 +20,8 @@ from scenarios.studies.many.variant import Variant
 from scenarios.studies.many.watched import (
     Measure,
     Watched,
-    WatchedRun,
     after_start_s,
+    watched,
     with_seed,
 )
 
@@ -62,8 +62,8 @@ class Splitting:
     def run(self, seed: int, branches: tuple[Branch, ...] = ()) -> BranchedRun:
         """Drive with a seed and branches."""
         scenario = with_seed(self.scenario, seed)
-        run = WatchedRun(scenario, self.limit, branches=branches, measure=self.measure)
-        return BranchedRun(seed, branches, run.run())
+        found = watched(scenario, self.limit, branches=branches, measure=self.measure)
+        return BranchedRun(seed, branches, found)
 
 
 def gone_on(run: Run, parent: BranchedRun, level: float, seed: int) -> BranchedRun:

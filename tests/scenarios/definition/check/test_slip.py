@@ -7,7 +7,7 @@ import pytest
 
 from scenarios.definition.check.report import check, report_of
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.runs.virtual.rehearsal import rehearse
+from scenarios.runs.virtual.unlogged import drive_trial
 
 LEARNED = "control.estimate_slip=true"
 BEND = """
@@ -28,7 +28,7 @@ def test_a_car_settles_where_it_is_foretold(speed: float) -> None:
     (line,) = [line for line in report_of(scenario).warnings if "estimate_slip" in line]
     foretold = re.search(r"settles (\d\.\d) cm beside", line)
     assert foretold is not None
-    follower = rehearse(scenario).followers[0]
+    follower = drive_trial(scenario).followers[0]
     settled = 100.0 * float(np.abs(follower.cross_track[-50:]).mean())
     assert settled == pytest.approx(float(foretold[1]), abs=0.1)
 

@@ -16,6 +16,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.drawing import open_drawing, widest_gap
 from scenarios.results.pictures.review import review
 from scenarios.results.summary import RunSummary
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from tests.made.transport import drive
@@ -162,7 +163,9 @@ def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     option = parse_rerun_option(f"save={folder / 'live.rrd'}")
     metrics = Metrics.of(driven)
     with open_drawing(option, driven, "run", metrics) as view:
-        summary = run_virtual(driven, folder, Stop(), metrics=metrics, listeners=[view.draw])
+        summary = run_virtual(
+            driven, folder, Stop(), metrics=metrics, observers=[OnMessage(view.draw)]
+        )
     again = reviewed(folder / "run.mcap")
     return Drawn(folder, driven, summary, (columns(folder / "live.rrd"), again))
 

@@ -11,9 +11,10 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary, from_json, to_json
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
+from scenarios.runs.virtual.drive import drive as virtual_drive
 from scenarios.runs.virtual.logged import run_virtual
-from scenarios.runs.virtual.rehearsal import overhear
 from transport.log.reader import LogReader
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.geometry.geodesy import LocalPlane
@@ -69,7 +70,8 @@ def drive(content: str, followers: str = "same") -> Driven:
     )
     if followers != "same":
         told: list[Message] = []
-        overhear(scenario, told.append)
+        keep = OnMessage(lambda _, message: told.append(message))
+        virtual_drive(scenario, [keep]).raise_fault()
         return Driven(None, told)
     with TemporaryDirectory() as folder:
         summary = run_virtual(scenario, Path(folder), Stop())

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import load_scenario
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from vehicles.car.tyres import GRAVITY, SLIDING_SHARE
@@ -34,7 +35,7 @@ def test_friction_and_steering_rate_are_kept_and_slides_and_departures_said(
     told: list[Message] = []
     scenario = load_scenario("lane_change", asked)
     summary = run_virtual(
-        scenario, tmp_path, Stop(), listeners=[lambda _, message: told.append(message)]
+        scenario, tmp_path, Stop(), observers=[OnMessage(lambda _, message: told.append(message))]
     )
     said = {message.text for message in told if isinstance(message, LogText)}
     for name in scenario.vehicle_names:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.runs.virtual.rehearsal import rehearse
+from scenarios.runs.virtual.unlogged import drive_trial
 from tests.made.scenarios.made_drives import DRIVES, convoy_on
 
 WITHIN_M = 0.25
@@ -20,7 +20,7 @@ def test_followers_stay_on_the_path_of_a_lead_with_real_corners(
     name: str, campaign: int, tmp_path: Path
 ) -> None:
     for seed in range(1, campaign + 1):
-        trial = rehearse(convoy_on(name, tmp_path, seed=seed, vehicles=8 if campaign > 1 else 3))
+        trial = drive_trial(convoy_on(name, tmp_path, seed=seed, vehicles=8 if campaign > 1 else 3))
         assert max(trial.cross_track) < WITHIN_M, (seed, trial.cross_track)
         half = len(trial.cross_track) // 2
         growth = np.mean(trial.cross_track[-half:]) - np.mean(trial.cross_track[:half])
@@ -31,5 +31,5 @@ def test_followers_stay_on_the_path_of_a_lead_with_real_corners(
 def test_followers_stay_on_the_path_of_a_race_track(campaign: int, tmp_path: Path) -> None:
     if not campaign:
         pytest.skip("five kilometres: only in a campaign")
-    trial = rehearse(convoy_on("track", tmp_path))
+    trial = drive_trial(convoy_on("track", tmp_path))
     assert max(trial.cross_track) < WITHIN_M

@@ -15,7 +15,8 @@ from scenarios.cli.main import cli
 from scenarios.definition.check.report import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.virtual.rehearsal import record, rehearse
+from scenarios.runs.virtual.logged import record_trial
+from scenarios.runs.virtual.unlogged import drive_trial
 from tests.made.scenarios.recorded_drives import write_log
 from tests.made.scenarios.rough_drives import (
     CASES,
@@ -67,13 +68,13 @@ def test_a_convoy_follows_a_rough_drive_to_its_end(tmp_path: Path, case: int) ->
 def test_every_rough_drive_is_driven_to_its_end(tmp_path: Path, case: int) -> None:  # noqa: ARG001
     for name, (rough, expected) in CASES.items():
         if not expected.refused:
-            trial = rehearse(scenario_of(rough, tmp_path, "[convoy]\nvehicles = 4\n"))
+            trial = drive_trial(scenario_of(rough, tmp_path, "[convoy]\nvehicles = 4\n"))
             assert max(one.cross_track_max for one in trial.drives[1:]) < WITHIN_M, name
 
 
 def test_the_log_of_a_run_tells_the_offset_of_its_coordinates(tmp_path: Path) -> None:
     scenario = scenario_of(CASES["utm"][0], tmp_path, "duration_s = 2.0\n")
-    record(scenario, tmp_path / "run")
+    record_trial(scenario, tmp_path / "run")
     log = LogReader(tmp_path / "run" / "run.mcap")
     path = tomllib.loads(log.attachments()["scenario.toml"].decode())["path"]
     truths = [m for _, _, m in log.messages(("truth",), ("v1",)) if isinstance(m, TruePose)]
@@ -135,7 +136,7 @@ def test_followers_hear_a_replayed_vehicle_as_any_other(tmp_path: Path) -> None:
     scenario = with_two(tmp_path)
     assert report_of(scenario).warnings == ()
     assert set(scenario.links) == {("v1", "v3"), ("v2", "v3"), ("v1", "v4"), ("v3", "v4")}
-    trial = record(scenario, tmp_path / "run")
+    trial = record_trial(scenario, tmp_path / "run")
     log = LogReader(tmp_path / "run" / "run.mcap")
     assert (log.counts["v2", "gps"], log.counts["v2", "truth"]) == (600, 1500)
     assert ("v2", "command") not in log.counts
@@ -156,7 +157,7 @@ def test_a_run_with_a_replay_is_in_its_log_and_the_same_again(tmp_path: Path) ->
     scenario = scenario_from_text(text, overrides=["duration_s=8"], folder=tmp_path)
     again = scenario_from_text(scenario.text)  # without the files
     assert again.text == scenario.text
-    one, other = rehearse(scenario), rehearse(again)
+    one, other = drive_trial(scenario), drive_trial(again)
     for drive, before in zip(one.drives, other.drives, strict=True):
         assert np.array_equal(drive.east, before.east)
 
@@ -176,7 +177,7 @@ def test_without_common_times_both_drives_begin_together_and_the_offset_parts_th
     assert [line for line in report_of(apart).warnings if line.startswith("v2")] == []
     (lag,) = {apart.replays["v2"].begun - together.replays["v2"].begun}
     assert lag == pytest.approx(-1.0)
-    trial = rehearse(apart)
+    trial = drive_trial(apart)
     assert max(drive.cross_track_max for drive in trial.drives[2:]) < WITHIN_M
 
 
@@ -247,7 +248,7 @@ def test_a_log_is_replayed_as_a_file_is(tmp_path: Path) -> None:
     text += '[vehicle.v2]\nreplay = "run.mcap"\nreplay_vehicle = "v1"\nreplay_offset_s = 1.0\n'
     scenario = scenario_from_text(text, folder=tmp_path)
     assert scenario.replays["v2"].common  # both began at 22:13:20
-    assert rehearse(scenario).drives[2].cross_track_max < WITHIN_M
+    assert drive_trial(scenario).drives[2].cross_track_max < WITHIN_M
 
 
 def test_what_does_not_fit_is_said_before_the_run(tmp_path: Path) -> None:

@@ -10,7 +10,8 @@ from random import Random
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.virtual.rehearsal import overhear
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual.drive import drive
 from vehicles.messages import Command, LogText, Message, Mode, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -72,7 +73,7 @@ def cut(case: int) -> Cut:
     )
     followers = {name: Told() for name in ("v2", "v3", "v4")}
 
-    def record(message: Message) -> None:
+    def record(_at: int, message: Message) -> None:
         told = followers.get(message.vehicle, Told())
         match message:
             case TruePose():
@@ -84,7 +85,7 @@ def cut(case: int) -> Cut:
             case LogText():
                 told.lines.append(message.text)
 
-    overhear(scenario, record)
+    drive(scenario, [OnMessage(record)]).raise_fault()
     return Cut(scenario, cut_s, back_s, followers)
 
 

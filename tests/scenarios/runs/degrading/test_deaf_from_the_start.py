@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual.unlogged import UnloggedRun
+from scenarios.runs.virtual.unlogged import run_unlogged
 from tests.made.convoys.speed_runs import Driven, drive
 from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
@@ -25,7 +25,7 @@ def convoy(vehicles: int, gap_m: float, *more: str, seed: int = 1) -> Scenario:
 
 
 def summary(vehicles: int, gap_m: float, *more: str, seed: int = 1) -> RunSummary:
-    return UnloggedRun(convoy(vehicles, gap_m, *more, seed=seed)).run()
+    return run_unlogged(convoy(vehicles, gap_m, *more, seed=seed))
 
 
 def collisions(run: RunSummary) -> int:

@@ -4,7 +4,7 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual.unlogged import UnloggedRun
+from scenarios.runs.virtual.unlogged import run_unlogged
 from tests.made.convoys.speed_runs import drive
 from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.pair import SourcePair
@@ -19,9 +19,9 @@ GUARD_MARGIN_M = 1.0
 def driven(preset: str, gap_m: float, seed: int, *more: str) -> RunSummary:
     """Six cars at 30 m/s, past the instants at which the last of them has come to a stand."""
     asked = ("convoy.vehicles=6", "duration_s=22", f"links.preset={preset}")
-    return UnloggedRun(
+    return run_unlogged(
         load_scenario("lane_change", (*asked, f"convoy.gap_m={gap_m}", *more), seed)
-    ).run()
+    )
 
 
 def least_gap_m(summary: RunSummary) -> float:

@@ -10,7 +10,6 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.convoy import VirtualConvoy
 from vehicles.driver.degradation.meant_path import FURTHEST
 from vehicles.geometry.driven_path import CrossTrackError
@@ -75,7 +74,7 @@ class Driven:
                         driven.modes[message.vehicle].append(message.mode)
 
         virtual.build(Kept)
-        virtual.run(Stop())
+        virtual.run()
 
     def errors(self) -> dict[str, float]:
         """Largest true distance (m) of each follower from the path that the lead drove."""

@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.virtual.unlogged import UnloggedRun
+from scenarios.runs.virtual.unlogged import run_unlogged
 
 SETTINGS = (
     *("convoy.vehicles=3", "gnss.rate_hz=10", "duration_s=11", "links.jitter_ms=0"),
@@ -19,7 +19,7 @@ def test_who_hears_only_of_road_behind_falls_back_and_then_follows(
     scenario = load_scenario(
         "lossy_lane_change", (*SETTINGS, f"links.loss_ratio={loss_ratio}"), seed
     )
-    summary = UnloggedRun(scenario).run()
+    summary = run_unlogged(scenario)
     first = summary.vehicles[1]
     assert first.ticks_by_mode["coast"] > 20
     assert first.ticks_by_mode["lead"] > 0.5 * first.ticks
@@ -31,7 +31,7 @@ def test_who_hears_only_of_road_behind_falls_back_and_then_follows(
 
 def test_who_knows_road_ahead_does_not_fall_back() -> None:
     asked = (*SETTINGS, "convoy.gap_m=15", "links.loss_ratio=0")
-    summary = UnloggedRun(load_scenario("lossy_lane_change", asked, 1)).run()
+    summary = run_unlogged(load_scenario("lossy_lane_change", asked, 1))
     for row in summary.vehicles[1:]:
         assert "coast" not in row.ticks_by_mode
         assert row.cross_track_error_m_max is not None

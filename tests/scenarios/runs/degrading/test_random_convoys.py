@@ -13,7 +13,8 @@ import pytest
 import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.virtual.rehearsal import overhear
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual.drive import drive
 from tests.made.channels.drawn_channels import drawn_channel
 from vehicles.driver.degradation.settings import Reaction
 from vehicles.messages import Command, Message, Mode, Tracking, TruePose
@@ -107,7 +108,8 @@ def drawn_convoy(case: int) -> Scenario:
 def test_no_convoy_gets_a_command_that_no_car_can_take(case: int) -> None:
     scenario = drawn_convoy(case)
     told: defaultdict[str, list[Message]] = defaultdict(list)
-    overhear(scenario, lambda message: told[message.vehicle].append(message))
+    keep = OnMessage(lambda _, message: told[message.vehicle].append(message))
+    drive(scenario, [keep]).raise_fault()
     period_s = 1.0 / scenario.control_rate_hz
     for name in scenario.vehicle_names:
         car = scenario.vehicle(name).parameters

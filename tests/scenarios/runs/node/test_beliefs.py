@@ -6,7 +6,8 @@ from scenarios.definition.library import library
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.assembly.drivers import DriverBuilder
-from scenarios.runs.virtual.rehearsal import overhear
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual.drive import drive
 from tests.made.scenarios.shipped import driven_to_its_end
 from transport.codec import encode
 from transport.log.reader import LogReader
@@ -24,14 +25,14 @@ def driven(scenario: Scenario) -> tuple[list[str], list[bytes]]:
     said: list[str] = []
     commands: list[bytes] = []
 
-    def record(message: Message) -> None:
+    def record(_at: int, message: Message) -> None:
         if isinstance(message, Command):
             commands.append(encode(message))
         elif isinstance(message, LogText) and any(word in message.text for word in WORDS):
             at = (message.logged_at_ns - scenario.start_at_ns) / SECOND
             said.append(f"{at:.2f} {message.vehicle}: {message.text}")
 
-    overhear(scenario, record)
+    drive(scenario, [OnMessage(record)]).raise_fault()
     return said, commands
 
 

@@ -1,11 +1,11 @@
-"""Where messages go: onto a bus when a tick is complete, or to the drives of a rehearsal."""
+"""Where messages go: onto a bus when a tick is complete, in batches, or to observers."""
 
 from collections import Counter
 from itertools import pairwise
 
-from scenarios.results.drives import DriveRecorder
-from scenarios.runs.node.sink import BATCH_NS, BatchingSink, BusSink, RecordedSink
-from scenarios.runs.virtual.rehearsal import RehearsalSink
+from scenarios.runs.node.sink import BATCH_NS, BatchingSink, BusSink
+from scenarios.runs.observer import OnMessage, listeners_by_kind
+from scenarios.runs.virtual.drive import ObservedSink
 from tests.made.scenarios.messages import gps, health, tracking, truth
 from tests.made.transport import drive
 from tests.made.transport.bus import Heard
@@ -16,22 +16,12 @@ from transport.topics import Topic
 from vehicles.messages import (
     Command,
     CompositeTrajectory,
+    GpsPose,
     LinkVerdict,
     Message,
     TruePose,
 )
 from vehicles.schedule import SECOND
-
-
-class TakenDown(DriveRecorder):
-    """A drive recorder that keeps what it is given."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.messages: list[Message] = []
-
-    def listen(self, message: Message) -> None:
-        self.messages.append(message)
 
 
 def listened_to() -> tuple[MemoryBus, Heard]:
@@ -68,37 +58,23 @@ def test_on_sent_is_called_before_the_bus_has_the_message() -> None:
     assert seen == [("gps", encode(pose), pose)]
 
 
-def test_a_recorded_vehicle_publishes_its_pose_and_the_recorder_is_given_everything() -> None:
+def test_an_observed_vehicle_publishes_its_pose_and_observers_take_their_kinds() -> None:
     bus, heard = listened_to()
-    made: list[tuple[str, bytes | None, Message]] = []
-    sink = RecordedSink("v1", bus, lambda topic, data, one: made.append((topic.name, data, one)))
+    taken: list[tuple[str, int, Message]] = []
+    some = OnMessage(
+        lambda at, one: taken.append(("some", at, one)), frozenset({GpsPose, TruePose})
+    )
+    other = OnMessage(lambda at, one: taken.append(("other", at, one)), frozenset({TruePose}))
+    sink = ObservedSink("v1", bus, lambda: 7, listeners_by_kind([some, other]))
     pose, true = gps("v1", 3), truth("v1", 3, 1.0, 0.0)
-    sink.send(true)
-    sink.send(pose)
-    assert made == [("truth", None, true), ("gps", encode(pose), pose)]
+    for message in (true, pose, tracking("v1", 3)):
+        sink.send(message)
+    assert taken == [("some", 7, true), ("other", 7, true), ("some", 7, pose)]
     assert heard == []
     for _ in range(2):
         sink.flush()
         assert heard == [("convoy/v1/gps", encode(pose))]
-    assert sink.reads(Command)
-
-
-def test_a_rehearsal_publishes_the_pose_alone_and_keeps_the_rest() -> None:
-    bus, heard = listened_to()
-    drives = TakenDown()
-    sink = RehearsalSink("v2", bus, drives.listen)
-    pose = gps("v2", 0)
-    others: list[Message] = [
-        truth("v2", 0, 1.0, 0.0),
-        tracking("v2", 0),
-        health("v2"),
-        drive.trajectory("v2", 0),
-    ]
-    for message in (pose, *others):
-        sink.send(message)
-    sink.flush()
-    assert heard == [("convoy/v2/gps", encode(pose))]
-    assert drives.messages == others
+    assert [sink.reads(kind) for kind in (TruePose, GpsPose, Command)] == [True, True, False]
 
 
 def test_what_only_the_log_needs_goes_in_batches_and_the_rest_at_once() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from scenarios.definition.library import library
 from scenarios.definition.scenario import load_scenario
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from vehicles.messages import Message
@@ -24,7 +25,8 @@ PLAIN = {bool, float, int, str}
 def test_messages_hold_plain_numbers(name: str, overrides: tuple[str, ...], tmp_path: Path) -> None:
     messages: list[Message] = []
     scenario = load_scenario(name, (*overrides, "duration_s=2"), 1)
-    run_virtual(scenario, tmp_path, Stop(), listeners=[lambda _, one: messages.append(one)])
+    keep = OnMessage(lambda _, one: messages.append(one))
+    run_virtual(scenario, tmp_path, Stop(), observers=[keep])
     assert len(messages) > 500
     odd = set()
     for message in messages:

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import VehicleSummary
-from scenarios.runs.recorder import Listener, Recorder, Selective, kinds_of
+from scenarios.runs.observer import OnMessage, kinds_of
+from scenarios.runs.recorder import Recorder
 from tests.made.scenarios.messages import (
     START,
     at,
@@ -50,7 +51,7 @@ class Recorded:
             plane=PLANE,
             writer=self.writer,
             metrics=self.metrics,
-            listeners=[lambda now, message: self.heard.append((now, message))],
+            observers=[OnMessage(lambda now, message: self.heard.append((now, message)))],
         )
         if begun:
             self.recorder.begin(at(-0.5), START, "trial")
@@ -115,7 +116,7 @@ def test_a_listener_sees_what_is_in_the_figures_already(tmp_path: Path) -> None:
             plane=PLANE,
             writer=writer,
             metrics=metrics,
-            listeners=[lambda _at, _message: seen.append(metrics.vehicles["v1"].poses)],
+            observers=[OnMessage(lambda _at, _m: seen.append(metrics.vehicles["v1"].poses))],
         )
         recorder.begin(START, START, "trial")
         for seq in range(3):
@@ -327,8 +328,7 @@ def test_a_witness_records_as_the_bus_does(tmp_path: Path) -> None:
     by_bus, by_witness = Recorded(tmp_path / "bus.mcap"), Recorded(tmp_path / "witness.mcap")
     by_bus.take(SOUND)
     for k, message in enumerate(SOUND):
-        topic = TOPIC_OF[type(message)]
-        by_witness.recorder.on_sent(topic, encode(message), message, START + k)
+        by_witness.recorder.record(START + k, message, encode(message))
     assert by_witness.heard == by_bus.heard
     assert by_witness.metrics.vehicle_summaries() == by_bus.metrics.vehicle_summaries()
     by_bus.writer.close()
@@ -353,15 +353,17 @@ def test_a_number_that_is_not_finite_is_refused_as_absurd(recorded: Recorded) ->
 
 def test_a_selective_listener_hears_of_its_kinds_alone_in_its_turn(tmp_path: Path) -> None:
     heard: list[tuple[str, type[Message]]] = []
-    everything: Listener = lambda _, message: heard.append(("all", type(message)))  # noqa: E731
-    some: Listener = lambda _, message: heard.append(("some", type(message)))  # noqa: E731
+    everything = OnMessage(lambda _, message: heard.append(("all", type(message))))
+    some = OnMessage(
+        lambda _, message: heard.append(("some", type(message))), frozenset({GpsPose, RunStart})
+    )
     with LogWriter(tmp_path / "run.mcap") as writer:
         recorder = Recorder(
             vehicles=dict.fromkeys(CONVOY, 20.0),
             plane=PLANE,
             writer=writer,
             metrics=Metrics(CONVOY, {}),
-            listeners=[Selective(frozenset({GpsPose, RunStart}), some), everything],
+            observers=[some, everything],
         )
         recorder.begin(START, START, "trial")
         recorder.accept("convoy/v1/gps", encode(gps("v1", 0)), at(0.0))
@@ -370,5 +372,5 @@ def test_a_selective_listener_hears_of_its_kinds_alone_in_its_turn(tmp_path: Pat
     assert [kind for who, kind in heard if who == "all"] == each
     assert [kind for who, kind in heard if who == "some"] == each[:2]
     assert heard[0][0] == "some"
-    assert kinds_of([Selective(frozenset({GpsPose}), some)]) == {GpsPose}
+    assert kinds_of([some]) == {GpsPose, RunStart}
     assert TruePose in kinds_of([everything])

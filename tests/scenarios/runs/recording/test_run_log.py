@@ -10,6 +10,7 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.pictures.layouts import FOXGLOVE_NAME
 from scenarios.results.summary import to_json
 from scenarios.results.summing_up import METADATA_NAME
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, tracking, truth, verdict
 from transport.codec import decode, encode
@@ -150,7 +151,7 @@ def test_listeners_hear_of_everything(scenario: Scenario, tmp_path: Path) -> Non
         tmp_path,
         clock="virtual",
         run_id="x",
-        listeners=[lambda _at, message: heard.append(message)],
+        observers=[OnMessage(lambda _at, message: heard.append(message))],
     )
     run.start(START, START)
     take(run, gps("v1", 0))

@@ -1,5 +1,6 @@
 """Picture and progress give way while the log has to catch up."""
 
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.watchers import Watchers
 from tests.made.scenarios.messages import START, start, text, tracking, truth
 from vehicles.messages import Message
@@ -8,7 +9,7 @@ from vehicles.messages import Message
 def test_while_the_log_is_behind_only_the_few_that_matter_are_shown() -> None:
     shown: list[Message] = []
     behind = [False]
-    watchers = Watchers([lambda _, message: shown.append(message)], lambda: behind[0])
+    watchers = Watchers([OnMessage(lambda _, message: shown.append(message))], lambda: behind[0])
     ordinary: list[Message] = [truth("v1", 0, 0.0, 0.0), tracking("v1", 0)]
     important: list[Message] = [start(), text("run", 0, "all are present")]
     for message in (*ordinary, *important):

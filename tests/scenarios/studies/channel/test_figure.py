@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from scenarios.cli.main import cli
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.schema.channel.loss import GilbertElliottLoss
-from scenarios.runs.virtual.rehearsal import rehearse
+from scenarios.runs.virtual.unlogged import drive_trial
 from scenarios.studies.channel.costs import drives
 from scenarios.studies.channel.costs.drives import (
     BURST_LOSS_RATIO,
@@ -47,7 +47,7 @@ def test_it_draws_and_writes_what_it_drove(tmp_path: Path) -> None:
         list(one.errors_m) for one in costs
     ]
     assert all(row["seeds"] == [1] for row in twin["channels"])
-    again = rehearse(Channel(8.0, 0.6, 20.0).scenario(1)).cross_track[-1]
+    again = drive_trial(Channel(8.0, 0.6, 20.0).scenario(1)).cross_track[-1]
     (lossy,) = [one for one in costs if one.channel == Channel(8.0, 0.6, 20.0)]
     assert lossy.errors_m == (again,)
     (clear,) = [one for one in costs if one.channel == Channel(8.0, 0.0, 20.0)]

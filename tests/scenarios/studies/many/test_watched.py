@@ -6,6 +6,7 @@ from math import inf
 import pytest
 
 from scenarios.definition.scenario import load_scenario
+from scenarios.runs.virtual.drive import drive
 from scenarios.runs.virtual.unlogged import run_unlogged
 from scenarios.studies.many.limit import parsed_limit
 from scenarios.studies.many.watched import WatchedRun, watched, with_seed
@@ -38,10 +39,11 @@ def test_the_limit_is_broken_as_by_the_summary(run: str) -> None:
 def test_records_rise_in_time_and_the_last_one_ends_the_run(measure: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS["broken"])
     run = WatchedRun(scenario, parsed_limit("error_m=0.3"), measure=measure)  # type: ignore[arg-type]
-    records = run.run().records
+    outcome = drive(scenario, [run], until=lambda: run.is_over)
+    records = run.finish(outcome.at).records
     assert all(a.at <= b.at and a.value < b.value for a, b in pairwise(records))
     assert records[-1].value == inf
-    assert run.convoy.clock.now() == records[-1].at < scenario.start_at_ns + 25 * 10**8
+    assert outcome.at == records[-1].at < scenario.start_at_ns + 25 * 10**8
 
 
 def test_another_seed_is_that_of_the_command_line() -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.virtual.rehearsal import overhear
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual.drive import drive as virtual_drive
 from scenarios.studies.many.blame.imposed import loss_free
 from scenarios.studies.many.blame.losses import LostMessage
 from scenarios.studies.many.blame.rerun import EVER, BlameQuestion, drive
@@ -20,12 +21,12 @@ def fates(scenario: Scenario) -> dict[tuple[str, str, int], tuple[str, int]]:
     """Of each message that a link judged why it was dropped, and when it was visible (ns)."""
     found = {}
 
-    def listen(message: Message) -> None:
+    def listen(_at: int, message: Message) -> None:
         if isinstance(message, LinkVerdict):
             key = message.sender, message.vehicle, message.pose_seq
             found[key] = message.reason, message.visible_at_ns
 
-    overhear(scenario, listen)
+    virtual_drive(scenario, [OnMessage(listen)]).raise_fault()
     return found
 
 

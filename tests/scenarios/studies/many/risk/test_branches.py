@@ -6,7 +6,6 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.convoy import Branch, VirtualConvoy
 from transport.links.laws.chains import CoupledChain
 from transport.links.laws.effect import Passage
@@ -42,7 +41,7 @@ def sent(scenario: Scenario, *branches: Branch) -> list[tuple[int, bytes, Messag
         found.append((convoy.clock.now(), data, message))
 
     convoy.build(lambda vehicle: BusSink(vehicle, convoy.bus, on_sent))
-    convoy.run(Stop())
+    convoy.run()
     return found
 
 

@@ -1,0 +1,105 @@
+"""The harness of virtual runs: simulate a scenario and pass its messages to observers."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scenarios.definition.scenario import Scenario
+from scenarios.runs.node.fault import VehicleFaultError
+from scenarios.runs.node.sink import BusSink
+from scenarios.runs.observer import Listen, Observer, listeners_by_kind
+from scenarios.runs.virtual.convoy import Branch, VirtualConvoy, never
+from transport.bus.bus import Bus
+from transport.topics import CONDUCTOR
+from vehicles.messages import GpsPose, Message, RunStart
+
+if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
+    from scenarios.runs.virtual.replay import Replay
+
+
+@dataclass(frozen=True, slots=True)
+class DriveOutcome:
+    """How a virtual run ended: its last instant (ns), and the fault of a vehicle that ended it."""
+
+    at: int
+    fault: VehicleFaultError | None
+
+    def raise_fault(self) -> None:
+        """Raise the fault that ended the run, if there was one."""
+        if self.fault is not None:
+            raise self.fault
+
+
+class ObservedSink:
+    """Publishes the poses of one vehicle and passes all its messages to the listeners.
+
+    A pose is published by `flush`; only poses are encoded.
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        bus: Bus,
+        now: Callable[[], int],
+        listeners: Mapping[type[Message], Sequence[Listen]],
+    ) -> None:
+        poses = BusSink(vehicle, bus)
+        self.flush = poses.flush
+        self._publish = poses.send
+        self._now = now
+        self._listeners = listeners
+
+    def send(self, message: Message) -> None:
+        """Take one message."""
+        kind = type(message)
+        if kind is GpsPose:
+            self._publish(message)
+        for listen in self._listeners[kind]:
+            listen(self._now(), message)
+
+    def reads(self, kind: type[Message]) -> bool:
+        """Whether anything takes messages of a kind."""
+        return kind is GpsPose or bool(self._listeners[kind])
+
+
+def drive(
+    scenario: Scenario,
+    observers: Sequence[Observer],
+    *,
+    until: Callable[[], bool] = never,
+    replays: "Sequence[Replay]" = (),
+    branches: Sequence[Branch] = (),
+    on_left: Callable[[int, str], None] = lambda _at, _vehicle: None,
+) -> DriveOutcome:
+    """Simulate `scenario` in virtual time, as fast as the machine goes.
+
+    The observers receive the start of the run, the messages of all vehicles and their final
+    counters. The result depends on the scenario, its seed, the replays, the branches and the
+    versions only.
+
+    Args:
+        scenario: What to simulate.
+        observers: Called in this order for each message.
+        until: Ends the run early once it is true; evaluated after each step of a vehicle.
+        replays: Vehicles that send what was recorded, while the others are live.
+        branches: Instants after which random numbers come from other seeds, in order of time.
+        on_left: Called with the instant (ns) and the name of a vehicle that fails while the
+            others continue.
+
+    """
+    listeners = listeners_by_kind(observers)
+    convoy = VirtualConvoy(scenario, branches, on_left)
+    bus, now = convoy.bus, convoy.clock.now
+    start = RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=now(), run_id=scenario.virtual_run_id)
+    for listen in listeners[RunStart]:
+        listen(now(), start)
+    nodes = convoy.build(lambda vehicle: ObservedSink(vehicle, bus, now, listeners), replays)
+    fault = None
+    try:
+        convoy.run(until)
+    except VehicleFaultError as error:
+        fault = error
+    for name, node in nodes.items():
+        if name not in convoy.left:  # a vehicle that left has sent its final counters
+            node.outbox.publish_health(now(), final=True)
+    return DriveOutcome(now(), fault)
