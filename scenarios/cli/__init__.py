@@ -13,5 +13,6 @@ options    options that several commands share
 tables     the tables printed at the end
 whole      tables that are never cut
 loading    how many modules are imported
+output     standard output and error that end no run
 failure    errors as clear lines and exit codes
 """

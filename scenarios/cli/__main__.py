@@ -7,8 +7,10 @@ import sys
 def main() -> None:
     """Entry point of `convoy`."""
     try:
+        from scenarios.cli.output import open_standard_files
         from scenarios.runs.stop import end_on_signals
 
+        open_standard_files()
         # A part of a run that its launcher stops says nothing of it: the launcher does.
         end_on_signals(say="--leash" not in sys.argv)
     except KeyboardInterrupt:  # in the few milliseconds before

@@ -1,12 +1,9 @@
 """How commands fail: one clear line for each problem, an exit code, no traceback."""
 
 import errno
-import io
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import Any, TextIO
 
 import click
 
@@ -51,33 +48,3 @@ def clear_errors() -> Iterator[None]:
     else:
         return
     raise SystemExit(exit_code)
-
-
-class _Pipe(io.FileIO):
-    """Standard output or error: what nobody reads any more is dropped, and the command goes on."""
-
-    def write(self, data: Any, /) -> int:
-        """Write, unless the reader is gone, as after `convoy run | head -1`."""
-        try:
-            return super().write(data)
-        except BrokenPipeError:
-            return memoryview(data).nbytes
-
-
-def outlive_readers() -> None:
-    """A closed pipe at standard output or error is from now on no error for this process."""
-    if sys.stdout is not None:
-        sys.stdout = _outliving(sys.stdout)
-    if sys.stderr is not None:
-        sys.stderr = _outliving(sys.stderr)
-
-
-def _outliving(stream: TextIO) -> TextIO:
-    """Return a stream like `stream` on the same file descriptor, without its broken pipes."""
-    stream.flush()
-    return io.TextIOWrapper(
-        io.BufferedWriter(_Pipe(stream.fileno(), "wb", closefd=False)),
-        encoding=stream.encoding,
-        errors=stream.errors,
-        line_buffering=True,
-    )

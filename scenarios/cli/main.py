@@ -17,13 +17,13 @@ import click
 from scenarios.cli import logs, scenario, study
 from scenarios.cli.channel.commands import channel
 from scenarios.cli.control import commands as control
-from scenarios.cli.failure import outlive_readers
 from scenarios.cli.guide.reference import reference
 from scenarios.cli.many import drill, worst
 from scenarios.cli.many.bisect import bisect
 from scenarios.cli.many.blame import blame
 from scenarios.cli.many.risk import risk
 from scenarios.cli.many.sweep import sweep
+from scenarios.cli.output import keep_output_going, unwritable_output_reported
 from scenarios.cli.running import commands as running
 
 EXAMPLES = """\b
@@ -85,7 +85,8 @@ for command in (
 
 def main() -> None:
     """Run the command of `sys.argv`; `scenarios.cli.__main__` has taken the signals by then."""
-    outlive_readers()
+    keep_output_going()
     # A controller of the user's own is sought in the working folder too, after what is installed.
     sys.path.append(str(Path.cwd()))
-    cli(prog_name="convoy")
+    with unwritable_output_reported():
+        cli(prog_name="convoy")

@@ -20,6 +20,7 @@ from scenarios.cli.options import (
     zenoh_from,
     zenoh_options,
 )
+from scenarios.cli.output import unwritable_output_reported
 from scenarios.runs.stop import stop_on_request
 
 if TYPE_CHECKING:  # reading a scenario takes imports that no command needs to show its help
@@ -259,5 +260,5 @@ def be_part(scenario: "Scenario", arguments: Sequence[str]) -> "Deed":
 
 
 def _be(part: click.Context) -> None:
-    with part:
+    with unwritable_output_reported(), part:
         part.command.invoke(part)

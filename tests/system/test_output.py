@@ -1,0 +1,79 @@
+"""Standard output and error that are closed, full or not UTF-8: the run happens all the same."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.runs.stop import EXIT_FAILED
+from transport.log.reader import LogReader
+
+CONVOY = f"{sys.executable} -m scenarios.cli"
+SHORT = "run --set duration_s=0.5"
+SOON_S = 120.0
+
+
+def shell(line: str, **environment: str) -> "subprocess.CompletedProcess[bytes]":
+    """Run a line of shell; what its redirections leave must hold no traceback."""
+    done = subprocess.run(
+        ["/bin/bash", "-c", f"set -o pipefail; {line}"],
+        env={**os.environ, **environment},
+        capture_output=True,
+        check=False,
+        timeout=SOON_S,
+    )
+    assert b"Traceback" not in done.stdout + done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Bytes of the log of a run whose output is in order."""
+    folder = tmp_path_factory.mktemp("expected")
+    assert shell(f"{CONVOY} {SHORT} --clock virtual --out {folder}/run").returncode == 0
+    return (folder / "run" / LOG_NAME).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code"),
+    [(">&-", 0), ("2>&-", 0), ("<&- >&- 2>&-", 0), (">/dev/full", EXIT_FAILED)],
+)
+def test_a_virtual_run_writes_the_same_log_whatever_its_output_is(
+    tmp_path: Path, redirection: str, code: int, expected: bytes
+) -> None:
+    done = shell(f"{CONVOY} {SHORT} --clock virtual --out {tmp_path}/run {redirection}")
+    assert done.returncode == code
+    assert (tmp_path / "run" / LOG_NAME).read_bytes() == expected
+    assert (tmp_path / "run" / SUMMARY_NAME).exists()
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code"), [("<&- >&- 2>&-", 0), (">/dev/full 2>/dev/full", EXIT_FAILED)]
+)
+def test_a_convoy_of_processes_is_complete_whatever_its_output_is(
+    tmp_path: Path, redirection: str, code: int
+) -> None:
+    done = shell(f"{CONVOY} {SHORT} --out {tmp_path}/run {redirection}")
+    assert done.returncode == code
+    assert not LogReader(tmp_path / "run" / LOG_NAME).damage
+    assert (tmp_path / "run" / SUMMARY_NAME).exists()
+
+
+def test_letters_that_an_encoding_lacks_are_replaced(tmp_path: Path) -> None:
+    done = shell(
+        f"{CONVOY} {SHORT} --clock virtual --out {tmp_path}/run", PYTHONIOENCODING="latin-1"
+    )
+    assert done.returncode == 0
+    assert b"seed 1, ? 0.5" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code"), [("| head -1", 0), ("2>/dev/full", 0), (">/dev/full", EXIT_FAILED)]
+)
+def test_a_command_that_only_prints_fails_only_where_its_output_is_lost(
+    redirection: str, code: int
+) -> None:
+    assert shell(f"{CONVOY} list {redirection}").returncode == code
