@@ -8,7 +8,7 @@ import click
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import (
-    engine,
+    chosen_fleet,
     engine_options,
     limit_option,
     overrides_option,
@@ -67,13 +67,12 @@ def bisect(
         require("bisect", "studies", "matplotlib", "scipy")
     from rich.console import Console
 
+    from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.many.boundary.answer import BoundaryQuestion, boundary_of
-    from scenarios.studies.many.boundary.written import PICTURE, TWIN, write_answer
-    from scenarios.studies.many.files import refuse_existing
+    from scenarios.studies.many.boundary.report import PICTURE, TWIN, write_answer
     from scenarios.studies.many.limit import parsed_limit
 
     with clear_errors():
-        refuse_existing(out / PICTURE, out / TWIN)
         low, high = _ends(span)
         question = BoundaryQuestion(
             variant=variant_of(scenario, overrides),
@@ -85,9 +84,15 @@ def bisect(
             seeds=seeds,
             share=0.0 if any_seed else share,
         )
-        with engine(workers, scheduler) as run_all:
-            found = boundary_of(question, run_all, click.echo)
-        write_answer(question, found, out)
+        with study_engine(
+            chosen_fleet(workers, scheduler),
+            click.echo,
+            out=out,
+            files=(PICTURE, TWIN),
+            asked=question.asked(),
+        ) as engine:
+            found = boundary_of(question, engine)
+            write_answer(question, found, out)
         print_answer(question, found, Console())
         click.echo(f"written: {out / PICTURE} and {out / TWIN}")
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from scenarios.cli.failure import clear_errors, require
-from scenarios.cli.many.options import engine, engine_options
+from scenarios.cli.many.options import chosen_fleet, engine_options
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -79,34 +79,25 @@ def blame(
     from rich.console import Console
 
     from scenarios.results.log_summary import log_in
-    from scenarios.runs.cores import cores
-    from scenarios.runs.forked import can_fork
-    from scenarios.studies.many.blame import picture, report, study
-    from scenarios.studies.many.files import refuse_existing
+    from scenarios.studies.engine.engine import study_engine
+    from scenarios.studies.many.blame import report, study
     from scenarios.studies.many.limit import parsed_limit
 
     with clear_errors():
-        asked = parsed_limit(limit)
-        refuse_existing(*(out / name for name in (report.PICTURE, report.TWIN, report.SMALLEST)))
-        # Neither this process, which has threads, nor one of dask may be forked.
-        shared = can_fork() and workers != 0 and not scheduler
-        abreast = (workers or cores()) if shared else 0
-        with engine(workers, scheduler) as run_all:
-            found = study.blame(
-                log_in(log),
-                asked,
-                figure,
-                click.echo,
-                run_all,
-                most_runs=most_runs,
-                abreast=abreast,
-            )
-        written = report.write_files(found, out)
-        picture.draw(found, out / report.PICTURE)
+        asked, file = parsed_limit(limit), log_in(log)
+        with study_engine(
+            chosen_fleet(workers, scheduler),
+            click.echo,
+            out=out,
+            files=(report.PICTURE, report.TWIN, report.SMALLEST),
+            asked=study.asked_of_blame(file, asked, figure, most_runs),
+        ) as engine:
+            found = study.blame(file, asked, figure, engine, most_runs=most_runs)
+            written = report.write_report(found, out)
         print_blame(found, Console())
         if found.smallest is not None:
             click.echo(f"\nit breaks {asked} again: {report.command_of(out)}")
-        click.echo(f"written: {', '.join(map(str, [out / report.PICTURE, *written]))}")
+        click.echo(f"written: {', '.join(map(str, written))}")
 
 
 def print_blame(found: "Blame", console: "Console") -> None:

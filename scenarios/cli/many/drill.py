@@ -8,7 +8,7 @@ import click
 
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import engine, engine_options, overrides_option
+from scenarios.cli.many.options import chosen_fleet, engine_options, overrides_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,40 +68,47 @@ def drill(
     from rich.console import Console
 
     from scenarios.definition.scenario import drills, load_scenario
-    from scenarios.studies.drills.campaign import (
-        TWIN,
+    from scenarios.studies.drills.drill import (
+        asked_of_drills,
         carry_out_drills,
         drill_rows,
-        write_twin,
+        drill_variants,
     )
-    from scenarios.studies.drills.drill import drill_variants
-    from scenarios.studies.drills.junit import write_junit
-    from scenarios.studies.many.files import refuse_existing
+    from scenarios.studies.drills.files import TWIN, machine_readable, write_junit
+    from scenarios.studies.engine.engine import study_engine
+    from scenarios.studies.engine.results import refuse_existing, write_files
 
     with clear_errors():
         if as_list:
             for name in drills():
                 click.echo(f"{name:20} {load_scenario(name).tables.description}")
             return
-        refuse_existing(junit, out / TWIN if out else None)
+        refuse_existing(junit)
         chosen = range(1, seeds + 1) if seeds else ()
         variants = [
             one
             for name in dict.fromkeys(names or drills())
             for one in drill_variants(name, overrides, chosen)
         ]
-        if clock == "wall":
-            runs = _as_processes(variants, out)
-        else:
-            with engine(workers, scheduler) as run_all:
-                runs = carry_out_drills(variants, _say, run_all)
-        rows = drill_rows(runs)
-        print_drills(rows, Console(), several_seeds=bool(seeds))
-        if out is not None:
-            click.echo(f"written: {write_twin(rows, runs, out)}")
-        if junit is not None:
-            write_junit(rows, runs, junit)
-            click.echo(f"written: {junit}")
+        with study_engine(
+            chosen_fleet(workers, scheduler),
+            _say,
+            out=out,
+            files=(TWIN,),
+            asked=asked_of_drills(variants),
+        ) as engine:
+            if clock == "wall":
+                runs = _as_processes(variants, out)
+            else:
+                runs = carry_out_drills(variants, engine)
+            rows = drill_rows(runs)
+            print_drills(rows, Console(), several_seeds=bool(seeds))
+            if out is not None:
+                (file,) = write_files(out, {TWIN: machine_readable(rows, runs)})
+                click.echo(f"written: {file}")
+            if junit is not None:
+                write_junit(rows, runs, junit)
+                click.echo(f"written: {junit}")
         sys.exit(0 if all(row.passed for row in rows) else 1)
 
 

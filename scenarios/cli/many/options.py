@@ -1,7 +1,6 @@
 """Options that the commands of many runs share."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -11,7 +10,7 @@ from scenarios.cli.failure import require
 from scenarios.cli.guide import completion
 
 if TYPE_CHECKING:
-    from scenarios.runs.pool import RunAll
+    from scenarios.studies.engine.fleet import OpenFleet
     from scenarios.studies.many.variant import Variant
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -58,24 +57,13 @@ def engine_options(command: Command) -> Command:
     return workers(scheduler(command))
 
 
-@contextmanager
-def engine(workers: int | None, scheduler: str) -> "Iterator[RunAll]":
-    """Give what does jobs: the same processes, or workers of a scheduler, each time.
+def chosen_fleet(workers: int | None, scheduler: str) -> "OpenFleet":
+    """Return what starts the worker processes, or reaches the scheduler."""
+    from scenarios.studies.engine.fleet import fleet_of
 
-    Raises ScenarioError if no scheduler answers.
-    """
-    from scenarios.runs.pool import warm_workers
-
-    if not scheduler:
-        with warm_workers(workers) as run_all:
-            yield run_all
-        return
-    require("--scheduler", "dask", "distributed")
-    from scenarios.studies.many.engine.driver import run_all as run_all_on
-    from scenarios.studies.many.engine.fleet import fleet_of
-
-    with fleet_of(workers, scheduler) as fleet:
-        yield partial(run_all_on, fleet=fleet)
+    if scheduler:
+        require("--scheduler", "dask", "distributed")
+    return partial(fleet_of, workers, scheduler)
 
 
 def variant_of(name: str, overrides: tuple[str, ...]) -> "Variant":

@@ -8,7 +8,7 @@ import click
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import (
-    engine,
+    chosen_fleet,
     engine_options,
     limit_option,
     overrides_option,
@@ -72,22 +72,26 @@ def risk(
         require("risk", "studies", "scipy")
     from rich.console import Console
 
-    from scenarios.studies.many.files import refuse_existing
+    from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.many.limit import parsed_limit
-    from scenarios.studies.many.risk.estimated import RiskQuestion, risk_of
-    from scenarios.studies.many.risk.written import TWIN, write_risk
+    from scenarios.studies.many.risk.estimated import TWIN, RiskQuestion, risk_of, write_risk
 
     with clear_errors():
-        refuse_existing(out / TWIN)
         question = RiskQuestion(
             variant=variant_of(scenario, overrides),
             limit=parsed_limit(limit_text),
             most_runs=runs,
             **asked,
         )
-        with engine(workers, scheduler) as run_all:
-            found = risk_of(question, run_all, click.echo)
-        write_risk(question, found, out)
+        with study_engine(
+            chosen_fleet(workers, scheduler),
+            click.echo,
+            out=out,
+            files=(TWIN,),
+            asked=question.asked(),
+        ) as engine:
+            found = risk_of(question, engine)
+            write_risk(question, found, out)
         print_risk(question, found, Console())
         click.echo(f"written: {out / TWIN}")
 
@@ -115,7 +119,7 @@ def print_risk(question: "RiskQuestion", found: "Risk", console: "Console") -> N
 
 def remarks(question: "RiskQuestion", found: "Risk") -> list[str]:
     """What else there is to say of the estimate."""
-    from scenarios.studies.many.risk.written import NO_COMMAND, command_of
+    from scenarios.studies.many.risk.estimated import NO_COMMAND, command_of
 
     if found.method == "counting":
         command = command_of(question, found)

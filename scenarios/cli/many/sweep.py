@@ -8,7 +8,7 @@ import click
 
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import engine_options, overrides_option
+from scenarios.cli.many.options import chosen_fleet, engine_options, overrides_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -106,12 +106,9 @@ def sweep(
             require("sweep, without --no-pictures", "studies", "matplotlib")
         if parquet:
             require("--parquet", "tables", "pyarrow")
-        if scheduler:
-            require("--scheduler", "dask", "distributed")
     from rich.console import Console
 
     from scenarios.runs.stop import EXIT_FAILED
-    from scenarios.studies.many.engine.fleet import fleet_of
     from scenarios.studies.many.sweeps.plan import planned
     from scenarios.studies.many.sweeps.sweep import carry_out_sweep
 
@@ -119,7 +116,7 @@ def sweep(
         plan = planned(
             scenario, vary=vary, seeds=seeds, sets=overrides, figures=figures, limits=limits
         )
-        fleet = partial(fleet_of, workers, scheduler)
+        fleet = chosen_fleet(workers, scheduler)
         say = partial(click.echo, err=True)
         table, written = carry_out_sweep(
             plan, out, fleet, say, parquet=parquet, pictures=not no_pictures

@@ -1,5 +1,6 @@
 """The command that searches for the instant at which a burst does most harm."""
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -7,7 +8,7 @@ import click
 from scenarios.cli.control.options import TimeSpan
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import engine, engine_options
+from scenarios.cli.many.options import chosen_fleet, engine_options
 from scenarios.cli.options import scenario_options
 
 
@@ -79,8 +80,9 @@ def worst(
     that noise is large; with several it is the road's.
     """
     from scenarios.studies.drills.worst import WorstSearch, base_of, burst_of, span_of
-    from scenarios.studies.drills.written import as_json, write_drill
-    from scenarios.studies.many.files import refuse_existing
+    from scenarios.studies.drills.worst_files import machine_readable, write_drill
+    from scenarios.studies.engine.engine import study_engine
+    from scenarios.studies.engine.results import refuse_existing, write_file
 
     with clear_errors():
         refuse_existing(file, json_file)
@@ -88,16 +90,10 @@ def worst(
         loaded = base.scenario
         asked = burst_of(links, burst, loaded)
         span = span_of(loaded, asked, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
-        with engine(workers, scheduler) as run_all:
-            search = WorstSearch(
-                base,
-                asked,
-                figure,
-                lambda line: click.echo(line, err=True),
-                run_all,
-                changes=len(loaded.tables.change),
-                seeds=seeds,
-            )
+        say = partial(click.echo, err=True)
+        with study_engine(chosen_fleet(workers, scheduler), say) as engine:
+            changes = len(loaded.tables.change)
+            search = WorstSearch(base, asked, figure, engine, changes=changes, seeds=seeds)
             found = search.look(span)
         of_seeds = f" (mean of {seeds} seeds {found.mean:.3f})" if seeds > 1 else ""
         click.echo(
@@ -108,6 +104,5 @@ def worst(
             write_drill(found, file)
             click.echo(f"written: {file}")
         if json_file is not None:
-            with json_file.open("x", encoding="utf-8") as target:
-                target.write(as_json(found, asked))
+            write_file(json_file, machine_readable(found, asked))
             click.echo(f"written: {json_file}")

@@ -133,22 +133,6 @@ class VirtualConvoy:
 
         return step_or_leave
 
-    def call(self, after: int, do: Callable[[], None]) -> None:
-        """Let something be done between two instants: after all that happens until `after` (ns).
-
-        To be called in order of time.
-        """
-        self._due.append((after, do))
-
-    def judge_by(self, scenario: Scenario) -> None:
-        """From now on let the links be those of `scenario`, which is the same in all else.
-
-        It has to be the same in all that was sent so far as well: what links remember stays.
-        """
-        self._scenario = scenario
-        for builder, _ in self._live:
-            builder.judge_by(scenario)
-
     def _redraw(self, seed: int) -> None:
         """Between two instants: what the vehicles draw and send from now on comes of `seed`."""
         numbers = {builder.name: node.outbox.next_pose for builder, node in self._live}

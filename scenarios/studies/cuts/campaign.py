@@ -1,7 +1,5 @@
 """Many cuts, the same ones with each reaction, and what to say of them."""
 
-import json
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -12,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.definition.errors import ScenarioError
-from scenarios.runs.cores import cores
-from scenarios.runs.pool import run_jobs
 from scenarios.studies.cuts.cut import CutFigures, LinkCut, carry_out
+from scenarios.studies.engine.engine import Engine, study_engine
+from scenarios.studies.engine.fleet import fleet_of
+from scenarios.studies.engine.job import Job
+from scenarios.studies.engine.results import refuse_existing, write_files
 from vehicles.driver.degradation.settings import Reaction
 
 SCHEMA = "convoy.cuts/1"
@@ -26,7 +25,6 @@ CUT_AT_S = 3.0, 17.0
 """The convoy has formed by then, and its last car is through both lane changes by then."""
 SHORT_S, LONG_S = (0.3, 4.0), 14.0
 """Half of the cuts last so long, at random; the others until everybody stands."""
-SAY_EVERY_S = 3.0
 
 
 def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
@@ -45,21 +43,14 @@ def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
         )
 
 
-def carry_out_all(
-    cuts: Sequence[LinkCut], progress: Callable[[str], None], workers: int
-) -> list[CutFigures]:
-    """Drive all of them on so many processes; a row for each follower, in the order of `cuts`."""
-    jobs = {place: partial(carry_out, cut) for place, cut in enumerate(cuts)}
-    found: dict[int, tuple[CutFigures, ...]] = {}
-    began = said = time.monotonic()
-    for place, figures in run_jobs(jobs, workers):
-        found[place] = figures
-        now = time.monotonic()
-        if now - said > SAY_EVERY_S or len(found) == len(jobs):
-            said = now
-            left = (now - began) * (len(jobs) / len(found) - 1.0)
-            progress(f"{now - began:5.1f} s  {len(found)} of {len(jobs)} cuts, {left:.0f} s left")
-    return [row for place in range(len(cuts)) for row in found[place]]
+def carry_out_all(cuts: Sequence[LinkCut], engine: Engine) -> list[CutFigures]:
+    """Drive all of them; a row for each follower, in the order of `cuts`."""
+    jobs = [
+        Job(key=f"{one.reaction} {one.seed}", work=partial(carry_out, one), command=str(one))
+        for one in cuts
+    ]
+    engine.progress.total = len(jobs)
+    return [row for figures in engine.results(jobs) for row in figures]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,21 +90,17 @@ def cuts_figure(
 
     By default on all cores. Raises ScenarioError if one of both files is there already.
     """
-    from scenarios.studies.cuts.picture import draw  # noqa: PLC0415 - matplotlib
+    from scenarios.studies.cuts.picture import drawn_figure  # noqa: PLC0415 - matplotlib
 
-    for name in (PICTURE, TWIN):
-        if (out / name).exists():
-            raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
-    out.mkdir(parents=True, exist_ok=True)
+    refuse_existing(out / PICTURE, out / TWIN, place="folder by --out")
     cuts = [cut for reaction in REACTIONS for cut in drawn(count, reaction)]
-    count_of = cores() if workers is None else workers
-    rows = carry_out_all(cuts, progress, count_of)
+    with study_engine(partial(fleet_of, workers), progress) as engine:
+        rows = carry_out_all(cuts, engine)
     by_reaction = {
         reaction: [row for row in rows if row.cut.reaction == reaction] for reaction in REACTIONS
     }
     found = [of_reaction(of) for of in by_reaction.values()]
-    (out / TWIN).write_text(json.dumps(machine_readable(found, rows), indent=1) + "\n")
-    draw(by_reaction, out / PICTURE)
+    write_files(out, {TWIN: machine_readable(found, rows), PICTURE: drawn_figure(by_reaction)})
     return found
 
 

@@ -1,7 +1,6 @@
 """The picture of cuts: how far followers stray, and how far they drive blind. Needs matplotlib."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -24,17 +23,17 @@ HALF_LANE_M = 0.82
 """A car 1.86 m wide leaves a lane of 3.5 m when it is so far from its middle."""
 
 
-def draw(rows: Mapping[Reaction, Sequence[CutFigures]], file: Path) -> None:
+@mpl.rc_context(STYLE)
+def drawn_figure(rows: Mapping[Reaction, Sequence[CutFigures]]) -> Figure:
     """Draw the errors of all reactions, errors over speed, and blind metres of `degrade`."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.5, 3.6), layout="constrained")
-        errors, speeds, blind = figure.subplots(1, 3)
-        for reaction, of in rows.items():
-            _errors(errors, reaction, of)
-            _over_speed(speeds, reaction, of)
-        _describe(errors, speeds)
-        _blind(blind, rows["degrade"])
-        figure.savefig(file, dpi=110.0)
+    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
+    errors, speeds, blind = figure.subplots(1, 3)
+    for reaction, of in rows.items():
+        _errors(errors, reaction, of)
+        _over_speed(speeds, reaction, of)
+    _describe(errors, speeds)
+    _blind(blind, rows["degrade"])
+    return figure
 
 
 def _errors(axes: Axes, reaction: Reaction, rows: Sequence[CutFigures]) -> None:

@@ -1,8 +1,7 @@
 """Failure drills: scenarios in which something fails, with limits that must hold all the same.
 
-drill     one of them with one seed, and what came of each of its limits
-campaign  many of them, with many seeds, as a table and for machines
-junit     the same as JUnit XML
-worst     the instant at which a burst does most harm, found by search
-written   what the search found, as a drill and for machines
+drill        drills with their seeds, and the rows of their limits
+files        the rows as JSON and JUnit XML
+worst        the instant at which a burst does most harm, found by search
+worst_files  the instant found, as a drill and as JSON
 """

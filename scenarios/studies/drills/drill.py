@@ -2,13 +2,17 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
 from math import inf
+from typing import Any
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import LimitFigure, RunSummary
-from scenarios.studies.many.variant import Variant
+from scenarios.studies.engine.engine import Engine
+from scenarios.studies.engine.job import Job
+from scenarios.studies.many.variant import Variant, asked_of_runs
 
 RUN = "run"
 """In place of a limit: the run itself, which failed for another reason."""
@@ -80,11 +84,38 @@ def drill_variants(
     ]
 
 
+def asked_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
+    """All that the results of drills depend on, by the words of the command line."""
+    first = asked_of_runs(variants[0])
+    return first | {
+        "SCENARIO": list(dict.fromkeys(one.name for one in variants)),
+        "its content": list(dict.fromkeys(asked_of_runs(one)["its content"] for one in variants)),
+        "--seeds": [one.seed for one in variants],
+    }
+
+
 def carry_out_drill(variant: Variant) -> DrillRun:
     """Drive one run of a drill in virtual time, without a log."""
     began = time.perf_counter()
     summary = variant.run()
     return drill_run(variant, summary, time.perf_counter() - began)
+
+
+def carry_out_drills(variants: Sequence[Variant], engine: Engine) -> list[DrillRun]:
+    """Drive all of them; a result for each, in the order of `variants`."""
+    jobs = [
+        Job(key=f"{one.name} {one.seed}", work=partial(_fields, one), command=one.command)
+        for one in variants
+    ]
+    engine.progress.total = len(jobs)
+    return [
+        DrillRun(**fields | {"limits": tuple(LimitFigure(**one) for one in fields["limits"])})
+        for fields in engine.results(jobs)
+    ]
+
+
+def _fields(variant: Variant) -> dict[str, Any]:
+    return asdict(carry_out_drill(variant))
 
 
 def drill_run(variant: Variant, summary: RunSummary, took_s: float) -> DrillRun:
@@ -106,6 +137,15 @@ def _besides(summary: RunSummary) -> str:
         if one.line:
             reason = reason.replace(one.line, "")
     return "; ".join(part for part in reason.split("; ") if part.strip())
+
+
+def drill_rows(runs: Sequence[DrillRun]) -> list[DrillRow]:
+    """Give a row for each limit of each drill, in the order of the drills; the worst of all seeds.
+
+    A drill whose run gave no figure at all has failed, too.
+    """
+    names = dict.fromkeys(run.drill for run in runs)
+    return [row for name in names for row in rows_of([run for run in runs if run.drill == name])]
 
 
 def rows_of(runs: Sequence[DrillRun]) -> Iterator[DrillRow]:

@@ -3,8 +3,7 @@
 What is lost follows from when it was sent, so an instant matters as finely as messages are apart.
 """
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -12,7 +11,8 @@ from scenarios.definition.channel.rules import ANY, ROLES
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import shown
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.pool import RunAll
+from scenarios.studies.engine.engine import Engine
+from scenarios.studies.engine.job import Job
 from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.variant import Variant
 
@@ -22,7 +22,6 @@ EARLIEST_S = 1.0
 """By default no burst is earlier: a convoy has formed by then."""
 FINEST_S = 0.001
 """Instants are whole milliseconds."""
-SAY_EVERY_S = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,13 +150,10 @@ class WorstSearch:
     base: Variant
     burst: SoughtBurst
     word: str
-    progress: Callable[[str], None]
-    run_all: RunAll
+    engine: Engine
     changes: int = 0
     seeds: int = 1
     _runs: dict[float, dict[int, float]] = field(default_factory=dict)
-    _began: float = field(default_factory=time.monotonic)
-    _said: float = 0.0
 
     def look(self, span: SearchSpan) -> WorstInstant:
         """Look at a grid, and then closer and closer at its worst instants."""
@@ -209,21 +205,17 @@ class WorstSearch:
 
     def _try(self, instants: Sequence[float]) -> None:
         seeds = range(self.base.seed, self.base.seed + self.seeds)
-        jobs = {
-            (at, seed): partial(_severity, self.variant(at, seed), self.word)
-            for at in instants
-            for seed in seeds
-        }
-        for (at, seed), severity in self.run_all(jobs):
+        tried = [(at, seed) for at in instants for seed in seeds]
+        jobs = []
+        for at, seed in tried:
+            variant = self.variant(at, seed)
+            key, work = f"{at}/{seed}", partial(_severity, variant, self.word)
+            jobs.append(Job(key=key, work=work, command=variant.command))
+        for (at, seed), severity in zip(tried, self.engine.results(jobs), strict=True):
             self._runs.setdefault(at, {})[seed] = severity
-            now = time.monotonic()
-            if now - self._said > SAY_EVERY_S and (worst := self._worst()):
-                self._said = now
-                there, mean = worst[0]
-                self.progress(
-                    f"{now - self._began:5.1f} s  {len(worst)} instants, the worst at "
-                    f"{there:g} s: {self.word} {self._figure(mean):.3f}"
-                )
+        there, mean = self._worst()[0]
+        what = f"the worst at {there:g} s: {self.word} {self._figure(mean):.3f}"
+        self.engine.progress.doing = what
 
 
 def _severity(variant: Variant, word: str) -> float:

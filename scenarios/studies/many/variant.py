@@ -1,12 +1,17 @@
 """One run of many: a scenario with overrides and a seed."""
 
+import hashlib
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.studies.engine.stamp import stamp_of_this_process
+from scenarios.studies.many.limit import Limit
+from scenarios.studies.many.watched import watched
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,9 +45,24 @@ class Variant:
         """Drive it in virtual time without a log; the summary."""
         return run_unlogged(self.scenario)
 
+    def breaks(self, limit: Limit) -> bool:
+        """Drive it until it breaks the limit, or to its end; whether it broke the limit."""
+        return watched(self.scenario, limit).broken
+
 
 def variants_of(
     name: str, text: str, overrides: Sequence[str], seeds: Sequence[int]
 ) -> list[Variant]:
     """The same run with each of the seeds."""
     return [Variant(text=text, name=name, overrides=tuple(overrides), seed=seed) for seed in seeds]
+
+
+def asked_of_runs(variant: Variant, **options: Any) -> dict[str, Any]:
+    """All that the results of a study of `variant` depend on, by the words of the command line."""
+    return {
+        "SCENARIO": variant.name,
+        "its content": hashlib.sha256(variant.text.encode()).hexdigest()[:12],
+        "--set": list(variant.overrides),
+        **{f"--{name.replace('_', '-')}": value for name, value in options.items()},
+        **asdict(stamp_of_this_process()),
+    }

@@ -1,19 +1,22 @@
 """`convoy reproduce`: runs the paper's experiments, judges its claims, writes one report."""
 
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import near
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Trial
-from scenarios.runs.pool import Job, run_jobs
 from scenarios.runs.virtual.logged import record_trial
 from scenarios.runs.virtual.unlogged import drive_trial
+from scenarios.studies.engine.engine import study_engine
+from scenarios.studies.engine.fleet import fleet_of
+from scenarios.studies.engine.job import Job, Work
+from scenarios.studies.engine.results import refuse_existing
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import EXACT, RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs
@@ -60,14 +63,16 @@ def reproduce(
 
     chosen = chosen_cases(cases)
     jobs = jobs_of(chosen, out)
-    _refuse_used(out, [REPORT, "report.json", *all_pictures(), *map(str, jobs)])
+    written = [REPORT, "report.json", *all_pictures(), *map(str, jobs)]
+    refuse_existing(*(out / name for name in written), place="folder by --out")
     out.mkdir(parents=True, exist_ok=True)
-    results: dict[JobKey, Any] = {}
-    began = time.monotonic()
-    for key, result in run_jobs(jobs, workers):
-        results[key] = result
-        took = time.monotonic() - began
-        progress(f"{took:5.1f} s  {len(results):3d} of {len(jobs)}  {key}")
+    with study_engine(partial(fleet_of, workers), progress) as engine:
+        parts = [
+            Job(key=str(key), work=partial(_from_scratch, out / str(key), work))
+            for key, work in jobs.items()
+        ]
+        engine.progress.total = len(parts)
+        results = dict(zip(jobs, engine.results(parts), strict=True))
     findings = {trajectory: Findings(trajectory) for trajectory in TRAJECTORIES}
     for key in jobs:  # in one order, whichever part was done first
         if isinstance(key, Along):
@@ -84,11 +89,10 @@ def reproduce(
     return 0
 
 
-def _refuse_used(out: Path, names: Iterable[str]) -> None:
-    """Raise ScenarioError if anything that would be written into `out` is there already."""
-    for path in (out / name for name in names):
-        if path.exists() or path.is_symlink():
-            raise ScenarioError([f"{path}: exists; give another folder by --out"])
+def _from_scratch(folder: Path, work: Work) -> Any:
+    """Do the work without the files that a worker left in its folder before it was killed."""
+    rmtree(folder, ignore_errors=True)
+    return work()
 
 
 def chosen_cases(cases: Sequence[str]) -> list[str]:
@@ -103,9 +107,9 @@ def chosen_cases(cases: Sequence[str]) -> list[str]:
     return [case for case in RUNS_OF_CASE if case in cases or not cases]
 
 
-def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
+def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Work]:
     """Return what there is to do, the longest parts first."""
-    jobs: dict[JobKey, Job] = {}
+    jobs: dict[JobKey, Work] = {}
     if Part.FIELD in cases:
         for trajectory in TRAJECTORIES:
             key = Along(trajectory, Part.FIELD)
@@ -125,7 +129,7 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Job]:
     return jobs
 
 
-def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Job]]:
+def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Work]]:
     """Give the runs of the cases with each trajectory, those with a log first."""
     runs = {key: experiment for case in cases for key, experiment in RUNS_OF_CASE[case].items()}
     for run, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):

@@ -7,7 +7,7 @@ import numpy as np
 import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.studies.many.blame.rerun import BlameQuestion, drive
+from scenarios.studies.many.blame.rerun import BlameQuestion, rerun
 from scenarios.studies.many.limit import Limit
 from vehicles.schedule import SECOND
 
@@ -90,7 +90,7 @@ def _scenario(convoy: Convoy, seed: int, burst: range, links: tuple[Link, ...]) 
 def _breaks(scenario: Scenario, until_s: float) -> bool:
     end = round(until_s * SECOND)
     question = BlameQuestion(figure="error", limit=LANE, until=end)
-    return drive(scenario, question, ends_when_broken=True).broken_at is not None
+    return rerun(scenario, question, ends_when_broken=True).broken_at is not None
 
 
 @cache

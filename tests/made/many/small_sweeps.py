@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from scenarios.studies.many.engine.fleet import fleet_of
+from scenarios.studies.engine.fleet import fleet_of
 from scenarios.studies.many.sweeps.plan import SweepPlan, planned
 from scenarios.studies.many.sweeps.sweep import carry_out_sweep
 from scenarios.studies.many.sweeps.table import SweepTable

@@ -207,18 +207,6 @@ class VehicleBuilder:
         for one in self._links:
             one.link.redraw(numbers[one.link.sender], seed)
 
-    def judge_by(self, scenario: Scenario) -> None:
-        """From now on judge messages by the links of `scenario`; all else in it is as before.
-
-        Links that are changed during the run keep what they are changed to.
-        """
-        before, self._scenario = self._scenario, scenario
-        for one in self._links:
-            pair = one.link.sender, self.name
-            if scenario.links[pair] != before.links[pair]:
-                effects_of = self._effects_of(one.link.sender, scenario.start_at_ns)
-                one.link.chain = effects_of(scenario.links[pair], ())
-
     def software(self, now: int, aboard: Aboard) -> Software:
         """Software that starts at `now` (ns) without memory, but for where the car is.
 

@@ -1,7 +1,6 @@
 """The picture of `convoy channel figure`. Needs matplotlib: import it when drawing."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -22,29 +21,29 @@ FAR_M = 5.0
 """Whoever is farther off is drawn here: there is nothing to drive on."""
 
 
-def draw(costs: Sequence[Cost], lane_margin_m: float, file: Path) -> None:
+@mpl.rc_context(STYLE)
+def drawn(costs: Sequence[Cost], lane_margin_m: float) -> Figure:
     """Draw the maps of loss and latency above, and the bursts below, a column for each gap."""
     gaps = list(dict.fromkeys(one.channel.gap_m for one in costs))
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=SIZE, layout="constrained")
-        axes = figure.subplots(2, len(gaps), squeeze=False)
-        images = []
-        for column, gap in enumerate(gaps):
-            here = [one for one in costs if one.channel.gap_m == gap]
-            maps = [one for one in here if one.channel.burst_messages is None]
-            bursts = [one for one in here if one.channel.burst_messages is not None]
-            images.append(_map(axes[0, column], maps))
-            axes[0, column].set_title(f"{gap:g} m from car to car")
-            _bursts(axes[1, column], bursts, lane_margin_m)
-        axes[0, 0].set_ylabel("latency, ms")
-        axes[1, 0].set_ylabel("largest true error of the last car, m")
-        _explain(axes[1, 0], [one for one in costs if one.channel.burst_messages], lane_margin_m)
-        axes[1, -1].legend(loc="upper left", bbox_to_anchor=(0.0, 0.9))
-        bar = figure.colorbar(images[0], ax=list(axes[0]), extend="both", pad=0.01, aspect=22)
-        bar.set_label("largest true error, m (median of seeds)")
-        bar.set_ticks([0.05, 0.1, 0.2, 0.5, 1.0], labels=["0.05", "0.1", "0.2", "0.5", "1"])
-        bar.ax.minorticks_off()
-        figure.savefig(file, dpi=110.0)
+    figure = Figure(figsize=SIZE, layout="constrained")
+    axes = figure.subplots(2, len(gaps), squeeze=False)
+    images = []
+    for column, gap in enumerate(gaps):
+        here = [one for one in costs if one.channel.gap_m == gap]
+        maps = [one for one in here if one.channel.burst_messages is None]
+        bursts = [one for one in here if one.channel.burst_messages is not None]
+        images.append(_map(axes[0, column], maps))
+        axes[0, column].set_title(f"{gap:g} m from car to car")
+        _bursts(axes[1, column], bursts, lane_margin_m)
+    axes[0, 0].set_ylabel("latency, ms")
+    axes[1, 0].set_ylabel("largest true error of the last car, m")
+    _explain(axes[1, 0], [one for one in costs if one.channel.burst_messages], lane_margin_m)
+    axes[1, -1].legend(loc="upper left", bbox_to_anchor=(0.0, 0.9))
+    bar = figure.colorbar(images[0], ax=list(axes[0]), extend="both", pad=0.01, aspect=22)
+    bar.set_label("largest true error, m (median of seeds)")
+    bar.set_ticks([0.05, 0.1, 0.2, 0.5, 1.0], labels=["0.05", "0.1", "0.2", "0.5", "1"])
+    bar.ax.minorticks_off()
+    return figure
 
 
 def _map(axes: Axes, costs: Sequence[Cost]) -> AxesImage:

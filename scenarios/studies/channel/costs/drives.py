@@ -5,15 +5,15 @@ second, in virtual time. What counts is the largest true distance of the last ca
 the first.
 """
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from statistics import median
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.pool import run_jobs
 from scenarios.runs.virtual.unlogged import drive_trial
+from scenarios.studies.engine.engine import Engine
+from scenarios.studies.engine.job import Job
 
 SCENARIO = "lossy_lane_change"
 SETTINGS = (
@@ -25,7 +25,6 @@ FLOOR_MS = 20.0
 """Latency wherever something else is looked at."""
 BURST_LOSS_RATIO = 0.2
 """Share of messages lost wherever bursts are looked at."""
-SAY_EVERY_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,21 +115,15 @@ def lane_margin_m() -> float:
     return 0.5 * (scenario.tables.events.lane_width_m - width)
 
 
-def driven(plan: Plan, progress: Callable[[str], None], workers: int) -> list[Cost]:
+def driven(plan: Plan, engine: Engine) -> list[Cost]:
     """Drive every channel of `plan` with every seed; the costs are in the order of the plan."""
-    jobs = {
-        (channel, seed): partial(error_m, channel, seed)
-        for channel in plan.channels
-        for seed in plan.seeds(channel)
-    }
-    found: dict[tuple[Channel, int], float] = {}
-    began = said = time.monotonic()
-    for key, error in run_jobs(jobs, workers):
-        found[key] = error
-        now = time.monotonic()
-        if now - said > SAY_EVERY_S or len(found) == len(jobs):
-            said = now
-            progress(f"{now - began:5.1f} s  {len(found):4d} of {len(jobs)} drives")
+    drives = [(channel, seed) for channel in plan.channels for seed in plan.seeds(channel)]
+    jobs = [
+        Job(key=f"{channel}, seed {seed}", work=partial(error_m, channel, seed))
+        for channel, seed in drives
+    ]
+    engine.progress.total = len(jobs)
+    found = dict(zip(drives, engine.results(jobs), strict=True))
     return [
         Cost(channel, tuple(found[channel, seed] for seed in plan.seeds(channel)))
         for channel in plan.channels

@@ -1,13 +1,11 @@
 """`convoy channel figure`: what loss, its bursts and latency cost the last vehicle of a convoy."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from scenarios.definition.errors import ScenarioError
-from scenarios.runs.cores import cores
 from scenarios.studies.channel.costs.drives import (
     SCENARIO,
     SETTINGS,
@@ -16,6 +14,9 @@ from scenarios.studies.channel.costs.drives import (
     driven,
     lane_margin_m,
 )
+from scenarios.studies.engine.engine import study_engine
+from scenarios.studies.engine.fleet import fleet_of
+from scenarios.studies.engine.results import refuse_existing, write_files
 
 SCHEMA = "convoy.channel_figure/1"
 PICTURE, TWIN = "channel.png", "channel.json"
@@ -28,16 +29,13 @@ def channel_figure(
 
     By default on all cores. Raises ScenarioError if one of both files is there already.
     """
-    from scenarios.studies.channel.costs.cost_picture import draw  # noqa: PLC0415 - matplotlib
+    from scenarios.studies.channel.costs.cost_picture import drawn  # noqa: PLC0415 - matplotlib
 
-    for name in (PICTURE, TWIN):
-        if (out / name).exists():
-            raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
-    out.mkdir(parents=True, exist_ok=True)
-    costs = driven(plan, progress, cores() if workers is None else workers)
+    refuse_existing(out / PICTURE, out / TWIN, place="folder by --out")
+    with study_engine(partial(fleet_of, workers), progress) as engine:
+        costs = driven(plan, engine)
     margin_m = lane_margin_m()
-    (out / TWIN).write_text(json.dumps(machine_readable(costs, margin_m), indent=1) + "\n")
-    draw(costs, margin_m, out / PICTURE)
+    write_files(out, {TWIN: machine_readable(costs, margin_m), PICTURE: drawn(costs, margin_m)})
     return costs
 
 

@@ -1,15 +1,23 @@
-"""What `convoy blame` leaves behind: figures as JSON, and the smallest set as a scenario."""
+"""The files of `convoy blame`: a picture, figures as JSON, and the smallest set as a scenario.
 
-import json
+Needs matplotlib.
+"""
+
 import shlex
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
 from scenarios.definition.scenario import Scenario
+from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.blame.losses import Burst
 from scenarios.studies.many.blame.ranking import ALONE, NEGLIGIBLE_M, Blamed
 from scenarios.studies.many.blame.rerun import BlameAnswer
 from scenarios.studies.many.blame.study import Blame
+from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from vehicles.schedule import SECOND
 
 SCHEMA = "convoy.blame/1"
@@ -29,11 +37,11 @@ def smallest_scenario(found: Blame) -> Scenario | None:
     count, seed = len(found.smallest.messages), found.run.scenario.seed
     description = f"{found.run.scenario.name}, seed {seed}: {count} messages lost, {lines}"
     return found.convoy.smallest(
-        found.smallest.messages, found.question.limit, shortened(description)
+        found.smallest.messages, found.question.limit, _shortened(description)
     )
 
 
-def shortened(text: str, most: int = 200) -> str:
+def _shortened(text: str, most: int = 200) -> str:
     """A text cut where it is longer."""
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
@@ -43,22 +51,15 @@ def command_of(out: Path) -> str:
     return shlex.join(["convoy", "run", str(out / SMALLEST), "--clock", "virtual"])
 
 
-def write_files(found: Blame, out: Path) -> list[Path]:
-    """Write the JSON, and the scenario where there is a smallest set; returns their paths."""
-    out.mkdir(parents=True, exist_ok=True)
-    written = [out / TWIN]
+def write_report(found: Blame, out: Path) -> list[Path]:
+    """Write the picture, the JSON, and the scenario where there is a smallest set; their paths."""
+    contents: dict[str, Any] = {PICTURE: drawn(found), TWIN: machine_readable(found, out)}
     scenario = smallest_scenario(found)
     if scenario is not None:
         head = f"# Written by `convoy blame {shlex.quote(str(found.run.log))}`: it breaks "
         rest = f"# {found.question.limit} with no other losses than those listed below.\n#\n"
-        path = out / SMALLEST
-        path.write_text(
-            f"{head}the limit\n{rest}#   {command_of(out)}\n\n{scenario.text}", encoding="utf-8"
-        )
-        written.append(path)
-    text = json.dumps(machine_readable(found, out), indent=1, ensure_ascii=False)
-    (out / TWIN).write_text(f"{text}\n", encoding="utf-8")
-    return written
+        contents[SMALLEST] = f"{head}the limit\n{rest}#   {command_of(out)}\n\n{scenario.text}"
+    return write_files(out, contents)
 
 
 def machine_readable(found: Blame, out: Path) -> dict[str, Any]:
@@ -129,3 +130,61 @@ def _smallest(found: Blame, out: Path) -> dict[str, Any] | None:
         "bursts": [_burst(burst) for burst in found.smallest.bursts],
         **_answer(found.smallest_answer),
     }
+
+
+# ---- The picture: the run with other losses, and what each burst cost
+
+MOST_BARS = 10
+LABELS = {"error": "true error", "gap": "true gap"}
+
+
+@mpl.rc_context(STYLE)
+def drawn(found: Blame) -> Figure:
+    """Draw the figure of the worst vehicle over time, and metres for each row."""
+    figure = Figure(figsize=(10.5, 3.8), layout="constrained")
+    over_time, bars = figure.subplots(1, 2, width_ratios=(3, 2))
+    _over_time(over_time, found)
+    _bars(bars, found)
+    return figure
+
+
+def _over_time(axes: Axes, found: Blame) -> None:
+    runs: list[tuple[str, BlameAnswer | None, str]] = [
+        ("as recorded", found.recorded, RED),
+        ("worst burst given back", found.mended, BLUE),
+        ("only the smallest set lost", found.smallest_answer, ORANGE),
+        ("nothing lost", found.clean, GREEN),
+    ]
+    until_s = found.question.until / SECOND
+    for label, answer, colour in runs:
+        if answer is not None:
+            points = [one for one in answer.series[found.recorded.vehicle] if one[0] <= until_s]
+            instants, values = [at for at, _ in points], [value for _, value in points]
+            axes.plot(instants, values, color=colour, label=label)
+    if found.rows:
+        for burst in found.rows[0].group:
+            axes.axvspan(*burst.span_s, color=GREY, alpha=0.12, linewidth=0.0)
+    _bound(axes, found)
+    what = LABELS[found.question.figure]
+    axes.set(xlabel="time, s", ylabel=f"{what} of {found.recorded.vehicle}, m")
+    axes.legend(loc="upper left")
+
+
+def _bound(axes: Axes, found: Blame) -> None:
+    """The limit, where it is one on what is drawn."""
+    limit = found.question.limit
+    if limit.word == f"{found.question.figure}_m":
+        axes.axhline(limit.bound, color=GREY, linewidth=0.9, linestyle=":")
+
+
+def _bars(axes: Axes, found: Blame) -> None:
+    rows = list(reversed(found.rows[:MOST_BARS]))
+    axes.barh(range(len(rows)), [max(row.mended_m, 0.0) for row in rows], color=BLUE)
+    axes.set_yticks(range(len(rows)), [_label(row) for row in rows], fontsize=7.5)
+    axes.grid(visible=False, axis="y")
+    axes.set(xlabel="mended when given back, m")
+
+
+def _label(row: Blamed) -> str:
+    first, *others = row.group
+    return _shortened(first.line + (f" and {len(others)} more" if others else ""), 40)

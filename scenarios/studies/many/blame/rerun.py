@@ -1,7 +1,6 @@
 """One run again with other losses: how bad it gets, and whether it breaks a limit."""
 
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import inf
@@ -10,18 +9,16 @@ from typing import Literal
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import KINDS
 from scenarios.results.events.detector import detector_of
-from scenarios.runs.node.fault import VehicleFaultError
-from scenarios.runs.observer import OnMessage, listeners_by_kind
-from scenarios.runs.virtual.convoy import VirtualConvoy
-from scenarios.runs.virtual.drive import ObservedSink
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual.drive import drive
 from scenarios.studies.many.limit import EVENTS, Limit
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 FigureName = Literal["error", "gap"]
-"""The largest true cross-track error of a follower, or the smallest true gap to who is ahead."""
-Truth = dict[tuple[str, int], tuple[float, float]]
+"""The largest true cross-track error of a follower, or the smallest true gap to its predecessor."""
+Truth = Mapping[tuple[str, int], tuple[float, float]]
 """True poses (east, north, m) by vehicle and instant (ns after the start)."""
 EVER = 2**63
 
@@ -37,19 +34,18 @@ class BlameQuestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlameAnswer:
-    """What a run came to: its worst figure (m), of whom and when, and if the limit was broken.
+    """The worst figure of a run (m), of whom and when, and whether the limit was broken.
 
     A gap is the worse the smaller it is, so as `badness_m` it is negative. Instants are in ns after
-    the start; `broken_at` is when the breach was known, None without one. `series` and `truth` are
-    there where they were asked for: instants (s) and figures (m) of each vehicle, true poses.
+    the start; `broken_at` is when the breach was known, None without one. `series` are instants (s)
+    and figures (m) of each vehicle, where they were requested.
     """
 
     badness_m: float
     vehicle: str
     worst_at: int
     broken_at: int | None
-    series: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
-    truth: Truth = field(default_factory=dict)
+    series: dict[str, list[list[float]]] = field(default_factory=dict)
 
     @property
     def figure_m(self) -> float:
@@ -58,7 +54,9 @@ class BlameAnswer:
 
 
 class RerunWatch:
-    """Takes the true poses and what is steered along of a run, live or from a log."""
+    """An observer of a run, live or from a log, that follows a figure and a limit."""
+
+    kinds: frozenset[type[Message]] = KINDS
 
     def __init__(self, scenario: Scenario, question: BlameQuestion, start_at: int) -> None:
         self.question = question
@@ -67,20 +65,18 @@ class RerunWatch:
         self._detector.begin(start_at)
         names = scenario.vehicle_names
         self._path = CrossTrackError(names[0], scenario.route.start_yaw, names[1:])
-        self._series: dict[str, list[tuple[float, float]]] = {name: [] for name in names[1:]}
+        self._series: dict[str, list[list[float]]] = {name: [] for name in names[1:]}
         self._behind = dict(pairwise(names))
-        self._truth: Truth = {}
         self._worst = (-inf, "", 0)
         self.broken_at: int | None = None
         self.now = 0
 
-    def listen(self, message: Message) -> None:
+    def listen(self, _at: int, message: Message) -> None:
         """Take one message; what is no figure is passed over."""
         if isinstance(message, TruePose):
             self.now = message.true_at_ns - self._start_at
             if self.now > self.question.until:
                 return
-            self._truth[message.vehicle, self.now] = message.east_m, message.north_m
             self._detector.add_truth(message)
             for foot in self._path.add(message):
                 error = abs(foot.lateral)
@@ -105,7 +101,7 @@ class RerunWatch:
         if figure != self.question.figure:
             return
         after = at - self._start_at
-        self._series[vehicle].append((after / SECOND, abs(badness)))
+        self._series[vehicle].append([after / SECOND, abs(badness)])
         if badness > self._worst[0]:
             self._worst = badness, vehicle, after
 
@@ -120,7 +116,7 @@ class RerunWatch:
                 self.broken_at = self.now
 
     def answer(self, *, whole: bool = False) -> BlameAnswer:
-        """What it came to; `whole` with the series and the true poses."""
+        """What it came to; `whole` with the series."""
         self._detector.finish()
         self._hear_of_events()
         badness, vehicle, at = self._worst
@@ -130,7 +126,6 @@ class RerunWatch:
             worst_at=at,
             broken_at=self.broken_at,
             series=self._series if whole else {},
-            truth=self._truth if whole else {},
         )
 
 
@@ -140,63 +135,43 @@ def answer_of(
     """What a run that is over came to, by its messages."""
     watch = RerunWatch(scenario, question, start_at)
     for message in told:
-        watch.listen(message)
+        watch.listen(start_at, message)
     return watch.answer(whole=True)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """What is asked of a run, and if it may end once the limit is broken; `whole`: with series."""
-
-    question: BlameQuestion
-    whole: bool = False
-    ends_when_broken: bool = False
-
-
-class Rerun:
-    """A run in virtual time without a log, until what is asked of it is answered."""
-
-    def __init__(self, scenario: Scenario, asked: Asked) -> None:
-        self.convoy = VirtualConvoy(scenario)
-        self.watch = RerunWatch(scenario, asked.question, scenario.start_at_ns)
-        self._asked = asked
-        self._answered = False
-
-    def turn(self, scenario: Scenario, asked: Asked) -> None:
-        """Go on with other losses, the same so far, and another question about the same figures."""
-        self.convoy.judge_by(scenario)
-        self._asked = asked
-        self.watch.question = asked.question
-
-    def run(self) -> BlameAnswer:
-        """Drive; what it came to."""
-        bus, now = self.convoy.bus, self.convoy.clock.now
-        listeners = listeners_by_kind([OnMessage(self._listen, KINDS)])
-        self.convoy.build(lambda vehicle: ObservedSink(vehicle, bus, now, listeners))
-        with suppress(VehicleFaultError):  # what it came to until a vehicle cannot drive on counts
-            self.convoy.run(lambda: self._answered)
-        return self.watch.answer(whole=self._asked.whole)
-
-    def _listen(self, _at: int, message: Message) -> None:
-        watch, asked = self.watch, self._asked
-        watch.listen(message)
-        broken = asked.ends_when_broken and watch.broken_at is not None
-        if broken or watch.now > asked.question.until:
-            self._answered = True
-
-
-def drive(
+def rerun(
     scenario: Scenario,
     question: BlameQuestion,
     *,
     whole: bool = False,
     ends_when_broken: bool = False,
 ) -> BlameAnswer:
-    """Run in virtual time without a log until the question is answered."""
-    asked = Asked(question=question, whole=whole, ends_when_broken=ends_when_broken)
-    return run_anew(scenario, asked)
+    """Run in virtual time without a log until the question is answered; `whole`: with series.
+
+    A fault of a vehicle ends the run.
+    """
+    watch = RerunWatch(scenario, question, scenario.start_at_ns)
+
+    def is_answered() -> bool:
+        broken = ends_when_broken and watch.broken_at is not None
+        return broken or watch.now > question.until
+
+    drive(scenario, [watch], until=is_answered)
+    return watch.answer(whole=whole)
 
 
-def run_anew(scenario: Scenario, asked: Asked) -> BlameAnswer:
-    """The same, from the start, for what is asked."""
-    return Rerun(scenario, asked).run()
+def first_difference(scenario: Scenario, truth: Truth) -> tuple[str, int] | None:
+    """Run in virtual time; the first of these true poses that is another one, by bits.
+
+    None if all are the same.
+    """
+    found: dict[tuple[str, int], tuple[float, float]] = {}
+
+    def listen(_at: int, message: Message) -> None:
+        if isinstance(message, TruePose):
+            at = message.true_at_ns - scenario.start_at_ns
+            found[message.vehicle, at] = message.east_m, message.north_m
+
+    drive(scenario, [OnMessage(listen, frozenset([TruePose]))])
+    instants = sorted(truth, key=lambda one: (one[1], one[0]))
+    return next((key for key in instants if found.get(key) != truth[key]), None)

@@ -1,13 +1,126 @@
-"""The smallest set of losses that still breaks the limit: bursts first, then messages in them."""
+"""The smallest set of losses that still breaks the limit: bursts first, then messages in them.
+
+By delta debugging: Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", IEEE
+Transactions on Software Engineering 28(2), 2002. Only complements are tried: subsets cost as many
+tests again and are not needed for a result that is 1-minimal (Hodován and Kiss, "Practical
+improvements to the minimizing delta debugging algorithm", ICSOFT 2016).
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
+from typing import Generic, TypeVar
 
-from scenarios.studies.many.blame.ddmin import Item, ddmin, trimmed
 from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of
 from scenarios.studies.many.blame.ranking import Blamed, losses_of
 from scenarios.studies.many.blame.trials import Trials
+
+Item = TypeVar("Item")
+FirstThatFails = Callable[[Sequence[tuple[Item, ...]]], int | None]
+"""Gives the place of the first of several sets with which the test still fails, None if all pass.
+
+The first, whatever the order in which they were tried: so a result depends on the test alone.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Smallest(Generic[Item]):
+    """What is left of the items, in their order.
+
+    With `is_minimal` the test passes without any one of them: each was left out and tried.
+    """
+
+    items: tuple[Item, ...]
+    is_minimal: bool
+
+
+def ddmin(
+    items: Sequence[Item],
+    first_that_fails: FirstThatFails[Item],
+    enough: Callable[[], bool] = lambda: False,
+    chunks: int = 2,
+) -> Smallest[Item]:
+    """Leave out as many of `items`, with all of which the test fails, as it goes on failing.
+
+    Chunks are left out one after another, each half as long as those before once none can be, down
+    to single items; `chunks` is how many there are at first. When it is `enough` the set found so
+    far is given. One item alone is minimal if the test passes without any; so the caller has to
+    know that.
+    """
+    left = tuple(items)
+    while len(left) > 1:
+        parts = split(left, min(chunks, len(left)))
+        kept = _swept(parts, first_that_fails, enough)
+        if enough():
+            return Smallest(_joined(kept), is_minimal=False)
+        if len(parts) == len(left) and len(kept) == len(parts):
+            break
+        # Of what has gone the rest may not be in need any more: single items are tried again.
+        left, chunks = _joined(kept), 2 * len(kept)
+    return Smallest(left, is_minimal=True)
+
+
+def _swept(
+    parts: Sequence[tuple[Item, ...]],
+    first_that_fails: FirstThatFails[Item],
+    enough: Callable[[], bool],
+) -> list[tuple[Item, ...]]:
+    """Leave out each part in turn that can be, but for the last one; returns the others."""
+    kept, begin = list(parts), 0
+    while begin < len(kept) > 1 and not enough():
+        without = [_joined([*kept[:k], *kept[k + 1 :]]) for k in range(begin, len(kept))]
+        place = first_that_fails(without)
+        if place is None:
+            break
+        begin += place
+        del kept[begin]
+    return kept
+
+
+def trimmed(
+    items: Sequence[Item],
+    first_that_fails: FirstThatFails[Item],
+    enough: Callable[[], bool] = lambda: False,
+) -> tuple[Item, ...]:
+    """Cut off as many of `items` as it goes on failing without, at the end and at the beginning.
+
+    By bisection, two cuts at once: for causes that follow one another, of which it finds where they
+    end in a few tests. What is left fails whatever they are.
+    """
+    left = tuple(items)
+    for _ in range(2):
+        left = left[::-1][_longest_cut(left[::-1], first_that_fails, enough) :]
+    return left
+
+
+def _longest_cut(
+    items: tuple[Item, ...],
+    first_that_fails: FirstThatFails[Item],
+    enough: Callable[[], bool],
+) -> int:
+    """How many can be left out at the beginning, if with more of them gone it fails no more."""
+    fails, passes = 0, len(items)
+    while passes - fails > 1 and not enough():
+        third = max((passes - fails) // 3, 1)
+        cuts = sorted({passes - third, fails + third}, reverse=True)
+        place = first_that_fails([items[cut:] for cut in cuts])
+        if place != 0:
+            passes = cuts[-1] if place is None else cuts[place - 1]
+        if place is not None:
+            fails = cuts[place]
+    return fails
+
+
+def _joined(parts: Sequence[tuple[Item, ...]]) -> tuple[Item, ...]:
+    return tuple(one for part in parts for one in part)
+
+
+def split(items: tuple[Item, ...], chunks: int) -> list[tuple[Item, ...]]:
+    """Split into so many chunks, none empty, of lengths that differ by one at most."""
+    size = len(items)
+    edges = [size * k // chunks for k in range(chunks + 1)]
+    return [items[a:b] for a, b in pairwise(edges)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +143,10 @@ def shrunk(trials: Trials, bursts: Sequence[Burst], rows: Sequence[Blamed]) -> S
     """
     alone = [row for row in rows if row.alone is not None and trials.is_breach(row.alone)]
     start = min(alone, key=lambda row: (row.messages, row.span_s)).group if alone else bursts
-    trials.doing = "the smallest set of bursts"
+    trials.begin("the smallest set of bursts")
     first = partial(_first_that_breaks, trials, losses_of)
     of_bursts = ddmin(start, first, lambda: trials.are_enough)
-    trials.doing = "the smallest set of messages"
+    trials.begin("the smallest set of messages")
     messages = sorted(losses_of(of_bursts.items))
     first_of_messages = partial(_first_that_breaks, trials, frozenset)
     left = trimmed(messages, first_of_messages, lambda: trials.are_enough)

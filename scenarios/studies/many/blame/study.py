@@ -1,11 +1,13 @@
 """`convoy blame`: which losses of a recorded run were to blame for what became of it."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import hashlib
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from scenarios.runs.cores import cores
-from scenarios.runs.pool import RunAll
+from scenarios.studies.engine.engine import Engine
+from scenarios.studies.engine.stamp import stamp_of_this_process
 from scenarios.studies.many.blame.imposed import LossFree, loss_free
 from scenarios.studies.many.blame.losses import Burst, RecordedRun, bursts_of, read_run
 from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_alone
@@ -45,104 +47,67 @@ class Blame:
 
 
 def blame(
-    log: Path,
-    limit: Limit,
-    figure: FigureName,
-    say: Callable[[str], None],
-    run_all: RunAll,
-    *,
-    most_runs: int = MOST_RUNS,
-    abreast: int = 0,
+    log: Path, limit: Limit, figure: FigureName, engine: Engine, *, most_runs: int = MOST_RUNS
 ) -> Blame:
     """Find what was to blame for the worst figure of a log, and for the breach of `limit`.
 
-    Raises LogError, also if the losses of the log do not lead to what it says. Runs are driven by
-    `run_all`: on one worker of it that shares their beginnings, so many `abreast`, or with 0 each
-    from the start.
+    Compares the run with itself, ranks its losses, and shrinks them. Raises LogError, also if the
+    losses of the log do not lead to what it holds.
     """
-    at_once = cores()
-    search = _Search(limit, figure, say, run_all, at_once, most_runs, abreast)
-    return search.blame(read_run(log))
-
-
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """How the search is to be done."""
-
-    limit: Limit
-    figure: FigureName
-    say: Callable[[str], None]
-    run_all: RunAll
-    at_once: int
-    most_runs: int
-    abreast: int
-
-    def blame(self, run: RecordedRun) -> Blame:
-        """Compare the run with itself, rank, shrink."""
-        asked = BlameQuestion(figure=self.figure, limit=self.limit)
-        recorded = answer_of(run.scenario, asked, run.start_at, run.told)
-        if not recorded.vehicle:
-            raise LogError(f"{run.log}: holds no {self.figure} of a follower to blame losses for")
-        trials = self._trials(loss_free(run), recorded)
-        bursts = bursts_of(run.lost(trials.question.until))
-        if not bursts:
-            until_s = trials.question.until / SECOND
-            raise LogError(
-                f"{run.log}: no message was lost until {until_s:.2f} s, a second after "
-                f"the worst; there is nothing to blame"
-            )
-        trials.doing = "the run as recorded, and without any loss"
-        _check_same(trials, run)
-        (clean,) = trials.answers([frozenset()], whole=True)
-        trials.doing = "bursts given back"
-        rows = ranked(trials, bursts, recorded, recorded.badness_m - clean.badness_m)
-        trials.doing = "bursts alone"
-        try_alone(trials, rows)
-        unshrunk = _why_not_shrunk(recorded, clean, self.limit)
-        smallest = None if unshrunk else shrunk(trials, bursts, rows)
-        trials.doing = "for the picture"
-        (mended,) = trials.answers([losses_of(bursts) - rows[0].losses], whole=True)
-        again = trials.answers([frozenset(smallest.messages)], whole=True) if smallest else [None]
-        return Blame(
-            run=run,
-            question=trials.question,
-            convoy=trials.convoy,
-            recorded=recorded,
-            clean=clean,
-            bursts=bursts,
-            rows=tuple(rows),
-            mended=mended,
-            smallest=smallest,
-            smallest_answer=again[0],
-            unshrunk=unshrunk,
-            runs=trials.runs,
-            seconds=trials.seconds,
+    run = read_run(log)
+    question = BlameQuestion(figure=figure, limit=limit)
+    recorded = answer_of(run.scenario, question, run.start_at, run.told)
+    if not recorded.vehicle:
+        raise LogError(f"{log}: holds no {figure} of a follower to blame losses for")
+    breach_at = recorded.broken_at or 0
+    trials = Trials(
+        convoy=loss_free(run),
+        question=replace(question, until=max(recorded.worst_at, breach_at) + AFTER_NS),
+        breaks_by=breach_at + AFTER_NS,
+        engine=engine,
+        at_once=cores(),
+        most_runs=most_runs,
+    )
+    bursts = bursts_of(run.lost(trials.question.until))
+    if not bursts:
+        until_s = trials.question.until / SECOND
+        raise LogError(
+            f"{log}: no message was lost until {until_s:.2f} s, a second after "
+            f"the worst; there is nothing to blame"
         )
-
-    def _trials(self, convoy: LossFree, recorded: BlameAnswer) -> Trials:
-        breach_at = recorded.broken_at or 0
-        return Trials(
-            convoy=convoy,
-            question=BlameQuestion(
-                figure=self.figure,
-                limit=self.limit,
-                until=max(recorded.worst_at, breach_at) + AFTER_NS,
-            ),
-            breaks_by=breach_at + AFTER_NS,
-            run_all=self.run_all,
-            at_once=self.at_once,
-            most_runs=self.most_runs,
-            say=self.say,
-            abreast=self.abreast,
-        )
+    trials.begin("the run as recorded, and without any loss")
+    _check_same(trials, run)
+    (clean,) = trials.answers([frozenset()], whole=True)
+    trials.begin("bursts given back")
+    rows = ranked(trials, bursts, recorded, recorded.badness_m - clean.badness_m)
+    trials.begin("bursts alone")
+    try_alone(trials, rows)
+    unshrunk = _why_not_shrunk(recorded, clean, limit)
+    smallest = None if unshrunk else shrunk(trials, bursts, rows)
+    trials.begin("for the picture")
+    (mended,) = trials.answers([losses_of(bursts) - rows[0].losses], whole=True)
+    again = trials.answers([frozenset(smallest.messages)], whole=True) if smallest else [None]
+    return Blame(
+        run=run,
+        question=trials.question,
+        convoy=trials.convoy,
+        recorded=recorded,
+        clean=clean,
+        bursts=bursts,
+        rows=tuple(rows),
+        mended=mended,
+        smallest=smallest,
+        smallest_answer=again[0],
+        unshrunk=unshrunk,
+        runs=trials.runs,
+        seconds=trials.seconds,
+    )
 
 
 def _check_same(trials: Trials, run: RecordedRun) -> None:
     """Lose what the log lost, and compare all true poses, bit for bit; raises LogError."""
     everything = frozenset(run.lost(max(at for _, at in run.truth) + SECOND * 3600))
-    whole = trials.whole_run(everything)
-    instants = sorted(run.truth, key=lambda one: (one[1], one[0]))
-    off = next((key for key in instants if whole.truth.get(key) != run.truth[key]), None)
+    off = trials.first_difference(everything, run.truth)
     if off is None:
         return
     vehicle, at = off
@@ -151,6 +116,23 @@ def _check_same(trials: Trials, run: RecordedRun) -> None:
         f"{run.log}: with the same losses {vehicle} is elsewhere {at / SECOND:.2f} s after the "
         f"start{late}; blame needs a run that virtual time repeats"
     )
+
+
+def asked_of_blame(log: Path, limit: Limit, figure: FigureName, most_runs: int) -> dict[str, Any]:
+    """All that the answer depends on, by the words of the command line; raises LogError."""
+    try:
+        with log.open("rb") as file:
+            content = hashlib.file_digest(file, "sha256").hexdigest()[:12]
+    except OSError as error:
+        raise LogError(f"{log}: cannot read the log: {error.strerror}") from error
+    return {
+        "LOG": str(log),
+        "its content": content,
+        "--limit": str(limit),
+        "--figure": figure,
+        "--runs": most_runs,
+        **asdict(stamp_of_this_process()),
+    }
 
 
 def _why_not_shrunk(recorded: BlameAnswer, clean: BlameAnswer, limit: Limit) -> str:

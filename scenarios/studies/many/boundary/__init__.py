@@ -1,8 +1,6 @@
 """`convoy bisect`: the value of a key from which on runs break a limit.
 
-curve     how many seeds break the limit at the values that were tried
-search    where the share of them crosses the one that is asked for
-answer    the question, the jobs and the answer
-picture   the share over the value, with its intervals
-written   both files
+curve   how many seeds break the limit at the values tried, and where their share crosses
+answer  the question, its jobs and the answer
+report  files: the share over the value as a picture, JSON
 """

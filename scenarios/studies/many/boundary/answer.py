@@ -1,20 +1,25 @@
 """`convoy bisect`: what is asked, the runs that answer it, and the answer."""
 
-import time
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, isfinite
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.runs.pool import RunAll
-from scenarios.studies.many.boundary.curve import Place, ShareCurve, SharePoint
-from scenarios.studies.many.boundary.search import Bracket, NoBoundaryError, bracket
+from scenarios.studies.engine.engine import Engine
+from scenarios.studies.engine.job import Job
+from scenarios.studies.many.boundary.curve import (
+    Bracket,
+    NoBoundaryError,
+    Place,
+    ShareCurve,
+    SharePoint,
+    bracket,
+)
 from scenarios.studies.many.limit import Limit
-from scenarios.studies.many.variant import Variant
-from scenarios.studies.many.watched import watched
+from scenarios.studies.many.variant import Variant, asked_of_runs
 
 MOST_VALUES = 100_000
 
@@ -52,6 +57,12 @@ class BoundaryQuestion:
             overrides=(*variant.overrides, f"{self.key}={value:.12g}"),
             seed=seed,
         )
+
+    def asked(self) -> dict[str, Any]:
+        """All that the answer depends on, by the words of the command line."""
+        span = [self.low, self.high]
+        options = {"key": self.key, "limit": str(self.limit), "range": span, "to": self.to}
+        return asked_of_runs(self.variant, **options, seeds=self.seeds, share=self.share)
 
     def check(self) -> None:
         """Raise ScenarioError for what cannot be sought, or is refused at one of the ends."""
@@ -98,13 +109,12 @@ class BoundaryAnswer:
     commands: Mapping[str, str]
 
 
-def boundary_of(
-    question: BoundaryQuestion, run_all: RunAll, progress: Callable[[str], None]
-) -> BoundaryAnswer:
-    """Seek it; raises ScenarioError if the question is wrong, or the share crosses it nowhere."""
+def boundary_of(question: BoundaryQuestion, engine: Engine) -> BoundaryAnswer:
+    """Find it; raises ScenarioError if the question is wrong, or the share crosses it nowhere."""
     question.check()
-    attempt = _Attempts(question, run_all, progress)
-    curve = ShareCurve(question.values, question.share, question.seeds, attempt)
+    curve = ShareCurve(
+        question.values, question.share, question.seeds, partial(_tried, question, engine)
+    )
     try:
         found = bracket(curve)
     except NoBoundaryError:
@@ -112,39 +122,22 @@ def boundary_of(
     return _answer(question, curve, found)
 
 
-def breaks(variant: Variant, limit: Limit) -> bool:
-    """Drive until the limit is broken, or to the end."""
-    return watched(variant.scenario, limit).broken
-
-
-class _Attempts:
-    """Tries values: one run for each of them and each seed."""
-
-    def __init__(
-        self, question: BoundaryQuestion, run_all: RunAll, progress: Callable[[str], None]
-    ) -> None:
-        self._question, self._run_all, self._progress = question, run_all, progress
-        self._began, self._runs = time.monotonic(), 0
-
-    def __call__(self, places: Sequence[Place]) -> dict[Place, bool]:
-        question = self._question
-        values = question.values
-        jobs = {
-            (number, seed): partial(breaks, question.at(values[number], seed), question.limit)
-            for number, seed in places
-        }
-        found = dict(self._run_all(jobs))
-        self._runs += len(found)
-        for number in sorted({number for number, _ in places}):
-            here = [broke for (at, _), broke in found.items() if at == number]
-            self._say(
-                f"{question.key}={values[number]:g}: {sum(here)} of {len(here)} runs break it"
-            )
-        return found
-
-    def _say(self, line: str) -> None:
-        spent = time.monotonic() - self._began
-        self._progress(f"{spent:5.1f} s  {self._runs:3d} runs  {line}")
+def _tried(
+    question: BoundaryQuestion, engine: Engine, places: Sequence[Place]
+) -> dict[Place, bool]:
+    """Try values: one run for each of them and each seed."""
+    values, jobs = question.values, list[Job]()
+    for number, seed in places:
+        variant = question.at(values[number], seed)
+        key, work = f"{values[number]:.12g}/{seed}", partial(variant.breaks, question.limit)
+        jobs.append(Job(key=key, work=work, command=variant.command))
+    found = dict(zip(places, engine.results(jobs), strict=True))
+    for number in sorted({number for number, _ in places}):
+        here = [broke for (at, _), broke in found.items() if at == number]
+        of_value = f"{question.key}={values[number]:g}"
+        counts = f"{sum(here)} of {len(here)} runs break it"
+        engine.progress.note(f"{engine.progress.done:3d} runs  {of_value}: {counts}")
+    return found
 
 
 def _answer(question: BoundaryQuestion, curve: ShareCurve, found: Bracket) -> BoundaryAnswer:

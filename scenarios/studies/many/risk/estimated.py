@@ -1,23 +1,27 @@
 """The probability that one run breaks a limit: by counting runs, or by splitting them."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import partial
-from itertools import chain
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.runs.pool import RunAll
-from scenarios.studies.many.intervals import clopper_pearson
+from scenarios.studies.engine.engine import Engine
+from scenarios.studies.engine.job import Job
+from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.limit import Limit
-from scenarios.studies.many.risk.branched import RiskEstimate, Splitting, repeated
-from scenarios.studies.many.risk.splitting import mean_of
-from scenarios.studies.many.variant import Variant
-from scenarios.studies.many.watched import Measure, watched, with_seed
+from scenarios.studies.many.risk.splitting import RiskEstimate, Splitting, repeated
+from scenarios.studies.many.statistics import clopper_pearson, mean_of
+from scenarios.studies.many.variant import Variant, asked_of_runs
+from scenarios.studies.many.watched import Measure
 
 Method = Literal["counting", "splitting", "auto"]
-BATCH = 20
-"""Runs that one job counts."""
+SCHEMA = "convoy.risk/1"
+TWIN = "risk.json"
+NO_COMMAND = (
+    "a branched run is no scenario, so no command repeats it: risk.json has its seed and branches"
+)
 FIRST_RUNS, FEW = 200, 5
 """Where fewer of the first runs break the limit, counting on is the longer way."""
 ROUND = 10
@@ -39,6 +43,18 @@ class RiskQuestion:
     to: float = 0.5
     most_runs: int = 2000
     paths: int = 50
+
+    def asked(self) -> dict[str, Any]:
+        """All that the answer depends on, by the words of the command line."""
+        return asked_of_runs(
+            self.variant,
+            limit=str(self.limit),
+            method=self.method,
+            measure=self.measure,
+            to=self.to,
+            runs=self.most_runs,
+            paths=self.paths,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,47 +81,40 @@ class Risk:
         return 0.5 * (self.high - self.low) / self.probability if self.probability else float("inf")
 
 
-def risk_of(question: RiskQuestion, run_all: RunAll, progress: Callable[[str], None]) -> Risk:
+def risk_of(question: RiskQuestion, engine: Engine) -> Risk:
     """Answer it; raises ScenarioError if the scenario is refused."""
     if question.method == "splitting":
-        return _split(question, 0, run_all, progress)
+        return _split(question, 0, engine)
     most = question.most_runs
     begun = min(FIRST_RUNS, most) if question.method == "auto" else most
-    found = _count(question, begun, run_all, progress)
+    found = _count(question, begun, engine)
     if question.method == "counting" or begun == most:
         return found
     if len(found.broken) >= FEW:
-        return _count(question, most, run_all, progress, found)
-    progress(f"{len(found.broken)} of {begun} runs broke the limit: splitting from here on")
-    return _split(question, begun, run_all, progress)
+        return _count(question, most, engine, found)
+    engine.say(f"{len(found.broken)} of {begun} runs broke the limit: splitting from here on")
+    return _split(question, begun, engine)
 
 
-def counted(variant: Variant, limit: Limit, seeds: Sequence[int]) -> list[int]:
-    """Drive with each of the seeds; those that broke the limit."""
-    scenario = variant.scenario
-    return [seed for seed in seeds if watched(with_seed(scenario, seed), limit).broken]
-
-
-def _count(
-    question: RiskQuestion,
-    most: int,
-    run_all: RunAll,
-    progress: Callable[[str], None],
-    before: Risk | None = None,
-) -> Risk:
+def _count(question: RiskQuestion, most: int, engine: Engine, before: Risk | None = None) -> Risk:
     """Count from the seed after those `before` on: twice as many runs each time, up to `most`."""
     done, broken = (before.runs, list(before.broken)) if before else (0, [])
     while True:
         until = min(max(2 * done, FIRST_RUNS), most)
-        seeds = range(done + 1, until + 1)
-        jobs = {
-            at: partial(counted, question.variant, question.limit, seeds[at : at + BATCH])
-            for at in range(0, len(seeds), BATCH)
-        }
-        broken += sorted(chain.from_iterable(seeds for _, seeds in run_all(jobs)))
+        variants = [replace(question.variant, seed=seed) for seed in range(done + 1, until + 1)]
+        jobs = [
+            Job(
+                key=f"seed {one.seed}",
+                work=partial(one.breaks, question.limit),
+                command=one.command,
+            )
+            for one in variants
+        ]
+        broke = engine.results(jobs)
+        broken += [one.seed for one, is_broken in zip(variants, broke, strict=True) if is_broken]
         done = until
         risk = _by_counting(broken, done)
-        progress(f"{len(broken)} of {done} runs broke the limit")
+        engine.say(f"{len(broken)} of {done} runs broke the limit")
         if done == most or risk.relative_half_width <= question.to:
             return risk
 
@@ -125,9 +134,7 @@ def _by_counting(broken: Sequence[int], runs: int) -> Risk:
     )
 
 
-def _split(
-    question: RiskQuestion, begun: int, run_all: RunAll, progress: Callable[[str], None]
-) -> Risk:
+def _split(question: RiskQuestion, begun: int, engine: Engine) -> Risk:
     """Repeat the splitting in rounds, until the mean is certain enough or the runs are used up."""
     most = question.most_runs - begun
     if most < ROUND * question.paths:
@@ -145,10 +152,13 @@ def _split(
     found: list[RiskEstimate] = []
     while True:
         first = len(found)
-        jobs = {number: partial(repeated, work, number) for number in range(first, first + ROUND)}
-        found += [one for _, one in sorted(run_all(jobs), key=lambda pair: pair[0])]
+        jobs = [
+            Job(key=f"repetition {number}", work=partial(repeated, work, number))
+            for number in range(first, first + ROUND)
+        ]
+        found += [RiskEstimate(**fields) for fields in engine.results(jobs)]
         risk = _by_splitting(found, begun)
-        progress(f"{len(found)} repetitions, {risk.runs} runs: {risk.probability:.3g}")
+        engine.say(f"{len(found)} repetitions, {risk.runs} runs: {risk.probability:.3g}")
         used = risk.runs - begun
         if risk.relative_half_width <= question.to or used * (1 + ROUND / len(found)) > most:
             return risk
@@ -166,3 +176,26 @@ def _by_splitting(found: Sequence[RiskEstimate], begun: int) -> Risk:
         runs=begun + sum(one.runs for one in found),
         repetitions=tuple(found),
     )
+
+
+def command_of(question: RiskQuestion, risk: Risk) -> str:
+    """The command that repeats a run that broke the limit; empty if there is none."""
+    if not risk.broken:
+        return ""
+    return replace(question.variant, seed=risk.broken[0]).command
+
+
+def write_risk(question: RiskQuestion, risk: Risk, out: Path) -> list[Path]:
+    """Write all figures as JSON into the folder `out`."""
+    figures = asdict(risk) | {"broken": len(risk.broken), "broken_seeds": list(risk.broken)}
+    whole = {
+        "schema": SCHEMA,
+        "scenario": question.variant.name,
+        "overrides": list(question.variant.overrides),
+        "limit": str(question.limit),
+        "measure": question.measure,
+        "paths": question.paths if risk.repetitions else None,
+        "command": command_of(question, risk) or None,
+        **figures,
+    }
+    return write_files(out, {TWIN: whole})

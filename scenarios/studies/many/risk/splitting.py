@@ -7,15 +7,25 @@ are not: all of these are dropped at once (Bréhier, Gazeau, Goudenège, Lelièv
 of Applied Probability 26, 2016, Section 3).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, sqrt
-from statistics import fmean, stdev
-from typing import Generic, Protocol, TypeVar
+from functools import cached_property, partial
+from math import inf
+from typing import Any, Generic, Protocol, TypeVar
 
-from numpy.random import Generator
+from numpy.random import PCG64, Generator
 
-from scenarios.results.channel.estimates import CONFIDENCE
+from scenarios.definition.scenario import Scenario
+from scenarios.runs.virtual.convoy import Branch
+from scenarios.studies.many.limit import Limit
+from scenarios.studies.many.variant import Variant
+from scenarios.studies.many.watched import (
+    Measure,
+    Watched,
+    after_start_s,
+    watched,
+    with_seed,
+)
 
 
 class BranchablePath(Protocol):
@@ -88,27 +98,90 @@ def _seed(random: Generator) -> int:
     return int(random.integers(2**63))
 
 
+# ---- Runs as such paths
+#
+# A path is a run up to an instant, bit for bit as before, and then other draws. A copy is a run
+# from the start with the same seed, whose draws come from other seeds after the instants of its
+# branches. For what is drawn again see VehicleBuilder.redraw: what is drawn once for a run stays.
+# That costs certainty where it decides, and biases nothing.
+
+
 @dataclass(frozen=True, slots=True)
-class Mean:
-    """The mean of independent estimates with its standard error and interval, none below 0."""
+class BranchedRun:
+    """One run: its seed, its branches in order of time, and what was seen of it."""
 
-    value: float
-    standard_error: float
-    low: float
-    high: float
+    seed: int
+    branches: tuple[Branch, ...]
+    watched: Watched
+
+    @property
+    def severity(self) -> float:
+        """How near it came to the limit, inf if it broke it."""
+        return self.watched.severity
 
 
-def mean_of(estimates: Sequence[float], confidence: float = CONFIDENCE) -> Mean:
-    """Mean of independent unbiased estimates, with Student's interval (1908).
+Run = Callable[[int, tuple[Branch, ...]], BranchedRun]
+"""Drives with a seed and branches."""
 
-    The estimates are skewed to the right, so that with few of them, or few paths each, the
-    interval lies a little low. Raises ValueError for fewer than two.
+
+@dataclass(frozen=True)
+class Splitting:
+    """What one repetition needs: a run and its limit, how many paths, how many runs at most."""
+
+    variant: Variant
+    limit: Limit
+    measure: Measure
+    paths: int
+    most_runs: int
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The scenario of all its runs, but for the seed."""
+        return self.variant.scenario
+
+    def run(self, seed: int, branches: tuple[Branch, ...] = ()) -> BranchedRun:
+        """Drive with a seed and branches."""
+        scenario = with_seed(self.scenario, seed)
+        found = watched(scenario, self.limit, branches=branches, measure=self.measure)
+        return BranchedRun(seed, branches, found)
+
+
+def gone_on(run: Run, parent: BranchedRun, level: float, seed: int) -> BranchedRun:
+    """Drive as `parent` until it came nearer to the limit than `level`, then otherwise."""
+    at = next(one.at for one in parent.watched.records if one.value > level)
+    before = tuple(branch for branch in parent.branches if branch.at < at)
+    return run(parent.seed, (*before, Branch(at, seed)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RiskEstimate:
+    """What is kept of a repetition; `worst` is the seed and the branches of its worst run."""
+
+    probability: float
+    runs: int
+    levels: int
+    extinct: bool
+    worst: dict[str, Any]
+
+
+def repeated(work: Splitting, number: int) -> dict[str, Any]:
+    """Carry out repetition `number`: its draws depend on the scenario's seed and on that.
+
+    Returns the fields of a `RiskEstimate`.
     """
-    from scipy.stats import t  # noqa: PLC0415 - an extra
-
-    if len(estimates) < 2:
-        raise ValueError(f"no interval of {len(estimates)} estimates")
-    value = fmean(estimates)
-    error = stdev(estimates) / sqrt(len(estimates))
-    half = float(t.ppf(0.5 + 0.5 * confidence, len(estimates) - 1)) * error
-    return Mean(value, error, max(0.0, value - half), min(1.0, value + half))
+    random = Generator(PCG64([work.scenario.seed, number]))
+    found: Repetition[BranchedRun] = split(
+        work.paths, work.run, partial(gone_on, work.run), random, most_runs=work.most_runs
+    )
+    worst = max(found.paths, key=lambda one: one.severity)
+    branches = [
+        {"after_s": after_start_s(work.scenario, branch.at), "seed": branch.seed}
+        for branch in worst.branches
+    ]
+    return {
+        "probability": found.estimate,
+        "runs": found.runs,
+        "levels": len(found.levels),
+        "extinct": found.extinct,
+        "worst": {"broken": worst.watched.broken, "seed": worst.seed, "branches": branches},
+    }

@@ -4,11 +4,9 @@ Needs matplotlib. Two keys make heat maps, three several of them, one a line, no
 distribution over the seeds.
 """
 
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -19,7 +17,6 @@ from numpy.typing import NDArray
 
 from scenarios.studies.many.limit import FIGURES, Limit
 from scenarios.studies.many.sweeps.axis import SweepAxis
-from scenarios.studies.many.sweeps.files import write_whole
 from scenarios.studies.many.sweeps.table import SweepTable, SweptCell
 from scenarios.studies.picture_style import BLUE, GREY, ORANGE, RED, SEQUENCE, STYLE
 
@@ -84,9 +81,9 @@ def _numbers(values: Any) -> NDArray[np.float64]:
     return np.array([np.nan if value is None else value for value in values], dtype=float)
 
 
-def draw_sweep(table: SweepTable, file: Path) -> str:
-    """Draw the cells over the keys that vary; why not, in a line, if there is no such picture."""
-    axes, panels = table.plan.axes, list(_panels(table))
+def why_no_heat_map(table: SweepTable) -> str:
+    """Return in a line why the cells cannot be drawn; empty if they can."""
+    axes = table.plan.axes
     if not axes:
         return "no heat map: no key varies; seeds.png has the distribution over the seeds"
     if len(axes) > 3:
@@ -94,18 +91,22 @@ def draw_sweep(table: SweepTable, file: Path) -> str:
     if len(axes) == 3 and len(axes[0].texts) > MOST_PANELS:
         count = len(axes[0].texts)
         return f"no heat map: {axes[0].key} has {count} values, {MOST_PANELS} can be drawn"
-    with mpl.rc_context(STYLE):
-        if len(axes) == 3:
-            figure = _multiples(axes, panels[0])
-        else:
-            figure, places = _places(panels)
-            for place, panel in zip(places, panels, strict=True):
-                if len(axes) == 2:
-                    _heat(figure, place, axes, panel, panel.values)
-                else:
-                    _line(place, axes[0], panel)
-        _save(figure, file)
     return ""
+
+
+@mpl.rc_context(STYLE)
+def sweep_figure(table: SweepTable) -> Figure:
+    """Draw the cells over the keys that vary."""
+    axes, panels = table.plan.axes, list(_panels(table))
+    if len(axes) == 3:
+        return _multiples(axes, panels[0])
+    figure, places = _places(panels)
+    for place, panel in zip(places, panels, strict=True):
+        if len(axes) == 2:
+            _heat(figure, place, axes, panel, panel.values)
+        else:
+            _line(place, axes[0], panel)
+    return figure
 
 
 def _places(panels: Sequence[object]) -> tuple[Figure, list[Axes]]:
@@ -117,12 +118,6 @@ def _places(panels: Sequence[object]) -> tuple[Figure, list[Axes]]:
     for place in places[len(panels) :]:
         place.set_axis_off()
     return figure, places[: len(panels)]
-
-
-def _save(figure: Figure, file: Path) -> None:
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=110.0)
-    write_whole(file, content.getvalue())
 
 
 def _positions(axis: SweepAxis) -> NDArray[np.float64]:
@@ -220,22 +215,22 @@ def _line(place: Axes, axis: SweepAxis, panel: SweepPanel) -> None:
         place.set_ylim(-0.03, 1.03)
 
 
-def draw_seeds(table: SweepTable, file: Path) -> None:
+@mpl.rc_context(STYLE)
+def seeds_figure(table: SweepTable) -> Figure:
     """Draw the distribution of each figure over the seeds, a line for each cell."""
-    with mpl.rc_context(STYLE):
-        figure, places = _places(table.plan.figures)
-        for number, place in enumerate(places):
-            for cell, colour in zip(table.cells, _colours(table), strict=True):
-                _distribution(place, cell, number, colour)
-            name = table.plan.figures[number].name
-            if (bound := _bound_of(name, table.plan.limits)) is not None:
-                place.axvline(bound, color=RED, linewidth=0.9, linestyle=":")
-            place.set(xlabel=name, ylabel="share of the runs", title=_over(table))
-            lines = place.get_legend_handles_labels()[0]
-            if table.plan.axes and lines and len(table.cells) <= MOST_NAMED:
-                keys = ", ".join(axis.key for axis in table.plan.axes)
-                place.legend(loc="lower right", title=keys, title_fontsize=7.5)
-        _save(figure, file)
+    figure, places = _places(table.plan.figures)
+    for number, place in enumerate(places):
+        for cell, colour in zip(table.cells, _colours(table), strict=True):
+            _distribution(place, cell, number, colour)
+        name = table.plan.figures[number].name
+        if (bound := _bound_of(name, table.plan.limits)) is not None:
+            place.axvline(bound, color=RED, linewidth=0.9, linestyle=":")
+        place.set(xlabel=name, ylabel="share of the runs", title=_over(table))
+        lines = place.get_legend_handles_labels()[0]
+        if table.plan.axes and lines and len(table.cells) <= MOST_NAMED:
+            keys = ", ".join(axis.key for axis in table.plan.axes)
+            place.legend(loc="lower right", title=keys, title_fontsize=7.5)
+    return figure
 
 
 def _over(table: SweepTable) -> str:

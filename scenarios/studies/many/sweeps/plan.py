@@ -1,19 +1,17 @@
 """Which runs a sweep has, and what is asked of each."""
 
-import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
-from scenarios.studies.many.engine.batch import Work
-from scenarios.studies.many.engine.stamp import stamp_of_this_process
+from scenarios.studies.engine.job import Job
 from scenarios.studies.many.limit import Limit, parsed_limit
 from scenarios.studies.many.sweeps.axis import SweepAxis, cells, parsed_axes
 from scenarios.studies.many.sweeps.figure import AskedFigure, parsed_figure
-from scenarios.studies.many.variant import Variant, variants_of
+from scenarios.studies.many.variant import Variant, asked_of_runs, variants_of
 
 DEFAULT_FIGURE = "cross_track_error_m_max"
 MOST_RUNS = 100_000
@@ -49,26 +47,27 @@ class SweepPlan:
         """The runs of a cell, in the order of their seeds."""
         return variants_of(self.name, self.text, [*self.sets, *cell], range(1, self.seeds + 1))
 
-    def jobs(self) -> dict[str, Work]:
-        """Every run by its key in the journal, as work for an engine."""
-        return {
-            run_key(place, variant.seed): partial(asked_of, variant, self.figures, self.limits)
+    def jobs(self) -> list[Job]:
+        """Every run, by its key in the journal."""
+        return [
+            Job(
+                key=run_key(place, variant.seed),
+                work=partial(asked_of, variant, self.figures, self.limits),
+                command=variant.command,
+            )
             for place, cell in enumerate(self.cells)
             for variant in self.variants(cell)
-        }
+        ]
 
     def asked(self) -> dict[str, Any]:
         """All that its results depend on, by the words of the command line."""
-        return {
-            "SCENARIO": self.name,
-            "its content": hashlib.sha256(self.text.encode()).hexdigest()[:12],
-            "--set": list(self.sets),
-            "--vary": [f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
-            "--seeds": self.seeds,
-            "--figure": [figure.name for figure in self.figures],
-            "--limit": [str(limit) for limit in self.limits],
-            **asdict(stamp_of_this_process()),
-        }
+        return asked_of_runs(
+            Variant(text=self.text, name=self.name, overrides=self.sets),
+            vary=[f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
+            seeds=self.seeds,
+            figure=[figure.name for figure in self.figures],
+            limit=[str(limit) for limit in self.limits],
+        )
 
 
 def run_key(cell: int, seed: int) -> str:

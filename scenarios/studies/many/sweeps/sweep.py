@@ -1,27 +1,24 @@
 """A sweep carried out: what is left of its runs, then its tables and pictures."""
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
 
-from scenarios.definition.errors import ScenarioError
-from scenarios.studies.many.engine.countdown import Countdown
-from scenarios.studies.many.engine.driver import JobDriver, Outcome
-from scenarios.studies.many.engine.fleet import Fleet
-from scenarios.studies.many.engine.journal import JOURNAL, Entry, RunJournal, open_journal
-from scenarios.studies.many.sweeps.files import CELLS, PARQUET, RUNS, TWIN, write_tables
+from scenarios.studies.engine.engine import Engine, Outcome, study_engine
+from scenarios.studies.engine.fleet import OpenFleet
+from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.sweeps.plan import SweepPlan
-from scenarios.studies.many.sweeps.table import SweepTable, table_of
+from scenarios.studies.many.sweeps.table import SweepTable, machine_readable, table_of, typed_rows
 
+CELLS, RUNS, TWIN = "sweep.csv", "runs.csv", "sweep.json"
+PARQUET = ("sweep.parquet", "runs.parquet")
 HEAT_MAP, SEEDS = "sweep.png", "seeds.png"
-GIVEN_UP = "given_up"
-"""Of an entry whose worker died: the fault may be the machine's, so the run is tried again."""
 
 
 def carry_out_sweep(
     plan: SweepPlan,
     out: Path,
-    fleet: Callable[[], AbstractContextManager[Fleet]],
+    fleet: OpenFleet,
     say: Callable[[str], None],
     *,
     parquet: bool = False,
@@ -29,60 +26,51 @@ def carry_out_sweep(
 ) -> tuple[SweepTable, list[Path]]:
     """Do all runs that the journal in `out` does not have yet; the table, and the files written.
 
-    `fleet` is asked for if there is something to do. Killed at any instant and called again, it
-    goes on and ends with the same bytes in all tables. Raises ScenarioError if the folder holds
-    something else.
+    Killed at any instant and called again, it goes on and ends with the same bytes in all tables.
+    Raises ScenarioError if the folder holds something else.
     """
-    _refuse_used(out)
-    with open_journal(out, plan.asked()) as journal:
-        _complete(plan, journal, fleet, say)
-        table = table_of(plan, journal.entries)
-        written = write_tables(table, out, parquet=parquet)
-        return table, [*written, *(_draw(table, out, say) if pictures else ())]
+    files = (CELLS, RUNS, TWIN, HEAT_MAP, SEEDS, *PARQUET)
+    with study_engine(
+        fleet, say, out=out, files=files, asked=plan.asked(), keep_journal=True
+    ) as engine:
+        table = table_of(plan, _entries(plan, engine))
+        contents = tables_of(table, parquet=parquet) | (drawn(table, say) if pictures else {})
+        return table, write_files(out, contents)
 
 
-def _draw(table: SweepTable, out: Path, say: Callable[[str], None]) -> list[Path]:
-    """Draw what can be drawn; the files."""
-    from scenarios.studies.many.sweeps.pictures import draw_seeds, draw_sweep  # noqa: PLC0415
-
-    draw_seeds(table, out / SEEDS)
-    if why_not := draw_sweep(table, out / HEAT_MAP):
-        say(why_not)
-        return [out / SEEDS]
-    return [out / HEAT_MAP, out / SEEDS]
-
-
-def _refuse_used(out: Path) -> None:
-    """Raise ScenarioError if a file would be overwritten that no sweep of this folder wrote."""
-    if (out / JOURNAL).exists():
-        return
-    for name in (CELLS, RUNS, TWIN, HEAT_MAP, SEEDS, *PARQUET):
-        if (out / name).exists():
-            raise ScenarioError([f"{out / name}: exists; give another folder by --out"])
-
-
-def _complete(
-    plan: SweepPlan,
-    journal: RunJournal,
-    fleet: Callable[[], AbstractContextManager[Fleet]],
-    say: Callable[[str], None],
-) -> None:
-    """Do the runs of which the journal has nothing yet."""
-    known = {key for key, entry in journal.entries.items() if not entry.get(GIVEN_UP)}
-    left = {key: job for key, job in plan.jobs().items() if key not in known}
+def _entries(plan: SweepPlan, engine: Engine) -> dict[str, dict[str, Any]]:
+    """Do all runs; what is kept of each."""
+    jobs = plan.jobs()
+    known = engine.known(jobs)
     if known:
-        say(f"{len(known)} of {plan.runs} runs are there already, {len(left)} are left")
-    if not left:
-        return
-    countdown = Countdown(plan.runs, len(known), say)
-    with fleet() as workers:
-        for outcome in JobDriver(left, workers).outcomes():
-            journal.add(outcome.key, _entry(outcome))
-            countdown.one_more()
+        engine.say(f"{known} of {plan.runs} runs are there already, {plan.runs - known} are left")
+    engine.progress.total = plan.runs
+    return {outcome.key: _entry(outcome) for outcome in engine.outcomes(jobs)}
 
 
-def _entry(outcome: Outcome[str]) -> Entry:
-    if not outcome.error:
-        entry: Entry = outcome.result
-        return entry
-    return {"error": outcome.error} | ({GIVEN_UP: True} if outcome.is_given_up else {})
+def _entry(outcome: Outcome) -> dict[str, Any]:
+    return {"error": outcome.error} if outcome.error else dict(outcome.result)
+
+
+def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
+    """All tables by the names of their files."""
+    cells, runs = table.rows(), table.run_rows()
+    contents: dict[str, Any] = {CELLS: cells, RUNS: runs, TWIN: machine_readable(table)}
+    if parquet:
+        for name, rows in zip(PARQUET, (cells, runs), strict=True):
+            contents[name] = typed_rows(table, rows)
+    return contents
+
+
+def drawn(table: SweepTable, say: Callable[[str], None]) -> dict[str, Any]:
+    """All pictures by the names of their files; why there is no heat map goes to `say`."""
+    from scenarios.studies.many.sweeps.pictures import (  # noqa: PLC0415 - needs matplotlib
+        seeds_figure,
+        sweep_figure,
+        why_no_heat_map,
+    )
+
+    if why_not := why_no_heat_map(table):
+        say(why_not)
+        return {SEEDS: seeds_figure(table)}
+    return {HEAT_MAP: sweep_figure(table), SEEDS: seeds_figure(table)}

@@ -1,19 +1,18 @@
 """What the runs of each cell of a sweep say together. It depends on what the runs gave alone."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from scenarios.studies.many.engine.journal import Entry
-from scenarios.studies.many.intervals import wilson
+from scenarios.studies.engine.results import Row
 from scenarios.studies.many.limit import Limit
+from scenarios.studies.many.statistics import wilson
 from scenarios.studies.many.sweeps.figure import AskedFigure
 from scenarios.studies.many.sweeps.plan import SweepPlan, run_key
 
-Row = dict[str, Any]
-"""A row of a table: texts and numbers by column, None where there is nothing."""
+SCHEMA = "convoy.sweep/1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +129,7 @@ class SweepTable:
         return row | {"command": run.command}
 
 
-def table_of(plan: SweepPlan, entries: Mapping[str, Entry]) -> SweepTable:
+def table_of(plan: SweepPlan, entries: Mapping[str, Mapping[str, Any]]) -> SweepTable:
     """Sum up what the journal has of all runs; their order there does not matter."""
     found = []
     for place, cell in enumerate(plan.cells):
@@ -143,7 +142,7 @@ def table_of(plan: SweepPlan, entries: Mapping[str, Entry]) -> SweepTable:
     return SweepTable(plan=plan, cells=tuple(found))
 
 
-def _run(values: tuple[str, ...], seed: int, command: str, entry: Entry) -> SweptRun:
+def _run(values: tuple[str, ...], seed: int, command: str, entry: Mapping[str, Any]) -> SweptRun:
     return SweptRun(
         values=values,
         seed=seed,
@@ -202,3 +201,47 @@ def _share(broken: Sequence[bool]) -> LimitShare:
     low, high = wilson(count, len(broken))
     ratio = count / len(broken) if broken else None
     return LimitShare(broken=count, ratio=ratio, low=low, high=high)
+
+
+# ---- For machines
+
+
+def machine_readable(table: SweepTable) -> dict[str, object]:
+    """Give what was asked, and each cell with its runs, as JSON has it."""
+    cells = [_cell_content(table, cell) for cell in table.cells]
+    return {"schema": SCHEMA, "asked": table.plan.asked(), "cells": cells}
+
+
+def _cell_content(table: SweepTable, cell: SweptCell) -> dict[str, object]:
+    keys = [axis.key for axis in table.plan.axes]
+    figures = [figure.name for figure in table.plan.figures]
+    limits = [str(limit) for limit in table.plan.limits]
+    return {
+        "values": dict(zip(keys, cell.values, strict=True)),
+        "failed": cell.failed,
+        "errors": cell.errors,
+        "figures": dict(zip(figures, map(asdict, cell.figures), strict=True)),
+        "limits": dict(zip(limits, map(asdict, cell.limits), strict=True)),
+        "worst_seed": cell.worst.seed,
+        "runs": [
+            {
+                "seed": run.seed,
+                "command": run.command,
+                "outcome": run.outcome,
+                "reason": run.reason,
+                "error": run.error,
+                "figures": dict(zip(figures, run.figures, strict=False)),
+                "broken": dict(zip(limits, run.broken, strict=False)),
+            }
+            for run in cell.runs
+        ],
+    }
+
+
+def typed_rows(table: SweepTable, rows: Sequence[Row]) -> list[Row]:
+    """Rows in which the values of keys that are numbers are such and not texts."""
+    numbers = {axis.key for axis in table.plan.axes if axis.numbers}
+    return [
+        {name: float(value) if name in numbers else value for name, value in row.items()}
+        for row in rows
+    ]

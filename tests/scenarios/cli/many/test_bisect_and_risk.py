@@ -33,7 +33,7 @@ def test_a_boundary_is_bracketed_and_written(tmp_path: Path) -> None:
     assert f"links.loss_ratio = {twin['boundary']:g} ± 0.1" in done.output
     again = convoy("bisect", NAME, "links.loss_ratio", *asked, *SMALL)
     assert again.exit_code == 2
-    assert "exists; give another place" in again.output
+    assert "exists; give another folder by --out" in again.output
 
 
 def test_a_risk_is_counted_and_written(tmp_path: Path) -> None:

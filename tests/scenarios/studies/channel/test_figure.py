@@ -40,7 +40,7 @@ def unseen(_: str) -> None:
 def test_it_draws_and_writes_what_it_drove(tmp_path: Path) -> None:
     said: list[str] = []
     costs = channel_figure(SMALL, tmp_path / "out", said.append, workers=0)
-    assert said[-1].endswith("4 of 4 drives")
+    assert said[-1].endswith("4 of 4 runs")
     assert (tmp_path / "out" / PICTURE).read_bytes().startswith(PNG)
     twin = json.loads((tmp_path / "out" / TWIN).read_text())
     assert [row["true_error_m_max"] for row in twin["channels"]] == [

@@ -1,6 +1,6 @@
 """From the limits of runs to the rows of a drill: the worst of all seeds, and how near it was."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 from xml.etree import ElementTree as Xml
 
@@ -8,16 +8,19 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.summary import LimitFigure
-from scenarios.studies.drills.campaign import carry_out_drills, drill_rows, machine_readable
 from scenarios.studies.drills.drill import (
     UNMEASURED,
     DrillRow,
     DrillRun,
+    carry_out_drills,
+    drill_rows,
     drill_run,
     drill_variants,
     rows_of,
 )
-from scenarios.studies.drills.junit import as_xml
+from scenarios.studies.drills.files import as_xml, machine_readable
+from scenarios.studies.engine.job import Job
+from tests.made.many.engines import MadeUpEngine
 
 
 def limit(figure: float | None, name: str = "cross_track_error_m_max", **more: Any) -> LimitFigure:
@@ -117,19 +120,18 @@ def test_a_run_says_why_it_failed_besides_its_limits() -> None:
 
 def test_all_are_driven_and_none_twice() -> None:
     asked = [*drill_variants("tunnel", seeds=(1, 2)), *drill_variants("lead_lost", seeds=(1,))]
-    said: list[str] = []
 
-    def fake(jobs: Any) -> Any:
-        for key in reversed(jobs):
-            yield key, run(limit(0.1), drill=key[0], seed=key[1])
+    def result(job: Job) -> dict[str, Any]:
+        name, seed = job.key.split()
+        return asdict(run(limit(0.1), drill=name, seed=int(seed)))
 
-    found = carry_out_drills(asked, said.append, fake)
+    found = carry_out_drills(asked, MadeUpEngine(result))
     assert [(one.drill, one.seed) for one in found] == [
         ("tunnel", 1),
         ("tunnel", 2),
         ("lead_lost", 1),
     ]
-    assert "3 of 3 runs" in said[-1]
+    assert found[0] == run(limit(0.1), drill="tunnel", seed=1)
 
 
 # ---- For machines

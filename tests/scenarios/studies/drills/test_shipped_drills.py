@@ -7,9 +7,10 @@ import pytest
 from scenarios.definition.check.report import check
 from scenarios.definition.library import DRILLS
 from scenarios.definition.scenario import drills, library, load_scenario, scenario_from_text
-from scenarios.runs.pool import in_this_process
 from scenarios.studies.drills.drill import carry_out_drill, drill_variants, rows_of
 from scenarios.studies.drills.worst import SearchSpan, SoughtBurst, WorstSearch, base_of
+from scenarios.studies.engine.engine import Engine
+from tests.made.many.engines import engine_here
 from tests.made.many.planted_faults import PLANTS
 
 PROMISED = {
@@ -93,10 +94,10 @@ WORST_AT_S, BURST = 8.219, SoughtBurst(for_s=1.0)
 SETTINGS = ("convoy.vehicles=3", "duration_s=12")
 
 
-def search(seeds: int = SEEDS) -> WorstSearch:
+def search(engine: Engine, seeds: int = SEEDS) -> WorstSearch:
     """The search whose command stands in the head of the file."""
     base = base_of("lane_change", SETTINGS, None)
-    return WorstSearch(base, BURST, "error_m", lambda _: None, in_this_process, seeds=seeds)
+    return WorstSearch(base, BURST, "error_m", engine, seeds=seeds)
 
 
 def test_the_burst_is_at_the_instant_that_was_found() -> None:
@@ -108,7 +109,9 @@ def test_the_burst_is_at_the_instant_that_was_found() -> None:
         "sender": "*",
         "receiver": "*",
     }
-    found, shipped = search().variant(WORST_AT_S).scenario, load_scenario("burst_worst")
+    with engine_here() as engine:
+        variant = search(engine).variant(WORST_AT_S)
+    found, shipped = variant.scenario, load_scenario("burst_worst")
     for key in ("change", "path", "convoy", "links", "gnss", "control", "speed", "seed"):
         assert getattr(found.tables, key) == getattr(shipped.tables, key), key
 
@@ -118,9 +121,11 @@ def test_the_burst_is_at_the_worst_instant(case: int) -> None:
     """Worse than a second later; in a campaign it is what the search finds."""
     if case:
         span = SearchSpan(from_s=3.0, to_s=10.0, step_s=0.5, finest_s=0.05)
-        assert search().look(span).at_s == WORST_AT_S
+        with engine_here() as engine:
+            assert search(engine).look(span).at_s == WORST_AT_S
         return
     span = SearchSpan(from_s=WORST_AT_S, to_s=WORST_AT_S + 1.0, step_s=1.0, finest_s=1.0)
-    found = search(seeds=1).look(span)
+    with engine_here() as engine:
+        found = search(engine, seeds=1).look(span)
     assert found.at_s == WORST_AT_S
     assert found.figure > 5.0 * found.figures[round(WORST_AT_S + 1.0, 3)]

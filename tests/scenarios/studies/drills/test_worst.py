@@ -3,7 +3,6 @@
 import json
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from hypothesis import strategies as st
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.summary import to_json
-from scenarios.runs.pool import in_this_process
 from scenarios.runs.virtual.unlogged import run_unlogged
 from scenarios.studies.drills.worst import (
     SearchSpan,
@@ -25,41 +23,48 @@ from scenarios.studies.drills.worst import (
     burst_of,
     span_of,
 )
-from scenarios.studies.drills.written import as_json, drill_text, write_drill
+from scenarios.studies.drills.worst_files import drill_text, machine_readable, write_drill
+from scenarios.studies.engine.job import Job
+from tests.made.many.engines import MadeUpEngine, engine_here
 
 SHORT = ("duration_s=6.0", "convoy.vehicles=2")
 BASE = base_of("lane_change", SHORT, None)
 SCENARIO = BASE.scenario
-Job = tuple[float, int]
+NOBODY = MadeUpEngine(lambda job: pytest.fail(job.key))
+
+
+def instant_and_seed(job: Job) -> tuple[float, int]:
+    at, seed = job.key.split("/")
+    return float(at), int(seed)
 
 
 def searched(figure: Any, span: SearchSpan, word: str = "error_m") -> WorstInstant:
     """What a search finds where `figure` is that of each instant, without a drive."""
 
-    def run_all(jobs: Mapping[Job, Any]) -> Iterator[tuple[Job, float]]:
-        for at, seed in reversed(list(jobs)):
-            yield (at, seed), figure(at) if word == "error_m" else -figure(at)
+    def severity(job: Job) -> float:
+        at, _ = instant_and_seed(job)
+        return float(figure(at) if word == "error_m" else -figure(at))
 
-    burst = SoughtBurst(for_s=1.0)
-    return WorstSearch(BASE, burst, word, lambda _: None, run_all).look(span)
+    return WorstSearch(BASE, SoughtBurst(for_s=1.0), word, MadeUpEngine(severity)).look(span)
 
 
 def test_with_seeds_it_is_the_worst_mean_and_the_worst_run_of_it() -> None:
     """Of one seed the noise is largest at 3 s; what all have in common is at 8 s."""
 
-    def run_all(jobs: Mapping[Job, Any]) -> Iterator[tuple[Job, float]]:
-        for at, seed in reversed(list(jobs)):
-            noise = 1.0 if (at, seed) == (3.0, 4) else 0.1 * seed
-            yield (at, seed), noise + max(0.5 - abs(at - 8.0), 0.0)
+    def severity(job: Job) -> float:
+        at, seed = instant_and_seed(job)
+        noise = 1.0 if (at, seed) == (3.0, 4) else 0.1 * seed
+        return noise + max(0.5 - abs(at - 8.0), 0.0)
 
     base = base_of("lane_change", SHORT, 4)
     burst = SoughtBurst(for_s=1.0)
-    found = WorstSearch(base, burst, "error_m", lambda _: None, run_all, seeds=3).look(SPAN)
+    engine = MadeUpEngine(severity)
+    found = WorstSearch(base, burst, "error_m", engine, seeds=3).look(SPAN)
     assert found.at_s == 8.0
     assert found.mean == pytest.approx(0.5 + 0.1 * 5)
     assert found.variant.seed == 6
     assert found.figure == pytest.approx(0.5 + 0.1 * 6)
-    alone = WorstSearch(base, burst, "error_m", lambda _: None, run_all).look(SPAN)
+    alone = WorstSearch(base, burst, "error_m", engine).look(SPAN)
     assert (alone.at_s, alone.mean, alone.figure) == (3.0, 1.0, 1.0)
 
 
@@ -104,7 +109,7 @@ def test_both_ends_are_looked_at_and_nothing_beyond() -> None:
 def test_a_burst_is_laid_over_what_is_done_anyway() -> None:
     base = base_of("lane_change", (*SHORT, 'change=[{kind="heal", at_s=1.0}]'), 4)
     burst = SoughtBurst(for_s=1.5, links=(("lead", "*"), ("v1", "v2")))
-    search = WorstSearch(base, burst, "error_m", lambda _: None, in_this_process, changes=1)
+    search = WorstSearch(base, burst, "error_m", NOBODY, changes=1)
     scenario = search.variant(2.25).scenario
     assert scenario.seed == 4
     assert [one.kind for one in scenario.tables.change] == ["heal", "cut", "cut"]
@@ -159,7 +164,7 @@ def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
     own = tmp_path / "mine" / "road.toml"
     own.write_text('extends = "lane_change"\nname = "road"\nduration_s = 8.0\n')
     base = base_of(str(own), ["links.loss_ratio=0.2", "link.0={sender='v1', receiver='v2'}"], 3)
-    search = WorstSearch(base, SoughtBurst(for_s=1.0), "gap_m", lambda _: None, in_this_process)
+    search = WorstSearch(base, SoughtBurst(for_s=1.0), "gap_m", NOBODY)
     found = WorstInstant(
         word="gap_m", at_s=2.0, figure=6.0, figures={2.0: 6.0}, variant=search.variant(2.0)
     )
@@ -173,7 +178,7 @@ def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
 
 def test_everything_tried_is_there_for_machines() -> None:
     found = searched(lambda at: at, SearchSpan(from_s=1.0, to_s=2.0, step_s=0.5, finest_s=0.5))
-    table = json.loads(as_json(found, SoughtBurst(for_s=1.0)))
+    table = json.loads(json.dumps(machine_readable(found, SoughtBurst(for_s=1.0))))
     assert (table["schema"], table["at_s"], table["error_m"]) == ("convoy.worst/1", 2.0, 2.0)
     assert table["tried"] == [{"at_s": at, "error_m": at} for at in (1.0, 1.5, 2.0)]
 
@@ -182,9 +187,8 @@ def test_a_figure_is_that_of_the_run_that_the_command_repeats() -> None:
     """The one search here that drives: two instants, in this process."""
     base = base_of("lane_change", ("duration_s=2.5", "convoy.vehicles=2"), None)
     span = SearchSpan(from_s=1.0, to_s=1.5, step_s=0.5, finest_s=0.5)
-    found = WorstSearch(
-        base, SoughtBurst(for_s=1.0), "error_m", lambda _: None, in_this_process
-    ).look(span)
+    with engine_here() as engine:
+        found = WorstSearch(base, SoughtBurst(for_s=1.0), "error_m", engine).look(span)
     again = load_scenario("lane_change", found.variant.overrides, found.variant.seed)
     summary = run_unlogged(again)
     assert to_json(summary) == to_json(found.variant.run())

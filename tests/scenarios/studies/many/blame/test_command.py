@@ -54,7 +54,6 @@ def test_the_worst_figure_and_the_breach_are_those_of_the_summary(
         answer = answer_of(run.scenario, question, run.start_at, run.told)
         assert answer.figure_m == worst
         assert (answer.broken_at is not None) == limit.broken_by(summary_of(log))
-        assert max(answer.truth.values()) == max(run.truth.values())
 
 
 def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_run(
@@ -89,7 +88,7 @@ def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_ru
     assert lost - 1 <= found["smallest"]["messages"] <= lost  # one may be under way at the end
 
     assert refused(convoy("blame", log, "--out", out)) == (
-        f"{out / 'blame.png'}: exists; give another place"
+        f"{out / 'blame.png'}: exists; give another folder by --out"
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.studies.many.blame.ddmin import Smallest, ddmin, split, trimmed
+from scenarios.studies.many.blame.shrinking import Smallest, ddmin, split, trimmed
 
 Fails = Callable[[frozenset[int]], bool]
 SIZES = st.integers(1, 40)

@@ -1,11 +1,14 @@
 """Ranking and shrinking on convoys made up, whose error is a formula of what was lost."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import partial
 from itertools import pairwise
 from typing import Any, cast
 
 import pytest
 
+from scenarios.studies.engine.job import Job
 from scenarios.studies.many.blame.imposed import LossFree
 from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, moments_of
 from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_alone
@@ -13,6 +16,7 @@ from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion
 from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
 from scenarios.studies.many.blame.trials import Trials
 from scenarios.studies.many.limit import Limit
+from tests.made.many.engines import MadeUpEngine
 
 ErrorOf = Callable[[Losses], float]
 LANE_M = 0.8
@@ -22,8 +26,9 @@ PERIOD = 50_000_000
 class NoConvoy:
     """In place of a convoy, whose runs nobody drives here."""
 
-    def losing(self, losses: Losses) -> None:
-        """Nothing to drive."""
+    def losing(self, losses: Losses) -> Losses:
+        """In place of a scenario, what it loses."""
+        return losses
 
 
 def answer(error: float) -> BlameAnswer:
@@ -32,18 +37,17 @@ def answer(error: float) -> BlameAnswer:
 
 
 def trials_of(error_of: ErrorOf, at_once: int = 1, most_runs: int = 1000) -> Trials:
-    def run_all(jobs: Mapping[Any, Any]) -> Iterator[tuple[Any, BlameAnswer]]:
-        for losses in reversed(jobs):  # results come in any order
-            yield losses, answer(error_of(losses))
+    def result(job: Job) -> dict[str, Any]:
+        (losses, *_) = cast("partial[Any]", job.work).args
+        return asdict(answer(error_of(losses)))
 
     return Trials(
         convoy=cast("LossFree", NoConvoy()),
         question=BlameQuestion(figure="error", limit=Limit("lane"), until=2),
         breaks_by=2,
-        run_all=run_all,
+        engine=MadeUpEngine(result),
         at_once=at_once,
         most_runs=most_runs,
-        say=lambda _: None,
     )
 
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.studies.many.boundary.curve import Place, ShareCurve
-from scenarios.studies.many.boundary.search import NoBoundaryError, bracket
+from scenarios.studies.many.boundary.curve import NoBoundaryError, Place, ShareCurve, bracket
 
 VALUES = [number / 50 for number in range(51)]
 

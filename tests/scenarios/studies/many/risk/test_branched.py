@@ -8,12 +8,12 @@ from random import Random
 import numpy as np
 import pytest
 
-from scenarios.runs.pool import warm_workers
 from scenarios.studies.many.limit import parsed_limit
-from scenarios.studies.many.risk.branched import Splitting, gone_on, repeated
 from scenarios.studies.many.risk.estimated import RiskQuestion, risk_of
-from scenarios.studies.many.risk.splitting import Mean, mean_of, split
+from scenarios.studies.many.risk.splitting import Splitting, gone_on, repeated, split
+from scenarios.studies.many.statistics import Mean, mean_of
 from scenarios.studies.many.watched import watched
+from tests.made.many.engines import engine_here
 from tests.made.scenarios.risks.known_runs import KnownRuns, SilentRuns, small_convoy
 from tests.made.scenarios.risks.lost_path_runs import (
     MESSAGES,
@@ -62,9 +62,8 @@ def test_a_copy_is_its_parent_until_that_came_nearer_than_the_level() -> None:
 def test_a_repetition_depends_on_its_number_alone() -> None:
     once, again, other = (repeated(WORK, number) for number in (1, 1, 2))
     assert once == again != other
-    assert once.runs <= WORK.most_runs + WORK.paths
-    worst = once.worst
-    assert {*worst} == {"broken", "seed", "branches"}
+    assert once["runs"] <= WORK.most_runs + WORK.paths
+    assert {*once["worst"]} == {"broken", "seed", "branches"}
 
 
 def test_known_runs_lose_what_branched_runs_lose() -> None:
@@ -157,7 +156,7 @@ def test_one_in_a_million_is_told_within_half_by_twenty_thousand_runs(campaign: 
     truth = probability(RARE_RATIO)
     assert 0.5e-6 < truth < 2e-6
     inside = 0
-    with warm_workers() as run_all:
+    with engine_here(None) as engine:
         for seed in range(1, campaign + 1):
             asked = RiskQuestion(
                 variant=replace(lost_path_convoy(f"links.loss_ratio={RARE_RATIO}"), seed=seed),
@@ -168,7 +167,7 @@ def test_one_in_a_million_is_told_within_half_by_twenty_thousand_runs(campaign: 
                 most_runs=20_000,
                 paths=120,
             )
-            risk = risk_of(asked, run_all, print)
+            risk = risk_of(asked, engine)
             assert risk.runs <= 20_000
             assert risk.relative_half_width < 0.5
             assert abs(risk.probability - truth) < 3.0 * risk.standard_error

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.many.engine.fleet import Fleet
-from scenarios.studies.many.engine.journal import JOURNAL
+from scenarios.studies.engine.fleet import Fleet
+from scenarios.studies.engine.journal import JOURNAL, open_journal
 from scenarios.studies.many.sweeps.plan import DEFAULT_FIGURE, planned
 from scenarios.studies.many.sweeps.sweep import carry_out_sweep
 from tests.made.many.small_sweeps import SETS, driven_here, small_plan, tables
@@ -86,12 +86,10 @@ def test_a_run_that_raises_stands_in_its_cell(tmp_path: Path) -> None:
 
 
 def test_a_run_whose_worker_died_is_tried_again_next_time(whole: Path, tmp_path: Path) -> None:
-    lines = (whole / JOURNAL).read_text().splitlines(keepends=True)
-    died = [
-        json.dumps({"run": json.loads(line)["run"], "error": "died", "given_up": True}) + "\n"
-        for line in lines[1:3]
-    ]
-    (tmp_path / JOURNAL).write_text("".join([lines[0], *died, *lines[3:]]))
+    (tmp_path / JOURNAL).write_bytes((whole / JOURNAL).read_bytes())
+    with open_journal(tmp_path, small_plan().asked(), print) as journal:
+        for key in list(journal.entries)[1:3]:
+            journal.add(key, {"error": "died", "given_up": True})
     driven_here(small_plan(), tmp_path)
     assert tables(tmp_path) == tables(whole)
 

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from scenarios.studies.many.intervals import wilson
-from scenarios.studies.many.sweeps.files import write_tables
-from scenarios.studies.many.sweeps.pictures import draw_seeds, draw_sweep
+from scenarios.studies.engine.results import write_files
+from scenarios.studies.many.statistics import wilson
 from scenarios.studies.many.sweeps.plan import SweepPlan
+from scenarios.studies.many.sweeps.sweep import drawn, tables_of
 from scenarios.studies.many.sweeps.table import SweepTable, table_of
 from tests.made.many.small_sweeps import TABLES, small_plan
 
@@ -91,8 +91,7 @@ def test_the_order_of_the_journal_does_not_matter(plan: SweepPlan, tmp_path: Pat
     shuffled = list(entries.items())
     random.Random(7).shuffle(shuffled)
     for name, of in (("one", entries), ("other", dict(shuffled))):
-        (tmp_path / name).mkdir()
-        write_tables(table_of(plan, of), tmp_path / name)
+        write_files(tmp_path / name, tables_of(table_of(plan, of)))
     for name in TABLES:
         one, other = ((tmp_path / folder / name).read_bytes() for folder in ("one", "other"))
         assert one == other
@@ -101,7 +100,7 @@ def test_the_order_of_the_journal_does_not_matter(plan: SweepPlan, tmp_path: Pat
 def test_files_say_the_same_as_one_another(plan: SweepPlan, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     table = table_of(plan, made_up(plan))
-    write_tables(table, tmp_path, parquet=True)
+    write_files(tmp_path, tables_of(table, parquet=True))
     whole = json.loads((tmp_path / "sweep.json").read_text())
     assert whole["schema"] == "convoy.sweep/1"
     with (tmp_path / "runs.csv").open(newline="") as file:
@@ -157,15 +156,15 @@ def of(vary: tuple[str, ...]) -> SweepTable:
 
 @pytest.mark.parametrize("vary", [THREE[:1], THREE, ("links.preset=clear,lossy",)])
 def test_up_to_three_keys_are_drawn(vary: tuple[str, ...], tmp_path: Path) -> None:
-    assert draw_sweep(of(vary), tmp_path / "sweep.png") == ""
+    said: list[str] = []
+    write_files(tmp_path, drawn(of(vary), said.append))
+    assert not said
     assert (tmp_path / "sweep.png").read_bytes()[:4] == PNG
 
 
 def test_pictures_of_the_same_runs_are_the_same_bytes(tmp_path: Path) -> None:
     for name in ("one", "other"):
-        (tmp_path / name).mkdir()
-        assert draw_sweep(of(THREE[:2]), tmp_path / name / "sweep.png") == ""
-        draw_seeds(of(THREE[:2]), tmp_path / name / "seeds.png")
+        write_files(tmp_path / name, drawn(of(THREE[:2]), lambda _: None))
     for name in ("sweep.png", "seeds.png"):
         one, other = ((tmp_path / folder / name).read_bytes() for folder in ("one", "other"))
         assert one == other
@@ -179,6 +178,8 @@ def test_pictures_of_the_same_runs_are_the_same_bytes(tmp_path: Path) -> None:
         (("gnss.rate_hz=1:13:1", *THREE[:2]), "no heat map: gnss.rate_hz has 13 values, 12 can"),
     ],
 )
-def test_what_cannot_be_drawn_is_said(vary: tuple[str, ...], why: str, tmp_path: Path) -> None:
-    assert draw_sweep(of(vary), tmp_path / "sweep.png").startswith(why)
-    assert not (tmp_path / "sweep.png").exists()
+def test_what_cannot_be_drawn_is_said(vary: tuple[str, ...], why: str) -> None:
+    said: list[str] = []
+    assert list(drawn(of(vary), said.append)) == ["seeds.png"]
+    (line,) = said
+    assert line.startswith(why)

@@ -15,10 +15,11 @@ from typing import Any
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.many.engine import driver
-from scenarios.studies.many.engine.fleet import fleet_of
-from scenarios.studies.many.engine.journal import JOURNAL
-from scenarios.studies.many.engine.stamp import stamp_of_this_process
+from scenarios.studies.engine import engine
+from scenarios.studies.engine.fleet import fleet_of
+from scenarios.studies.engine.job import Job
+from scenarios.studies.engine.journal import JOURNAL
+from scenarios.studies.engine.stamp import stamp_of_this_process
 from scenarios.studies.many.sweeps.sweep import carry_out_sweep
 from tests.made.many.small_sweeps import driven_here, small_plan, tables
 
@@ -60,7 +61,7 @@ def test_the_tables_are_those_of_this_process(cluster: Any, tmp_path: Path) -> N
 def test_a_worker_process_that_is_killed_costs_time_only(
     case: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.studies.many.engine.countdown.SAY_EVERY_S", 0.0)
+    monkeypatch.setattr("scenarios.studies.engine.engine.SAY_EVERY_S", 0.0)
     plan = small_plan(seeds=8)
     driven_here(plan, tmp_path / "here")
     kill_after = 1 + 5 * case
@@ -81,7 +82,7 @@ def test_a_worker_with_other_programs_is_refused(
     cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = replace(stamp_of_this_process(), numpy="0.1")
-    monkeypatch.setattr(driver, "stamp_of_this_process", lambda: other)
+    monkeypatch.setattr(engine, "stamp_of_this_process", lambda: other)
     with (
         fleet_of(scheduler=cluster.scheduler_address) as fleet,
         pytest.raises(
@@ -89,12 +90,12 @@ def test_a_worker_with_other_programs_is_refused(
             match=r"^a worker has other programs: numpy is \S+ there and 0.1 here; in",
         ) as error,
     ):
-        list(driver.JobDriver({1: os.getpid}, fleet).outcomes())
+        list(engine.JobDriver([Job(key="1", work=os.getpid)], fleet).outcomes())
     assert len(error.value.lines) == 1
 
 
 def test_nobody_at_the_address_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenarios.studies.many.engine.fleet.CONNECT_S", 0.5)
+    monkeypatch.setattr("scenarios.studies.engine.fleet.CONNECT_S", 0.5)
     with (
         pytest.raises(ScenarioError, match=r"^--scheduler: \S+: no dask sche") as error,
         fleet_of(scheduler="tcp://127.0.0.1:9"),

@@ -1,4 +1,4 @@
-"""What one worker does in one go: several jobs, one after the other."""
+"""A job of a study, and a batch of jobs on a worker: one after the other."""
 
 import time
 import traceback
@@ -9,11 +9,14 @@ from threading import Lock
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.many.engine.stamp import ProgramStamp, stamp_of_this_process
+from scenarios.studies.engine.stamp import ProgramStamp, stamp_of_this_process
+from transport.log.records import LogError
 from transport.texts import printable
 
 Work = Callable[[], Any]
-"""What can be pickled and called, and gives what can be pickled."""
+"""Can be pickled and called, and returns what can be pickled."""
+OWN_WORDS = (ScenarioError, LogError, OSError)
+"""Errors that a command reports in their own words."""
 
 ONE_AT_A_TIME = Lock()
 """Runs are Python: threads of one worker would not make them faster, but take their memory."""
@@ -24,11 +27,27 @@ class EngineError(ScenarioError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A piece of work with a `key` of its own in its study, and the `command` that repeats it.
+
+    Where a study keeps a journal, `work` returns only what JSON has.
+    """
+
+    key: str
+    work: Work
+    command: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JobAnswer:
-    """What came of one job: a result, or the error that it raised in one line; and how long."""
+    """The result of a job, or the error that it raised in one line; and how long it took.
+
+    `raised` is the error itself where it has words of its own.
+    """
 
     result: Any = None
     error: str = ""
+    raised: Exception | None = None
     took_s: float = 0.0
 
 
@@ -49,12 +68,16 @@ def _answer(job: Work) -> JobAnswer:
     began = time.perf_counter()
     try:
         return JobAnswer(result=job(), took_s=time.perf_counter() - began)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever it is, others go on
-        return JobAnswer(error=in_one_line(error), took_s=time.perf_counter() - began)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - the other jobs go on
+        return JobAnswer(
+            error=in_one_line(error),
+            raised=error if isinstance(error, OWN_WORDS) else None,
+            took_s=time.perf_counter() - began,
+        )
 
 
 def in_one_line(error: BaseException) -> str:
-    """Say what was raised; where, if it is nobody's wording but Python's."""
+    """Describe an error; with its place where the wording is Python's and not the project's."""
     if isinstance(error, ScenarioError):
         return printable("; ".join(error.lines))
     frames = traceback.extract_tb(error.__traceback__)

@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -14,17 +14,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.many.engine.batch import JobAnswer
-from scenarios.studies.many.engine.countdown import Countdown
-from scenarios.studies.many.engine.driver import (
+from scenarios.studies.engine.engine import (
     BATCH_S,
     DEADLY,
     MOST_DEATHS,
     JobDriver,
     Pace,
-    run_all,
+    Progress,
+    study_engine,
 )
-from scenarios.studies.many.engine.fleet import Fleet, ThisProcess, fleet_of
+from scenarios.studies.engine.fleet import Fleet, ThisProcess, fleet_of
+from scenarios.studies.engine.job import Job, JobAnswer, Work
+from tests.made.many.engines import engine_here
 
 
 def square(number: int) -> int:
@@ -41,8 +42,13 @@ def leave() -> None:
     raise SystemExit(3)
 
 
-def outcomes(jobs: dict[Any, Callable[[], Any]], fleet: Fleet) -> dict[Any, tuple[Any, str]]:
-    found = [(one.key, (one.result, one.error)) for one in JobDriver(jobs, fleet).outcomes()]
+def jobs_of(works: Mapping[Any, Work]) -> list[Job]:
+    return [Job(key=str(key), work=work) for key, work in works.items()]
+
+
+def outcomes(works: Mapping[Any, Work], fleet: Fleet) -> dict[str, tuple[Any, str]]:
+    driver = JobDriver(jobs_of(works), fleet)
+    found = [(one.key, (one.result, one.error)) for one in driver.outcomes()]
     assert len(dict(found)) == len(found)
     return dict(found)
 
@@ -52,15 +58,15 @@ def threads(executor: Executor) -> Fleet:
 
 
 def test_any_executor_does() -> None:
-    jobs: dict[Any, Callable[[], Any]] = {k: partial(square, k) for k in range(40)}
-    wanted = {k: (k * k, "") for k in range(40)}
+    jobs = {k: partial(square, k) for k in range(40)}
+    wanted = {str(k): (k * k, "") for k in range(40)}
     assert outcomes(jobs, Fleet(executor=ThisProcess(), slots=lambda: 1)) == wanted
     with ThreadPoolExecutor(3) as pool:
         assert outcomes(jobs, threads(pool)) == wanted
 
 
 def test_a_job_that_raises_is_a_line_and_the_others_are_done() -> None:
-    jobs: dict[Any, Callable[[], Any]] = {
+    jobs: dict[str, Work] = {
         "bad": partial(square, -1),
         "refused": refuse,
         "left": leave,
@@ -70,8 +76,8 @@ def test_a_job_that_raises_is_a_line_and_the_others_are_done() -> None:
         found = outcomes(jobs, fleet)
     assert found["good"] == (9, "")
     assert found["refused"] == (None, "gap_m: given 1; seed: given -1")
-    assert found["left"][1].startswith("SystemExit: 3 (test_driver.py, line ")
-    assert found["bad"][1].startswith("ValueError: a number below 0 (test_driver.py, line ")
+    assert found["left"][1].startswith("SystemExit: 3 (test_engine.py, line ")
+    assert found["bad"][1].startswith("ValueError: a number below 0 (test_engine.py, line ")
 
 
 class Deadly(Executor):
@@ -104,13 +110,13 @@ def test_what_kills_its_worker_is_given_up_and_nothing_else(
     poison: set[int], killed_at: set[int]
 ) -> None:
     executor = Deadly(poison, killed_at)
-    jobs: dict[Any, Callable[[], Any]] = {k: partial(square, k) for k in range(60)}
+    jobs = {k: partial(square, k) for k in range(60)}
     found = outcomes(jobs, threads(executor))
     innocent = {k for k, count in executor.tried.items() if k not in poison and count >= 3}
     assert not innocent, "killed with poison in a batch once, and from outside twice"
-    assert {k for k, (_, error) in found.items() if error} == poison
-    assert all(found[k] == (None, DEADLY) for k in poison)
-    assert all(found[k] == (k * k, "") for k in jobs.keys() - poison)
+    assert {int(k) for k, (_, error) in found.items() if error} == poison
+    assert all(found[str(k)] == (None, DEADLY) for k in poison)
+    assert all(found[str(k)] == (k * k, "") for k in jobs.keys() - poison)
     assert all(executor.tried[k] == MOST_DEATHS for k in poison)
 
 
@@ -122,11 +128,11 @@ def killed_once(mark: Path) -> str:
 
 
 def test_a_killed_process_costs_time_only(tmp_path: Path) -> None:
-    jobs: dict[Any, Callable[[], Any]] = {"deadly": partial(killed_once, tmp_path / "mark")}
+    jobs: dict[Any, Work] = {"deadly": partial(killed_once, tmp_path / "mark")}
     jobs |= {k: partial(square, k) for k in range(3)}
     with fleet_of(1) as fleet:
         found = outcomes(jobs, fleet)
-    assert found == {"deadly": ("alive", ""), 0: (0, ""), 1: (1, ""), 2: (4, "")}
+    assert found == {"deadly": ("alive", ""), "0": (0, ""), "1": (1, ""), "2": (4, "")}
 
 
 class Gone(Executor):
@@ -138,14 +144,51 @@ class Gone(Executor):
 
 def test_workers_that_are_gone_for_good_are_one_line() -> None:
     with pytest.raises(ScenarioError, match=r"^the workers are gone.*none left"):
-        list(JobDriver({1: partial(square, 1)}, threads(Gone())).outcomes())
+        list(JobDriver(jobs_of({1: partial(square, 1)}), threads(Gone())).outcomes())
 
 
-def test_run_all_has_the_shape_of_run_jobs_and_stops_at_an_error() -> None:
-    with fleet_of(0) as fleet:
-        assert dict(run_all({k: partial(square, k) for k in range(3)}, fleet)) == {0: 0, 1: 1, 2: 4}
-        with pytest.raises(ScenarioError, match=r"^-1: ValueError"):
-            list(run_all({-1: partial(square, -1)}, fleet))
+def test_results_are_in_the_order_of_the_jobs_and_an_error_names_the_command() -> None:
+    with engine_here() as engine:
+        assert engine.results(jobs_of({k: partial(square, k) for k in (2, 0, 1)})) == [4, 0, 1]
+        bad = Job(key="bad", work=partial(square, -1), command="convoy run lane_change --seed 1")
+        with pytest.raises(ScenarioError, match=r"^convoy run lane_change --seed 1: ValueError"):
+            engine.results([bad])
+        with pytest.raises(ScenarioError, match=r"^gap_m: given 1\nseed"):
+            engine.results(jobs_of({"refused": refuse}))
+
+
+def test_a_job_that_always_kills_its_worker_is_one_line_with_its_command() -> None:
+    job = Job(key="deadly", work=partial(os._exit, 9), command="convoy run lane_change --seed 7")
+    with engine_here(1) as engine, pytest.raises(ScenarioError) as error:
+        engine.results([job])
+    assert error.value.lines == (f"convoy run lane_change --seed 7: {DEADLY}",)
+
+
+def test_a_study_goes_on_after_its_driver_was_killed(tmp_path: Path) -> None:
+    """Each job is done once, whatever it was killed between; the journal goes with the answer."""
+    done, out = list[int](), tmp_path / "out"
+
+    def count(number: int) -> list[float]:
+        done.append(number)
+        return [number / 7, float("inf")]
+
+    def study(killed_after: int) -> list[list[float]]:
+        results = list[list[float]]()
+        with study_engine(
+            partial(fleet_of, 0), print, out=out, files=["result.json"], asked={"--seeds": 5}
+        ) as engine:
+            for job in jobs_of({k: partial(count, k) for k in range(5)}):
+                results += engine.results([job])
+                if len(results) == killed_after:
+                    raise KeyboardInterrupt
+            return results
+
+    for killed_after in (2, 4):
+        with pytest.raises(KeyboardInterrupt):
+            study(killed_after)
+    assert study(99) == [[k / 7, float("inf")] for k in range(5)]
+    assert done == [0, 1, 2, 3, 4]
+    assert not list(out.iterdir())
 
 
 @given(took_s=st.floats(0.0, 100.0), waiting=st.integers(1, 5000), slots=st.integers(1, 64))
@@ -167,7 +210,8 @@ def test_the_time_left_is_that_of_the_runs_after_the_first(
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     said: list[str] = []
-    countdown = Countdown(10, 4, said.append)
+    countdown = Progress(said.append)
+    countdown.total, countdown.done = 10, 4
     for at in (30.0, 32.0, 33.0, 36.0, 38.0, 40.0):
         now[0] = at
         countdown.one_more()
@@ -181,7 +225,7 @@ def test_the_time_left_is_that_of_the_runs_after_the_first(
 
 
 def test_a_caller_that_stops_leaves_the_rest_undone(tmp_path: Path) -> None:
-    jobs = {k: (tmp_path / str(k)).touch for k in range(100)}
+    jobs = jobs_of({k: (tmp_path / str(k)).touch for k in range(100)})
     with fleet_of(0) as fleet, suppress(StopIteration):
         next(JobDriver(jobs, fleet).outcomes())
     assert len(list(tmp_path.iterdir())) < 10

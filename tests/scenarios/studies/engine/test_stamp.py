@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.many.engine.batch import carry_out_batch
-from scenarios.studies.many.engine.stamp import digest_of, stamp_of_this_process
+from scenarios.studies.engine.job import carry_out_batch
+from scenarios.studies.engine.stamp import digest_of, stamp_of_this_process
 
 
 def package(folder: Path, **files: str) -> Path:

@@ -1,4 +1,9 @@
-"""Intervals of confidence of shares, from counts alone."""
+"""Intervals of confidence: of shares from counts alone, and of means."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+from statistics import fmean, stdev
 
 from scenarios.results.channel.estimates import CONFIDENCE, share
 
@@ -38,3 +43,29 @@ def clopper_pearson(
 def _check(successes: int, count: int) -> None:
     if not 0 <= successes <= count or not count:
         raise ValueError(f"{successes} of {count}")
+
+
+@dataclass(frozen=True, slots=True)
+class Mean:
+    """The mean of independent estimates with its standard error and interval, none below 0."""
+
+    value: float
+    standard_error: float
+    low: float
+    high: float
+
+
+def mean_of(estimates: Sequence[float], confidence: float = CONFIDENCE) -> Mean:
+    """Mean of independent unbiased estimates, with Student's interval (1908).
+
+    The estimates are skewed to the right, so that with few of them, or few paths each, the
+    interval lies a little low. Raises ValueError for fewer than two.
+    """
+    from scipy.stats import t  # noqa: PLC0415 - an extra
+
+    if len(estimates) < 2:
+        raise ValueError(f"no interval of {len(estimates)} estimates")
+    value = fmean(estimates)
+    error = stdev(estimates) / sqrt(len(estimates))
+    half = float(t.ppf(0.5 + 0.5 * confidence, len(estimates) - 1)) * error
+    return Mean(value, error, max(0.0, value - half), min(1.0, value + half))

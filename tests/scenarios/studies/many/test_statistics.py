@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
-from scenarios.studies.many.intervals import clopper_pearson, wilson
+from scenarios.studies.many.statistics import clopper_pearson, wilson
 
 CONFIDENCES = st.sampled_from([0.8, 0.95, 0.99])
 

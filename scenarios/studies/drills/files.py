@@ -1,19 +1,36 @@
-"""Drills as JUnit XML, which test servers read: a suite for each drill, a case for each limit."""
+"""The files of drills: JSON, and JUnit XML, which test servers read."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as Xml
 
 from scenarios.studies.drills.drill import DrillRow, DrillRun
+from scenarios.studies.engine.results import write_files
+
+SCHEMA = "convoy.drills/1"
+TWIN = "drills.json"
+
+
+def machine_readable(rows: Sequence[DrillRow], runs: Sequence[DrillRun]) -> dict[str, Any]:
+    """Give the rows, and each limit of each run, as JSON has them."""
+    return {
+        "schema": SCHEMA,
+        "passed": all(row.passed for row in rows),
+        "rows": [asdict(row) for row in rows],
+        "runs": [
+            {key: value for key, value in asdict(run).items() if key != "took_s"} for run in runs
+        ],
+    }
 
 
 def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillRun], file: Path) -> None:
-    """Write all rows into a new file; raises FileExistsError."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    tree = Xml.ElementTree(as_xml(rows, runs))
-    Xml.indent(tree)
-    with file.open("xb") as target:
-        tree.write(target, encoding="utf-8", xml_declaration=True)
+    """Write all rows as JUnit XML: a suite for each drill, a case for each limit."""
+    root = as_xml(rows, runs)
+    Xml.indent(root)
+    text = Xml.tostring(root, encoding="unicode")
+    write_files(file.parent, {file.name: f"<?xml version='1.0' encoding='utf-8'?>\n{text}"})
 
 
 def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillRun]) -> Xml.Element:

@@ -1,18 +1,17 @@
-"""A drill made of what a search has found: a short file that extends the scenario."""
+"""The worst instant as a drill, a short file that extends the scenario, and as JSON."""
 
-import json
 import os
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
-from scenarios.definition.errors import ScenarioError
 from scenarios.definition.extends import merged
 from scenarios.definition.library import drills, library, read_file
 from scenarios.definition.overrides import Raw, parse_override
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.studies.drills.worst import SoughtBurst, WorstInstant
+from scenarios.studies.engine.results import refuse_existing, write_file
 
 SCHEMA = "convoy.worst/1"
 MARGIN = 1.5
@@ -27,11 +26,8 @@ def write_drill(found: WorstInstant, file: Path) -> None:
     limit 1.5 times as wide as the figure found.
     """
     text = drill_text(found, file)
-    try:
-        with file.open("x", encoding="utf-8") as target:
-            target.write(text)
-    except FileExistsError as error:
-        raise ScenarioError([f"{file}: exists; give another place"]) from error
+    refuse_existing(file)
+    write_file(file, text)
 
 
 def drill_text(found: WorstInstant, file: Path) -> str:
@@ -62,10 +58,10 @@ def drill_text(found: WorstInstant, file: Path) -> str:
     return text
 
 
-def as_json(found: WorstInstant, burst: SoughtBurst) -> str:
-    """Everything that was tried, for machines."""
+def machine_readable(found: WorstInstant, burst: SoughtBurst) -> dict[str, Any]:
+    """Everything that was tried, as JSON has it."""
     tried = [{"at_s": at, found.word: figure} for at, figure in found.figures.items()]
-    whole = {
+    return {
         "schema": SCHEMA,
         "scenario": found.variant.name,
         "seed": found.variant.seed,
@@ -78,7 +74,6 @@ def as_json(found: WorstInstant, burst: SoughtBurst) -> str:
         "command": found.variant.command,
         "tried": tried,
     }
-    return json.dumps(whole, indent=1) + "\n"
 
 
 def _take(whole: Raw, tables: Raw, parts: tuple[str, ...]) -> None:

@@ -1,0 +1,208 @@
+"""Who does the work: this process, a pool of processes, or the workers of a dask scheduler.
+
+All are executors of `concurrent.futures`; a fleet adds how much to hand out at once, and which
+exceptions of a batch mean that its worker died.
+"""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_all_start_methods, get_context, parent_process
+from threading import Thread
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from scenarios.runs.cores import cores
+from scenarios.studies.engine.job import EngineError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+QUEUED = 2
+"""Batches for each thread of a remote worker: while one comes back, the next is there already."""
+LOOK_EVERY_S = 1.0
+"""Interval between two looks at a scheduler's workers, who come and go."""
+CONNECT_S = 10.0
+PAUSES_S = (0.0, 0.05, 0.5)
+"""Before each further attempt to start a worker: the process it is forked from may not be up."""
+IMPORTED = tuple(
+    f"scenarios.runs.{name}" for name in ("log_file", "virtual.logged", "virtual.unlogged")
+)
+"""What workers run is imported once for all of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fleet:
+    """An executor, and how many batches it should have at a time.
+
+    `died` are exceptions of a batch that mean that its worker died; after `gave_up` it was tried
+    on other workers as well, who died too.
+    """
+
+    executor: Executor
+    slots: Callable[[], int]
+    died: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    gave_up: tuple[type[BaseException], ...] = ()
+
+
+OpenFleet = Callable[[], AbstractContextManager[Fleet]]
+"""Starts a fleet where there is something to do, and ends it."""
+
+
+class ThisProcess(Executor):
+    """Does everything at once, in `submit`."""
+
+    def submit(
+        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Result]:
+        """Call the function; the future is done."""
+        future: Future[Result] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:  # noqa: BLE001 - it is the caller's, as with any executor
+            future.set_exception(error)
+        return future
+
+
+class WorkerPool(Executor):
+    """Worker processes, each of which imports the project once.
+
+    The batch of a worker that dies ends with `BrokenProcessPool`; the others go on, and the next
+    call of `submit` puts a new worker in its place. They are forked from a process that has
+    imported everything and has no threads, as this one has; where there is no fork they are
+    spawned. They end with this process, even if it is killed outright.
+    """
+
+    def __init__(self, workers: int) -> None:
+        """Start nothing yet: each worker starts with its first batch."""
+        # Inherited by the workers; see the same line of the command line.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        # After a Ctrl-C Python itself cleans up, and would warn that it had to.
+        os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
+        self._processes = [_one_process() for _ in range(workers)]
+        self._futures: list[list[Future[Any]]] = [[] for _ in range(workers)]
+
+    def submit(
+        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Result]:
+        """Hand the call to the worker that has least to do."""
+        self._futures = [[one for one in of if not one.done()] for of in self._futures]
+        place = min(range(len(self._futures)), key=lambda number: len(self._futures[number]))
+        future = self._submit_to(place, partial(fn, *args, **kwargs))
+        self._futures[place].append(future)
+        return future
+
+    def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
+        """Hand work to a worker, or to a new one in its place if it has died."""
+        with _blocked_ctrl_c():  # inherited by the workers, which end with their parent
+            for pause_s in PAUSES_S:
+                try:
+                    return self._processes[place].submit(work)
+                except (BrokenProcessPool, OSError, EOFError):  # or the process it is forked from
+                    self._processes[place] = _one_process()
+                    time.sleep(pause_s)
+            return self._processes[place].submit(work)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Let the workers end, once they have done what is not cancelled."""
+        for process in self._processes:
+            process.shutdown(wait=False, cancel_futures=cancel_futures)
+        for process in self._processes if wait else ():
+            process.shutdown()
+
+
+def _one_process() -> ProcessPoolExecutor:
+    if "forkserver" not in get_all_start_methods():
+        return ProcessPoolExecutor(1, get_context("spawn"), initializer=_end_with_parent)
+    context = get_context("forkserver")
+    context.set_forkserver_preload(list(IMPORTED))
+    return ProcessPoolExecutor(1, context, initializer=_end_with_parent)
+
+
+@contextmanager
+def _blocked_ctrl_c() -> Iterator[None]:
+    """Block SIGINT in this thread; another one still receives it for the process."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end_with_parent() -> None:
+    """Let a worker end when its parent is gone, even if that was killed outright."""
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def fleet_of(workers: int | None = None, scheduler: str = "") -> Iterator[Fleet]:
+    """Start a fleet of worker processes (None: one for each core, 0: this process alone).
+
+    With `scheduler`, an address such as tcp://127.0.0.1:8786, it is that of an existing dask
+    scheduler, which needs the package distributed. Raises EngineError if none answers there. In the
+    end what has not begun is cancelled.
+    """
+    if scheduler:
+        with _dask_fleet(scheduler) as fleet:
+            yield fleet
+    elif workers == 0:
+        yield Fleet(executor=ThisProcess(), slots=lambda: 1)
+    else:
+        count = workers or cores()
+        pool = WorkerPool(count)
+        try:
+            yield Fleet(executor=pool, slots=lambda: count)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _dask_fleet(address: str) -> Iterator[Fleet]:
+    from distributed import Client, KilledWorker  # noqa: PLC0415 - an extra, and slow
+
+    try:
+        client = Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:  # also that it takes too long
+        why = f"no dask scheduler answers there ({' '.join(str(error).split())})"
+        raise EngineError([f"--scheduler: {address}: {why}"]) from error
+    try:
+        # Equal batches may be sent twice, when a worker died, so none stands for another.
+        executor = client.get_executor(pure=False)
+        died = (BrokenExecutor, KilledWorker)
+        yield Fleet(executor=executor, slots=_Slots(client), died=died, gave_up=(KilledWorker,))
+        executor.shutdown(wait=False)
+    finally:
+        client.close()
+
+
+class _Slots:
+    """How many batches the workers of a scheduler can use, looked up now and then."""
+
+    def __init__(self, client: "Client") -> None:
+        self._client = client
+        self._looked_at = -LOOK_EVERY_S
+        self._slots = 1
+
+    def __call__(self) -> int:
+        now = time.monotonic()
+        if now - self._looked_at >= LOOK_EVERY_S:
+            threads: dict[str, Any] = self._client.nthreads()
+            # With no worker there one batch waits for the first to come.
+            self._slots = max(QUEUED * sum(threads.values()), 1)
+            self._looked_at = now
+        return self._slots

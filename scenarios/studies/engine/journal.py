@@ -1,0 +1,175 @@
+"""Results as they come, in a file that outlives the driver: killed and started again, it goes on.
+
+JSON lines: the first holds the question, each further one the outcome of one job. Each line ends
+with a checksum, and that of an outcome covers the question too: so a damaged line, or one that
+belongs to another question, never becomes a figure. A line is written whole and at once, so a
+driver that is killed leaves at most its last line torn; its job is done again.
+"""
+
+import fcntl
+import json
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+from zlib import crc32
+
+from scenarios.definition.errors import ScenarioError
+
+JOURNAL = "journal.jsonl"
+SCHEMA = "convoy.journal/2"
+CHECKSUM, CHECKSUM_BYTES = re.compile(rb',"crc32":"([0-9a-f]{8})"}'), 20
+ELSEWHERE = "give another folder by --out"
+
+Entry = dict[str, Any]
+"""What is kept of one job: only what JSON has."""
+
+
+class RunJournal:
+    """The journal of one folder, open for writing; `entries` are those that it held, by job."""
+
+    def __init__(self, path: Path, file: IO[bytes], asked: Mapping[str, Any]) -> None:
+        self._path = path
+        self._file = file
+        self._question = crc32(json.dumps(asked, sort_keys=True).encode())
+        self.entries: dict[str, Entry] = {}
+
+    def add(self, key: str, entry: Entry) -> Entry:
+        """Keep the outcome of a job, at once; returns it as it will be read back."""
+        line = _sealed({"run": key, "entry": entry}, self._question)
+        self._file.write(line)
+        self._file.flush()
+        self.entries[key] = json.loads(line)["entry"]
+        return self.entries[key]
+
+    def take(self, line: bytes) -> bool:
+        """Take a line of the file; false if it is damaged or answers another question."""
+        content = _opened(line, self._question)
+        if content is None or "run" not in content:
+            return False
+        self.entries[content["run"]] = content["entry"]
+        return True
+
+    def begin(self, asked: Mapping[str, Any]) -> None:
+        """Write the question."""
+        self._file.write(_sealed({"schema": SCHEMA, "asked": asked}))
+        self._file.flush()
+
+    def remove(self) -> None:
+        """Remove the file: the study is over."""
+        self._path.unlink(missing_ok=True)
+
+
+@contextmanager
+def open_journal(
+    folder: Path, asked: Mapping[str, Any], say: Callable[[str], None]
+) -> Iterator[RunJournal]:
+    """Open the journal of `folder`, a new one or that of the very same question.
+
+    A damaged line is reported to `say`, and its job is done again. Raises ScenarioError if the
+    journal holds the answers to another question, or if another process writes it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / JOURNAL
+    wanted = json.loads(json.dumps(dict(asked)))  # as it comes back from the file
+    with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "rb+") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            why = f"another command writes into this folder; {ELSEWHERE}"
+            raise ScenarioError([f"{folder}: {why}"]) from error
+        journal = RunJournal(path, file, wanted)
+        _read(journal, file, path, wanted, say)
+        yield journal
+
+
+def _read(
+    journal: RunJournal,
+    file: IO[bytes],
+    path: Path,
+    wanted: Mapping[str, Any],
+    say: Callable[[str], None],
+) -> None:
+    """Read all lines; leaves the file without damage, and at its end."""
+    content = file.read()
+    *lines, torn = content.split(b"\n")
+    file.truncate(len(content) - len(torn))
+    damaged, begins, has_question = [], 0, False
+    for number, line in enumerate(lines, start=1):
+        header = _opened(line)
+        if header is not None and "asked" in header:
+            _refuse_other(path, header, wanted)
+            has_question = True
+        elif line.strip() and not journal.take(line):
+            _refuse_other_version(path, line)
+            damaged.append((number, begins, len(line)))
+        begins += len(line) + 1
+    if damaged and not has_question and len(lines) > 1 and not journal.entries:
+        raise ScenarioError([f"{path}, line 1: damaged; {ELSEWHERE}"])
+    for number, at, length in damaged:
+        say(f"{path}, line {number}: damaged; what it held is computed again")
+        file.seek(at)
+        file.write(b" " * length)
+    file.seek(0, os.SEEK_END)
+    if not has_question:
+        journal.begin(wanted)
+
+
+def _text(content: Mapping[str, Any]) -> bytes:
+    return json.dumps(content, separators=(",", ":")).encode()
+
+
+def _sealed(content: Mapping[str, Any], question: int = 0) -> bytes:
+    """One line with its checksum, which covers a question too."""
+    text = _text(content)[:-1]
+    return text + b',"crc32":"%08x"}\n' % crc32(text, question)
+
+
+def _opened(line: bytes, question: int = 0) -> dict[str, Any] | None:
+    """Content of a line; None if its checksum is not that of the content and the question."""
+    text, checksum = line[:-CHECKSUM_BYTES], CHECKSUM.fullmatch(line[-CHECKSUM_BYTES:])
+    if checksum is None or int(checksum[1], 16) != crc32(text, question):
+        return None
+    content: dict[str, Any] = json.loads(text + b"}")
+    return content
+
+
+def _refuse_other_version(path: Path, line: bytes) -> None:
+    """Raise ScenarioError if a line without a valid checksum begins a journal of another schema."""
+    try:
+        content = json.loads(line)
+    except (ValueError, RecursionError):
+        return
+    if not isinstance(content, dict) or "crc32" in content:
+        return
+    if content.get("schema", SCHEMA) != SCHEMA:
+        why = f"given {content['schema']}, allowed {SCHEMA}; {ELSEWHERE}"
+        raise ScenarioError([f"{path}: schema: {why}"])
+
+
+def _refuse_other(path: Path, header: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Raise ScenarioError, with what differs, unless the journal answers the same question."""
+    if header["schema"] != SCHEMA:
+        why = f"given {header['schema']}, allowed {SCHEMA}; {ELSEWHERE}"
+        raise ScenarioError([f"{path}: schema: {why}"])
+    before = header["asked"]
+    names = [name for name in {**wanted, **before} if before.get(name) != wanted.get(name)]
+    if names:
+        differs = "; ".join(
+            f"{name}: {_differs(before.get(name), wanted.get(name))}" for name in names
+        )
+        what = f"holds the answers to another command: {differs}"
+        raise ScenarioError([f"{path.parent}: {what}; {ELSEWHERE}"])
+
+
+LONGEST = 60
+"""Letters of a value that are shown."""
+
+
+def _differs(there: Any, here: Any) -> str:
+    shown = [text if isinstance(text, str) else json.dumps(text) for text in (there, here)]
+    if max(map(len, shown)) > LONGEST:
+        return "not the same"
+    return f"{shown[0]} there, {shown[1]} now"

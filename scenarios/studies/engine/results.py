@@ -1,0 +1,79 @@
+"""The files of a study: tables, JSON, pictures and texts.
+
+Each file is written whole or not at all, so that a reader never finds half of one.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from scenarios.definition.errors import ScenarioError
+
+Row = dict[str, Any]
+"""A row of a table: texts and numbers by column, None where there is nothing."""
+
+
+def refuse_existing(*files: Path | None, place: str = "place") -> None:
+    """Raise ScenarioError if one of the files to be written is there already."""
+    for file in files:
+        if file is not None and (file.exists() or file.is_symlink()):
+            raise ScenarioError([f"{file}: exists; give another {place}"])
+
+
+def write_files(out: Path, contents: Mapping[str, Any]) -> list[Path]:
+    """Write files into the folder `out`, each as `write_file` does; their paths."""
+    out.mkdir(parents=True, exist_ok=True)
+    for name, content in contents.items():
+        write_file(out / name, content)
+    return [out / name for name in contents]
+
+
+def write_file(path: Path, content: Any) -> None:
+    """Put one file in its place once it is complete.
+
+    A mapping is written as JSON, a list of rows as CSV, or as Parquet by the name, a figure of
+    matplotlib as PNG, a text as it is.
+    """
+    if isinstance(content, str):
+        data = content.encode()
+    elif isinstance(content, Mapping):
+        data = json.dumps(content, indent=1).encode() + b"\n"
+    elif isinstance(content, list):
+        data = _parquet(content) if path.suffix == ".parquet" else _csv(content)
+    else:
+        data = _png(content)
+    part = path.with_name(f".{path.name}.part")
+    part.write_bytes(data)
+    part.replace(path)
+
+
+def _csv(rows: Sequence[Row]) -> bytes:
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, rows[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def _parquet(rows: Sequence[Row]) -> bytes:
+    import pyarrow  # noqa: PLC0415 - an extra
+    import pyarrow.parquet  # noqa: PLC0415
+
+    sink = pyarrow.BufferOutputStream()
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    pyarrow.parquet.write_table(pyarrow.table(columns), sink)
+    return bytes(sink.getvalue().to_pybytes())
+
+
+def _png(figure: Any) -> bytes:
+    from matplotlib import rc_context  # noqa: PLC0415 - an extra
+
+    from scenarios.studies.picture_style import STYLE  # noqa: PLC0415
+
+    content = io.BytesIO()
+    with rc_context(STYLE):
+        figure.savefig(content, format="png", dpi=110.0)
+    return content.getvalue()

@@ -1,0 +1,29 @@
+"""Engines for tests: one that works in this process, one whose results are made up."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from typing import Any
+
+from scenarios.studies.engine.engine import Engine, study_engine
+from scenarios.studies.engine.fleet import fleet_of
+from scenarios.studies.engine.job import Job
+
+
+@contextmanager
+def engine_here(workers: int | None = 0) -> Iterator[Engine]:
+    """Start an engine without a journal, by default in this process."""
+    with study_engine(partial(fleet_of, workers), lambda _: None) as engine:
+        yield engine
+
+
+class MadeUpEngine(Engine):
+    """Does no job: `result` makes up what each gives."""
+
+    def __init__(self, result: Callable[[Job], Any]) -> None:
+        super().__init__(partial(fleet_of, 0), ExitStack(), lambda _: None)
+        self._result = result
+
+    def results(self, jobs: Sequence[Job]) -> list[Any]:
+        """Return the results in the order of the jobs, as the engine does."""
+        return [self._result(job) for job in jobs]
