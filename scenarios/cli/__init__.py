@@ -11,7 +11,7 @@ logs       review, report, explain: look at logs
 study      gains, reproduce: look at the science
 options    options that several commands share
 tables     the tables printed at the end
-whole      tables that are never cut
+columns    columns of a table as data, and what renders them
 loading    how many modules are imported
 output     standard output and error that end no run
 failure    errors as clear lines and exit codes

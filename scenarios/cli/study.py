@@ -3,10 +3,17 @@
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.columns import Column, figure, table_of
 from scenarios.cli.failure import clear_errors, require
+
+if TYPE_CHECKING:  # brings scipy
+    from rich.table import Table
+
+    from scenarios.studies.gains.results import AtSpeed, GainsReport, PropagationAt, SampledAt
 
 SLOWEST, FASTEST = 2.0, 100.0
 """Speeds (m/s) that can be studied; the model, which divides by the speed, needs no more."""
@@ -52,7 +59,6 @@ def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: 
         require("gains", *STUDIES)
     from rich.console import Console
 
-    from scenarios.cli.tables import gains_table
     from scenarios.definition.errors import ScenarioError
     from scenarios.studies.gains.report import DEFAULT_SPEEDS, gains_report
     from vehicles.car.parameters import LINCOLN_MKZ, Gains
@@ -70,6 +76,37 @@ def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: 
             raise ScenarioError([f"{given}: cannot be studied: {error}"]) from error
         Console().print(gains_table(report))
         click.echo(f"written: {out / 'gains.json'} and {len(report.pictures)} pictures")
+
+
+def gains_table(report: "GainsReport") -> "Table":
+    at_all = report.stabilising_set.inside_at_all_speeds_and_loadings
+    title = (
+        f"gains {', '.join(f'{value:g}' for value in report.gains)} "
+        f"{'stabilise' if at_all else 'do NOT stabilise'} all speeds and loadings"
+    )
+    rows = zip(report.speeds, report.propagation, report.sampled, strict=True)
+    on_one_line = len(title)
+    return table_of(GAINS_COLUMNS, rows, title=title, min_width=on_one_line, padding=(0, 1))
+
+
+def _peak(at: "PropagationAt") -> str:
+    peak = at.second_order
+    return f"{peak.norm_ratio:.3f} @ {peak.peak_radps:.2f}" if peak else "unstable"
+
+
+def _lowest_rates(at: "SampledAt") -> str:
+    rates = (at.lowest_imu_rate_hz, at.lowest_rate_without_imu_hz, at.lowest_control_rate_hz)
+    return ", ".join(figure(rate) for rate in rates)
+
+
+GAINS_COLUMNS: "Sequence[Column[tuple[AtSpeed, PropagationAt, SampledAt]]]" = (
+    Column("speed\nm/s", lambda row: row[0].speed_mps, ".1f", wraps=True),
+    Column("slowest pole\n1/s", lambda row: row[0].abscissa_per_s, ".2f", wraps=True),
+    Column("to the\nboundary", lambda row: row[0].ball_radius, ".3f", wraps=True),
+    Column("predecessor only\npeak |G|, rad/s", lambda row: _peak(row[1]), wraps=True),
+    Column("lowest rate, Hz\nIMU, none, control", lambda row: _lowest_rates(row[2]), wraps=True),
+)
+"""Margins, propagation and lowest rates of a set of gains at each speed."""
 
 
 def _refused_gains(gains: Sequence[float]) -> Iterator[str]:

@@ -3,27 +3,20 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from scenarios.cli.whole import print_whole
+from scenarios.cli.columns import Column, figure, print_whole, table_of, worst_rows
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.completeness.holes import hole_lines
 from scenarios.results.degradation.reaction import NO_REACTION
 from scenarios.results.events.encounters import EventKind
-from scenarios.results.events.run_event import road_known
-from scenarios.results.summary import RunSummary
+from scenarios.results.events.run_event import RunEvent, road_known
+from scenarios.results.summary import RunSummary, VehicleSummary
 
-if TYPE_CHECKING:  # brings scipy, which a run does without
-    from scenarios.studies.gains.results import GainsReport, SampledAt
-
-
-Row = TypeVar("Row")
 MOST_EVENTS = 40
 MOST_HOLES = 10
 MOST_LINKS = 40
@@ -55,16 +48,158 @@ FIGURES: dict[str, Callable[[float], str]] = {
 """Figures of events in words."""
 
 
+def _pair(largest: float | None, rms: float | None) -> tuple[float, float] | None:
+    """Both values, or None if one is unknown."""
+    return None if largest is None or rms is None else (largest, rms)
+
+
+def _grip(row: VehicleSummary) -> str | None:
+    across, share = row.lateral_acceleration_mps2_max, row.friction_ratio_max
+    return None if across is None or share is None else f"{across:.1f} / {share * 100:.0f}"
+
+
+def _figures_of(event: RunEvent) -> str:
+    known = ((name, value) for name, value in event.figures.items() if name in FIGURES)
+    return ", ".join(FIGURES[name](value) for name, value in known)
+
+
+def _link_name(row: LinkSummary) -> str:
+    return f"{row.sender} → {row.receiver}"
+
+
+def _dropped(row: LinkSummary) -> str:
+    """Messages dropped by cause, and what became of others on the way."""
+    counts = {**row.dropped, "copies": row.copies, "overtaken": row.reordered}
+    counts |= {f"false: {kind}": count for kind, count in row.false.items()}
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "0"
+
+
+def _fresh_column(age_ms: str) -> Column[LinkSummary]:
+    return Column(f"≤ {age_ms}\nms, %", lambda row: row.safe_time_ratio.get(age_ms), ".1f", 100.0)
+
+
+VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
+    Column("vehicle", lambda row: row.name, left=True),
+    Column(
+        "true\nerror cm\nmax / rms",
+        lambda row: _pair(row.cross_track_error_m_max, row.cross_track_error_m_rms),
+        ".1f",
+        100.0,
+    ),
+    Column("true\ngap m\nmin", lambda row: row.true_gap_m_min, ".1f"),
+    Column(
+        "believed\nerror cm\nmax / rms",
+        lambda row: _pair(row.lateral_error_m_max, row.lateral_error_m_rms),
+        ".1f",
+        100.0,
+    ),
+    Column(
+        "difference\nof errors\ncm, max",
+        lambda row: row.believed_minus_true_error_m_max,
+        ".1f",
+        100.0,
+    ),
+    Column("believed\ngap m\nmin", lambda row: row.gap_m_min, ".1f"),
+    Column("sideways\nm/s², % of\nfriction", _grip),
+)
+"""What is true of each vehicle, then its estimates of itself."""
+PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
+    Column("vehicle", lambda row: row.name, left=True),
+    Column("poses\nrecorded", lambda row: row.poses),
+    Column("poses not\nrecorded", lambda row: row.missing_poses),
+    Column("late\nticks", lambda row: row.late_ticks),
+    Column("messages\nrefused", lambda row: row.rejected_messages),
+    Column(
+        "memory\nMB",
+        lambda row: f"{row.memory_bytes_max / 1e6:.0f}" if row.memory_bytes_max else "",
+    ),
+    Column(
+        "processor\n%", lambda row: f"{row.cpu_ratio * 100:.1f}" if row.memory_bytes_max else ""
+    ),
+)
+"""Poses of each vehicle in the log, and figures of its process."""
+REACTION_COLUMNS: Sequence[Column[VehicleSummary]] = (
+    Column("vehicle", lambda row: row.name, left=True),
+    Column("changes\nof mode", lambda row: row.reaction.mode_changes),
+    Column("recovered", lambda row: row.reaction.recoveries),
+    Column(
+        "after, s\nmean / max",
+        lambda row: (row.reaction.recovery_s_mean, row.reaction.recovery_s_max),
+        ".1f",
+    ),
+    Column("hazards", lambda row: row.reaction.hazards),
+    Column("stops", lambda row: row.reaction.stops),
+    Column(
+        "blind, m\ndriven / predicted",
+        lambda row: (row.reaction.blind_m, row.reaction.predicted_blind_m_max),
+        ".1f",
+    ),
+)
+"""Reaction of each follower to missing messages."""
+EVENT_COLUMNS: Sequence[Column[RunEvent]] = (
+    Column("at, s", lambda event: event.at_s, ".2f"),
+    Column("event", lambda event: NAMES[event.kind][0], left=True),
+    Column("vehicles", lambda event: ", ".join(event.vehicles), left=True, wraps=True),
+    Column("figures", _figures_of, left=True, wraps=True),
+)
+LINK_COLUMNS: Sequence[Column[LinkSummary]] = (
+    Column(
+        "link",
+        lambda row: _link_name(row) + (f", {row.requested.preset}" if row.requested.preset else ""),
+        left=True,
+    ),
+    Column(
+        "loss, %",
+        lambda row: f"{figure(row.requested_loss_ratio, '.3g', 100)} / {row.loss_ratio * 100:.1f}",
+        wraps=True,
+    ),
+    Column(
+        "in a row",
+        lambda row: (row.requested_burst_messages, row.burst_messages_mean),
+        ".3g",
+        wraps=True,
+    ),
+    Column(
+        "latency, ms",
+        lambda row: f"{figure(row.requested_latency_ms_mean, '.3g')} / {row.latency_ms_mean:.1f}",
+        wraps=True,
+    ),
+    Column("sent", lambda row: row.sent, wraps=True),
+    Column("heard", lambda row: row.heard, wraps=True),
+    Column("dropped", _dropped, wraps=True),
+    Column("late", lambda row: row.late, wraps=True),
+)
+FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
+    Column("link", _link_name, left=True),
+    Column(
+        "between\narrivals, ms",
+        lambda row: (row.arrival_gap_ms_mean, row.arrival_gap_ms_p95, row.arrival_gap_ms_max),
+        ".0f",
+    ),
+    Column(
+        "age at a\ncommand, ms",
+        lambda row: (row.age_ms_mean, row.age_ms_p95, row.age_ms_max),
+        ".0f",
+    ),
+    *map(_fresh_column, SHOWN_AGES_MS),
+)
+"""How often messages arrived over each link, and how old data was when it was used."""
+ALARM_COLUMN: Column[LinkSummary] = Column("false\nalarms", lambda row: row.false_alarms.counted)
+
+
 def print_summary(summary: RunSummary, log: Path | None, console: Console) -> None:
     """Print what the vehicles did, the links, the events and holes, and where the log is."""
     console.print(Text(title_of(summary), style="bold"), highlight=False, soft_wrap=True)
-    print_whole(vehicle_table(summary), console)
-    print_whole(process_table(summary), console)
+    print_whole(table_of(VEHICLE_COLUMNS, summary.vehicles), console)
+    print_whole(table_of(PROCESS_COLUMNS, summary.vehicles), console)
     if any(row.reaction != NO_REACTION for row in summary.vehicles):
-        print_whole(reaction_table(summary), console)
+        followers = [row for row in summary.vehicles if row.role != "lead"]
+        print_whole(table_of(REACTION_COLUMNS, followers, title="when messages failed"), console)
     if summary.links:
-        print_whole(link_table(summary), console)
-        print_whole(freshness_table(summary), console)
+        counts = any(row.false_alarms.counted is not None for row in summary.links)
+        freshness = (*FRESHNESS_COLUMNS, *([ALARM_COLUMN] if counts else []))
+        print_whole(_link_table(summary, LINK_COLUMNS, "links, requested / achieved"), console)
+        print_whole(_link_table(summary, freshness, "freshness: mean / 95 % / longest"), console)
     if summary.events:
         print_whole(event_table(summary), console)
     for line in (*_unrecorded(summary), *summary.warnings):
@@ -85,114 +220,27 @@ def title_of(summary: RunSummary) -> str:
     return f"{name}, {about.clock} clock, {summary.ran_s:.1f} s"
 
 
-def vehicle_table(summary: RunSummary) -> Table:
-    """One row per vehicle: what is true, then what the vehicle believed of itself."""
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("vehicle", no_wrap=True)
-    for heading in (
-        "true\nerror cm\nmax / rms",
-        "true\ngap m\nmin",
-        "believed\nerror cm\nmax / rms",
-        "difference\nof errors\ncm, max",
-        "believed\ngap m\nmin",
-        "sideways\nm/s², % of\nfriction",
-    ):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in summary.vehicles:
-        table.add_row(
-            row.name,
-            _pair_cm(row.cross_track_error_m_max, row.cross_track_error_m_rms),
-            _figure(row.true_gap_m_min),
-            _pair_cm(row.lateral_error_m_max, row.lateral_error_m_rms),
-            _figure(row.believed_minus_true_error_m_max, 100.0),
-            _figure(row.gap_m_min),
-            _grip(row.lateral_acceleration_mps2_max, row.friction_ratio_max),
-        )
-    return table
-
-
-def _grip(across: float | None, share: float | None) -> str:
-    return "-" if across is None or share is None else f"{across:.1f} / {share * 100:.0f}"
-
-
-def process_table(summary: RunSummary) -> Table:
-    """One row per vehicle: its poses in the log, and how its process did."""
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("vehicle", no_wrap=True)
-    for heading in (
-        "poses\nrecorded",
-        "poses not\nrecorded",
-        "late\nticks",
-        "messages\nrefused",
-        "memory\nMB",
-        "processor\n%",
-    ):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in summary.vehicles:
-        table.add_row(
-            row.name,
-            str(row.poses),
-            str(row.missing_poses),
-            str(row.late_ticks),
-            str(row.rejected_messages),
-            f"{row.memory_bytes_max / 1e6:.0f}" if row.memory_bytes_max else "",
-            f"{row.cpu_ratio * 100:.1f}" if row.memory_bytes_max else "",
-        )
-    return table
-
-
-def reaction_table(summary: RunSummary) -> Table:
-    """One row per follower: what it did about messages that did not come."""
-    table = Table(title="when messages failed", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("vehicle", no_wrap=True)
-    for heading in (
-        "changes\nof mode",
-        "recovered",
-        "after, s\nmean / max",
-        "hazards",
-        "stops",
-        "blind, m\ndriven / predicted",
-    ):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in summary.vehicles:
-        if row.role == "lead":
-            continue
-        did = row.reaction
-        table.add_row(
-            row.name,
-            str(did.mode_changes),
-            str(did.recoveries),
-            f"{_figure(did.recovery_s_mean)} / {_figure(did.recovery_s_max)}",
-            str(did.hazards),
-            str(did.stops),
-            f"{did.blind_m:.1f} / {_figure(did.predicted_blind_m_max)}",
-        )
-    return table
-
-
 def event_table(summary: RunSummary) -> Table:
     """One row per event, in order of time."""
     kinds = Counter(event.kind for event in summary.events)
     title = "events: " + ", ".join(
         f"{count} {NAMES[kind][count > 1]}" for kind, count in kinds.items()
     )
-    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("at, s", justify="right", no_wrap=True)
-    table.add_column("event", no_wrap=True)
-    table.add_column("vehicles")
-    table.add_column("figures")
-    for event in summary.events[:MOST_EVENTS]:
-        table.add_row(
-            f"{event.at_s:.2f}",
-            NAMES[event.kind][0],
-            ", ".join(event.vehicles),
-            ", ".join(
-                FIGURES[name](value) for name, value in event.figures.items() if name in FIGURES
-            ),
-        )
+    table = table_of(EVENT_COLUMNS, summary.events[:MOST_EVENTS], title=title)
     if len(summary.events) > MOST_EVENTS:
         table.add_row("", f"{len(summary.events) - MOST_EVENTS} more", "", "see summary.json")
     return table
+
+
+def _link_table(summary: RunSummary, columns: Sequence[Column[LinkSummary]], title: str) -> Table:
+    """One row per directed link, of very many links those that lost most."""
+    more = len(summary.links) - MOST_LINKS
+    return table_of(
+        columns,
+        worst_rows(summary.links, lambda row: row.loss_ratio, MOST_LINKS),
+        title=title,
+        caption=f"{more} more, see summary.json" if more > 0 else None,
+    )
 
 
 def _unrecorded(summary: RunSummary) -> Iterator[str]:
@@ -206,127 +254,3 @@ def _unrecorded(summary: RunSummary) -> Iterator[str]:
         )
     if summary.holes or silent:
         yield "the figures are of what was recorded"
-
-
-def _figure(value: float | None, scale: float = 1.0) -> str:
-    return "-" if value is None else f"{value * scale:.1f}"
-
-
-def link_table(summary: RunSummary) -> Table:
-    """One row per directed link, requested against achieved."""
-    table = Table(title="links, requested / achieved", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("link", no_wrap=True)
-    for heading in ("loss, %", "in a row", "latency, ms", "sent", "heard", "dropped", "late"):
-        table.add_column(heading, justify="right")
-    for row in _worst_links(summary):
-        table.add_row(
-            f"{row.sender} → {row.receiver}"
-            + (f", {row.requested.preset}" if row.requested.preset else ""),
-            f"{_asked(row.requested_loss_ratio, 100)} / {row.loss_ratio * 100:.1f}",
-            f"{_asked(row.requested_burst_messages)} / {_asked(row.burst_messages_mean)}",
-            f"{_asked(row.requested_latency_ms_mean)} / {row.latency_ms_mean:.1f}",
-            str(row.sent),
-            str(row.heard),
-            _dropped(row),
-            str(row.late),
-        )
-    _note_more_links(summary, table)
-    return table
-
-
-def worst_rows(rows: Sequence[Row], trouble: Callable[[Row], float], most: int | None) -> list[Row]:
-    """The `most` rows with the largest `trouble`, in their own order; all of them for None."""
-    worst = sorted(range(len(rows)), key=lambda place: -trouble(rows[place]))[:most]
-    return [rows[place] for place in sorted(worst)]
-
-
-def _worst_links(summary: RunSummary) -> list[LinkSummary]:
-    """The links that are printed, in the order of the summary."""
-    return worst_rows(summary.links, lambda row: row.loss_ratio, MOST_LINKS)
-
-
-def _note_more_links(summary: RunSummary, table: Table) -> None:
-    if len(summary.links) > MOST_LINKS:
-        table.caption = f"{len(summary.links) - MOST_LINKS} more, see summary.json"
-
-
-def _dropped(row: LinkSummary) -> str:
-    """Messages dropped by cause, and what became of others on the way."""
-    counts = {**row.dropped, "copies": row.copies, "overtaken": row.reordered}
-    counts |= {f"false: {kind}": count for kind, count in row.false.items()}
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "0"
-
-
-def freshness_table(summary: RunSummary) -> Table:
-    """One row per directed link: how often something came, and how old it was when it was used."""
-    table = Table(title="freshness: mean / 95 % / longest", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("link", no_wrap=True)
-    table.add_column("between\narrivals, ms", justify="right", no_wrap=True)
-    table.add_column("age at a\ncommand, ms", justify="right", no_wrap=True)
-    for limit in SHOWN_AGES_MS:
-        table.add_column(f"≤ {limit}\nms, %", justify="right", no_wrap=True)
-    counts = any(row.false_alarms.counted is not None for row in summary.links)
-    if counts:
-        table.add_column("false\nalarms", justify="right", no_wrap=True)
-    for row in _worst_links(summary):
-        gaps = row.arrival_gap_ms_mean, row.arrival_gap_ms_p95, row.arrival_gap_ms_max
-        ages = row.age_ms_mean, row.age_ms_p95, row.age_ms_max
-        table.add_row(
-            f"{row.sender} → {row.receiver}",
-            " / ".join("-" if one is None else f"{one:.0f}" for one in gaps),
-            " / ".join("-" if one is None else f"{one:.0f}" for one in ages),
-            *(_figure(row.safe_time_ratio.get(limit), 100.0) for limit in SHOWN_AGES_MS),
-            *([_count(row.false_alarms.counted)] if counts else []),
-        )
-    _note_more_links(summary, table)
-    return table
-
-
-def _count(number: int | None) -> str:
-    return "-" if number is None else str(number)
-
-
-def _asked(value: float | None, scale: float = 1.0) -> str:
-    return "-" if value is None else f"{value * scale:.3g}"
-
-
-def _pair_cm(largest: float | None, rms: float | None) -> str:
-    return "-" if largest is None or rms is None else f"{largest * 100:.1f} / {rms * 100:.1f}"
-
-
-def gains_table(report: "GainsReport") -> Table:
-    """Margins, propagation and certificate of a set of gains, one speed a row."""
-    at_all = report.stabilising_set.inside_at_all_speeds_and_loadings
-    title = (
-        f"gains {', '.join(f'{value:g}' for value in report.gains)} "
-        f"{'stabilise' if at_all else 'do NOT stabilise'} all speeds and loadings"
-    )
-    table = Table(title=title, box=SIMPLE_HEAD, min_width=len(title))  # on one line
-    for heading in (
-        "speed\nm/s",
-        "slowest pole\n1/s",
-        "to the\nboundary",
-        "predecessor only\npeak |G|, rad/s",
-        "lowest rate, Hz\nIMU, none, control",
-    ):
-        table.add_column(heading, justify="right")
-    rows = zip(report.speeds, report.propagation, report.sampled, strict=True)
-    for row, passed_on, sampled in rows:
-        peak = passed_on.second_order
-        table.add_row(
-            f"{row.speed_mps:.1f}",
-            f"{row.abscissa_per_s:.2f}",
-            f"{row.ball_radius:.3f}",
-            f"{peak.norm_ratio:.3f} @ {peak.peak_radps:.2f}" if peak else "unstable",
-            _lowest_rates(sampled),
-        )
-    return table
-
-
-def _lowest_rates(sampled: "SampledAt") -> str:
-    rates = (
-        sampled.lowest_imu_rate_hz,
-        sampled.lowest_rate_without_imu_hz,
-        sampled.lowest_control_rate_hz,
-    )
-    return ", ".join("-" if rate is None else str(rate) for rate in rates)

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
+from scenarios.cli.columns import grid_of
 from scenarios.definition.check.alarms import SAMPLED
 from scenarios.definition.check.links import AskedLink, AskedReceiver
 
@@ -27,12 +27,7 @@ def print_links(
     for link, some in alike.items():
         named = ", ".join(f"{one.sender} → {one.receiver}" for one in some)
         console.print(f"\n[bold]{escape(named)}[/]", highlight=False)
-        table = Table.grid(padding=(0, 2, 0, 0))
-        table.add_column(no_wrap=True)
-        table.add_column()
-        for what, text in _rows(link):
-            table.add_row(f"  {what}", escape(text))
-        console.print(table)
+        console.print(grid_of((f"  {what}", text) for what, text in _rows(link)))
     if deaf:
         console.print("\n[bold]all sources lost, although all send[/]", highlight=False)
     together: dict[str, list[str]] = {}

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.columns import Column, table_of
 from scenarios.cli.failure import clear_errors, require
 
 if TYPE_CHECKING:
@@ -45,27 +46,24 @@ def figure(*, quick: bool, out: Path) -> None:
         click.echo(f"written: {out / PICTURE} and {out / TWIN}")
 
 
+COLUMNS: "Sequence[Column[Cost]]" = (
+    Column("gap\nm", lambda one: one.channel.gap_m, "g"),
+    Column("lost\n%", lambda one: one.channel.loss_ratio, "g", 100.0),
+    Column("latency\nms", lambda one: one.channel.latency_ms, "g"),
+    Column("in a row,\nmean", lambda one: one.channel.burst_messages, "g"),
+    Column("error m\nmedian", lambda one: one.median_m, ".2f"),
+    Column("largest", lambda one: one.largest_m, ".2f"),
+)
+
+
+def _left_lane(lane_margin_m: float) -> "Column[Cost]":
+    return Column(
+        "left its\nlane", lambda one: f"{one.beyond(lane_margin_m)} of {len(one.errors_m)}"
+    )
+
+
 def print_costs(costs: "Sequence[Cost]", lane_margin_m: float, console: "Console") -> None:
     """Print what the last vehicle was off by over each mean burst, and over the worst channel."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    headings = ("gap\nm", "lost\n%", "latency\nms", "in a row,\nmean", "error m\nmedian",
-                "largest", "left its\nlane")  # fmt: skip
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for one in costs:
-        channel, burst = one.channel, one.channel.burst_messages
-        if burst is None:
-            continue
-        table.add_row(
-            f"{channel.gap_m:g}",
-            f"{100.0 * channel.loss_ratio:g}",
-            f"{channel.latency_ms:g}",
-            f"{burst:g}",
-            f"{one.median_m:.2f}",
-            f"{one.largest_m:.2f}",
-            f"{one.beyond(lane_margin_m)} of {len(one.errors_m)}",
-        )
-    console.print(table)
+    rows = [one for one in costs if one.channel.burst_messages is not None]
+    columns = (*COLUMNS, _left_lane(lane_margin_m))
+    console.print(table_of(columns, rows))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.columns import Column, table_of
 from scenarios.cli.failure import clear_errors, require
 
 if TYPE_CHECKING:
@@ -51,26 +52,18 @@ def cuts(*, count: int, out: Path) -> None:
         click.echo(f"written: {out / PICTURE} and {out / TWIN}")
 
 
+COLUMNS: "Sequence[Column[ReactionFigures]]" = (
+    Column("reaction", lambda one: one.reaction, left=True, wraps=True),
+    Column("error m\nmedian", lambda one: one.error_m_median, ".2f"),
+    Column("largest", lambda one: one.error_m_max, ".2f"),
+    Column("on known\nroad, m", lambda one: one.error_inside_m_max, ".2f"),
+    Column("blind m\nlargest", lambda one: one.blind_m_max, ".1f"),
+    Column("stood\n%", lambda one: one.stood_ratio, ".0f", 100.0),
+    Column("friction\nused", lambda one: one.friction_ratio_max, ".2f"),
+    Column("resumed\n%", lambda one: one.resumed_ratio, ".0f", 100.0),
+)
+
+
 def print_cuts(found: "Sequence[ReactionFigures]", console: "Console") -> None:
     """Print what followers did with each reaction, one a row."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("reaction")
-    headings = ("error m\nmedian", "largest", "on known\nroad, m", "blind m\nlargest", "stood\n%",
-                "friction\nused", "resumed\n%")  # fmt: skip
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for one in found:
-        table.add_row(
-            one.reaction,
-            f"{one.error_m_median:.2f}",
-            f"{one.error_m_max:.2f}",
-            f"{one.error_inside_m_max:.2f}",
-            f"{one.blind_m_max:.1f}",
-            f"{100.0 * one.stood_ratio:.0f}",
-            f"{one.friction_ratio_max:.2f}",
-            f"{100.0 * one.resumed_ratio:.0f}",
-        )
-    console.print(table)
+    console.print(table_of(COLUMNS, found))

@@ -1,10 +1,10 @@
 """What a vehicle knew at an instant, as a table for a person."""
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
+from collections.abc import Sequence
 
-from scenarios.cli.whole import print_whole
+from rich.console import Console
+
+from scenarios.cli.columns import Column, print_whole, table_of
 from scenarios.results.inquiry.explain import (
     ON_THE_WAY,
     SHOWN,
@@ -13,40 +13,28 @@ from scenarios.results.inquiry.explain import (
     MissingMessage,
 )
 
+COLUMNS: Sequence[Column[KnownSource]] = (
+    Column("source", lambda one: one.sender, left=True),
+    Column("newest\nmessage", lambda one: one.number),
+    Column("measured\nat, s", lambda one: one.measured_at_s, ".2f"),
+    Column("known\nat, s", lambda one: one.heard_at_s, ".2f"),
+    Column("age\ns", lambda one: one.age_s, ".3f"),
+    Column("path\nleft, m", lambda one: one.path_left_m, ".1f"),
+    Column("received in the\nlast second, %", lambda one: one.received_ratio, ".0f", 100.0),
+)
+
 
 def print_explanation(found: Explanation, console: Console) -> None:
     """Print the sentence, what was known of each source, and what was missing."""
     console.print(found.sentence, highlight=False, markup=False, soft_wrap=True)
     if not found.sources:
         return
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("source", no_wrap=True)
-    for heading in ("newest\nmessage", "measured\nat, s", "known\nat, s", "age\ns",
-                    "path\nleft, m", "received in the\nlast second, %"):  # fmt: skip
-        table.add_column(heading, justify="right", no_wrap=True)
-    for one in found.sources:
-        table.add_row(one.sender, *_cells(one))
-    print_whole(table, console)
+    print_whole(table_of(COLUMNS, found.sources), console)
     for one in found.sources:
         for missing in one.missing[:SHOWN]:
             console.print(_missing(one.sender, missing), highlight=False, markup=False)
         if len(one.missing) > SHOWN:
             console.print(f"{one.sender}: {len(one.missing) - SHOWN} more are missing")
-
-
-def _cells(one: KnownSource) -> tuple[str, ...]:
-    return (
-        "-" if one.number is None else str(one.number),
-        _number(one.measured_at_s, 2),
-        _number(one.heard_at_s, 2),
-        _number(one.age_s, 3),
-        _number(one.path_left_m, 1),
-        _number(None if one.received_ratio is None else 100.0 * one.received_ratio, 0),
-    )
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def _missing(sender: str, one: MissingMessage) -> str:

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
+from scenarios.cli.columns import Column, figure, table_of
 from scenarios.definition.check.links import asked_link
 from scenarios.definition.scenario import Scenario
 from scenarios.studies.channel.comparison import Compared, Comparison
@@ -22,10 +21,7 @@ def print_comparison(name: str, scenario: Scenario, found: Comparison, console: 
     console.print(about, style="bold", highlight=False, markup=False)
     for line in _told(asked.preset_source, [law.words for law in asked.laws], found):
         console.print(line, highlight=False, markup=False)
-    figures = _table("", "law", "sample", "95 % of samples like it")
-    for one in found.figures:
-        figures.add_row(one.figure, *_figures(one))
-    console.print(figures)
+    console.print(table_of(FIGURE_COLUMNS, found.figures))
     _print_shares("messages lost in a row", found.bursts, console)
     _print_shares("received over", found.distances, console)
     if found.dropped:
@@ -44,36 +40,45 @@ def _told(source: str | None, laws: Sequence[str], found: Comparison) -> Iterato
     )
 
 
-def _table(*headings: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for place, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if place in {1, 2} else "left", no_wrap=True)
-    return table
+def _unit(one: Compared) -> tuple[str, float]:
+    """Unit of a figure, and how much of it one of the figure's own is."""
+    if one.figure == "loss":
+        return " %", 100.0
+    return ("" if one.figure == "lost in a row" else " ms"), 1.0
 
 
-def _figures(one: Compared) -> tuple[str, str, str]:
-    """Law, sample and interval; a loss in per cent, delays in ms."""
-    unit, times = ("", 1.0) if one.figure == "lost in a row" else (" ms", 1.0)
-    unit, times = (" %", 100.0) if one.figure == "loss" else (unit, times)
-    law, sample = (
-        "-" if value is None else f"{times * value:.4g}{unit}" for value in (one.law, one.sample)
-    )
+def _with_unit(one: Compared, value: float | None) -> str | None:
+    unit, scale = _unit(one)
+    return None if value is None else figure(value, ".4g", scale) + unit
+
+
+def _interval(one: Compared) -> str:
+    unit, scale = _unit(one)
     if one.low is None or one.high is None:
-        return law, sample, ""
-    return law, sample, f"{times * one.low:.4g} to {times * one.high:.4g}{unit}"
+        return ""
+    return f"{figure(one.low, '.4g', scale)} to {figure(one.high, '.4g', scale)}{unit}"
+
+
+FIGURE_COLUMNS: Sequence[Column[Compared]] = (
+    Column("", lambda one: one.figure, left=True),
+    Column("law", lambda one: _with_unit(one, one.law)),
+    Column("sample", lambda one: _with_unit(one, one.sample)),
+    Column("95 % of samples like it", _interval, left=True),
+)
 
 
 def _print_shares(heading: str, rows: Sequence[Compared], console: Console) -> None:
     """Print shares with a bar for each of the sample's, drawn to the largest."""
     if not rows:
         return
-    table = _table(heading, "law %", "sample %", "")
     most = max(max(one.law or 0.0, one.sample or 0.0) for one in rows) or 1.0
-    for one in rows:
-        law = "-" if one.law is None else f"{100.0 * one.law:.2f}"
-        value = one.sample or 0.0
-        table.add_row(one.figure, law, f"{100.0 * value:.2f}", bar(value / most))
-    console.print(table)
+    columns: Sequence[Column[Compared]] = (
+        Column(heading, lambda one: one.figure, left=True),
+        Column("law %", lambda one: one.law, ".2f", 100.0),
+        Column("sample %", lambda one: one.sample or 0.0, ".2f", 100.0),
+        Column("", lambda one: bar((one.sample or 0.0) / most), left=True),
+    )
+    console.print(table_of(columns, rows))
 
 
 def bar(share: float, widest: int = WIDEST) -> str:

@@ -1,14 +1,13 @@
 """How a convoy goes, as tables of a terminal that refresh, or as JSON."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import click
 from rich.console import Console, Group
 from rich.live import Live
-from rich.table import Table
 
-from scenarios.cli.tables import worst_rows
-from scenarios.runs.control.status import RunStatus, SourceFigures, VehicleFiguresNow
+from scenarios.cli.columns import Column, table_of, worst_rows
+from scenarios.runs.control.status import LinkFiguresNow, RunStatus, VehicleFiguresNow
 from scenarios.runs.stop import Stop
 from transport.bus.bus import BusError
 from transport.clock import poll
@@ -19,11 +18,43 @@ MOST_ROWS = 10
 """Of more vehicles, or links, than this a table that refreshes has only the worst."""
 HAZARD_M = 1000.0
 """True error of which hazard lights are worth more."""
-NUMBERS = (
-    "speed\nm/s", "error\ncm", "gap\nm", "knows\nm", "lead\nage s", "rec.\n%", "ahead\nage s",
-    "rec.\n%",
-)  # fmt: skip
-"""Headings of the figures: true error and gap, known path, age and received share of a source."""
+
+
+def _sources(one: VehicleFiguresNow) -> str:
+    """Hazard lights, and the status of each source that is not fresh."""
+    sources = {"lead": one.lead, "ahead": one.predecessor}
+    unusual = [
+        f"{name} {printable(source.status)}"
+        for name, source in sources.items()
+        if source and source.status != "fresh"
+    ]
+    return ", ".join((*(["HAZARD"] if one.hazard else []), *unusual))
+
+
+VEHICLE_COLUMNS: Sequence[Column[VehicleFiguresNow]] = (
+    Column("vehicle", lambda one: printable(one.name), left=True),
+    Column("steers\nalong", lambda one: printable(one.mode), left=True),
+    Column("speed\nm/s", lambda one: one.speed_mps, ".1f"),
+    Column("error\ncm", lambda one: one.true_error_m, ".1f", 100),
+    Column("gap\nm", lambda one: one.true_gap_m, ".1f"),
+    Column("knows\nm", lambda one: one.known_m, ".1f"),
+    Column("lead\nage s", lambda one: one.lead.age_s if one.lead else None, ".2f"),
+    Column("rec.\n%", lambda one: one.lead.received_ratio if one.lead else None, ".0f", 100),
+    Column("ahead\nage s", lambda one: one.predecessor.age_s if one.predecessor else None, ".2f"),
+    Column(
+        "rec.\n%",
+        lambda one: one.predecessor.received_ratio if one.predecessor else None,
+        ".0f",
+        100,
+    ),
+    Column("sources", _sources, left=True, wraps=True),
+)
+"""True error and gap, known path, age and share received of each source."""
+LINK_COLUMNS: Sequence[Column[LinkFiguresNow]] = (
+    Column("link", lambda link: printable(f"{link.sender} → {link.receiver}"), left=True),
+    Column("lost in\n3 s, %", lambda link: link.loss_ratio, ".0f", 100),
+    Column("", lambda link: "changed" if link.changed else "", left=True),
+)
 
 
 def show(
@@ -78,23 +109,10 @@ def tables(status: RunStatus | None, most: int | None = None) -> Group:
     lossy = worst_rows(status.links, lambda link: link.loss_ratio or 0.0, most)
     title = f"{printable(status.run)}: {status.at_s:.1f} of {status.duration_s:.1f} s"
     caption = _left_out("vehicles", len(shown), len(status.vehicles))
-    vehicles = Table(title=title, caption=caption, box=None, padding=(0, 1, 0, 0))
-    for heading in ("vehicle", "steers\nalong"):
-        vehicles.add_column(heading, no_wrap=True)
-    for heading in NUMBERS:
-        vehicles.add_column(heading, justify="right", no_wrap=True)
-    vehicles.add_column("sources")
-    for one in shown:
-        vehicles.add_row(*_row(one))
+    vehicles = table_of(VEHICLE_COLUMNS, shown, title=title, caption=caption, box=None)
     caption = _left_out("links", len(lossy), len(status.links))
-    links = Table(caption=caption, min_width=len(caption or ""), box=None, padding=(0, 1, 0, 0))
-    links.add_column("link", no_wrap=True)
-    links.add_column("lost in\n3 s, %", justify="right", no_wrap=True)
-    links.add_column("", no_wrap=True)
-    for link in lossy:
-        lost = "-" if link.loss_ratio is None else f"{100 * link.loss_ratio:.0f}"
-        name = printable(f"{link.sender} → {link.receiver}")
-        links.add_row(name, lost, "changed" if link.changed else "")
+    width = len(caption or "")
+    links = table_of(LINK_COLUMNS, lossy, caption=caption, min_width=width, box=None)
     return Group(vehicles, links)
 
 
@@ -105,36 +123,3 @@ def _trouble(one: VehicleFiguresNow) -> float:
 
 def _left_out(what: str, shown: int, there: int) -> str | None:
     return f"the worst {shown} of {there} {what}" if shown < there else None
-
-
-def _row(one: VehicleFiguresNow) -> tuple[str, ...]:
-    error = None if one.true_error_m is None else 100 * one.true_error_m
-    sources = {"lead": one.lead, "ahead": one.predecessor}
-    unusual = [
-        f"{name} {printable(source.status)}"
-        for name, source in sources.items()
-        if source and source.status != "fresh"
-    ]
-    return (
-        printable(one.name),
-        printable(one.mode),
-        f"{one.speed_mps:.1f}",
-        _number(error),
-        _number(one.true_gap_m),
-        _number(one.known_m),
-        *_source(one.lead),
-        *_source(one.predecessor),
-        ", ".join((*(["HAZARD"] if one.hazard else []), *unusual)),
-    )
-
-
-def _source(one: SourceFigures | None) -> tuple[str, str]:
-    """Age of a source and share received of it."""
-    if one is None:
-        return "-", "-"
-    share = None if one.received_ratio is None else 100 * one.received_ratio
-    return _number(one.age_s, 2), _number(share, 0)
-
-
-def _number(value: float | None, digits: int = 1) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"

@@ -4,10 +4,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 from rich.text import Text
 
+from scenarios.cli.columns import grid_of
 from scenarios.cli.guide.signals import receiver_in_words, sending_in_words
 from scenarios.definition.check.report import CheckReport
 
@@ -19,13 +18,8 @@ def print_report(report: CheckReport, console: Console) -> None:
     """Print all that a scenario asks for, a row each."""
     title = f"{report.name}: {report.description}" if report.description else report.name
     console.print(Text(title, style="bold"), highlight=False)
-    table = Table.grid(padding=(0, 2, 0, 0))
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for part in (_convoy, _road, _drivers, _links, _ends):
-        for what, figure in part(report):
-            table.add_row(what, escape(figure))
-    console.print(table)
+    parts = (_convoy, _road, _drivers, _links, _ends)
+    console.print(grid_of(row for part in parts for row in part(report)))
 
 
 def _convoy(report: CheckReport) -> Iterator[Row]:

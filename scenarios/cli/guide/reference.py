@@ -7,6 +7,8 @@ from textwrap import fill
 
 import click
 
+from scenarios.cli.columns import grid_of
+
 Row = tuple[str, ...]
 WIDTH = 80
 
@@ -34,21 +36,12 @@ def reference(what: str) -> None:
 
 
 def _print(heading: str, rows: Iterable[Row]) -> None:
-    """Print rows under a heading; the last column takes what the others leave."""
+    """Print rows under a heading."""
     from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
 
     console = Console()
-    table = Table.grid(padding=(0, 2, 0, 0))
-    for place, row in enumerate(rows):
-        if not place:
-            for _ in row[:-1]:
-                table.add_column(no_wrap=True)
-            table.add_column()
-        table.add_row(*map(escape, row))
     console.print(f"\n[bold]{heading}[/]", highlight=False)
-    console.print(table)
+    console.print(grid_of(rows))
 
 
 def _fields() -> None:

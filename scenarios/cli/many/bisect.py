@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.columns import Column, print_whole, table_of
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import (
@@ -17,9 +18,12 @@ from scenarios.cli.many.options import (
 from scenarios.cli.options import FiniteRange
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
 
     from scenarios.studies.many.boundary.answer import BoundaryAnswer, BoundaryQuestion
+    from scenarios.studies.many.boundary.curve import SharePoint
 
 
 @click.command(
@@ -109,28 +113,21 @@ def _ends(span: str) -> tuple[float, float]:
         raise ScenarioError([wrong]) from None
 
 
+COLUMNS: "Sequence[Column[SharePoint]]" = (
+    Column("runs", lambda one: one.runs),
+    Column("broken", lambda one: one.broken),
+    Column("share\n%", lambda one: one.share, ".0f", 100.0),
+    Column("interval\n%", lambda one: f"{100.0 * one.low:.0f} to {100.0 * one.high:.0f}"),
+)
+
+
 def print_answer(
     question: "BoundaryQuestion", answer: "BoundaryAnswer", console: "Console"
 ) -> None:
     """Print the values tried, the bracket, and how sure that is."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from scenarios.cli.whole import print_whole
-
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in (question.key, "runs", "broken", "share\n%", "interval\n%"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for one in answer.points:
-        near = one.value in {answer.low, answer.high}
-        table.add_row(
-            f"{one.value:g}",
-            f"{one.runs}",
-            f"{one.broken}",
-            f"{100.0 * one.share:.0f}",
-            f"{100.0 * one.low:.0f} to {100.0 * one.high:.0f}",
-            style="bold" if near else None,
-        )
+    ends = {answer.low, answer.high}
+    columns = (Column(question.key, lambda one: one.value, "g"), *COLUMNS)
+    table = table_of(columns, answer.points, lambda one: "bold" if one.value in ends else None)
     print_whole(table, console)
     for line in said(question, answer):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)

@@ -5,10 +5,13 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from scenarios.cli.columns import Column, table_of
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.many.options import chosen_fleet, engine_options
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
 
     from scenarios.studies.many.blame.losses import Burst
@@ -102,25 +105,8 @@ def blame(
 
 def print_blame(found: "Blame", console: "Console") -> None:
     """Print what the run came to, the costliest bursts, and the smallest set."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
     console.print(_opening(found), highlight=False)
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("lost")
-    headings = ("sent, s", "messages", "given back\nmends, m", "alone\nm", "breaks it\nalone")
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in found.rows[:MOST_ROWS]:
-        from_s, to_s = row.span_s
-        table.add_row(
-            _which(row),
-            f"{from_s:.2f}-{to_s:.2f}",
-            f"{row.messages}",
-            f"{row.mended_m:z.3f}",
-            *_alone(row),
-        )
-    console.print(table)
+    console.print(table_of(COLUMNS, found.rows[:MOST_ROWS]))
     if left := found.rows[MOST_ROWS:]:
         console.print(f"{len(left)} more in the JSON")
     console.print(_ending(found), highlight=False)
@@ -146,10 +132,20 @@ def _which(row: "Blamed") -> str:
     return "\n".join(lines)
 
 
-def _alone(row: "Blamed") -> tuple[str, str]:
+def _breaks_alone(row: "Blamed") -> str:
     if row.alone is None:
-        return "", ""
-    return f"{row.alone.figure_m:.3f}", "no" if row.alone.broken_at is None else "yes"
+        return ""
+    return "no" if row.alone.broken_at is None else "yes"
+
+
+COLUMNS: "Sequence[Column[Blamed]]" = (
+    Column("lost", _which, left=True, wraps=True),
+    Column("sent, s", lambda row: "{:.2f}-{:.2f}".format(*row.span_s)),
+    Column("messages", lambda row: row.messages),
+    Column("given back\nmends, m", lambda row: row.mended_m, "z.3f"),
+    Column("alone\nm", lambda row: row.alone.figure_m if row.alone else "", ".3f"),
+    Column("breaks it\nalone", _breaks_alone),
+)
 
 
 def _ending(found: "Blame") -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.columns import Column, table_of
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import chosen_fleet, engine_options, overrides_option
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import Console
+    from rich.text import Text
 
     from scenarios.studies.drills.drill import DrillRow, DrillRun
     from scenarios.studies.many.variant import Variant
@@ -157,33 +159,41 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     return runs
 
 
+def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]":
+    """Columns of limits, each beside the name of its drill, if that has not been named above."""
+
+    def vehicle(row: "tuple[DrillRow, str]") -> str:
+        return row[0].vehicle + (f", seed {row[0].seed}" if several_seeds else "")
+
+    return (
+        Column("drill", lambda row: row[1], left=True, wraps=True),
+        Column("limit", lambda row: row[0].said, left=True, wraps=True),
+        Column("figure", lambda row: row[0].figure, ".3g"),
+        Column("margin", lambda row: _percent(row[0].margin_ratio)),
+        Column("of", vehicle, left=True, wraps=True),
+        Column("", lambda row: _verdict(row[0]), left=True, wraps=True),
+    )
+
+
+def _percent(ratio: float | None) -> str | None:
+    return None if ratio is None else f"{100.0 * ratio:.0f} %"
+
+
+def _verdict(row: "DrillRow") -> "Text":
+    from rich.text import Text
+
+    return Text("pass") if row.passed else Text("FAIL", "bold red")
+
+
 def print_drills(
     rows: "Sequence[DrillRow]", console: "Console", *, several_seeds: bool = False
 ) -> None:
     """Print a row for each limit, and below it what was broken and how to see it again."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("drill", "limit"):
-        table.add_column(heading)
-    for heading in ("figure", "margin"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("of")
-    table.add_column("")
-    before = ""
-    for row in rows:
-        table.add_row(
-            Path(row.drill).stem if row.drill != before else "",
-            row.said,
-            "-" if row.figure is None else f"{row.figure:.3g}",
-            "-" if row.margin_ratio is None else f"{100.0 * row.margin_ratio:.0f} %",
-            row.vehicle + (f", seed {row.seed}" if several_seeds else ""),
-            Text("pass") if row.passed else Text("FAIL", "bold red"),
-        )
-        before = row.drill
-    console.print(table)
+    firsts = [k for k, row in enumerate(rows) if not k or rows[k - 1].drill != row.drill]
+    named = [(row, Path(row.drill).stem if k in firsts else "") for k, row in enumerate(rows)]
+    console.print(table_of(_columns(several_seeds=several_seeds), named))
     broken = [row for row in rows if not row.passed]
     for row in broken:
         text = Text.assemble((row.drill, "bold red"), f": {row.line}\n    {row.command}")

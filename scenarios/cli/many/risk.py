@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from scenarios.cli.columns import Column, table_of
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import (
@@ -17,6 +18,8 @@ from scenarios.cli.many.options import (
 from scenarios.cli.options import FiniteRange
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
 
     from scenarios.studies.many.risk.estimated import Risk, RiskQuestion
@@ -96,23 +99,25 @@ def risk(
         click.echo(f"written: {out / TWIN}")
 
 
+COLUMNS: "Sequence[Column[tuple[RiskQuestion, Risk]]]" = (
+    Column("limit", lambda row: str(row[0].limit), left=True, wraps=True),
+    Column("method", lambda row: row[1].method, left=True, wraps=True),
+    Column("runs", lambda row: row[1].runs, wraps=True),
+    Column("probability", lambda row: row[1].probability, ".3g", wraps=True),
+    Column("interval, 95 %", lambda row: f"{row[1].low:.3g} to {row[1].high:.3g}", wraps=True),
+    Column(
+        "±, %",
+        lambda row: row[1].relative_half_width if row[1].probability else None,
+        ".0f",
+        100.0,
+        wraps=True,
+    ),
+)
+
+
 def print_risk(question: "RiskQuestion", found: "Risk", console: "Console") -> None:
     """Print the probability with its interval, and how to see a run that breaks the limit."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("limit", "method", "runs", "probability", "interval, 95 %", "±, %"):
-        table.add_column(heading, justify="left" if heading in {"limit", "method"} else "right")
-    table.add_row(
-        str(question.limit),
-        found.method,
-        f"{found.runs}",
-        f"{found.probability:.3g}",
-        f"{found.low:.3g} to {found.high:.3g}",
-        f"{100.0 * found.relative_half_width:.0f}" if found.probability else "-",
-    )
-    console.print(table)
+    console.print(table_of(COLUMNS, [(question, found)]))
     for line in remarks(question, found):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 

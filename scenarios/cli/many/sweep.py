@@ -1,11 +1,13 @@
 """The command that drives a scenario with many values of some keys, and its table."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.columns import Column, print_whole, table_of
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import chosen_fleet, engine_options, overrides_option
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from scenarios.studies.many.sweeps.table import FigureSpread, LimitShare, SweepTable
+    from scenarios.studies.many.sweeps.table import SweepTable, SweptCell
 
 MOST_ROWS = 60
 """Cells that are printed; the file has them all."""
@@ -132,8 +134,6 @@ def sweep(
 
 def print_sweep(table: "SweepTable", console: "Console") -> None:
     """Print a row for each cell: a table for each figure, a limit beside it."""
-    from scenarios.cli.whole import print_whole
-
     for number in range(max(len(table.plan.figures), len(table.plan.limits))):
         print_whole(_table(table, number), console)
     if len(table.cells) > MOST_ROWS:
@@ -144,43 +144,47 @@ def print_sweep(table: "SweepTable", console: "Console") -> None:
 
 def _table(table: "SweepTable", number: int) -> "Table":
     """Make the table of the figure and the limit with this number, as far as there are so many."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
     figures, limits = table.plan.figures[number:][:1], table.plan.limits[number:][:1]
-    shown = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left")
-    names = (*(figure.name for figure in figures), *map(str, limits))
-    shown.title = f"{', '.join(names)}; {table.plan.seeds} runs a row"
-    headings = [axis.key.replace(".", ".\n") for axis in table.plan.axes]
-    headings += ["errors"] if table.errors else []
+    columns = [_key_column(axis.key, place) for place, axis in enumerate(table.plan.axes)]
+    columns += [Column("errors", lambda cell: cell.errors)] if table.errors else []
     for figure in figures:
-        headings += ["median", "5 %", "95 %", "least" if figure.is_worst_when_least else "largest"]
-    headings += ["limit\nbroken\n%", "95 %\ninterval"] if limits else []
-    headings += [] if number else ["worst\nseed"]
-    for heading in headings:
-        shown.add_column(heading, justify="right", no_wrap=True, max_width=WIDEST)
-    for cell in table.cells[:MOST_ROWS]:
-        row = list(cell.values)
-        row += [str(cell.errors)] if table.errors else []
-        for figure, spread in zip(figures, cell.figures[number:], strict=False):
-            row += _spread_texts(spread, least=figure.is_worst_when_least)
-        for share in cell.limits[number:][:1]:
-            row += _share_texts(share)
-        shown.add_row(*row, *(() if number else (str(cell.worst.seed),)))
-    return shown
+        columns += _spread_columns(number, least=figure.is_worst_when_least)
+    columns += _share_columns(number) if limits else []
+    columns += [] if number else [Column("worst\nseed", lambda cell: cell.worst.seed)]
+    columns = [replace(column, max_width=WIDEST) for column in columns]
+    names = ", ".join((*(figure.name for figure in figures), *map(str, limits)))
+    title = f"{names}; {table.plan.seeds} runs a row"
+    return table_of(columns, table.cells[:MOST_ROWS], title=title, title_justify="left")
 
 
-def _spread_texts(spread: "FigureSpread", *, least: bool) -> list[str]:
-    worst = spread.least if least else spread.largest
-    values = (spread.median, spread.p5, spread.p95, worst)
-    return ["-" if value is None else _shown(value) for value in values]
+def _key_column(key: str, place: int) -> "Column[SweptCell]":
+    return Column(key.replace(".", ".\n"), lambda cell: cell.values[place])
 
 
-def _shown(value: float) -> str:
+def _spread_columns(number: int, *, least: bool) -> "list[Column[SweptCell]]":
+    """Columns of the figure with this number, the last of which is its worst value."""
+
+    def spread(heading: str, attribute: str) -> "Column[SweptCell]":
+        return Column(heading, lambda cell: _shown(getattr(cell.figures[number], attribute)))
+
+    worst = spread("least", "least") if least else spread("largest", "largest")
+    return [spread("median", "median"), spread("5 %", "p5"), spread("95 %", "p95"), worst]
+
+
+def _share_columns(number: int) -> "list[Column[SweptCell]]":
+    """Columns of the limit with this number: the share of runs that broke it, and its interval."""
+
+    def interval(cell: "SweptCell") -> str | None:
+        one = cell.limits[number]
+        return None if one.ratio is None else f"{100.0 * one.low:.0f} to {100.0 * one.high:.0f}"
+
+    return [
+        Column("limit\nbroken\n%", lambda cell: cell.limits[number].ratio, ".0f", 100.0),
+        Column("95 %\ninterval", interval),
+    ]
+
+
+def _shown(value: float | None) -> str | None:
+    if value is None:
+        return None
     return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
-
-
-def _share_texts(share: "LimitShare") -> list[str]:
-    if share.ratio is None:
-        return ["-", "-"]
-    return [f"{100.0 * share.ratio:.0f}", f"{100.0 * share.low:.0f} to {100.0 * share.high:.0f}"]

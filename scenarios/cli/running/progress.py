@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from scenarios.cli.tables import worst_rows
+from scenarios.cli.columns import worst_rows
 from scenarios.results.metrics import Metrics
 from transport.reasons import counts_as_loss
 from vehicles.messages import LogText, Message, RunStart, TruePose
