@@ -1,15 +1,12 @@
 """Keys of a scenario that contradict each other, each valid by itself."""
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from scenarios.definition.changing.links import link_change_problems
 from scenarios.definition.channel.content import content_problems
-from scenarios.definition.channel.delay import delay_problems
-from scenarios.definition.channel.loss import loss_problems
-from scenarios.definition.channel.outages import far_circles, outage_problems
 from scenarios.definition.channel.radio import radio_problems
 from scenarios.definition.channel.rules import (
     ANY,
@@ -28,6 +25,7 @@ from scenarios.definition.schema.path import SegmentTable
 from scenarios.definition.schema.tables import CONTROLLERS, OriginTable, ScenarioTables
 from scenarios.definition.sending import even_rate_hz, sending_problems
 from scenarios.definition.vehicle_setup import vehicle_setup
+from transport.links.laws.law import LinkLaw
 from transport.topics import CONDUCTOR
 from vehicles.car.dynamics import fastest_rate
 from vehicles.driver.steering import ControllerError, load_controller, try_out
@@ -118,7 +116,8 @@ def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
     for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
         about = [entry for _, entry in entries_about(tables.link, names, *pair)]
         asked = requested_link(tables, names, *pair)
-        for key, why in (*loss_problems(asked), *radio_problems(asked)):
+        merged = {"loss": asked.loss, "collisions": asked.collisions}
+        for key, why in (*_problems_of(merged, _problems), *radio_problems(asked)):
             table = key.split(".")[0]
             giver = next((one for one in reversed(about) if table in one.model_fields_set), None)
             index = next((place for place, one in enumerate(tables.link) if one is giver), None)
@@ -127,12 +126,31 @@ def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
 
 def _channels(tables: ScenarioTables) -> Iterator[Problem]:
     """Give what is wrong inside of one table of a link, or of a vehicle's radio."""
+    laws: dict[str, LinkLaw | None] = {}
     for key, link in _link_tables(tables).items():
-        yield from delay_problems(link.delay, f"{key}.delay")
-        yield from outage_problems(link.outages or (), f"{key}.outages")
+        laws |= {f"{key}.delay": link.delay, **_listed(f"{key}.outages", link.outages)}
     for name, vehicle in tables.vehicle.items():
-        for key in ("transmitter_off", "receiver_off"):
-            yield from outage_problems(getattr(vehicle, key), f"vehicle.{name}.{key}")
+        laws |= _listed(f"vehicle.{name}.transmitter_off", vehicle.transmitter_off)
+        laws |= _listed(f"vehicle.{name}.receiver_off", vehicle.receiver_off)
+    yield from _problems_of(laws, _problems)
+
+
+def _listed(key: str, laws: Sequence[LinkLaw] | None) -> dict[str, LinkLaw | None]:
+    """Laws of a list by their keys."""
+    return {f"{key}[{place}]": law for place, law in enumerate(laws or ())}
+
+
+def _problems(law: LinkLaw) -> Iterator[Problem]:
+    return law.problems()
+
+
+def _problems_of(
+    laws: Mapping[str, LinkLaw | None], problems: Callable[[LinkLaw], Iterator[Problem]]
+) -> Iterator[Problem]:
+    """Return what laws find of their own keys, under those of the laws."""
+    for place, law in laws.items():
+        if law is not None:
+            yield from ((f"{place}.{key}", why) for key, why in problems(law))
 
 
 def _link_tables(tables: ScenarioTables) -> dict[str, LinkTable]:
@@ -267,7 +285,8 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
     origin = tables.origin or OriginTable()
     plane = LocalPlane(Origin(origin.latitude_deg, origin.longitude_deg, origin.altitude_m))
     for key, link in _link_tables(tables).items():
-        yield from far_circles(link.outages or (), f"{key}.outages", plane)
+        outages = _listed(f"{key}.outages", link.outages)
+        yield from _problems_of(outages, lambda law: law.problems_in(plane))
 
 
 def _out_of_reach(tables: ScenarioTables, route: Route) -> Iterator[Problem]:

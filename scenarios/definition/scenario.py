@@ -13,10 +13,9 @@ from pydantic import ValidationError
 
 from scenarios.definition import contradictions
 from scenarios.definition.changes import change_problems, joins_late
-from scenarios.definition.channel.delay import with_recorded_delays
 from scenarios.definition.channel.expected import expected_channel
-from scenarios.definition.channel.outages import LinkSetting
 from scenarios.definition.channel.presets import with_presets
+from scenarios.definition.channel.recorded_delays import with_recorded_delays
 from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
@@ -41,6 +40,7 @@ from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.traces.placed import with_points, with_replays
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
+from transport.links.laws.law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
 from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
@@ -259,15 +259,17 @@ class Scenario:
         return joins_late(self.tables.change, name)
 
     def link_setting(self, sender: str, receiver: str, start_at: int) -> LinkSetting:
-        """What the effects of a link need to know of a run that starts at `start_at` (ns)."""
+        """What the laws of a link need to know of a run that starts at `start_at` (ns)."""
         source, sink = (self.tables.vehicle.get(name) for name in (sender, receiver))
         return LinkSetting(
             start_at=start_at,
             sender_station=self._start_station(sender),
             receiver_station=self._start_station(receiver),
             plane=LocalPlane(self.origin),
-            transmitter_off=source.transmitter_off if source else (),
-            receiver_off=sink.receiver_off if sink else (),
+            radio_off=(
+                *(source.transmitter_off if source else ()),
+                *(sink.receiver_off if sink else ()),
+            ),
         )
 
     def _start_station(self, name: str) -> float:

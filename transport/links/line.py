@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from heapq import heappop, heappush
 
 from transport.links.laws.effect import Passage
-from transport.links.laws.queue import Carried
+from transport.links.laws.stage import Carried
 from transport.links.link import Link, Verdict
 
 

@@ -13,10 +13,9 @@ from hashlib import blake2b
 from operator import attrgetter
 from typing import Literal, NamedTuple
 
-from transport.links.laws.effect import Draw, Effect, Passage
-from transport.links.laws.outages import BY_CELL
+from transport.links.laws.effect import BY_CELL, Draw, Effect, Passage
 from transport.links.laws.plain import Latency
-from transport.links.laws.queue import StageLaw
+from transport.links.laws.stage import StageLaw
 from transport.reasons import DropReason
 from vehicles.messages import Outcome
 

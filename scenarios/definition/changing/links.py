@@ -9,7 +9,6 @@ from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable
-from scenarios.definition.schema.channel.loss import LogLoss
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.tables import ScenarioTables
 from transport.links.laws.effect import Effect
@@ -130,7 +129,8 @@ def refused_link_change(tables: ScenarioTables, change: LinkChange) -> Iterator[
     if all(getattr(change, key) is None for key in QUALITIES):
         yield "", f"changes nothing, allowed at least one of {', '.join(QUALITIES)}"
     for sender, receiver in about:
-        if isinstance(requested_link(tables, names, sender, receiver).loss, LogLoss):
+        loss = requested_link(tables, names, sender, receiver).loss
+        if loss is not None and loss.replaces_others:
             again = f"the link from {sender} to {receiver} repeats an earlier run"
             yield "", f'{again}, allowed kind = "cut" or "heal"'
             return

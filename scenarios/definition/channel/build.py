@@ -1,16 +1,16 @@
-"""The effects of a directed link, from what its table asks for."""
+"""The effects and stages of a directed link, from its table."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 from scenarios.definition.channel.content import content_effects
-from scenarios.definition.channel.delay import delay_effect
-from scenarios.definition.channel.loss import earlier_run, loss_effects
-from scenarios.definition.channel.outages import LinkSetting, outages, vehicles_off
 from scenarios.definition.channel.radio import Between, nobody, radio_effect
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.effect import Effect
+from transport.links.laws.law import LinkLaw, LinkSetting
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
+from transport.links.laws.stage import StageLaw
 from vehicles.schedule import MILLISECOND
 
 UNSET = LinkSetting()
@@ -24,29 +24,50 @@ def link_effects(
     between: Between = nobody,
     besides: Sequence[Effect] = (),
 ) -> tuple[Effect, ...]:
-    """Impairments that `table` asks of a link whose sender sends at `source_rate_hz`.
+    """Impairments that `table` requests of a link whose sender sends at `source_rate_hz`.
 
-    The first that drops a message names the reason. `setting` is what some need of the run,
+    The first that drops a message names the reason. `setting` is what laws need of the run,
     `between` says which vehicles drive between sender and receiver, `besides` is what else the link
     does to messages that it carries by its rate.
     """
-    if again := earlier_run(table):
-        return (*again, *besides)
+    setting = replace(setting, latency=round(table.latency_ms * MILLISECOND))
+    if table.loss is not None and table.loss.replaces_others:
+        return (*table.loss.effects(setting), *besides)
     found: list[Effect] = []
     if table.rate_hz is not None and table.rate_hz < source_rate_hz:
         found.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
-    found += vehicles_off(setting)
+    found += _of(setting, *setting.radio_off)
     found += besides
-    found += outages(table.outages or (), setting)
+    found += _of(setting, *(table.outages or ()))
     if table.loss_ratio > 0.0:
         found.append(Loss(table.loss_ratio))
-    found += loss_effects(table)
+    found += _of(setting, table.loss, table.collisions)
     if table.radio is not None:
         found.append(radio_effect(table.radio, between))
-    found.append(Latency(round(table.latency_ms * MILLISECOND)))
+    found.append(Latency(setting.latency))
     if table.jitter_ms > 0.0:
         found.append(Jitter(round(table.jitter_ms * MILLISECOND)))
-    if table.delay is not None:
-        found.append(delay_effect(table.delay))
+    found += _of(setting, table.delay)
     found.extend(content_effects(table.content))
     return tuple(found)
+
+
+def _of(setting: LinkSetting, *laws: LinkLaw | None) -> list[Effect]:
+    """Effects of laws, those of one key with their places."""
+    return [
+        effect
+        for place, law in enumerate(laws)
+        if law is not None
+        for effect in law.effects(replace(setting, place=place))
+    ]
+
+
+def link_stages(table: LinkTable) -> tuple[StageLaw, ...]:
+    """What messages of the link do to one another, behind its effects."""
+    return tuple(stage for law in (table.queue, table.delay) if law for stage in law.stages)
+
+
+def usual_delay_ms(table: LinkTable) -> float:
+    """What most messages of a link take at most: the jitter at its largest, a law at mean + 2 σ."""
+    beyond = 0.0 if table.delay is None else table.delay.usual_ns / MILLISECOND
+    return table.latency_ms + table.jitter_ms + beyond

@@ -6,28 +6,18 @@ from fractions import Fraction
 from functools import reduce
 from math import gcd, inf, prod, sqrt
 
-import numpy as np
-
-from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.radio import Between, nobody
-from scenarios.definition.channel.reach import RADIO, loss_over_distance
 from scenarios.definition.schema.links import LinkTable
-from transport.links.laws.chains import FourState, GilbertElliott
-from transport.links.laws.content import BitErrors, Reordering
-from transport.links.laws.delay import ConstantDelay, DrawnDelay
-from transport.links.laws.effect import Described, Effect
-from transport.links.laws.outages import RandomOutage, TimedOutage
-from transport.links.laws.patterns import EarlierRun, EveryNth, Listed, RecordedPattern
-from transport.links.laws.plain import Decimation, Jitter, Latency
+from transport.links.laws.content import BitErrors
+from transport.links.laws.effect import Effect
+from transport.links.laws.moments import Losses
 from vehicles.schedule import MILLISECOND
 
 USUAL_MESSAGE_BYTES = 124
 """Of a pose on the wire, all but always."""
 FASTEST_HZ = 1000.0
 """No source measures more often, so a rate of the link holds back, unless it says otherwise."""
-BY_NUMBER = EveryNth, Listed, RecordedPattern
-BY_TIME = RandomOutage, TimedOutage
 _ROUNDING = 1e-9
 
 
@@ -51,36 +41,6 @@ class ExpectedChannel:
     loss_inflation: float = 1.0
     latency_inflation: float = 1.0
     settles: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class _Losses:
-    """A stationary law of loss: its mean, its mean burst, and the sum of its autocovariances."""
-
-    loss: float
-    burst: float | None
-    covariances: float
-
-    @property
-    def has_memory(self) -> bool:
-        """Whether a message's fate says anything of another one's."""
-        return abs(self.covariances) > _ROUNDING
-
-    @property
-    def both_pass(self) -> float | None:
-        """Chance that a message and the next one pass: bursts end as often as they begin."""
-        if self.burst is None:
-            return None
-        return 1.0 - self.loss - self.loss / self.burst
-
-    def beside(self, other: "_Losses") -> "_Losses":
-        """Both laws together, each on its own; what the two memories share is bounded above."""
-        passes, others = 1.0 - self.loss, 1.0 - other.loss
-        shared = min(
-            abs(self.covariances) * other.loss * others, abs(other.covariances) * self.loss * passes
-        )
-        covariances = self.covariances * others**2 + other.covariances * passes**2 + shared
-        return _Losses(self.loss + passes * other.loss, None, covariances)
 
 
 def expected_channel(
@@ -109,31 +69,30 @@ def expected_channel(
         latency_ms_deviation=deviation,
         loss_inflation=max(1.0, 1.0 + 2.0 * loss.covariances / spread) if loss and spread else 1.0,
         latency_inflation=inflation,
-        settles=not any(isinstance(one, BY_NUMBER + BY_TIME) for one in effects),
+        settles=not any(one.judged_by in {"number", "time"} for one in effects),
     )
 
 
 def expected_loss(
     table: LinkTable, effects: Sequence[Effect], distance_m: float | None
-) -> _Losses | None:
+) -> Losses | None:
     """Combine the losses of all laws: 1 - Π(1 - p); None if that of one is not known."""
-    if table.queue is not None or any(isinstance(one, EarlierRun) for one in effects):
+    if table.queue is not None:
         return None
-    decimated = any(isinstance(one, Decimation) for one in effects)
-    found = [_losses(one, distance_m) for one in effects]
-    if decimated and any(isinstance(one, EveryNth | RecordedPattern) for one in effects):
+    decimated = any(one.reason == "rate" for one in effects)
+    if decimated and any(one.judged_by == "number" for one in effects):
         return None  # which of them the link carries at all is a matter of numbers
-    found.append(_corrupted(table))
+    found = [*(one.losses(distance_m) for one in effects), _corrupted(table)]
     known = [one for one in found if one is not None]
     if len(known) < len(found):
         return None
-    whole = reduce(_Losses.beside, (one for one in known if one.loss), _Losses(0.0, None, 0.0))
+    whole = reduce(Losses.beside, (one for one in known if one.loss), Losses(0.0, None, 0.0))
     if decimated and any(one.has_memory for one in known):
-        return _Losses(whole.loss, None, whole.covariances)  # it steps on with what is held back
-    return _Losses(whole.loss, _burst(known, whole.loss), whole.covariances)
+        return Losses(whole.loss, None, whole.covariances)  # it steps on with what is held back
+    return Losses(whole.loss, _burst(known, whole.loss), whole.covariances)
 
 
-def _burst(laws: Sequence[_Losses], loss: float) -> float | None:
+def _burst(laws: Sequence[Losses], loss: float) -> float | None:
     """Mean number of messages lost in a row by several independent stationary laws.
 
     As many bursts end as there are messages that pass after one that was lost: P(passes) - P(both
@@ -149,54 +108,15 @@ def _burst(laws: Sequence[_Losses], loss: float) -> float | None:
     return loss / ends if ends > _ROUNDING * loss else inf
 
 
-def _losses(effect: Effect, distance_m: float | None) -> _Losses | None:
-    """What is known of one effect, None if its loss is not."""
-    if isinstance(effect, RADIO):
-        return _of_radio(effect, distance_m)
-    if not isinstance(effect, Described) or effect.mean_loss_ratio is None:
-        return None
-    loss, burst = effect.mean_loss_ratio, effect.mean_burst_messages
-    if isinstance(effect, GilbertElliott | FourState):
-        return _Losses(loss, burst, _covariances_of_chain(effect))
-    return _Losses(loss, burst, _covariances(loss, burst))
-
-
-def _of_radio(effect: Effect, distance_m: float | None) -> _Losses | None:
-    if distance_m is None:
-        return None
-    loss, burst = loss_over_distance(effect, distance_m)
-    return _Losses(loss, burst, _covariances(loss, burst))
-
-
-def _covariances(loss: float, burst: float | None) -> float:
-    """Sum of the autocovariances of a two-state chain (Gilbert) with this loss and mean burst."""
-    if burst is None or not 0.0 < loss < 1.0:
-        return 0.0
-    correlation = 1.0 - 1.0 / burst - loss / (burst * (1.0 - loss))
-    if abs(correlation) < _ROUNDING:
-        return 0.0
-    return loss * (1.0 - loss) * correlation / (1.0 - correlation)
-
-
-def _covariances_of_chain(law: GilbertElliott | FourState) -> float:
-    """The same of any chain, by its fundamental matrix (Kemeny and Snell 1960, section 4.3)."""
-    shares, rows, loses = law.chain.shares, law.chain.rows, np.array(law.loses)
-    reached = list(law.chain.states)
-    shares, loses, rows = shares[reached], loses[reached], rows[np.ix_(reached, reached)]
-    one = np.eye(len(shares))
-    fundamental = np.linalg.inv(one - rows + np.outer(np.ones(len(shares)), shares))
-    return float((shares * loses) @ (fundamental - one) @ loses)
-
-
-def _corrupted(table: LinkTable) -> _Losses | None:
+def _corrupted(table: LinkTable) -> Losses | None:
     """Loss by wrong bits: known where every frame with one is refused."""
     content = table.content
     if content is None or not content.bit_error_ratio:
-        return _Losses(0.0, None, 0.0)
+        return Losses(0.0, None, 0.0)
     if not content.frame_check:
         return None
-    loss = BitErrors(content.bit_error_ratio).corrupted_share(USUAL_MESSAGE_BYTES)
-    return _Losses(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf, 0.0)
+    share = BitErrors(content.bit_error_ratio).corrupted_share(USUAL_MESSAGE_BYTES)
+    return Losses.independent(share)
 
 
 def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, float | None, float]:
@@ -205,26 +125,12 @@ def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, f
         return None, None, 1.0
     mean = variance = spread = 0.0
     for effect in effects:
-        tied = 0.0
-        match effect:
-            case Latency():
-                more, own = float(effect.floor), 0.0
-            case Jitter():
-                more, own = 0.5 * effect.spread, effect.spread**2 / 12.0
-            case ConstantDelay():
-                more, own = effect.mean_ns, 0.0
-            case DrawnDelay():
-                more, own = effect.law.mean_ns, effect.law.deviation_ns**2
-                tied = effect.normals.correlation  # that of the delays is no larger
-            case Reordering():
-                more = effect.ratio * effect.delay
-                own = effect.ratio * (1.0 - effect.ratio) * effect.delay**2
-            case EarlierRun():
-                return None, None, 1.0
-            case _:
-                continue
-        mean, variance = mean + more, variance + own
-        spread += own * (1.0 + tied) / (1.0 - tied)
+        delays = effect.delays
+        if delays is None:
+            return None, None, 1.0
+        tied = delays.correlation
+        mean, variance = mean + delays.mean, variance + delays.variance
+        spread += delays.variance * (1.0 + tied) / (1.0 - tied)
     inflation = spread / variance if variance else 1.0
     return mean / MILLISECOND, sqrt(variance) / MILLISECOND, inflation
 

@@ -15,12 +15,13 @@ from scenarios.definition.errors import Refused
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.channel.loss import LogLoss, PatternLoss
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import ScenarioTables
 from scenarios.definition.traces.recorded import is_file
-from transport.links.laws.patterns import Numbers
+from transport.links.laws.loss.earlier_run import EarlierRun
+from transport.links.laws.loss.numbers import Numbers
+from transport.links.laws.loss.pattern import RecordedPattern
 from vehicles.messages import LinkVerdict
 
 COLUMNS = ["number", "received"]
@@ -36,11 +37,11 @@ FolderOf = Callable[[str], Path]
 def with_recordings(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioTables:
     """Replace the files of `kind = "pattern"` and `"log"` by what they hold; raises Refused."""
     places = _places(tables)
-    if not any(isinstance(table.loss, PatternLoss | LogLoss) for _, table in places):
+    if not any(isinstance(table.loss, RecordedPattern | EarlierRun) for _, table in places):
         return tables
     for key, table in places:
         loss = table.loss
-        if isinstance(loss, PatternLoss) and loss.file is not None:
+        if isinstance(loss, RecordedPattern) and loss.file is not None:
             read = _pattern(loss, loss.file, f"{key}.loss.file", folder_of)
             tables = _with_loss(tables, key, read)
     return _with_earlier_runs(tables, folder_of)
@@ -52,7 +53,7 @@ def _places(tables: ScenarioTables) -> list[tuple[str, LinkTable]]:
     return [("links", tables.links), *entries]
 
 
-def _with_loss(tables: ScenarioTables, key: str, loss: PatternLoss | None) -> ScenarioTables:
+def _with_loss(tables: ScenarioTables, key: str, loss: RecordedPattern | None) -> ScenarioTables:
     """Put another law of loss into one of the tables of links."""
 
     def changed(table: AnyLink) -> AnyLink:
@@ -80,7 +81,7 @@ def _sought(folder_of: FolderOf, key: str, file: str) -> Path:
 # ---- Patterns
 
 
-def _pattern(table: PatternLoss, file: str, key: str, folder_of: FolderOf) -> PatternLoss:
+def _pattern(table: RecordedPattern, file: str, key: str, folder_of: FolderOf) -> RecordedPattern:
     try:
         text = _sought(folder_of, key, file).read_text(encoding="utf-8-sig")
         received = list(_received(text))
@@ -131,11 +132,11 @@ def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioT
     """
     names = vehicle_names(tables)
     replayed = {name for name, own in tables.vehicle.items() if own.replay is not None}
-    records: dict[tuple[str, str], LogLoss] = {}
+    records: dict[tuple[str, str], EarlierRun] = {}
     read = cache(_links_of)
     for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
         loss = requested_link(tables, names, *pair).loss
-        if isinstance(loss, LogLoss) and loss.file is not None and pair[1] not in replayed:
+        if isinstance(loss, EarlierRun) and loss.file is not None and pair[1] not in replayed:
             key = _giver(tables, loss, pair)
             try:
                 records[pair] = _record(loss, read(_sought(folder_of, key, loss.file)), pair)
@@ -145,15 +146,15 @@ def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioT
             except ValueError as error:
                 raise Refused(key, f"{loss.file}: {error}") from error
     for key, table in _places(tables):
-        if isinstance(table.loss, LogLoss) and table.loss.file is not None:
+        if isinstance(table.loss, EarlierRun) and table.loss.file is not None:
             tables = _with_loss(tables, key, None)
     return _with_entries(tables, records)
 
 
-def _giver(tables: ScenarioTables, loss: LogLoss, pair: tuple[str, str]) -> str:
+def _giver(tables: ScenarioTables, loss: EarlierRun, pair: tuple[str, str]) -> str:
     """Key of the file of a link's record, in the most specific table that names it."""
     for _, entry in reversed(entries_about(tables.link, vehicle_names(tables), *pair)):
-        if isinstance(entry.loss, LogLoss) and entry.loss.file == loss.file:
+        if isinstance(entry.loss, EarlierRun) and entry.loss.file == loss.file:
             place = next(place for place, one in enumerate(tables.link) if one is entry)
             return f"link[{place}].loss.file"
     return "links.loss.file"
@@ -181,8 +182,8 @@ def _links_of(path: Path) -> dict[tuple[str, str], dict[int, LinkVerdict]]:
 
 
 def _record(
-    loss: LogLoss, found: dict[tuple[str, str], dict[int, LinkVerdict]], pair: tuple[str, str]
-) -> LogLoss:
+    loss: EarlierRun, found: dict[tuple[str, str], dict[int, LinkVerdict]], pair: tuple[str, str]
+) -> EarlierRun:
     """Put the verdicts of a link in place of the file; raises ValueError if there are none.
 
     A message without a verdict never came, so it is lost; it has the delay of the one before.
@@ -223,7 +224,7 @@ def run_lengths(delays: Sequence[int]) -> str:
 
 
 def _with_entries(
-    tables: ScenarioTables, records: Mapping[tuple[str, str], LogLoss]
+    tables: ScenarioTables, records: Mapping[tuple[str, str], EarlierRun]
 ) -> ScenarioTables:
     entries = list(tables.link)
     for (sender, receiver), record in records.items():

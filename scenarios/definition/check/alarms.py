@@ -14,8 +14,6 @@ from scenarios.definition.check.sample import StraightDrive
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import even_rate_hz, link_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
-from transport.links.laws.outages import CircleOutage, StretchOutage, TimedOutage
-from transport.links.laws.patterns import Listed
 from vehicles.schedule import SECOND
 
 HOUR_S = 3600.0
@@ -61,10 +59,8 @@ def sampled_alarms(
     """
     source, receiver = (scenario.vehicle(name) for name in link)
     drive = StraightDrive(scenario, link, first_distance_m(scenario, link))
-    if not _is_even(source) or any(
-        isinstance(one, TimedOutage | StretchOutage | CircleOutage | Listed)
-        for one in drive.effects()
-    ):
+    unlike = any(one.judged_by in {"time", "place"} for one in drive.effects())
+    if unlike or not _is_even(source):
         return None
     limit_s = longest_silence_s(source, receiver)
     phase_s = getattr(source.sending, "phase_s", 0.0) + source.gnss.latency_ms / 1000.0

@@ -4,10 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.expected import expected_age_ms, expected_channel
-from scenarios.definition.channel.origins import giver, rules_of
+from scenarios.definition.channel.origins import OF_VEHICLES, giver, rules_of
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.check.alarms import (
     Alarms,
@@ -20,32 +19,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.channel.content import ContentTable, FalseTable
 from scenarios.definition.sending import even_rate_hz, link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
-from transport.links.laws.content import Reordering
-from transport.links.laws.delay import ConstantDelay, DrawnDelay
-from transport.links.laws.effect import Described, Effect
-from transport.links.laws.outages import CircleOutage, RandomOutage, StretchOutage, TimedOutage
-from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
-from transport.links.laws.queue import InOrder
-from transport.links.laws.radio.collisions import Collisions
-from transport.links.laws.radio.delivery import DeliveryOverDistance, Propagation
 
-KEYS: dict[type[object], str] = {
-    Decimation: "rate_hz",
-    TimedOutage: "outages",
-    StretchOutage: "outages",
-    CircleOutage: "outages",
-    RandomOutage: "outages",
-    Loss: "loss_ratio",
-    Collisions: "collisions",
-    DeliveryOverDistance: "radio",
-    Propagation: "radio",
-    Latency: "latency_ms",
-    Jitter: "jitter_ms",
-    ConstantDelay: "delay",
-    DrawnDelay: "delay",
-    Reordering: "content",
-}
-"""The key that asks for an effect; all others are asked for by `loss`."""
 PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
 
 
@@ -176,21 +150,12 @@ def _laws(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]
     place = scenario.vehicle(receiver).place
     between = partial(vehicles_between, scenario.route, source.place, place)
     for effect in link_effects(table, _sent_hz(source), setting, between):
-        words = effect.in_words() if isinstance(effect, Described) else type(effect).__name__
-        key = key_of(effect)
-        if isinstance(effect, TimedOutage) and effect.reason != "outage":
-            off = sender if effect.reason == "transmitter_off" else receiver
-            key = f"vehicle.{off}.{effect.reason}"
-        yield key, words
+        end = OF_VEHICLES.get(effect.key)
+        yield effect.key if end is None else f"vehicle.{link[end]}.{effect.key}", effect.describe()
     for stage in link_stages(table):
-        yield "delay" if isinstance(stage, InOrder) else "queue", stage.in_words()
+        yield stage.key, stage.describe()
     if table.content is not None:
         yield from (("content", words) for words in content_in_words(table.content))
-
-
-def key_of(effect: Effect) -> str:
-    """Name the key of a link that asks for an effect."""
-    return KEYS.get(type(effect), "loss")
 
 
 def content_in_words(table: ContentTable) -> Iterator[str]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from scenarios.definition.channel.delay import usual_delay_ms
+from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.scenario import Scenario

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.expected import USUAL_MESSAGE_BYTES
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable

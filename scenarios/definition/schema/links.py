@@ -1,13 +1,15 @@
 """What a scenario file may say of the directed links between vehicles."""
 
+from typing import Annotated
+
 from pydantic import Field
 
 from scenarios.definition.schema.channel.content import ContentTable
-from scenarios.definition.schema.channel.delay import DelayTable, QueueTable
-from scenarios.definition.schema.channel.loss import CollisionsTable, LossTable
-from scenarios.definition.schema.channel.outages import Outages
 from scenarios.definition.schema.channel.radio import RadioTable
 from scenarios.definition.schema.table import Ratio, Table
+from transport.links.laws.loss.collisions import Collisions
+from transport.links.laws.queue import Queue
+from transport.links.laws.registry import DelayLaw, LossLaw, OutageLaw
 
 
 class LinkTable(Table):
@@ -35,12 +37,12 @@ class LinkTable(Table):
     jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
     loss_ratio: Ratio = 0.0
     rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
-    loss: LossTable | None = None
-    collisions: CollisionsTable | None = None
+    loss: LossLaw | None = None
+    collisions: Collisions | None = None
     content: ContentTable | None = None
-    delay: DelayTable | None = None
-    queue: QueueTable | None = None
-    outages: Outages | None = None
+    delay: DelayLaw | None = None
+    queue: Queue | None = None
+    outages: Annotated[tuple[OutageLaw, ...], Field(strict=False)] | None = None
     radio: RadioTable | None = None
 
     @property

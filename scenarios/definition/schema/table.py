@@ -19,10 +19,10 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-AnyTable = TypeVar("AnyTable", bound=Table)
+AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
-def overlay(base: AnyTable, own: Table | None) -> AnyTable:
+def overlay(base: AnyTable, own: BaseModel | None) -> AnyTable:
     """Return `base` with every key that was written in `own`, table by table.
 
     A table of another kind replaces what was there.
@@ -32,7 +32,7 @@ def overlay(base: AnyTable, own: Table | None) -> AnyTable:
     fields = type(base).model_fields
     changes = {key: getattr(own, key) for key in own.model_fields_set if key in fields}
     for key, value in changes.items():
-        if isinstance(value, Table):
+        if isinstance(value, BaseModel):
             below = getattr(base, key)
             changes[key] = overlay(below, value) if type(below) is type(value) else value
     return base.model_copy(update=changes)

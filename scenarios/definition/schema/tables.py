@@ -11,7 +11,6 @@ from typing import Annotated, Literal
 from pydantic import AwareDatetime, Field, StringConstraints
 
 from scenarios.definition.schema.changes import Changes
-from scenarios.definition.schema.channel.outages import Spans
 from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
@@ -20,6 +19,7 @@ from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.sending import EveryFixSending, SendingTable
 from scenarios.definition.schema.settings import SettingsTable
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
+from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
 from vehicles.driver.degradation.settings import DegradationSettings
 
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
@@ -226,8 +226,8 @@ class VehicleTable(Table):
     gap_m: float | None = Field(default=None, gt=0, le=1000)
     lateral_offset_m: float = Field(default=0.0, ge=-20, le=20)
     heading_offset_deg: float = Field(default=0.0, ge=-90, le=90)
-    transmitter_off: Spans = ()
-    receiver_off: Spans = ()
+    transmitter_off: Annotated[tuple[TransmitterOff, ...], Field(strict=False)] = ()
+    receiver_off: Annotated[tuple[ReceiverOff, ...], Field(strict=False)] = ()
     clock: ClockTable = ClockTable()
     control: SteeringTable | None = None
     gnss: GnssTable | None = None

@@ -5,8 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.studies.channel.fitting.recorded import RecordedLink

@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping
 
-from scenarios.definition.channel.build import UNSET, link_effects
+from scenarios.definition.channel.build import UNSET, link_effects, link_stages
 from scenarios.definition.channel.content import content_stage
-from scenarios.definition.channel.delay import link_stages
-from scenarios.definition.channel.outages import LinkSetting
 from scenarios.definition.schema.links import LinkTable
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
+from transport.links.laws.law import LinkSetting
 from transport.links.link import Link
 from vehicles.geometry.geodesy import LocalPlane, Origin
 

@@ -214,7 +214,7 @@ def test_the_rate_names_a_drop_before_chance_does() -> None:
 
 
 @dataclass(frozen=True)
-class Fixed:
+class Fixed(Effect):
     answer: int | DropReason
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002

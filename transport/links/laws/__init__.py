@@ -1,15 +1,17 @@
-"""The laws of a directed link: effects that drop a message or delay it, each small and pure.
+"""The laws of a directed link: one class in one module each, made known by a line of the registry.
 
-effect         what every one of them is given and answers
-plain          rate, independent loss, constant latency, uniform jitter
-outages        when and where a link carries nothing
-chains         loss in bursts: Gilbert–Elliott, four states
-patterns       loss by number: every n-th, listed, recorded, as in an earlier run
-radio/         what a radio receives over a distance, and what collides
-delay          laws of delay beyond the floor
+effect         what an effect is given of a message, what it returns and states of itself
+moments        losses and delays in the long run
+stage          what messages of a link do to one another, behind the effects
+law            a law as a table of a scenario file
+registry       every law, by the key that requests it
+plain          rate, a cut, independent loss, constant latency, uniform jitter
+loss/          loss in bursts, by number, as recorded, by reservations
+delay/         delay beyond the floor
+outages/       when and where a link carries nothing
+radio/         what a radio receives over a distance
+queue          a queue of bounded rate
 normals        standard normal numbers, correlated from one message to the next
-gamma          the gamma law as a function of a normal number
-queue          a queue of bounded rate, and arrival in order
 content        copies, messages held back, wrong bits
 false_content  places that are not true, content of earlier messages, a vehicle that is not there
 """

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from math import exp, expm1, log1p
 from zlib import crc32
 
-from transport.links.laws.effect import Draw, LosesNothing, Passage
+from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.moments import Delays
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
 
 @dataclass(frozen=True, slots=True)
-class Reordering(LosesNothing):
+class Reordering(Effect):
     """Holds each message back, on its own with probability `ratio`, for `delay` ns.
 
     It is overtaken by those that are sent meanwhile, unless they are held back too.
@@ -23,8 +24,16 @@ class Reordering(LosesNothing):
     ratio: float
     delay: int
 
-    def in_words(self) -> str:
-        """Say so in a line."""
+    key = "content"
+
+    @property
+    def delays(self) -> Delays:
+        """Moments of the delay, of those held back or not."""
+        variance = self.ratio * (1.0 - self.ratio) * self.delay**2
+        return Delays(self.ratio * self.delay, variance)
+
+    def describe(self) -> str:
+        """Give share and delay."""
         return f"{100.0 * self.ratio:g} % held back for {self.delay / MILLISECOND:g} ms"
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:

@@ -1,9 +1,10 @@
-"""What an effect of a link is given of a message, and what it answers."""
+"""What an effect of a link is given of a message, what it returns, and what it states of itself."""
 
 from collections.abc import Callable
 from math import nan
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import ClassVar, Literal, NamedTuple
 
+from transport.links.laws.moments import Delays, Losses, LossStates
 from transport.reasons import DropReason
 
 Draw = Callable[[str, int], float]
@@ -11,6 +12,12 @@ Draw = Callable[[str, int], float]
 
 The same purpose and number give the same draw, whatever was drawn before.
 """
+
+
+BY_CELL = "outage"
+"""Begins the purposes of draws whose number is that of a cell of time, not of a message."""
+
+JudgedBy = Literal["chance", "number", "time", "place"]
 
 
 class Whereabouts(NamedTuple):
@@ -39,51 +46,63 @@ class Passage(NamedTuple):
     receiver: Whereabouts = NOWHERE
 
 
-class Effect(Protocol):
+class Effect:
     """One impairment of a link; delays of several effects add up, any drop wins.
 
     A verdict must not depend on which messages came before. An effect with memory has to be a
     function of the message's number all the same: its state follows from the keyed draws of the
     numbers up to it, those that never came included.
+
+    Beside `judge` and `describe`, the defaults hold for an effect that loses nothing and adds no
+    delay. `key` is the key of a link that requests the effect, `reason` the word of its drops.
+    `judged_by` is "number", "time" or "place" where the verdict follows from those alone, so that a
+    run need not be like the long run.
     """
-
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
-        """Return the delay that this effect adds, in ns, or the word for why it drops it."""
-
-
-@runtime_checkable
-class Described(Protocol):
-    """What a law says beforehand of the messages it will judge, in the long run.
-
-    An effect has these where they follow from its own numbers. `mean_loss_ratio` is the share of
-    messages that it drops as lost, 0.0 if it only delays. `mean_burst_messages` is the mean number
-    of messages lost in a row, None if it loses none; inf if it never stops. Both are None where
-    they depend on more than the law, such as where the vehicles are.
-    """
-
-    @property
-    def mean_loss_ratio(self) -> float | None:
-        """Share of messages lost."""
-
-    @property
-    def mean_burst_messages(self) -> float | None:
-        """Mean number of messages lost in a row."""
-
-    def in_words(self) -> str:
-        """Say the law in one line without a full stop, with units, for who checks a scenario."""
-
-
-class LosesNothing:
-    """What a law that delays, or holds back by rate, says of loss."""
 
     __slots__ = ()
 
+    key: ClassVar[str]
+    reason: ClassVar[DropReason | None] = None
+    judged_by: ClassVar[JudgedBy] = "chance"
+
+    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+        """Return the delay (ns) that this effect adds, or the reason of a drop."""
+        raise NotImplementedError
+
+    def describe(self) -> str:
+        """Describe the law in one line without a full stop, with units."""
+        raise NotImplementedError
+
     @property
-    def mean_loss_ratio(self) -> float:
-        """None is lost."""
+    def mean_loss_ratio(self) -> float | None:
+        """Share of messages lost in the long run, None where it depends on more than the law."""
         return 0.0
 
     @property
-    def mean_burst_messages(self) -> None:
-        """None is lost."""
-        return
+    def mean_burst_messages(self) -> float | None:
+        """Mean number of messages lost in a row: inf if it never ends, None if unknown or none."""
+        return None
+
+    def losses(self, distance_m: float | None) -> Losses | None:  # noqa: ARG002 - for radios
+        """Loss over a distance, with its dependence from message to message; None if unknown."""
+        loss = self.mean_loss_ratio
+        return None if loss is None else Losses.of_bursts(loss, self.mean_burst_messages)
+
+    @property
+    def states(self) -> LossStates | None:
+        """The Markov chain behind the losses, if there is one."""
+        return None
+
+    @property
+    def delays(self) -> Delays | None:
+        """Moments of the delay, None where they depend on more than the law."""
+        return Delays(0.0, 0.0)
+
+    def delay_quantile(self, share: float) -> float | None:  # noqa: ARG002 - no chance
+        """Delay (ns) that a share of the messages does not exceed, None if unknown."""
+        return None
+
+    @property
+    def farthest_m(self) -> float | None:
+        """Distance (m) beyond which little or nothing is received; None without a radio."""
+        return None

@@ -1,16 +1,17 @@
-"""The plain laws of a link: rate, a cut, independent loss, constant latency, uniform jitter."""
+"""The plain effects of a link: rate, a cut, independent loss, constant latency, uniform jitter."""
 
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
 
-from transport.links.laws.effect import Draw, LosesNothing, Passage
+from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.moments import Delays
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
 
 @dataclass(frozen=True, slots=True)
-class Decimation(LosesNothing):
+class Decimation(Effect):
     """Carries `kept` of the source's messages, evenly spread and starting with the first.
 
     `kept` is link rate over source rate: 1/2 lets 0, 2, 4 … through, 2/3 lets 0, 2, 3, 5, 6 … .
@@ -18,20 +19,26 @@ class Decimation(LosesNothing):
 
     kept: Fraction
 
+    key = "rate_hz"
+    reason = "rate"
+
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop the message unless the link's own count of messages steps on with it."""
         seq, top, bottom = passage.seq, self.kept.numerator, self.kept.denominator
         # Message j of the link is the first of the source at or after the link's j-th period.
         return 0 if seq * top // bottom > (seq - 1) * top // bottom else "rate"
 
-    def in_words(self) -> str:
-        """Say how many of the messages are carried."""
+    def describe(self) -> str:
+        """Give the share of messages carried."""
         return f"rate: {self.kept.numerator} of {self.kept.denominator} messages carried"
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class Cut(Effect):
     """Carries nothing, as long as the link is cut."""
+
+    key = "cut"
+    reason = "cut"
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop the message."""
@@ -47,16 +54,19 @@ class Cut:
         """It never stops by itself."""
         return inf
 
-    def in_words(self) -> str:
+    def describe(self) -> str:
         """Name it."""
         return "cut"
 
 
 @dataclass(frozen=True, slots=True)
-class Loss:
+class Loss(Effect):
     """Loses each message on its own with probability `ratio` (Bernoulli)."""
 
     ratio: float
+
+    key = "loss_ratio"
+    reason = "loss"
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Drop when the message's draw falls below the ratio."""
@@ -74,36 +84,54 @@ class Loss:
             return None
         return 1.0 / (1.0 - self.ratio) if self.ratio < 1.0 else inf
 
-    def in_words(self) -> str:
+    def describe(self) -> str:
         """Name the law and its loss."""
         return f"independent loss {self.ratio:.4g}"
 
 
 @dataclass(frozen=True, slots=True)
-class Latency(LosesNothing):
+class Latency(Effect):
     """Delays every message by `floor` ns."""
 
     floor: int
+
+    key = "latency_ms"
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - constant
         """Delay by the floor."""
         return self.floor
 
-    def in_words(self) -> str:
+    @property
+    def delays(self) -> Delays:
+        """The floor."""
+        return Delays(float(self.floor), 0.0)
+
+    def describe(self) -> str:
         """Name the law and its delay."""
         return f"latency {self.floor / MILLISECOND:g} ms"
 
 
 @dataclass(frozen=True, slots=True)
-class Jitter(LosesNothing):
+class Jitter(Effect):
     """Delays each message by its own draw, uniform between 0 and `spread` ns."""
 
     spread: int
+
+    key = "jitter_ms"
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Delay by the message's draw."""
         return round(draw("jitter", passage.seq) * self.spread)
 
-    def in_words(self) -> str:
+    @property
+    def delays(self) -> Delays:
+        """Moments of a uniform distribution."""
+        return Delays(0.5 * self.spread, self.spread**2 / 12.0)
+
+    def delay_quantile(self, share: float) -> float:
+        """Share of the spread."""
+        return share * self.spread
+
+    def describe(self) -> str:
         """Name the law and its largest delay."""
         return f"jitter up to {self.spread / MILLISECOND:g} ms, uniform"

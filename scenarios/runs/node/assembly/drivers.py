@@ -1,6 +1,6 @@
 """Makes who drives a vehicle: its software, or a human."""
 
-from scenarios.definition.channel.delay import usual_delay_ms
+from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import (

@@ -12,7 +12,6 @@ from scenarios.definition.changing.links import LINK_CHANGES, links_of
 from scenarios.definition.channel.recordings import run_lengths
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.channel.content import ContentTable
-from scenarios.definition.schema.channel.loss import ListedLoss, LogLoss
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.studies.many.blame.losses import (
@@ -22,7 +21,9 @@ from scenarios.studies.many.blame.losses import (
     numbers_by_link,
 )
 from scenarios.studies.many.limit import Limit
-from transport.links.laws.patterns import Numbers
+from transport.links.laws.loss.earlier_run import EarlierRun
+from transport.links.laws.loss.listed import Listed
+from transport.links.laws.loss.numbers import Numbers
 from vehicles.schedule import SECOND
 
 LOSES = {"loss", "loss_ratio", "collisions", "outages", "radio", "preset", "preset_source"}
@@ -70,7 +71,7 @@ class LossFree:
 def _losing(entry: LinkEntry, numbers: Numbers | None) -> LinkEntry:
     if numbers is None:
         return entry
-    if isinstance(entry.loss, LogLoss):
+    if isinstance(entry.loss, EarlierRun):
         dropped = {**entry.loss.dropped_numbers, "pattern": str(numbers)}
         return entry.model_copy(
             update={"loss": entry.loss.model_copy(update={"dropped_numbers": dropped})}
@@ -78,8 +79,8 @@ def _losing(entry: LinkEntry, numbers: Numbers | None) -> LinkEntry:
     return entry.model_copy(update={"loss": _listed(str(numbers))})
 
 
-def _listed(numbers: str) -> ListedLoss:
-    return ListedLoss(kind="listed", lost_numbers=numbers)
+def _listed(numbers: str) -> Listed:
+    return Listed(kind="listed", lost_numbers=numbers)
 
 
 def loss_free(run: RecordedRun) -> LossFree:
@@ -91,7 +92,7 @@ def loss_free(run: RecordedRun) -> LossFree:
     }
     entries = []
     for pair, table in scenario.links.items():
-        recorded = pair in changed or table.queue is not None or isinstance(table.loss, LogLoss)
+        recorded = pair in changed or table.queue is not None or isinstance(table.loss, EarlierRun)
         entries.append(_recorded(run, pair, table) if recorded else _drawn(pair, table))
     tables = scenario.tables.model_copy(
         update={
@@ -129,7 +130,7 @@ def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
         for number in range(max([*fates, *sent, 0]) + 1)
     ]
     by_rate = Numbers.of((k, k) for k, fate in fates.items() if fate.reason and not fate.is_lost)
-    loss = LogLoss(
+    loss = EarlierRun(
         kind="log",
         source=run.log.name,
         after_end="pass",
@@ -140,7 +141,7 @@ def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
 
 
 def _entry(
-    pair: LinkEnds, table: LinkTable, *, besides: set[str], loss: ListedLoss | LogLoss
+    pair: LinkEnds, table: LinkTable, *, besides: set[str], loss: Listed | EarlierRun
 ) -> LinkEntry:
     kept: Mapping[str, object] = {
         key: value

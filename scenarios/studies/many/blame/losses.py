@@ -7,7 +7,7 @@ from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.inquiry.session import session_of
-from transport.links.laws.patterns import Numbers
+from transport.links.laws.loss.numbers import Numbers
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.reasons import counts_as_loss

@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.changing.links import LinkChange, course, links_of
-from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.delay import link_stages
+from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.links import directed_links
 from scenarios.definition.scenario import scenario_from_text

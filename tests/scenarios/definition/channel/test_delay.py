@@ -1,28 +1,28 @@
 """From the keys of a scenario to delays, queue and order; recorded delays are read once."""
 
 from bisect import bisect_left, bisect_right
+from math import inf
 from pathlib import Path
 from random import Random
 
 import pytest
+from scipy.stats import gamma, truncnorm
 
-from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.delay import link_stages, usual_delay_ms
+from scenarios.definition.channel.build import link_effects, link_stages, usual_delay_ms
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.definition.schema.links import LinkTable
 from tests.made.scenarios.messages import STRAIGHT
 from tests.made.transport.links import link
-from transport.links.laws.delay import (
-    ConstantDelay,
-    DrawnDelay,
-    EmpiricalDelay,
-    GammaDelay,
-    LognormalDelay,
-    NormalDelay,
-    UniformDelay,
-)
+from transport.links.laws.delay.constant import ConstantDelay
+from transport.links.laws.delay.drawn import DrawnDelay
+from transport.links.laws.delay.empirical import EmpiricalDelay
+from transport.links.laws.delay.gamma import GammaDelay
+from transport.links.laws.delay.lognormal import LognormalDelay
+from transport.links.laws.delay.normal import NormalDelay
+from transport.links.laws.delay.uniform import UniformDelay
 from transport.links.laws.effect import Effect, Passage
-from transport.links.laws.queue import InOrder, Queue
+from transport.links.laws.queue import Queue
+from transport.links.laws.stage import InOrder
 
 MS = 1_000_000
 TWO = {"mean_ms": 20.0, "deviation_ms": 10.0}
@@ -33,25 +33,30 @@ def last_effect(delay: dict[str, object]) -> Effect:
 
 
 @pytest.mark.parametrize(
-    ("given", "law"),
+    ("given", "law", "median_ms"),
     [
-        ({"kind": "uniform", "delay_ms_max": 30.0}, UniformDelay(0.0, 30.0 * MS)),
-        ({"kind": "normal", **TWO}, NormalDelay(20.0 * MS, 10.0 * MS)),
+        ({"kind": "uniform", "delay_ms_max": 30.0}, UniformDelay, 15.0),
+        ({"kind": "normal", **TWO}, NormalDelay, truncnorm(-2.0, inf, 20.0, 10.0).median()),
         (
             {"kind": "normal", **TWO, "delay_ms_max": 45.0},
-            NormalDelay(20.0 * MS, 10.0 * MS, 45.0 * MS),
+            NormalDelay,
+            truncnorm(-2.0, 2.5, 20.0, 10.0).median(),
         ),
-        ({"kind": "lognormal", **TWO}, LognormalDelay(20.0 * MS, 10.0 * MS)),
-        ({"kind": "gamma", **TWO}, GammaDelay(20.0 * MS, 10.0 * MS)),
-        ({"kind": "empirical", "recorded_ms": [3.0, 1.0]}, EmpiricalDelay((1.0 * MS, 3.0 * MS))),
+        ({"kind": "lognormal", **TWO}, LognormalDelay, 20.0 / 1.25**0.5),
+        ({"kind": "gamma", **TWO}, GammaDelay, gamma(4.0, scale=5.0).median()),
+        ({"kind": "empirical", "recorded_ms": [3.0, 1.0]}, EmpiricalDelay, 3.0),
     ],
 )
-def test_each_kind_is_its_law(given: dict[str, object], law: object) -> None:
+def test_each_kind_is_its_law(
+    given: dict[str, object], law: type[DrawnDelay], median_ms: float
+) -> None:
     effect = last_effect(given | {"correlation_ratio": 0.25})
-    assert isinstance(effect, DrawnDelay)
-    assert effect.law == law
-    assert (effect.normals.purpose, effect.normals.correlation) == ("delay", 0.25)
-    assert last_effect({"kind": "constant", "delay_ms": 1.5}) == ConstantDelay(1_500_000)
+    assert isinstance(effect, law)
+    assert effect.delays.correlation == 0.25
+    assert effect.at(0.0) == pytest.approx(median_ms * MS, rel=1e-4)
+    constant = last_effect({"kind": "constant", "delay_ms": 1.5})
+    assert constant == ConstantDelay(delay_ms=1.5)
+    assert constant.judge(lambda *_: 0.5, Passage(0, 0)) == 1_500_000
 
 
 def test_the_floor_stays_below_the_law_and_the_other_delays_add_up() -> None:
@@ -70,9 +75,9 @@ def test_queue_and_order_stand_behind_the_effects() -> None:
     delay = {"kind": "constant", "delay_ms": 0.0, "order": "in_order"}
     queue = {"bytes_per_s": 4000.0, "depth_messages": 3, "drop": "oldest"}
     asked = LinkTable.model_validate({"delay": delay, "queue": queue})
-    assert link_stages(asked) == (Queue(4000.0, 3, "oldest"), InOrder())
+    assert link_stages(asked) == (Queue.model_validate(queue), InOrder())
     assert link_stages(LinkTable.model_validate({"queue": {"bytes_per_s": 4000.0}})) == (
-        Queue(4000.0, 10, "newest"),
+        Queue(bytes_per_s=4000.0, depth_messages=10, drop="newest"),
     )
     assert link_stages(LinkTable()) == ()
 

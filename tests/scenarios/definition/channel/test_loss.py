@@ -7,50 +7,56 @@ import pytest
 from pydantic import TypeAdapter
 
 from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.loss import loss_problems
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text, template
-from scenarios.definition.schema.channel.loss import LossTable
-from scenarios.definition.schema.links import LinkTable
+from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott
 from tests.made.scenarios.messages import STRAIGHT
-from transport.links.laws.chains import FourState, GilbertElliott
-from transport.links.laws.effect import Described, Effect, Passage
-from transport.links.laws.patterns import EarlierRun, EveryNth, Listed, Numbers, RecordedPattern
+from transport.links.laws.effect import Effect, Passage
+from transport.links.laws.loss.collisions import Collisions
+from transport.links.laws.loss.earlier_run import EarlierRun
+from transport.links.laws.loss.every_nth import EveryNth
+from transport.links.laws.loss.gilbert_elliott import GilbertElliott
+from transport.links.laws.loss.listed import Listed
+from transport.links.laws.loss.numbers import Numbers
+from transport.links.laws.loss.pattern import RecordedPattern
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
-from transport.links.laws.radio.collisions import Collisions
+from transport.links.laws.registry import LossLaw
 from transport.links.link import Link, Verdict
 
 ASKED: dict[str, tuple[str, Effect]] = {
     "chances": (
         "{kind='gilbert_elliott', good_to_bad_ratio=0.1, bad_to_good_ratio=0.3}",
-        GilbertElliott(0.1, 0.3),
+        GilbertElliott(good_to_bad_ratio=0.1, bad_to_good_ratio=0.3),
     ),
     "all chances": (
         "{kind='gilbert_elliott', good_to_bad_ratio=0.1, bad_to_good_ratio=0.3, "
         "bad_delivered_ratio=0.2, good_delivered_ratio=0.9}",
-        GilbertElliott(0.1, 0.3, 0.2, 0.9),
+        gilbert_elliott(0.1, 0.3, 0.2, 0.9),
     ),
     "mean values": (
         "{kind='gilbert_elliott', loss_ratio=0.2, burst_messages_mean=4}",
-        GilbertElliott(0.0625, 0.25),
+        gilbert(0.2, 4.0),
     ),
     "four states": (
         "{kind='four_state', gap_to_burst_ratio=0.1, burst_to_gap_ratio=0.2, "
         "lost_to_sent_ratio=0.3, sent_to_lost_ratio=0.4, isolated_loss_ratio=0.05}",
-        FourState(0.1, 0.2, 0.3, 0.4, 0.05),
+        four_state(0.1, 0.2, 0.3, 0.4, 0.05),
     ),
     "two of four": (
         "{kind='four_state', gap_to_burst_ratio=0.1, burst_to_gap_ratio=0.2}",
-        FourState(0.1, 0.2, 0.0, 1.0, 0.0),
+        four_state(0.1, 0.2, 0.0, 1.0, 0.0),
     ),
-    "every nth": ("{kind='every_nth', every_messages=4, first_number=2}", EveryNth(4, 2)),
+    "every nth": (
+        "{kind='every_nth', every_messages=4, first_number=2}",
+        EveryNth(every_messages=4, first_number=2),
+    ),
     "listed": (
         "{kind='listed', lost_numbers='7, 3, 10-12'}",
-        Listed(Numbers(((3, 3), (7, 7), (10, 12)))),
+        Listed(lost_numbers="7, 3, 10-12"),
     ),
     "pattern": (
         "{kind='pattern', length_messages=20, lost_numbers='1-2', after_end='pass'}",
-        RecordedPattern(Numbers(((1, 2),)), 20, "pass"),
+        RecordedPattern(length_messages=20, lost_numbers="1-2", after_end="pass"),
     ),
 }
 
@@ -66,14 +72,14 @@ def test_each_kind_is_its_law_and_described(asked: str, law: Effect) -> None:
     found, latency = effects(f"links.loss={asked}")
     assert found == law
     assert isinstance(latency, Latency)
-    assert isinstance(found, Described)
-    assert found.in_words().isprintable()
-    assert not found.in_words().endswith(".")
+    assert found.describe().isprintable()
+    assert not found.describe().endswith(".")
 
 
 def test_mean_values_come_out_as_asked() -> None:
     law, _ = effects("links.loss={kind='gilbert_elliott', loss_ratio=0.35, burst_messages_mean=7}")
     assert isinstance(law, GilbertElliott)
+    assert law.chances == pytest.approx((0.35 / 0.65 / 7.0, 1.0 / 7.0, 0.0, 1.0))
     assert law.mean_loss_ratio == pytest.approx(0.35)
     assert law.mean_burst_messages == pytest.approx(7.0)
 
@@ -85,10 +91,9 @@ def test_laws_act_besides_the_plain_keys() -> None:
     )
     kinds = [Decimation, Loss, EveryNth, Collisions, Latency, Jitter]
     assert [type(one) for one in found] == kinds
-    assert found[3] == Collisions(0.2, 0.4, 5, 15)
+    assert found[3] == collisions(0.2, 0.4, 5, 15)
     for one in found:
-        assert isinstance(one, Described)
-        assert one.in_words()
+        assert one.describe()
         assert one.mean_loss_ratio == {Loss: 0.1, EveryNth: 1 / 3, Collisions: 0.2}.get(
             type(one), 0.0
         )
@@ -119,8 +124,8 @@ def test_an_earlier_run_takes_the_place_of_all_else() -> None:
     law, delay = effects(f"links={{loss_ratio=0.5, jitter_ms=3.0, latency_ms=9.0, loss={record}}}")
     assert isinstance(law, EarlierRun)
     assert law.dropped == (("loss", Numbers(((1, 1),))), ("pattern", Numbers(((2, 2),))))
-    assert (law.delays, law.latency, law.length) == (((5, 2), (7, 1)), 9_000_000, 3)
-    assert delay == law.recorded_delay
+    assert (law.delays_in_order, law.length) == (((5, 2), (7, 1)), 3)
+    assert delay == law.recorded_delay(9_000_000)
 
 
 def test_entries_inherit_within_a_kind_and_replace_another() -> None:
@@ -137,10 +142,10 @@ def test_entries_inherit_within_a_kind_and_replace_another() -> None:
         ],
     )  # fmt: skip
     found = {pair: link_effects(table, 20.0)[:-1] for pair, table in scenario.links.items()}
-    assert found["v1", "v2"] == (GilbertElliott.of_bursts(0.1, 4.0), Collisions(0.05))
-    assert found["v1", "v3"] == found["v2", "v3"] == (EveryNth(9), Collisions(0.05))
-    assert found["v1", "v4"] == (GilbertElliott.of_bursts(0.2, 4.0), Collisions(0.05))
-    assert found["v3", "v4"] == (Collisions(0.05, 0.8),)
+    assert found["v1", "v2"] == (gilbert(0.1, 4.0), collisions(0.05))
+    assert found["v1", "v3"] == found["v2", "v3"] == (EveryNth(every_messages=9), collisions(0.05))
+    assert found["v1", "v4"] == (gilbert(0.2, 4.0), collisions(0.05))
+    assert found["v3", "v4"] == (collisions(0.05, 0.8),)
 
 
 GILBERT = "links.loss={kind='gilbert_elliott', "
@@ -337,11 +342,10 @@ def test_what_cannot_be_is_refused_in_one_line(
 def test_the_template_shows_every_kind_and_all_are_valid() -> None:
     shown = re.findall(r"^# +(loss = \{.*?\})(?: +#.*)?$", template(), re.MULTILINE)
     tables = [
-        TypeAdapter[LossTable](LossTable).validate_python(tomllib.loads(one)["loss"])
-        for one in shown
+        TypeAdapter[LossLaw](LossLaw).validate_python(tomllib.loads(one)["loss"]) for one in shown
     ]
     for table in tables:
-        assert list(loss_problems(LinkTable(loss=table))) == []
+        assert list(table.problems()) == []
     assert {table.kind for table in tables} | {"none"} == {
         *("none", "gilbert_elliott", "four_state"),
         *("every_nth", "listed", "pattern", "log"),

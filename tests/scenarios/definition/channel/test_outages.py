@@ -4,14 +4,11 @@ import pytest
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.scenario import Scenario, load_scenario
+from tests.made.channels.laws import circle, random_outage, stretch, window
 from transport.links.laws.effect import Effect
-from transport.links.laws.outages import (
-    CircleOutage,
-    Extent,
-    RandomOutage,
-    StretchOutage,
-    TimedOutage,
-)
+from transport.links.laws.law import LinkLaw
+from transport.links.laws.outages.circle import CircleOutage
+from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
 from transport.links.laws.plain import Latency
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import SECOND
@@ -35,13 +32,18 @@ def test_each_kind_is_its_outage_in_the_order_given() -> None:
             " {kind='circle', east_m=30, north_m=-4, radius_m=9}]"
         ],
     )
-    assert effects(scenario, "v1", "v3") == [
-        TimedOutage(SECOND, 5 * SECOND // 2, START, 10 * SECOND),
-        RandomOutage(4 * SECOND, SECOND // 2, START, "outage 1"),
-        # Starts 15 m apart; the path's first segment begins where the lead starts.
-        StretchOutage(Extent(100.0, 160.0), "both", 0.0, -30.0),
-        CircleOutage(30.0, -4.0, 9.0, "either"),
+    found = effects(scenario, "v1", "v3")
+    assert found == [
+        window(SECOND, 5 * SECOND // 2, START, 10 * SECOND),
+        random_outage(4 * SECOND, SECOND // 2, START, 1),
+        stretch((100.0, 160.0), "both", 0.0, -30.0),
+        circle(30.0, -4.0, 9.0, "either"),
     ]
+    settings = [one.setting for one in found if isinstance(one, LinkLaw)]
+    assert {one.start_at for one in settings} == {START}
+    assert [one.place for one in settings] == [0, 1, 2, 3]
+    # Starts 15 m apart; the path's first segment begins where the lead starts.
+    assert (settings[2].sender_station, settings[2].receiver_station) == (0.0, -30.0)
 
 
 def test_the_first_recorded_point_is_where_stations_begin() -> None:
@@ -67,9 +69,9 @@ def test_a_place_on_earth_is_the_one_in_the_plane() -> None:
             " radius_m=20}]"
         ],
     )
-    (circle,) = effects(scenario, "v1", "v2")
-    assert isinstance(circle, CircleOutage)
-    assert (circle.east, circle.north) == pytest.approx((120.0, -35.0), abs=1e-3)
+    (found,) = effects(scenario, "v1", "v2")
+    assert isinstance(found, CircleOutage)
+    assert found.centre == pytest.approx((120.0, -35.0), abs=1e-3)
 
 
 def test_a_radio_that_is_off_is_off_on_all_its_links() -> None:
@@ -81,13 +83,13 @@ def test_a_radio_that_is_off_is_off_on_all_its_links() -> None:
             "links.outages=[{kind='window', from_s=0, to_s=1}]",
         ],
     )
-    sending = TimedOutage(SECOND, 2 * SECOND, START, reason="transmitter_off")
-    hearing = TimedOutage(3 * SECOND, 4 * SECOND, START, 10 * SECOND, "receiver_off")
-    window = TimedOutage(0, SECOND, START)
-    assert effects(scenario, "v1", "v2") == [window]
-    assert effects(scenario, "v2", "v3") == [sending, hearing, window]
-    assert effects(scenario, "v1", "v3") == [hearing, window]
-    assert effects(scenario, "v3", "v4") == [window]
+    sending = window(SECOND, 2 * SECOND, START, kind=TransmitterOff)
+    hearing = window(3 * SECOND, 4 * SECOND, START, 10 * SECOND, ReceiverOff)
+    from_start = window(0, SECOND, START)
+    assert effects(scenario, "v1", "v2") == [from_start]
+    assert effects(scenario, "v2", "v3") == [sending, hearing, from_start]
+    assert effects(scenario, "v1", "v3") == [hearing, from_start]
+    assert effects(scenario, "v3", "v4") == [from_start]
 
 
 def test_an_entry_without_outages_can_take_them_from_a_link() -> None:

@@ -6,7 +6,6 @@ import pytest
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import presets
-from scenarios.definition.channel.reach import RADIO, farthest_m, loss_over_distance
 from scenarios.definition.scenario import load_scenario
 from transport.links.laws.effect import Passage, Whereabouts
 from transport.links.laws.plain import Loss
@@ -31,8 +30,10 @@ def test_path_loss_delivers_its_mean_over_the_shadowing(
 
     effects = link_effects(asked, 20.0, between=between)
     link = Link(effects, 1, "v1", "v2")
-    radio = next(one for one in effects if isinstance(one, RADIO))
-    loss, _ = loss_over_distance(radio, distance)
+    radio = next(one for one in effects if one.key == "radio")
+    losses = radio.losses(distance)
+    assert losses is not None
+    loss = losses.loss
     lost = 0
     for seq in range(campaign):
         driven = seq * FAR_APART_M
@@ -46,10 +47,13 @@ def test_path_loss_delivers_its_mean_over_the_shadowing(
 def test_beyond_its_reach_little_is_received() -> None:
     for name in presets():
         asked = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
-        for radio in (one for one in link_effects(asked, 20.0) if isinstance(one, RADIO)):
-            assert loss_over_distance(radio, farthest_m(radio) + 1.0)[0] > 0.99
+        for radio in (one for one in link_effects(asked, 20.0) if one.key == "radio"):
+            assert radio.farthest_m is not None
+            losses = radio.losses(radio.farthest_m + 1.0)
+            assert losses is not None
+            assert losses.loss > 0.99
 
 
 def test_only_radios_have_a_reach() -> None:
-    with pytest.raises(TypeError):
-        loss_over_distance(Loss(0.1), 10.0)
+    assert Loss(0.1).farthest_m is None
+    assert Loss(0.1).losses(10.0) == Loss(0.1).losses(None)

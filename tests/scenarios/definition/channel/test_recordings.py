@@ -11,7 +11,8 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.effect import Passage
-from transport.links.laws.patterns import EarlierRun, Numbers, RecordedPattern
+from transport.links.laws.loss.earlier_run import EarlierRun
+from transport.links.laws.loss.pattern import RecordedPattern
 from transport.links.link import Link
 from transport.log.reader import LogReader
 from vehicles.messages import LinkVerdict
@@ -29,7 +30,7 @@ def test_a_pattern_is_read_and_depends_on_no_file_any_more(tmp_path: Path, text:
     read = scenario(tmp_path, "links.loss={kind='pattern', file='loss.csv'}")
     (tmp_path / "loss.csv").unlink()
     law, _ = link_effects(read.links["v1", "v2"], 20.0)
-    assert law == RecordedPattern(Numbers(((1, 2), (4, 4))), 6, "repeat")
+    assert law == RecordedPattern(source="loss.csv", length_messages=6, lost_numbers="1-2, 4")
     again = scenario_from_text(read.text)
     assert again.tables == read.tables
     assert 'source = "loss.csv"' in read.text

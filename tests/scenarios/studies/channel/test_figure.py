@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 from scenarios.cli.main import cli
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.schema.channel.loss import GilbertElliottLoss
 from scenarios.runs.virtual.unlogged import drive_trial
 from scenarios.studies.channel.costs import drives
 from scenarios.studies.channel.costs.drives import (
@@ -21,6 +20,7 @@ from scenarios.studies.channel.costs.drives import (
     lane_margin_m,
 )
 from scenarios.studies.channel.costs.figure import PICTURE, TWIN, channel_figure
+from transport.links.laws.loss.gilbert_elliott import GilbertElliott
 
 PNG = b"\x89PNG"
 SMALL = Plan(
@@ -61,10 +61,10 @@ def test_radios_of_one_loss_differ_in_their_bursts_alone() -> None:
         Channel(8.0, BURST_LOSS_RATIO, 20.0, burst).scenario(1).tables.links
         for burst in Plan().bursts_messages
     ]
-    assert all(isinstance(table.loss, GilbertElliottLoss) for table in tables)
+    assert all(isinstance(table.loss, GilbertElliott) for table in tables)
     assert len({table.model_copy(update={"loss": None}).model_dump_json() for table in tables}) == 1
     first = tables[0].loss
-    assert isinstance(first, GilbertElliottLoss)
+    assert isinstance(first, GilbertElliott)
     # Bursts as long as those of losses that are each on their own.
     assert first.burst_messages_mean == pytest.approx(1.0 / (1.0 - BURST_LOSS_RATIO))
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.channel.radio import nobody, radio_effect
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.definition.schema.channel.delay import GammaDelayTable
-from scenarios.definition.schema.channel.loss import GilbertElliottLoss
 from scenarios.definition.schema.channel.radio import (
     OnceForAllTable,
     PathLossRadio,
@@ -30,6 +28,8 @@ from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link, fit_log
 from scenarios.studies.channel.fitting.recorded import RecordedLink
 from tests.made.channels.recorded_channels import long_drive, recorded_links_of
+from transport.links.laws.delay.gamma import GammaDelay
+from transport.links.laws.loss.gilbert_elliott import GilbertElliott
 from transport.links.laws.radio.delivery import DeliveryOverDistance, highway_loss
 from transport.links.laws.radio.reservations import Reservations
 
@@ -91,11 +91,11 @@ def true_value(table: LinkTable, one: Estimate, between: int) -> float:
     key = one.key.removeprefix("loss.").removeprefix("delay.").removeprefix("radio.")
     if one.key in {"loss_ratio", "latency_ms"}:
         return float(getattr(table, one.key))
-    if isinstance(table.loss, GilbertElliottLoss) and one.key.startswith("loss."):
+    if isinstance(table.loss, GilbertElliott) and one.key.startswith("loss."):
         loss, burst = table.loss.loss_ratio or 0.0, table.loss.burst_messages_mean or 1.0
         derived = {"good_to_bad_ratio": loss / (1.0 - loss) / burst, "bad_to_good_ratio": 1 / burst}
         return float(derived.get(key) or getattr(table.loss, key))
-    if isinstance(table.delay, GammaDelayTable):
+    if isinstance(table.delay, GammaDelay):
         return float(getattr(table.delay, key))
     if isinstance(table.radio, PathLossRadio):
         return path_loss_values(table.radio, between)[key]
@@ -229,6 +229,6 @@ def test_a_log_gives_a_block_that_runs(preset: str, tmp_path: Path) -> None:
     for pair in asked.links:
         table = again.links[pair]
         if preset == "bursty":
-            assert isinstance(table.loss, GilbertElliottLoss), pair
+            assert isinstance(table.loss, GilbertElliott), pair
         else:
             assert table.radio is not None, pair

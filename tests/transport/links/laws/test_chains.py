@@ -10,9 +10,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from transport.links.laws.chains import LONGEST_LOOK_BACK, FourState, GilbertElliott
+from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott
 from transport.links.laws.effect import Draw, Effect, Passage
-from transport.links.laws.radio.collisions import Collisions
+from transport.links.laws.loss.chains import LONGEST_LOOK_BACK
+from transport.links.laws.loss.four_state import FourState
+from transport.links.laws.loss.gilbert_elliott import GilbertElliott
 from transport.links.link import keyed_draw
 
 Chances = st.floats(0.0, 1.0) | st.sampled_from([0.0, 0.01, 0.5, 1.0])
@@ -25,15 +27,15 @@ def laws(random: st.DrawFn) -> Callable[[], Effect]:
         least = random(st.integers(1, 20))
         most = least + random(st.integers(0, 20))
         loss, keep = random(Chances), random(st.floats(0.0, 0.9))
-        return lambda: Collisions(loss, keep, least, most)
+        return lambda: collisions(loss, keep, least, most)
     if random(st.booleans()):
         p, r, h, k = (random(Chances) for _ in range(4))
-        made: Callable[[], Effect] = lambda: GilbertElliott(p, r, h, k)  # noqa: E731
+        made: Callable[[], Effect] = lambda: gilbert_elliott(p, r, h, k)  # noqa: E731
     else:
         p13, p31, p23 = (random(Chances) for _ in range(3))
         p32, p14 = random(st.floats(0.0, 1.0 - p31)), random(st.floats(0.0, 1.0 - p13))
         assume(p13 + p14 <= 1.0 and p31 + p32 <= 1.0)
-        made = lambda: FourState(p13, p31, p32, p23, p14)  # noqa: E731
+        made = lambda: four_state(p13, p31, p32, p23, p14)  # noqa: E731
     try:
         law = made()
     except ValueError:
@@ -93,10 +95,10 @@ def counting(draw: Draw) -> tuple[Draw, list[int]]:
 @pytest.mark.parametrize(
     ("law", "mean"),
     [
-        (GilbertElliott(0.01, 0.25), 1 / 0.26),
-        (GilbertElliott(0.001, 0.1), 1 / 0.101),
-        (GilbertElliott(0.9, 0.8), 1 / 0.3),
-        (GilbertElliott(0.3, 0.7), 1.0),
+        (gilbert_elliott(0.01, 0.25), 1 / 0.26),
+        (gilbert_elliott(0.001, 0.1), 1 / 0.101),
+        (gilbert_elliott(0.9, 0.8), 1 / 0.3),
+        (gilbert_elliott(0.3, 0.7), 1.0),
     ],
 )
 def test_looking_back_is_as_short_as_a_draw_that_forgets_is_frequent(
@@ -111,7 +113,9 @@ def test_looking_back_is_as_short_as_a_draw_that_forgets_is_frequent(
     assert abs(len(drawn) / n - mean) < 4.0 * np.sqrt(mean * (mean - 1.0) / n) + 1e-9
 
 
-@pytest.mark.parametrize("law", [GilbertElliott(0.01, 0.25), FourState(0.03, 0.2, 0.15, 0.4, 0.02)])
+@pytest.mark.parametrize(
+    "law", [gilbert_elliott(0.01, 0.25), four_state(0.03, 0.2, 0.15, 0.4, 0.02)]
+)
 def test_a_stream_costs_one_draw_for_each_message(law: Effect) -> None:
     draw, drawn = counting(keyed_draw(1, "a", "b"))
     for seq in range(1000):
@@ -122,7 +126,7 @@ def test_a_stream_costs_one_draw_for_each_message(law: Effect) -> None:
 
 def test_the_first_message_is_as_likely_lost_as_any_other() -> None:
     """Over many links: a chain that started in its good state would lose none of the first."""
-    n, law = 4000, GilbertElliott.of_bursts(0.3, 10.0)
+    n, law = 4000, gilbert(0.3, 10.0)
     for seq in (0, 1, 5):
         lost = sum(judged(law, keyed_draw(seed, "a", "b"), seq) != 0 for seed in range(n))
         assert abs(lost - 0.3 * n) < 4.0 * np.sqrt(0.3 * 0.7 * n)
@@ -157,7 +161,7 @@ def test_gilbert_elliott_is_netem_s_once_its_start_is_forgotten(
     p: float, r: float, h: float, k: float
 ) -> None:
     n, draw = 20_000, keyed_draw(1, "a", "b")
-    law = GilbertElliott(p, r, h, k)
+    law = gilbert_elliott(p, r, h, k)
 
     def of_packet(number: int) -> Draw:
         def drawn(purpose: str, good: int) -> float:
@@ -223,7 +227,7 @@ def test_four_states_are_netem_s_once_its_start_is_forgotten(
         return u
 
     netem = netem_four_state(chances, in_netem_s_order, n)
-    law = FourState(*chances)
+    law = four_state(*chances)
     ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
     parted = [seq for seq in range(n) if ours[seq] != netem[seq]]
     assert max(parted, default=0) < 200
@@ -234,7 +238,11 @@ def test_four_states_are_netem_s_once_its_start_is_forgotten(
 def test_four_states_lose_like_netem_with_its_own_draws(seed: int) -> None:
     """Nothing in common but the five numbers: losses and bursts agree as two samples do."""
     chances, n = (0.03, 0.2, 0.15, 0.4, 0.02), 40_000
-    random, law, draw = np.random.default_rng(seed), FourState(*chances), keyed_draw(seed, "a", "b")
+    random, law, draw = (
+        np.random.default_rng(seed),
+        four_state(*chances),
+        keyed_draw(seed, "a", "b"),
+    )
     netem = netem_four_state(chances, lambda *_: float(random.random()), n)
     ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
     for least in (1, 2, 3, 5):
@@ -254,11 +262,11 @@ def burst_count(fates: list[bool], least: int) -> int:
 @pytest.mark.parametrize(
     "made",
     [
-        lambda: GilbertElliott(1.0, 1.0),
-        lambda: GilbertElliott(1e-5, 1e-5),
-        lambda: FourState(1.0, 1.0),
-        lambda: FourState(0.0, 0.0, isolated=1.0),
-        lambda: FourState(1e-6, 1e-6),
+        lambda: gilbert_elliott(1.0, 1.0),
+        lambda: gilbert_elliott(1e-5, 1e-5),
+        lambda: four_state(1.0, 1.0),
+        lambda: four_state(0.0, 0.0, p14=1.0),
+        lambda: four_state(1e-6, 1e-6),
     ],
 )
 def test_chains_that_never_forget_are_refused(made: Callable[[], Effect]) -> None:
@@ -267,25 +275,25 @@ def test_chains_that_never_forget_are_refused(made: Callable[[], Effect]) -> Non
 
 
 def test_chances_out_of_a_state_are_at_most_one() -> None:
-    with pytest.raises(ValueError, match="more than 1"):
-        FourState(0.6, 0.1, isolated=0.5)
+    with pytest.raises(ValueError, match=r"at most 0\.4"):
+        four_state(0.6, 0.1, p14=0.5)
 
 
 def test_chains_that_end_somewhere_stay_there() -> None:
     draw = keyed_draw(1, "a", "b")
-    never, always = GilbertElliott(0.0, 0.3), GilbertElliott(0.2, 0.0)
+    never, always = gilbert_elliott(0.0, 0.3), gilbert_elliott(0.2, 0.0)
     assert {judged(never, draw, seq) for seq in range(200)} == {0}
     assert {judged(always, draw, seq) for seq in range(200)} == {"burst"}
     assert (never.mean_loss_ratio, never.mean_burst_messages) == (0.0, None)
     assert (always.mean_loss_ratio, always.mean_burst_messages) == (1.0, inf)
-    assert FourState(0.1, 0.0, 0.0, 1.0).mean_burst_messages == inf
+    assert four_state(0.1, 0.0, 0.0, 1.0).mean_burst_messages == inf
 
 
 @given(Chances, Chances)
 def test_two_states_forget_as_fast_as_the_closed_form_says(p: float, r: float) -> None:
     memory = abs(1.0 - p - r)
     try:
-        chain = GilbertElliott(p, r).chain
+        chain = gilbert_elliott(p, r).chain
     except ValueError:
         assert memory > 1.0 - 1.001 / LONGEST_LOOK_BACK
     else:

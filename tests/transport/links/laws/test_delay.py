@@ -12,18 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from transport.links.laws.delay import (
-    ConstantDelay,
-    DelayLaw,
-    DrawnDelay,
-    EmpiricalDelay,
-    GammaDelay,
-    LognormalDelay,
-    NormalDelay,
-    UniformDelay,
-)
+from transport.links.laws.delay.constant import ConstantDelay
+from transport.links.laws.delay.drawn import DrawnDelay
+from transport.links.laws.delay.empirical import EmpiricalDelay
+from transport.links.laws.delay.gamma import GammaDelay
+from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantiles
+from transport.links.laws.delay.lognormal import LognormalDelay
+from transport.links.laws.delay.normal import NormalDelay
+from transport.links.laws.delay.uniform import UniformDelay
 from transport.links.laws.effect import Passage
-from transport.links.laws.gamma import log_quantile, log_quantiles
 from transport.links.laws.normals import RECENT, STRONGEST, Normals
 from transport.links.link import keyed_draw
 
@@ -33,13 +30,13 @@ KS_LIMIT = 1.9495
 ENTIRE = 100_000
 BATCHES = 50
 
-LAWS: dict[str, DelayLaw] = {
-    "uniform": UniformDelay(5 * MS, 45 * MS),
-    "normal": NormalDelay(30 * MS, 5 * MS),
-    "truncated": NormalDelay(10 * MS, 12 * MS, 30 * MS),
-    "lognormal": LognormalDelay(20 * MS, 12 * MS),
-    "gamma": GammaDelay(20 * MS, 15 * MS),
-    "empirical": EmpiricalDelay(tuple(MS * x for x in (1, 1, 2, 4, 8, 8.5, 30, 31))),
+LAWS: dict[str, DrawnDelay] = {
+    "uniform": UniformDelay(delay_ms_min=5.0, delay_ms_max=45.0),
+    "normal": NormalDelay(mean_ms=30.0, deviation_ms=5.0),
+    "truncated": NormalDelay(mean_ms=10.0, deviation_ms=12.0, delay_ms_max=30.0),
+    "lognormal": LognormalDelay(mean_ms=20.0, deviation_ms=12.0),
+    "gamma": GammaDelay(mean_ms=20.0, deviation_ms=15.0),
+    "empirical": EmpiricalDelay(recorded_ms=(1.0, 1.0, 2.0, 4.0, 8.0, 8.5, 30.0, 31.0)),
 }
 SCIPY = {
     "uniform": stats.uniform(5 * MS, 40 * MS),
@@ -50,13 +47,17 @@ SCIPY = {
 }
 
 
-def delays(law: DelayLaw, correlation: float, seed: int, count: int) -> np.ndarray:
-    effect, draw = DrawnDelay(law, Normals("delay", correlation)), keyed_draw(seed, "a", "b")
+def correlated(law: DrawnDelay, correlation: float) -> DrawnDelay:
+    return law.model_copy(update={"correlation_ratio": correlation})
+
+
+def delays(law: DrawnDelay, correlation: float, seed: int, count: int) -> np.ndarray:
+    effect, draw = correlated(law, correlation), keyed_draw(seed, "a", "b")
     return np.array([effect.judge(draw, Passage(seq, 0)) for seq in range(count)], dtype=float)
 
 
 @cache
-def hermite_weights(law: DelayLaw) -> np.ndarray:
+def hermite_weights(law: DrawnDelay) -> np.ndarray:
     """Squares of the law's coefficients in the normalised Hermite polynomials, by quadrature.
 
     With normal numbers of correlation r two delays have the covariance Σ weight[n] r^n (Mehler).
@@ -70,17 +71,17 @@ def hermite_weights(law: DelayLaw) -> np.ndarray:
     return np.array(weights)
 
 
-def correlation_of_delays(law: DelayLaw, r: float) -> float:
+def correlation_of_delays(law: DrawnDelay, r: float) -> float:
     """Autocorrelation of the delays where that of the normal numbers is `r`."""
     if law is LAWS["uniform"]:
         return 6.0 / pi * asin(r / 2.0)
     if law is LAWS["lognormal"]:
         return (exp(r * log1p(0.36)) - 1.0) / 0.36
-    weights = hermite_weights(law)  # type: ignore[arg-type]  # frozen dataclasses all
+    weights = hermite_weights(law)
     return float(weights @ r ** np.arange(1, 201)) / law.deviation_ns**2
 
 
-def scores(law: DelayLaw, correlation: float, sample: np.ndarray) -> list[float]:
+def scores(law: DrawnDelay, correlation: float, sample: np.ndarray) -> list[float]:
     """Mean, variance and lags 1, 2, 5 in standard errors from theirs, by means of batches."""
     off = (sample - law.mean_ns) / law.deviation_ns
     found = [(off, 0.0), (off**2, 1.0)]
@@ -178,9 +179,9 @@ def test_a_delay_alone_is_the_one_in_the_stream(
 ) -> None:
     law, draw = LAWS["gamma"], keyed_draw(seed, "a", "b")
     streamed = delays(law, correlation, seed, 401)
-    again = DrawnDelay(law, Normals("delay", correlation))
+    again = correlated(law, correlation)
     for seq in asked:
-        alone = DrawnDelay(law, Normals("delay", correlation))
+        alone = correlated(law, correlation)
         wanted = streamed[seq]
         assert alone.judge(draw, Passage(seq, 0)) == wanted
         assert again.judge(draw, Passage(seq, 0)) == wanted  # in whatever order
@@ -231,14 +232,14 @@ def test_neighbours_differ_less_the_more_they_are_tied() -> None:
 
 
 def test_laws_say_themselves_in_words() -> None:
-    tied = DrawnDelay(LAWS["truncated"], Normals("delay", 0.5))
-    assert tied.in_words() == (
+    tied = correlated(LAWS["truncated"], 0.5)
+    assert tied.describe() == (
         "delay normal, 10 ms ± 12 ms, truncated at 0 and 30 ms, correlation 0.5"
     )
     assert (tied.mean_loss_ratio, tied.mean_burst_messages) == (0.0, None)
-    assert (tied.mean_ns, tied.deviation_ns) == (tied.law.mean_ns, tied.law.deviation_ns)
-    assert ConstantDelay(round(3 * MS)).in_words() == "delay of 3 ms"
-    assert all("ms" in law.in_words() for law in LAWS.values())
+    assert (tied.mean_ns, tied.deviation_ns**2, 0.5) == tied.delays
+    assert ConstantDelay(delay_ms=3.0).describe() == "delay of 3 ms"
+    assert all("ms" in law.describe() for law in LAWS.values())
 
 
 def test_a_correlation_that_never_forgets_is_refused() -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott
 from tests.made.transport.hidden_chain import (
     HiddenChain,
     good_and_bad,
@@ -10,33 +11,31 @@ from tests.made.transport.hidden_chain import (
     netem_states,
     reservations,
 )
-from transport.links.laws.chains import FourState, GilbertElliott
-from transport.links.laws.effect import Described, Effect, Passage
+from transport.links.laws.effect import Effect, Passage
 from transport.links.laws.plain import Loss
-from transport.links.laws.radio.collisions import Collisions
 from transport.links.link import keyed_draw
 
 SEEDS = (1, 2, 3)
 
 
 def bursty(p: float, r: float, h: float = 0.0, k: float = 1.0) -> tuple[Effect, HiddenChain]:
-    return GilbertElliott(p, r, h, k), good_and_bad(p, r, h, k)
+    return gilbert_elliott(p, r, h, k), good_and_bad(p, r, h, k)
 
 
 def four(
     p13: float, p31: float, p32: float = 0.0, p23: float = 1.0, p14: float = 0.0
 ) -> tuple[Effect, HiddenChain]:
-    return FourState(p13, p31, p32, p23, p14), netem_states(p13, p31, p32, p23, p14)
+    return four_state(p13, p31, p32, p23, p14), netem_states(p13, p31, p32, p23, p14)
 
 
 def colliding(loss: float, keep: float, least: int, most: int) -> tuple[Effect, HiddenChain]:
-    return Collisions(loss, keep, least, most), reservations(loss, keep, least, most)
+    return collisions(loss, keep, least, most), reservations(loss, keep, least, most)
 
 
 LAWS: dict[str, tuple[Effect, HiddenChain]] = {
     "independent": (Loss(0.2), independent(0.2)),
     "bursts of four": bursty(0.25 / 9, 0.25),
-    "by mean values": (GilbertElliott.of_bursts(0.2, 6.0), good_and_bad(1 / 24, 1 / 6)),
+    "by mean values": (gilbert(0.2, 6.0), good_and_bad(1 / 24, 1 / 6)),
     "long bursts": bursty(0.01, 0.05),
     "losses in both states": bursty(0.05, 0.3, 0.25, 0.98),
     "in turn more often than not": bursty(0.8, 0.7),
@@ -46,7 +45,7 @@ LAWS: dict[str, tuple[Effect, HiddenChain]] = {
     "four states, mostly alone": four(0.005, 0.3, 0.1, 0.3, 0.08),
     "four states, never twice": four(0.1, 0.6, 0.4, 0.7, 0.05),
     "four states that are two": four(0.04, 0.3),
-    "isolated losses": (FourState(0.0, 1.0, isolated=0.1), netem_states(0.0, 1.0, 0, 1, 0.1)),
+    "isolated losses": (four_state(0.0, 1.0, p14=0.1), netem_states(0.0, 1.0, 0, 1, 0.1)),
     "collisions": colliding(0.2, 0.0, 5, 15),
     "collisions that stay": colliding(0.3, 0.4, 5, 15),
     "collisions of a short period": colliding(0.4, 0.0, 1, 3),
@@ -90,11 +89,10 @@ def test_resources_that_are_kept_collide_for_longer(keep: float, campaign: int) 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_law_says_beforehand_what_it_loses(name: str) -> None:
     law, closed = LAWS[name]
-    assert isinstance(law, Described)
     assert law.mean_loss_ratio == pytest.approx(closed.mean, rel=1e-9)
     assert law.mean_burst_messages == pytest.approx(closed.burst, rel=1e-9)
-    assert f"{closed.mean:.4g}" in law.in_words()
-    assert f"{closed.burst:.4g}" in law.in_words() or isinstance(law, Loss)
+    assert f"{closed.mean:.4g}" in law.describe()
+    assert f"{closed.burst:.4g}" in law.describe() or isinstance(law, Loss)
 
 
 @pytest.mark.parametrize(

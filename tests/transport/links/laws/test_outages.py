@@ -9,16 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from tests.made.channels.laws import circle, random_outage, stretch, window
 from transport.links.laws.effect import Effect, Passage, Whereabouts
-from transport.links.laws.outages import (
-    REMEMBERED,
-    CircleOutage,
-    Extent,
-    RandomOutage,
-    StretchOutage,
-    TimedOutage,
-    Who,
-)
+from transport.links.laws.outages.random import REMEMBERED, RandomOutage
+from transport.links.laws.outages.span import ReceiverOff, TransmitterOff, Who
 from transport.links.link import keyed_draw
 from vehicles.schedule import SECOND
 
@@ -38,20 +32,20 @@ def answer(effect: Effect, passage: Passage) -> object:
 def test_a_window_holds_from_its_first_nanosecond_to_before_its_last(
     since: int, dropped: bool
 ) -> None:
-    effect = TimedOutage(100, 150, START)
+    effect = window(100, 150, START)
     assert answer(effect, Passage(0, START + since)) == ("outage" if dropped else 0)
 
 
 @given(lap=st.integers(0, 10**6), since=st.integers(0, 999))
 def test_a_window_comes_again(lap: int, since: int) -> None:
-    effect = TimedOutage(100, 150, START, every=1000, reason="transmitter_off")
+    effect = window(100, 150, START, every=1000, kind=TransmitterOff)
     found = answer(effect, Passage(0, START + 100 + lap * 1000 + since))
     assert found == ("transmitter_off" if since < 50 else 0)
     assert effect.mean_loss_ratio == 0.05
 
 
 def test_a_window_does_not_come_before_its_first_time() -> None:
-    effect = TimedOutage(1100, 1150, START, every=1000)
+    effect = window(1100, 1150, START, every=1000)
     assert answer(effect, Passage(0, START + 120)) == 0
     assert answer(effect, Passage(0, START + 1120)) == "outage"
     assert answer(effect, Passage(0, START + 2120)) == "outage"
@@ -74,27 +68,27 @@ def test_who_has_to_be_there(who: Who, sender: bool, receiver: bool) -> None:
     passage = Passage(
         0, START, sender=here if sender else there, receiver=here if receiver else there
     )
-    assert answer(CircleOutage(10.0, 5.0, 6.0, who), passage) == wanted
+    assert answer(circle(10.0, 5.0, 6.0, who), passage) == wanted
     # The sender starts 40 m ahead of the path's first point, the receiver there as well.
-    assert answer(StretchOutage(Extent(100.0, 101.0), who, 40.0, 40.0), passage) == wanted
+    assert answer(stretch((100.0, 101.0), who, 40.0, 40.0), passage) == wanted
 
 
 def test_a_stretch_counts_from_each_one_s_own_start() -> None:
-    effect = StretchOutage(Extent(100.0, 200.0), "sender", -15.0, 0.0)
+    effect = stretch((100.0, 200.0), "sender", -15.0, 0.0)
 
     def at(driven: float) -> object:
         return answer(effect, Passage(0, START, sender=Whereabouts(driven=driven)))
 
     assert [at(driven) for driven in (114.9, 115.0, 214.9, 215.0)] == [0, "outage", "outage", 0]
     assert at(nan) == 0  # nobody knows where it is
-    laps = StretchOutage(Extent(100.0, 200.0, 1000.0), "sender", 0.0, 0.0)
+    laps = stretch((100.0, 200.0), "sender", 0.0, 0.0, 1000.0)
     for driven, wanted in ((2099.9, 0), (2100.0, "outage"), (2199.9, "outage"), (2200.0, 0)):
         passage = Passage(0, START, sender=Whereabouts(driven=driven))
         assert answer(laps, passage) == wanted
 
 
 def test_a_circle_ends_at_its_radius() -> None:
-    effect = CircleOutage(3.0, -4.0, 5.0, "sender")
+    effect = circle(3.0, -4.0, 5.0, "sender")
     for east, wanted in ((7.999, "outage"), (8.0, 0), (-1.999, "outage"), (-2.0, 0)):
         passage = Passage(0, START, sender=Whereabouts(east, -4.0, 0.0))
         assert answer(effect, passage) == wanted
@@ -115,7 +109,7 @@ def jumps(effect: RandomOutage, seed: int, cells: int) -> list[tuple[int, bool]]
 @pytest.mark.parametrize(("on", "off"), [(ON, OFF), (SECOND // 10, 3 * SECOND)])
 @pytest.mark.campaign(6_000, 100_000)
 def test_on_and_off_last_exponential_times(on: int, off: int, campaign: int) -> None:
-    effect = RandomOutage(on, off, START)
+    effect = random_outage(on, off, START)
     states = [next(group) for _, group in groupby(jumps(effect, 1, campaign), lambda one: one[1])]
     changes = np.array([at for at, _ in states], dtype=float)
     times = np.diff(changes)
@@ -130,7 +124,7 @@ def test_on_and_off_last_exponential_times(on: int, off: int, campaign: int) -> 
 
 
 def test_the_state_is_that_of_the_last_change() -> None:
-    effect, draw = RandomOutage(ON, OFF, START), keyed_draw(1, "a", "b")
+    effect, draw = random_outage(ON, OFF, START), keyed_draw(1, "a", "b")
     known = jumps(effect, 1, 200)
     for (at, state), (following, _) in pairwise(known):
         for instant in {at, (at + following) // 2, following - 1} - {following}:
@@ -140,7 +134,7 @@ def test_the_state_is_that_of_the_last_change() -> None:
 
 def test_it_is_stationary_from_the_first_message() -> None:
     """Over many links, at any instant: the long-run share, and its correlation over time."""
-    effect, links = RandomOutage(ON, OFF, START), 4000
+    effect, links = random_outage(ON, OFF, START), 4000
     draws = [keyed_draw(seed, "a", "b") for seed in range(links)]
     share = OFF / (ON + OFF)
     error = sqrt(share * (1 - share) / links)
@@ -163,17 +157,17 @@ def test_it_is_stationary_from_the_first_message() -> None:
 )
 def test_a_verdict_alone_is_the_one_in_the_stream(on: int, off: int, asked: list[int]) -> None:
     draw, step = keyed_draw(3, "a", "b"), 50 * 10**6
-    effect = RandomOutage(on, off, START)
+    effect = random_outage(on, off, START)
     stream = {seq: effect.is_off(draw, seq * step) for seq in range(max(asked) + 1)}
     for seq in asked:
-        alone = RandomOutage(on, off, START)
+        alone = random_outage(on, off, START)
         passage = Passage(seq, START + seq * step)
         assert alone.judge(draw, passage) == ("outage" if stream[seq] else 0)
         assert effect.judge(draw, passage) == alone.judge(draw, passage)
 
 
 def test_links_and_outages_of_one_link_have_their_own_times() -> None:
-    effect, other = (RandomOutage(ON, OFF, START, f"outage {k}") for k in (0, 1))
+    effect, other = (random_outage(ON, OFF, START, k) for k in (0, 1))
     draw, elsewhere = keyed_draw(1, "a", "b"), keyed_draw(1, "a", "c")
     instants = range(0, 400 * SECOND, SECOND // 2)
     here = [effect.is_off(draw, one) for one in instants]
@@ -192,7 +186,7 @@ def test_a_stream_costs_few_draws() -> None:
         calls += 1
         return plain(purpose, seq)
 
-    effect = RandomOutage(ON, OFF, START)
+    effect = random_outage(ON, OFF, START)
     for seq in range(10_000):
         effect.is_off(draw, seq * 50 * 10**6)
     cells = 500 * SECOND / effect.cell
@@ -200,18 +194,16 @@ def test_a_stream_costs_few_draws() -> None:
 
 
 def test_outages_say_themselves_in_words() -> None:
-    assert TimedOutage(10 * SECOND, 12 * SECOND, 0, 20 * SECOND).in_words() == (
+    assert window(10 * SECOND, 12 * SECOND, 0, 20 * SECOND).describe() == (
         "outage from 10 to 12 s, again every 20 s"
     )
-    assert TimedOutage(0, SECOND, 0, reason="receiver_off").in_words() == (
-        "receiver off from 0 to 1 s"
-    )
-    assert StretchOutage(Extent(5.0, 9.5), "both", 0.0, 0.0).in_words() == (
+    assert window(0, SECOND, 0, kind=ReceiverOff).describe() == ("receiver off from 0 to 1 s")
+    assert stretch((5.0, 9.5), "both", 0.0, 0.0).describe() == (
         "outage with both on the road from 5 to 9.5 m"
     )
-    assert CircleOutage(1.0, 2.0, 30.0, "either").in_words() == (
+    assert circle(1.0, 2.0, 30.0, "either").describe() == (
         "outage with either within 30 m of east 1 m, north 2 m"
     )
-    assert RandomOutage(ON, OFF, 0).in_words() == (
+    assert random_outage(ON, OFF, 0).describe() == (
         "random outage, on for 4 s and off for 1 s on average"
     )

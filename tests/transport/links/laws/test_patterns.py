@@ -8,14 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from transport.links.laws.effect import Effect, Passage
-from transport.links.laws.patterns import (
-    EarlierRun,
-    EveryNth,
-    Listed,
-    Numbers,
-    RecordedPattern,
-    known_reason,
-)
+from transport.links.laws.loss.earlier_run import EarlierRun, known_reason
+from transport.links.laws.loss.every_nth import EveryNth
+from transport.links.laws.loss.listed import Listed
+from transport.links.laws.loss.numbers import AfterEnd, Numbers
+from transport.links.laws.loss.pattern import RecordedPattern
 
 Some = st.sets(st.integers(0, 80))
 
@@ -30,6 +27,12 @@ def lost(law: Effect, count: int) -> list[int]:
 
 def numbers(some: set[int]) -> Numbers:
     return Numbers.of((one, one) for one in some)
+
+
+def pattern(some: Numbers, length: int, after_end: AfterEnd) -> RecordedPattern:
+    law = RecordedPattern(length_messages=length, lost_numbers=str(some), after_end=after_end)
+    law.check()
+    return law
 
 
 @given(Some)
@@ -56,27 +59,24 @@ def test_what_is_no_number_is_refused(text: str) -> None:
 
 @given(st.integers(1, 20), st.integers(0, 30))
 def test_every_nth_is_lost(period: int, first: int) -> None:
-    law = EveryNth(period, first)
+    law = EveryNth(every_messages=period, first_number=first)
     assert lost(law, 100) == list(range(first, 100, period))
     assert law.mean_loss_ratio == 1.0 / period
     assert law.mean_burst_messages == (1.0 if period > 1 else inf)
-    assert f"every {period}" in law.in_words()
+    assert f"every {period}" in law.describe()
 
 
 @given(Some)
 def test_listed_messages_are_lost(some: set[int]) -> None:
-    law = Listed(numbers(some))
+    law = Listed(lost_numbers=str(numbers(some)))
     assert lost(law, 100) == sorted(some)
     assert law.mean_loss_ratio is None
-    assert f"{len(some)} listed" in law.in_words()
+    assert f"{len(some)} listed" in law.describe()
 
 
 @given(Some, st.integers(81, 120))
 def test_a_pattern_repeats_or_ends(some: set[int], length: int) -> None:
-    again, once = (
-        RecordedPattern(numbers(some), length, "repeat"),
-        RecordedPattern(numbers(some), length, "pass"),
-    )
+    again, once = pattern(numbers(some), length, "repeat"), pattern(numbers(some), length, "pass")
     assert lost(once, 3 * length) == sorted(some)
     assert lost(again, 3 * length) == sorted(n + k * length for n in some for k in range(3))
     assert again.mean_loss_ratio == once.mean_loss_ratio == len(some) / length
@@ -85,7 +85,7 @@ def test_a_pattern_repeats_or_ends(some: set[int], length: int) -> None:
 @given(st.lists(st.booleans(), min_size=1, max_size=40))
 def test_bursts_of_a_pattern_are_those_of_its_repetition(fates: list[bool]) -> None:
     some = numbers({number for number, is_lost in enumerate(fates) if is_lost})
-    law = RecordedPattern(some, len(fates), "repeat")
+    law = pattern(some, len(fates), "repeat")
     turned = fates[fates.index(False) :] + fates[: fates.index(False)] if not all(fates) else fates
     runs = [sum(1 for _ in run) for is_lost, run in groupby(turned) if is_lost]
     expected = inf if all(fates) else sum(runs) / len(runs) if runs else None
@@ -107,22 +107,22 @@ def test_an_earlier_run_is_repeated_to_the_nanosecond(
         word: numbers({n for n, (_, reason) in enumerate(record) if reason == word})
         for word in ("loss", "rate", "burst")
     }
-    delays = tuple((delay, sum(1 for _ in some)) for delay, some in groupby(d for d, _ in record))
     law = EarlierRun(
-        tuple((known_reason(word), some) for word, some in dropped.items()),
-        delays,
-        "repeat" if after_end == "repeat" else "pass",
-        latency=20,
+        dropped_numbers={word: str(some) for word, some in dropped.items()},
+        delays_ns=", ".join(str(delay) for delay, _ in record),
+        after_end="repeat" if after_end == "repeat" else "pass",
     )
+    law.check()
+    delay = law.recorded_delay(20)
     for seq in range(2 * len(record)):
         expected = record[seq % len(record)]
         if seq >= len(record) and after_end == "pass":
             expected = (20, "")
         passage = Passage(seq, 0)
-        assert law.recorded_delay.judge(no_chance, passage) == expected[0]
+        assert delay.judge(no_chance, passage) == expected[0]
         assert law.judge(no_chance, passage) == (expected[1] or 0)
     counted = len(dropped["loss"]) + len(dropped["burst"])  # a link's rate loses nothing
-    assert law.mean_loss_ratio == counted / len(record)
+    assert len(law.lost) == counted
 
 
 def test_a_word_that_this_version_does_not_know_is_a_pattern() -> None:

@@ -1,23 +1,28 @@
 """Queue and order against closed forms, and against a simulation written another way."""
 
 from itertools import accumulate
-from math import inf, sqrt
+from math import sqrt
 from random import Random
+from typing import Literal
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.channel.delay import QueueTable
 from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import link
 from transport.links.laws.effect import Passage
-from transport.links.laws.queue import Carried, InOrder, Queue, StageLaw
+from transport.links.laws.queue import Queue
+from transport.links.laws.stage import Carried, InOrder, StageLaw
 from transport.links.line import judge_stream
 from vehicles.schedule import SECOND
 
 MS = SECOND // 1000
 NEVER = 2**62
+
+
+def queue_of(bytes_per_s: float, depth: int, drop: Literal["newest", "oldest"] = "newest") -> Queue:
+    return Queue(bytes_per_s=bytes_per_s, depth_messages=depth, drop=drop)
 
 
 def through(law: StageLaw, sent: list[Carried], until: int = NEVER) -> dict[int, Carried]:
@@ -39,7 +44,7 @@ def messages(instants: list[int], sizes: list[int] | int = 100) -> list[Carried]
 
 def test_below_its_rate_each_message_takes_its_own_time_and_nobody_waits() -> None:
     # 100 bytes at 4000 bytes/s are 25 ms; one comes every 50 ms.
-    found = through(Queue(4000.0, 3), messages([50 * MS * k for k in range(1000)]))
+    found = through(queue_of(4000.0, 3), messages([50 * MS * k for k in range(1000)]))
     assert len(found) == 1000
     for seq, one in found.items():
         assert (one.reason, one.visible_at) == ("", (50 * seq + 25) * MS)
@@ -50,7 +55,7 @@ def test_below_its_rate_each_message_takes_its_own_time_and_nobody_waits() -> No
 def test_above_its_rate_it_fills_and_loses_what_it_cannot_send(depth: int, drop: str) -> None:
     # 40 ms each, one every 25 ms: 1 - 25/40 are lost, and who is sent has waited a full queue,
     # which one behind the other takes `depth` times 40 ms.
-    law, count = Queue(2500.0, depth, drop), 20_000  # type: ignore[arg-type]  # of the two
+    law, count = queue_of(2500.0, depth, drop), 20_000  # type: ignore[arg-type]  # of the two
     found = through(law, messages([25 * MS * k for k in range(count)]))
     lost = sum(one.reason == "queue" for one in found.values())
     assert abs(lost / count - 0.375) < (depth + 2) / count
@@ -77,7 +82,7 @@ def test_random_arrivals_wait_as_pollaczek_and_khinchine_have_it(
     for seed in (1, 2, 3):
         random = Random(seed)
         gaps = [round(random.expovariate(load / service)) for _ in range(campaign)]
-        found = through(Queue(10_000.0, 10_000), messages(list(accumulate(gaps))))
+        found = through(queue_of(10_000.0, 10_000), messages(list(accumulate(gaps))))
         waits += [
             (found[seq].visible_at - found[seq].passage.sent_at - service) / service
             for seq in range(len(found))
@@ -108,7 +113,7 @@ def brute_force(instants: list[int], sizes: list[int], law: Queue) -> dict[int, 
         while k < len(instants) and instants[k] == now:
             if sending is None:
                 sending, done_at = k, now + law.service(sizes[k])
-            elif len(queue) < law.depth:
+            elif len(queue) < law.depth_messages:
                 queue.append(k)
             elif law.drop == "newest":
                 fate[k] = "queue", now
@@ -131,7 +136,7 @@ def test_it_is_the_queue_of_another_simulation(
 ) -> None:
     sizes = data.draw(st.lists(st.integers(1, 15), min_size=len(gaps), max_size=len(gaps)))
     instants = list(accumulate(gaps))
-    law = Queue(1e9, depth, drop)  # type: ignore[arg-type]  # a byte takes a nanosecond
+    law = queue_of(1e9, depth, drop)  # type: ignore[arg-type]  # a byte takes a nanosecond
     found = through(law, messages(instants, sizes))
     assert {seq: (one.reason, one.visible_at) for seq, one in found.items()} == brute_force(
         instants, sizes, law
@@ -147,7 +152,7 @@ def test_when_it_is_asked_changes_nothing_and_nothing_is_decided_too_late(
     gaps: list[int], drop: str, steps: list[int]
 ) -> None:
     instants = list(accumulate(gaps))
-    law, sent = Queue(1e9, 2, drop), messages(instants, 10)  # type: ignore[arg-type]
+    law, sent = queue_of(1e9, 2, drop), messages(instants, 10)  # type: ignore[arg-type]
     order = InOrder()
     at_once = order.stage().carry(law.stage().carry(sent, NEVER), NEVER)
     queue, ordered, until, before = law.stage(), order.stage(), 0, -1
@@ -172,7 +177,7 @@ def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never
     passages = [Passage(seq, 0, 10) for seq in range(4)]
     reasons = ("", "loss", "transmitter_off", "")
     sent = [Carried(one, 0, why) for one, why in zip(passages, reasons, strict=True)]  # type: ignore[arg-type]
-    found = through(Queue(1e9, 10), sent)
+    found = through(queue_of(1e9, 10), sent)
     assert [found[seq].visible_at for seq in range(4)] == [10, 20, 0, 30]
     assert [found[seq].reason for seq in range(4)] == list(reasons)
 
@@ -180,7 +185,7 @@ def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never
 def test_a_message_that_was_lost_anyway_keeps_its_reason_when_it_is_thrown_out() -> None:
     passages = [Passage(seq, 0, 10) for seq in range(3)]
     sent = [Carried(one, 7, "loss" if one.seq == 1 else "") for one in passages]
-    found = through(Queue(1e9, 1, "oldest"), sent)
+    found = through(queue_of(1e9, 1, "oldest"), sent)
     assert [found[seq].reason for seq in range(3)] == ["", "loss", ""]
 
 
@@ -211,7 +216,7 @@ def test_a_link_in_order_delays_and_one_that_is_free_lets_overtake() -> None:
 
 
 def test_delays_of_queue_and_floor_add_up() -> None:
-    asked = LinkTable(latency_ms=20.0, queue=QueueTable(bytes_per_s=1300.0, depth_messages=2))
+    asked = LinkTable(latency_ms=20.0, queue=Queue(bytes_per_s=1300.0, depth_messages=2))
     stream = [Passage(seq, seq * 50 * MS, 130) for seq in range(6)]  # 100 ms each
     judged = judge_stream(link(asked), stream)
     sent = {0: 100, 1: 200, 2: 300, 3: 400, 4: 500}  # when 5 comes 2 is sent, 3 and 4 wait
@@ -223,8 +228,8 @@ def test_delays_of_queue_and_floor_add_up() -> None:
 
 
 def test_stages_say_themselves_in_words() -> None:
-    assert Queue(4000.0, 8, "oldest").in_words() == (
+    assert queue_of(4000.0, 8, "oldest").describe() == (
         "queue of 8 messages at 4000 bytes/s, drops the oldest"
     )
-    assert InOrder().in_words() == "in order"
-    assert Queue(inf, 1).service(100) == 0
+    assert InOrder().describe() == "in order"
+    assert queue_of(1e9, 1).service(100) == 100

@@ -4,5 +4,4 @@ delivery       a table over distance; or path loss, noise and packet errors
 shadowing      how strength wavers with the metres driven
 obstruction    what the vehicles in between cost
 reservations   which messages are sent with the same resources
-collisions     loss of whole reservations
 """

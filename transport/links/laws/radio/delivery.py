@@ -6,10 +6,15 @@ that of the receiver is known to the node that judges. A message that says no pl
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from math import erfc, hypot, isfinite, log10, sqrt
+from functools import cache
+from math import erfc, hypot, inf, isfinite, log10, sqrt
 from statistics import NormalDist
 
-from transport.links.laws.effect import Draw, Passage
+import numpy as np
+from numpy.typing import NDArray
+
+from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.moments import Losses
 from transport.links.laws.radio.obstruction import Obstruction
 from transport.links.laws.radio.reservations import Reservations
 from transport.links.laws.radio.shadowing import ShadowField
@@ -21,6 +26,11 @@ NEAREST = 1.0
 """The loss on the way is that at so many metres at least: the laws are for the far field."""
 
 PURPOSE = "radio"
+NODES = 32
+"""Of the quadrature over a normal number; the curves of errors are smooth."""
+ALL_BUT_ALL = 0.99
+"""Loss from which on a radio is out of reach."""
+MOST_M, STEP_M = 20_000.0, 50.0
 
 
 def _distance(passage: Passage) -> float:
@@ -29,7 +39,7 @@ def _distance(passage: Passage) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class DeliveryOverDistance:
+class DeliveryOverDistance(Effect):
     """Delivers the share of messages that a table gives for the distance.
 
     `ratios` belong to `distances` (m, increasing); between two it is linear, before the first as
@@ -43,6 +53,9 @@ class DeliveryOverDistance:
     distances: tuple[float, ...]
     ratios: tuple[float, ...]
     reservations: Reservations | None = None
+
+    key = "radio"
+    reason = "range"
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Drop when the draw of the message, or of its reservation, is not below the ratio."""
@@ -67,13 +80,21 @@ class DeliveryOverDistance:
         """None: it depends on the distance."""
         return None
 
-    @property
-    def mean_burst_messages(self) -> float | None:
-        """None: it depends on the distance."""
-        return None
+    def losses(self, distance_m: float | None) -> Losses | None:
+        """Loss over a distance."""
+        if distance_m is None:
+            return None
+        loss, held = 1.0 - self.ratio(distance_m), self.reservations
+        messages = 1.0 if held is None else held.mean_messages
+        return Losses.of_bursts(loss, messages / (1.0 - loss) if loss < 1.0 else inf)
 
-    def in_words(self) -> str:
-        """Say the law in one line."""
+    @property
+    def farthest_m(self) -> float:
+        """The last distance of the table."""
+        return self.distances[-1]
+
+    def describe(self) -> str:
+        """Give the law in one line."""
         held = self.reservations
         share = f"{self.ratios[0]:g} received at {self.distances[0]:g} m"
         if len(self.ratios) > 1:
@@ -121,7 +142,7 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Propagation:
+class Propagation(Effect):
     """Delivers by the ratio of signal to noise that is left after the way from sender to receiver.
 
     power       transmitted, with the gains of both antennas (dBm)
@@ -143,6 +164,9 @@ class Propagation:
     obstructed: Sight
     shadowing: ShadowField | None = None
     obstruction: Obstruction | None = None
+
+    key = "radio"
+    reason = "range"
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Drop when the message's draw is not below the share received at its ratio."""
@@ -169,21 +193,59 @@ class Propagation:
         """None: it depends on where the vehicles are."""
         return None
 
-    @property
-    def mean_burst_messages(self) -> float | None:
-        """None: it depends on where the vehicles are."""
-        return None
+    def losses(self, distance_m: float | None) -> Losses | None:
+        """Loss over a distance, with all vehicles in between in the way; no burst if it wavers."""
+        if distance_m is None:
+            return None
+        loss = 1.0 - self._delivered(max(distance_m, NEAREST))
+        obstruction = self.obstruction
+        wavers = self.shadowing is not None or (obstruction is not None and obstruction.wavers)
+        if wavers and loss:
+            return Losses(loss, None, 0.0)
+        return Losses.of_bursts(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf)
 
-    def in_words(self) -> str:
-        """Say the law in one line."""
+    @property
+    def farthest_m(self) -> float:
+        """Distance from which on all but all messages are lost."""
+        far = STEP_M
+        while far < MOST_M and 1.0 - self._delivered(far) < ALL_BUT_ALL:
+            far += STEP_M
+        return far
+
+    def _delivered(self, distance: float) -> float:
+        """Mean over the shadowing and, where it wavers by itself, over the obstruction."""
+        normals, weights = _normal_nodes()
+        sight, lost, of_lost = self.in_sight, np.zeros(1), np.ones(1)
+        if self.obstruction is not None and self.obstruction.between.count:
+            sight = self.obstructed
+            lost, of_lost = self.obstruction.losses(distance, normals, weights)
+        shadow, of_shadow = np.zeros(1), np.ones(1)
+        if self.shadowing is not None:
+            shadow, of_shadow = sight.deviation * normals, weights
+        ratio = self.ratio(distance)
+        received = [
+            [sight.errors.received(ratio - one - other) for other in shadow.tolist()]
+            for one in lost.tolist()
+        ]
+        return float(of_lost @ np.array(received) @ of_shadow)
+
+    def describe(self) -> str:
+        """Give the law in one line."""
         said = [f"{self.power:g} dBm, {self.ratio(100.0):.1f} dB above the noise at 100 m"]
         if self.shadowing is not None:
             deviations = dict.fromkeys((self.in_sight.deviation, self.obstructed.deviation))
             decibels = " and ".join(f"{one:g}" for one in deviations)
             said.append(f"shadowing {decibels} dB over {self.shadowing.decorrelation:g} m")
         if self.obstruction is not None:
-            said.append(self.obstruction.in_words())
+            said.append(self.obstruction.describe())
         return ", ".join(said)
+
+
+@cache
+def _normal_nodes() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nodes and weights of the standard normal law (Gauss and Hermite)."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    return nodes, weights / sqrt(2.0 * np.pi)
 
 
 def noise_power(bandwidth: float, figure: float) -> float:

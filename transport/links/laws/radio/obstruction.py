@@ -3,10 +3,15 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, log10
-from typing import Protocol
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from transport.links.laws.effect import Draw, Passage
 from transport.links.laws.radio.shadowing import ShadowField
+
+Floats = NDArray[np.float64]
 
 HOPELESS = 150.0
 """Loss (dB) behind which nothing is received, whatever the radio: further vehicles do not count."""
@@ -83,13 +88,25 @@ class VehiclesBetween:
 
 
 class Obstruction(Protocol):
-    """A law of what the vehicles in between cost."""
+    """A law of what the vehicles in between cost; one that `wavers` differs as they drive."""
+
+    wavers: ClassVar[bool]
+
+    @property
+    def between(self) -> VehiclesBetween:
+        """The vehicles in between."""
 
     def loss(self, draw: Draw, passage: Passage, distance: float) -> tuple[float, bool]:
         """Return the loss (dB) over `distance` (m), and whether any vehicle is in the way."""
 
-    def in_words(self) -> str:
-        """Say the law in a few words."""
+    def losses(self, distance: float, normals: Floats, weights: Floats) -> tuple[Floats, Floats]:
+        """Return losses (dB) over `distance` (m) and their weights, with all in the way.
+
+        `normals` and `weights` are those of a quadrature over a standard normal number.
+        """
+
+    def describe(self) -> str:
+        """Describe the law in a few words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,13 +116,20 @@ class PerVehicle:
     between: VehiclesBetween
     each: float
 
+    wavers: ClassVar[bool] = False
+
     def loss(self, draw: Draw, passage: Passage, distance: float) -> tuple[float, bool]:  # noqa: ARG002 - no chance
         """Return the sum over those in the way, and whether there are any."""
         found = self.between.in_the_way(passage, ceil(HOPELESS / self.each))
         return self.each * found, found > 0
 
-    def in_words(self) -> str:
-        """Say the law in a few words."""
+    def losses(self, distance: float, normals: Floats, weights: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002 - no chance
+        """Return the sum over all."""
+        most = ceil(HOPELESS / self.each)
+        return np.array([self.each * min(self.between.count, most)]), np.ones(1)
+
+    def describe(self) -> str:
+        """Describe the law in a few words."""
         return f"{self.each:g} dB for each of up to {self.between.count} vehicles in between"
 
 
@@ -122,15 +146,23 @@ class OnceForAll:
     deviation: float
     wavering: ShadowField
 
+    wavers: ClassVar[bool] = True
+
     def loss(self, draw: Draw, passage: Passage, distance: float) -> tuple[float, bool]:
         """Return the loss if one is in the way, and whether one is."""
         if not self.between.in_the_way(passage, 1):
             return 0.0, False
-        mean = self.mean + max(0.0, 15.0 * log10(distance) - 41.0)
         wavering = self.wavering.at(draw, passage.receiver.driven)
-        return max(0.0, mean + self.deviation * wavering), True
+        return max(0.0, self._mean(distance) + self.deviation * wavering), True
 
-    def in_words(self) -> str:
-        """Say the law in a few words."""
+    def losses(self, distance: float, normals: Floats, weights: Floats) -> tuple[Floats, Floats]:
+        """Return the loss at each of the normal numbers."""
+        return np.maximum(0.0, self._mean(distance) + self.deviation * normals), weights
+
+    def _mean(self, distance: float) -> float:
+        return self.mean + max(0.0, 15.0 * log10(distance) - 41.0)
+
+    def describe(self) -> str:
+        """Describe the law in a few words."""
         law = f"{self.mean:g} ± {self.deviation:g} dB once"
         return f"{law} for up to {self.between.count} vehicles in between"

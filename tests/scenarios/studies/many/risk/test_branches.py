@@ -7,9 +7,9 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.virtual.convoy import Branch, VirtualConvoy
-from transport.links.laws.chains import CoupledChain
+from tests.made.channels.laws import random_outage
 from transport.links.laws.effect import Passage
-from transport.links.laws.outages import RandomOutage
+from transport.links.laws.loss.chains import CoupledChain
 from transport.links.link import Link
 from vehicles.messages import GpsPose, LinkVerdict, Message
 from vehicles.schedule import SECOND
@@ -110,7 +110,7 @@ def test_a_chain_keeps_its_state_at_a_branch() -> None:
 
 def test_outages_by_chance_go_on_as_they_were_drawn() -> None:
     """They are numbered by cells of time, which lie on both sides of a message."""
-    outage = RandomOutage(3 * SECOND, 2 * SECOND, 0)
+    outage = random_outage(3 * SECOND, 2 * SECOND, 0)
     link = Link((outage,), 5, "v0", "v1")
     passages = [Passage(number, number * SECOND // 20) for number in range(2000)]
     before = [link.judge(one) for one in passages]

@@ -2,13 +2,13 @@
 
 from itertools import groupby
 
+from tests.made.channels.laws import collisions
 from transport.links.laws.effect import Passage
-from transport.links.laws.radio.collisions import Collisions
 from transport.links.link import keyed_draw
 
 
 def test_all_messages_of_a_reservation_share_its_fate() -> None:
-    law, draw = Collisions(0.3), keyed_draw(3, "a", "b")
+    law, draw = collisions(0.3), keyed_draw(3, "a", "b")
     fates = [law.judge(draw, Passage(seq, 0)) for seq in range(20_000)]
     assert set(fates) == {0, "collision"}
     runs = [sum(1 for _ in some) for _, some in groupby(fates)][1:-1]
@@ -18,7 +18,7 @@ def test_all_messages_of_a_reservation_share_its_fate() -> None:
 def test_no_loss_and_total_loss_are_exact() -> None:
     draw = keyed_draw(1, "a", "b")
     for loss, fate in ((0.0, 0), (1.0, "collision")):
-        law = Collisions(loss, 0.5)
+        law = collisions(loss, 0.5)
         assert {law.judge(draw, Passage(seq, 0)) for seq in range(500)} == {fate}
-    assert Collisions(0.0).mean_burst_messages is None
-    assert Collisions(1.0).mean_burst_messages == float("inf")
+    assert collisions(0.0).mean_burst_messages is None
+    assert collisions(1.0).mean_burst_messages == float("inf")

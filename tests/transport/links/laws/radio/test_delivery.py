@@ -207,7 +207,7 @@ def fresh_law(name: str) -> Effect:
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_law_says_itself_in_one_line(name: str) -> None:
-    said = LAWS[name].in_words()  # type: ignore[attr-defined]
+    said = LAWS[name].describe()
     assert "\n" not in said
     assert not said.endswith(".")
     assert {"table": "200 m", "reservations": "16.7 messages", "etsi": "6.9 dB", "3gpp": "9 ± 4.5"}[

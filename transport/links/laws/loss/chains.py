@@ -8,8 +8,7 @@ computed alone, and the chain is exactly stationary from the first message on.
 """
 
 from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import accumulate
 from math import inf
@@ -17,6 +16,8 @@ from math import inf
 import numpy as np
 
 from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.law import LinkLaw, Unfit
+from transport.links.laws.moments import Losses, LossStates
 from transport.reasons import DropReason
 
 LONGEST_LOOK_BACK = 10_000.0
@@ -134,12 +135,25 @@ def _last(row: Sequence[float]) -> int:
     return max(place for place, one in enumerate(row) if place == 0 or one > row[place - 1])
 
 
-class _LossOfChain:
-    """What the laws of this module have in common: a chain, and the loss in each of its states."""
+class ChainLoss(LinkLaw):
+    """Base of laws that lose by the state of a Markov chain."""
 
-    __slots__ = ()
-    chain: CoupledChain
-    loses: tuple[float, ...]
+    key = "loss"
+    reason = "burst"
+
+    @cached_property
+    def chain(self) -> CoupledChain:
+        """The chain; raises Unfit."""
+        raise NotImplementedError
+
+    @cached_property
+    def loses(self) -> tuple[float, ...]:
+        """Chance of a loss in each state of the chain."""
+        raise NotImplementedError
+
+    def check(self) -> None:
+        """Find chances that are missing, contradict each other, or make no stationary chain."""
+        _ = self.chain
 
     def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
         """Drop by the state at the message's number, and by a draw where that leaves a choice."""
@@ -162,98 +176,34 @@ class _LossOfChain:
             return None
         return lost / last if last > _ROUNDING else inf
 
-    def _lost_in_words(self) -> str:
+    @property
+    def states(self) -> LossStates:
+        """The chain with the loss in each of its states."""
+        return LossStates(self.chain.rows, self.chain.shares, np.array(self.loses))
+
+    def losses(self, distance_m: float | None) -> Losses:  # noqa: ARG002 - not a radio
+        """Loss with the dependence that the chain has, over the states that are reached."""
+        reached = list(self.chain.states)
+        rows, shares, loses = self.states
+        within = LossStates(rows[np.ix_(reached, reached)], shares[reached], loses[reached])
+        return Losses(self.mean_loss_ratio, self.mean_burst_messages, within.covariances)
+
+    def _loss_and_burst(self) -> str:
         burst = self.mean_burst_messages
         in_a_row = "" if burst is None else f", {burst:.4g} messages in a row on average"
         return f"loss {self.mean_loss_ratio:.4g}{in_a_row}"
 
 
-@dataclass(frozen=True)
-class GilbertElliott(_LossOfChain):
-    """A good and a bad state, and a share of messages delivered in each.
-
-    `good_to_bad` and `bad_to_good` are the chances of a change before each message (p and r),
-    `bad_delivers` and `good_delivers` the shares delivered (h and k). With h = 0 and k = 1 it is
-    Gilbert's simple model: the loss is p / (p + r), bursts last 1 / r messages on average, and the
-    autocorrelation of loss at lag m is (1 - p - r)^m. Sources: Gilbert, Bell System Technical
-    Journal 39, 1960; Elliott, ibid. 42, 1963.
-
-    A message is judged by the state after the change that belongs to it. Linux netem judges before
-    the change and starts in the good state; in the long run both are the same.
-    """
-
-    good_to_bad: float
-    bad_to_good: float
-    bad_delivers: float = 0.0
-    good_delivers: float = 1.0
-    chain: CoupledChain = field(init=False, repr=False, compare=False)
-    loses: tuple[float, ...] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        """Set up the chain, the bad state first: a draw below both chances of it forgets."""
-        p, r = self.good_to_bad, self.bad_to_good
-        object.__setattr__(self, "chain", CoupledChain(((1.0 - r, r), (p, 1.0 - p)), start=1))
-        object.__setattr__(self, "loses", (1.0 - self.bad_delivers, 1.0 - self.good_delivers))
-
-    @classmethod
-    def of_bursts(cls, loss: float, burst: float) -> "GilbertElliott":
-        """The law with h = 0 and k = 1 that loses the share `loss`, `burst` messages in a row."""
-        return cls(loss / ((1.0 - loss) * burst), 1.0 / burst)
-
-    def in_words(self) -> str:
-        """Name the law, its loss and burst, and its four numbers."""
-        p, r, h, k = (
-            self.good_to_bad, self.bad_to_good, self.bad_delivers, self.good_delivers,
-        )  # fmt: skip
-        numbers = f"p {p:.4g}, r {r:.4g}, h {h:.4g}, k {k:.4g}"
-        return f"Gilbert–Elliott: {self._lost_in_words()} ({numbers})"
-
-
-@dataclass(frozen=True)
-class FourState(_LossOfChain):
-    """Four states: sent in a gap (1), sent in a burst (2), lost in a burst (3), lost alone (4).
-
-    The numbers are the chances of netem's `loss state p13 p31 p32 p23 p14`, in this order; the new
-    state is the message's fate, and after 4 follows 1. Source: sch_netem.c of Linux; Salsano,
-    Ludovici, Ordine and Giannuzzi, Definition of a general and intuitive loss model for packet
-    networks, 2012.
-
-    The states that matter are those reached from 1, where netem starts; here the chain has run
-    forever when the first message comes.
-    """
-
-    gap_to_burst: float
-    burst_to_gap: float
-    lost_to_sent: float = 0.0
-    sent_to_lost: float = 1.0
-    isolated: float = 0.0
-    chain: CoupledChain = field(init=False, repr=False, compare=False)
-    loses: tuple[float, ...] = field(default=(1.0, 1.0, 0.0, 0.0), init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Set up the chain in the order 3, 4, 2, 1: a small draw loses, a large one delivers."""
-        p13, p31, p32 = self.gap_to_burst, self.burst_to_gap, self.lost_to_sent
-        p23, p14 = self.sent_to_lost, self.isolated
-        if p13 + p14 > 1.0 or p31 + p32 > 1.0:
-            raise ValueError("chances out of one state add up to more than 1")
-        rows = (
-            (1.0 - p31 - p32, 0.0, p32, p31),
-            (0.0, 0.0, 0.0, 1.0),
-            (p23, 0.0, 1.0 - p23, 0.0),
-            (p13, p14, 0.0, 1.0 - p13 - p14),
-        )
-        object.__setattr__(self, "chain", CoupledChain(rows, start=3))
-
-    def in_words(self) -> str:
-        """Name the law, its loss and burst, and its five numbers."""
-        numbers = ", ".join(
-            f"{name} {value:.4g}"
-            for name, value in (
-                ("p13", self.gap_to_burst),
-                ("p31", self.burst_to_gap),
-                ("p32", self.lost_to_sent),
-                ("p23", self.sent_to_lost),
-                ("p14", self.isolated),
-            )
-        )
-        return f"four states as in netem: {self._lost_in_words()} ({numbers})"
+def forgetting(
+    key: str, chances: Sequence[float], chain: Callable[[], CoupledChain]
+) -> CoupledChain:
+    """Build a chain, or raise Unfit at `key` if it has no stationary state that can be found."""
+    try:
+        return chain()
+    except ValueError as error:
+        value = ", ".join(f"{one:g}" for one in chances)
+        raise Unfit(
+            key,
+            f"given {value}, {error}; allowed a chain that does within 10000 messages on average, "
+            "and does not go round in a circle",
+        ) from error

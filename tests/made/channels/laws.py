@@ -1,0 +1,96 @@
+"""Laws of links by their numbers, as the literature orders them, each as on one link of a run."""
+
+from typing import TypeVar
+
+from transport.links.laws.law import LinkLaw, LinkSetting
+from transport.links.laws.loss.collisions import Collisions
+from transport.links.laws.loss.four_state import FourState
+from transport.links.laws.loss.gilbert_elliott import GilbertElliott
+from transport.links.laws.outages.circle import CircleOutage
+from transport.links.laws.outages.random import RandomOutage
+from transport.links.laws.outages.span import SpanOutage, Who
+from transport.links.laws.outages.stretch import StretchOutage
+from transport.links.laws.outages.window import WindowOutage
+from vehicles.schedule import SECOND
+
+SomeLaw = TypeVar("SomeLaw", bound=LinkLaw)
+
+
+def on_link(law: SomeLaw, setting: LinkSetting | None = None) -> SomeLaw:
+    """The law's first effect on a link; raises ValueError if its keys do not fit."""
+    law.check()
+    effect = law.effects(setting or LinkSetting())[0]
+    assert isinstance(effect, type(law))
+    return effect
+
+
+def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> GilbertElliott:
+    """By its chances."""
+    return on_link(
+        GilbertElliott(
+            good_to_bad_ratio=p, bad_to_good_ratio=r, bad_delivered_ratio=h, good_delivered_ratio=k
+        )
+    )
+
+
+def gilbert(loss: float, burst: float) -> GilbertElliott:
+    """By mean loss and mean burst."""
+    return on_link(GilbertElliott(loss_ratio=loss, burst_messages_mean=burst))
+
+
+def four_state(
+    p13: float, p31: float, p32: float = 0.0, p23: float = 1.0, p14: float = 0.0
+) -> FourState:
+    """By netem's chances."""
+    return on_link(
+        FourState(
+            gap_to_burst_ratio=p13,
+            burst_to_gap_ratio=p31,
+            lost_to_sent_ratio=p32,
+            sent_to_lost_ratio=p23,
+            isolated_loss_ratio=p14,
+        )
+    )
+
+
+def collisions(loss: float, keep: float = 0.0, least: int = 5, most: int = 15) -> Collisions:
+    """By loss, chance to keep a resource, and limits of a reservation."""
+    return on_link(
+        Collisions(
+            loss_ratio=loss,
+            keep_ratio=keep,
+            reselection_messages_min=least,
+            reselection_messages_max=most,
+        )
+    )
+
+
+def window(
+    start: int, end: int, start_at: int, every: int = 0, kind: type[SpanOutage] = WindowOutage
+) -> SpanOutage:
+    """From `start` to `end` ns after `start_at`, again each `every`."""
+    law = kind(from_s=start / SECOND, to_s=end / SECOND, every_s=every / SECOND if every else None)
+    return on_link(law, LinkSetting(start_at=start_at))
+
+
+def stretch(
+    ends_m: tuple[float, float],
+    who: Who,
+    sender: float,
+    receiver: float,
+    every_m: float | None = None,
+) -> StretchOutage:
+    """With the stations of both ends at the start."""
+    law = StretchOutage(from_m=ends_m[0], to_m=ends_m[1], who=who, every_m=every_m)
+    return on_link(law, LinkSetting(sender_station=sender, receiver_station=receiver))
+
+
+def circle(east: float, north: float, radius: float, who: Who) -> CircleOutage:
+    """In the plane."""
+    return on_link(CircleOutage(east_m=east, north_m=north, radius_m=radius, who=who))
+
+
+def random_outage(on: int, off: int, start_at: int, place: int = 0) -> RandomOutage:
+    """By the mean times on and off (ns)."""
+    law = RandomOutage(mean_on_s=on / SECOND, mean_off_s=off / SECOND)
+    return on_link(law, LinkSetting(start_at=start_at, place=place))

@@ -1,0 +1,123 @@
+"""What all laws of delay beyond the floor have: order, and correlation from message to message.
+
+A law is a function of a standard normal number: where that is correlated from message to message,
+so is the delay (a Gaussian copula), and single delays still follow the requested law exactly. In
+netem they do not: its correlated number is no longer uniform (sch_netem.c, get_crandom). The
+correlation is that of the normal numbers; that of the delays themselves is a little smaller, unless
+their law is normal, too.
+"""
+
+from functools import cached_property
+from math import erfc, sqrt
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.law import LinkLaw, Unfit
+from transport.links.laws.moments import Delays
+from transport.links.laws.normals import Normals, quantile
+from transport.links.laws.stage import InOrder, StageLaw
+from transport.reasons import DropReason
+from vehicles.schedule import MILLISECOND
+
+PURPOSE = "delay"
+"""The word under which delays are drawn."""
+WIDEST, NARROWEST = 5.0, 0.01
+"""Deviations of a skew law in units of its mean."""
+_ROOT_TWO = sqrt(2.0)
+
+Milliseconds = Annotated[float, Field(ge=0, le=60_000)]
+SomeMilliseconds = Annotated[float, Field(ge=0.001, le=60_000)]
+"""The least is a microsecond."""
+
+
+class OrderedDelay(LinkLaw):
+    """What all laws of delay have: whether messages may overtake one another ("free")."""
+
+    key = "delay"
+
+    order: Literal["free", "in_order"] = "free"
+
+    @property
+    def usual_ns(self) -> float:
+        """Delay that most messages do not exceed: the mean and two deviations."""
+        raise NotImplementedError
+
+    @property
+    def stages(self) -> tuple[StageLaw, ...]:
+        """Arrival in order, if requested."""
+        return (InOrder(),) if self.order == "in_order" else ()
+
+
+class DrawnDelay(OrderedDelay):
+    """Beside it, for laws with chance: how much a message's delay has of the one before it.
+
+    It is the correlation of the normal numbers that delays are drawn by; delays have that law
+    whatever the correlation. All that follows from the keys is in ns.
+    """
+
+    correlation_ratio: Annotated[float, Field(ge=0, le=0.99)] = 0.0
+
+    @property
+    def mean_ns(self) -> float:
+        """Mean delay."""
+        raise NotImplementedError
+
+    @property
+    def deviation_ns(self) -> float:
+        """Standard deviation of the delay."""
+        raise NotImplementedError
+
+    def at(self, normal: float) -> float:
+        """Return the delay that belongs to a standard normal number, which it grows with."""
+        raise NotImplementedError
+
+    def describe_law(self) -> str:
+        """Describe the law without its correlation."""
+        raise NotImplementedError
+
+    @cached_property
+    def _normals(self) -> Normals:
+        return Normals(PURPOSE, self.correlation_ratio)
+
+    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+        """Delay by the law's delay for the message's own normal number."""
+        return round(self.at(self._normals.at(draw, passage.seq)))
+
+    @property
+    def usual_ns(self) -> float:
+        """Delay that most messages do not exceed: the mean and two deviations."""
+        return self.mean_ns + 2.0 * self.deviation_ns
+
+    @property
+    def delays(self) -> Delays:
+        """Moments of the delay."""
+        return Delays(self.mean_ns, self.deviation_ns**2, self.correlation_ratio)
+
+    def delay_quantile(self, share: float) -> float:
+        """Delay (ns) that a share of the messages does not exceed."""
+        return self.at(quantile(share))
+
+    def describe(self) -> str:
+        """Describe law and correlation."""
+        tied = self.correlation_ratio
+        return f"{self.describe_law()}, correlation {tied:g}" if tied else self.describe_law()
+
+
+def probability(normal: float) -> float:
+    """Share of standard normal numbers below one."""
+    return 0.5 * erfc(-normal / _ROOT_TWO)
+
+
+def in_ms(nanoseconds: float) -> str:
+    """Write a delay."""
+    return f"{nanoseconds / MILLISECOND:g} ms"
+
+
+def check_skew(mean_ms: float, deviation_ms: float) -> None:
+    """Raise Unfit for a deviation that a skew law's quantiles do not cover."""
+    least, most = NARROWEST * mean_ms, WIDEST * mean_ms
+    if not least <= deviation_ms <= most:
+        allowed = f"allowed {least:g} to {most:g}, {NARROWEST:g} to {WIDEST:g} times the mean"
+        raise Unfit("deviation_ms", f"given {deviation_ms:g}, {allowed}")

@@ -1,0 +1,119 @@
+"""A law of a link as a table of a scenario file: its keys, their limits, and what it does."""
+
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from transport.links.laws.effect import Effect, JudgedBy
+from transport.links.laws.stage import StageLaw
+from transport.reasons import DropReason
+from vehicles.geometry.geodesy import LocalPlane
+
+if TYPE_CHECKING:
+    from transport.links.laws.radio.obstruction import VehiclesBetween
+
+Problem = tuple[str, str]
+"""A key within the table of a law, and what is wrong with it."""
+
+Ratio = Annotated[float, Field(ge=0, le=1)]
+
+
+class Unfit(ValueError):  # noqa: N818 - a problem that is reported, not a failure
+    """A key of a law that does not fit the others, and what is wrong with it."""
+
+    def __init__(self, key: str, why: str) -> None:
+        self.key, self.why = key, why
+        super().__init__(f"{key}: {why}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSetting:
+    """What laws of a link need to know of its run beside their own keys.
+
+    start_at          the run's first instant (ns)
+    sender_station    station (m) of each end then, from the path's first point on
+    receiver_station
+    plane             the scenario's
+    radio_off         windows in which the sender's transmitter or the receiver's receiver is off
+    between           returns the vehicles between sender and receiver
+    latency           least delay of the link (ns)
+    place             place of the law among those of its key
+    """
+
+    start_at: int = 0
+    sender_station: float = nan
+    receiver_station: float = nan
+    plane: LocalPlane | None = None
+    radio_off: "Sequence[LinkLaw]" = ()
+    between: "Callable[[], VehiclesBetween] | None" = None
+    latency: int = 0
+    place: int = 0
+
+    @property
+    def off(self) -> bool:
+        """Whether the radio of one of the two is off at times."""
+        return bool(self.radio_off)
+
+
+class LawTable(BaseModel):
+    """A table of keys: unknown keys and wrong types are refused, values are frozen."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    def __copy__(self) -> Self:
+        """Copy the keys alone, not what was derived from them and cached."""
+        keys = {name: self.__dict__[name] for name in type(self).model_fields}
+        return self.model_construct(set(self.model_fields_set), **keys)
+
+
+class LinkLaw(Effect, LawTable):
+    """Base of the laws that a scenario file requests by a table.
+
+    Keys that an entry about one link may inherit are optional; `check` finds those missing.
+    `replaces_others` is true of a law that takes the place of all other keys of the link.
+    """
+
+    key: ClassVar[str]
+    reason: ClassVar[DropReason | None] = None
+    judged_by: ClassVar[JudgedBy] = "chance"
+    replaces_others: ClassVar[bool] = False
+    setting: ClassVar[LinkSetting] = LinkSetting()
+
+    def check(self) -> None:
+        """Raise Unfit for the first key that does not fit the others."""
+
+    def problems(self) -> Iterator[Problem]:
+        """Return the keys that do not fit the others."""
+        try:
+            self.check()
+        except Unfit as unfit:
+            yield unfit.key, unfit.why
+
+    def problems_in(self, plane: LocalPlane) -> Iterator[Problem]:  # noqa: ARG002 - without a place
+        """Return the keys that do not fit the scenario's plane."""
+        return iter(())
+
+    def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
+        """Return the effects on one link of a run: by default a copy that knows its `setting`.
+
+        Each link has its own, for what an effect remembers belongs to one link.
+        """
+        own = copy(self)
+        own.__dict__["setting"] = setting
+        return (own,)
+
+    @property
+    def stages(self) -> tuple[StageLaw, ...]:
+        """What messages of the link do to one another, behind the effects."""
+        return ()
+
+    def needed(self, key: str, why: str = "") -> Any:
+        """Return the value of a key; raises Unfit where it is missing."""
+        value = getattr(self, key)
+        if value is None:
+            raise Unfit(key, f"missing{why}")
+        return value

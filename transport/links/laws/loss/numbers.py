@@ -1,0 +1,79 @@
+"""Sets of message numbers, as scenario files write them."""
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
+
+from transport.links.laws.law import Unfit
+
+MessageNumber = Annotated[int, Field(ge=0, le=10**12)]
+MessageCount = Annotated[int, Field(ge=1, le=10**9)]
+FileName = Annotated[str, StringConstraints(min_length=1)]
+AfterEnd = Literal["repeat", "pass"]
+"""What happens to messages beyond the end of a record."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A set of message numbers, as ranges (first, last) in order that do not touch."""
+
+    ranges: tuple[tuple[int, int], ...]
+    _firsts: tuple[int, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Keep the first numbers, to search in."""
+        object.__setattr__(self, "_firsts", tuple(first for first, _ in self.ranges))
+
+    def __contains__(self, number: int) -> bool:
+        place = bisect_right(self._firsts, number) - 1
+        return place >= 0 and number <= self.ranges[place][1]
+
+    def __len__(self) -> int:
+        return sum(last - first + 1 for first, last in self.ranges)
+
+    def __str__(self) -> str:
+        return ", ".join(
+            str(first) if first == last else f"{first}-{last}" for first, last in self.ranges
+        )
+
+    @classmethod
+    def of(cls, pairs: Iterable[tuple[int, int]]) -> "Numbers":
+        """Merge ranges (first, last) that come in any order."""
+        merged: list[tuple[int, int]] = []
+        for first, last in sorted(pairs):
+            if merged and first <= merged[-1][1] + 1:
+                merged[-1] = merged[-1][0], max(last, merged[-1][1])
+            else:
+                merged.append((first, last))
+        return cls(tuple(merged))
+
+    @classmethod
+    def read(cls, text: str) -> "Numbers":
+        """Read `3, 7, 10-20`; raises ValueError with what is wrong."""
+        pairs = []
+        for part in filter(None, (part.strip() for part in text.split(","))):
+            found = re.fullmatch(r"(\d{1,18})(?:\s*-\s*(\d{1,18}))?", part, re.ASCII)
+            if found is None:
+                raise ValueError(f'"{part}", allowed numbers and ranges such as "3, 7, 10-20"')
+            first, last = int(found[1]), int(found[2] or found[1])
+            if last < first:
+                raise ValueError(f'"{part}", allowed a range that does not go back')
+            pairs.append((first, last))
+        return cls.of(pairs)
+
+    @property
+    def mean_run(self) -> float | None:
+        """Mean length of its ranges, None if it is empty."""
+        return len(self) / len(self.ranges) if self.ranges else None
+
+
+def numbers_of(key: str, text: str) -> Numbers:
+    """Read the numbers that a key gives; raises Unfit."""
+    try:
+        return Numbers.read(text)
+    except ValueError as error:
+        raise Unfit(key, f"given {str(error)[:200]}") from error

@@ -1,0 +1,105 @@
+"""An outage by chance."""
+
+from functools import cached_property
+from math import exp
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from transport.links.laws.effect import BY_CELL, Draw, Passage
+from transport.links.laws.outages.span import Outage
+from transport.reasons import DropReason
+from vehicles.schedule import SECOND
+
+MeanTime = Annotated[float, Field(ge=0.001, le=86_400)]
+REMEMBERED = 8
+"""Cells whose draws are kept."""
+
+
+class RandomOutage(Outage):
+    """On and off by chance, for exponential times of these means.
+
+    That is a Markov chain of two states, and it is found at any instant without its history: at
+    the instants of a Poisson process, of rate 1/mean on + 1/mean off, the state is drawn again,
+    off with the long-run share of it, whatever it was (uniformisation: Jensen 1953). So the state
+    is that of the last such instant, and stationary from the start. Time is cut into cells of
+    about one instant each, whose number, places and states are keyed draws of the cell's number.
+    """
+
+    kind: Literal["random"] = "random"
+    mean_on_s: MeanTime
+    mean_off_s: MeanTime
+
+    @cached_property
+    def _means(self) -> tuple[int, int]:
+        """Mean times on and off (ns)."""
+        return round(self.mean_on_s * SECOND), round(self.mean_off_s * SECOND)
+
+    @cached_property
+    def cell(self) -> int:
+        """Length of a cell (ns): the mean time from one instant of the process to the next."""
+        on, off = self._means
+        return max(round(on * off / (on + off)), 1)
+
+    @cached_property
+    def _cells(self) -> dict[tuple[Draw, int], tuple[tuple[int, bool], ...]]:
+        return {}
+
+    @property
+    def mean_loss_ratio(self) -> float:
+        """The share of time that is off."""
+        on, off = self._means
+        return off / (on + off)
+
+    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+        """Drop if the link is off at the instant of sending."""
+        return "outage" if self.is_off(draw, passage.sent_at - self.setting.start_at) else 0
+
+    def is_off(self, draw: Draw, since: int) -> bool:
+        """Whether the link is off `since` ns after the start."""
+        cell = since // self.cell
+        while True:
+            before = [one for one in self._instants(draw, cell) if one[0] <= since]
+            if before:
+                return max(before)[1]
+            cell -= 1
+
+    def _instants(self, draw: Draw, cell: int) -> tuple[tuple[int, bool], ...]:
+        """Instants of one cell, each with whether the link is off from then on.
+
+        The law's place among the outages is part of its draws: another one behind it changes none.
+        """
+        known = self._cells.get((draw, cell))
+        if known is None:
+            length, (on, off), share = self.cell, self._means, self.mean_loss_ratio
+            purpose = f"{BY_CELL} {self.setting.place}"
+            mean = length * (1.0 / on + 1.0 / off)
+            known = tuple(
+                (
+                    cell * length + int(draw(f"{purpose} at {k}", cell) * length),
+                    draw(f"{purpose} off {k}", cell) < share,
+                )
+                for k in range(_poisson(draw(f"{purpose} count", cell), mean))
+            )
+            self._cells[draw, cell] = known
+            if len(self._cells) > REMEMBERED:
+                del self._cells[next(iter(self._cells))]
+        return known
+
+    def describe(self) -> str:
+        """Give both means in s."""
+        return (
+            f"random outage, on for {self.mean_on_s:g} s and off for {self.mean_off_s:g} s on "
+            "average"
+        )
+
+
+def _poisson(probability: float, mean: float) -> int:
+    """Return the Poisson number at a probability: the first with a larger cumulative one."""
+    count, term = 0, exp(-mean)
+    total = term
+    while probability >= total and term > 0.0:
+        count += 1
+        term *= mean / count
+        total += term
+    return count

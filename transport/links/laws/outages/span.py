@@ -1,0 +1,137 @@
+"""Times, stretches and ends that outages have in common.
+
+An outage is judged at the instant at which the message was sent, and by where both ends truly were
+then; the delay on the way plays no part. Spans are half open: what lies at their end is outside.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from transport.links.laws.effect import Draw, JudgedBy, Passage
+from transport.links.laws.law import LinkLaw, Problem
+from transport.reasons import DropReason
+from vehicles.schedule import SECOND
+
+Who = Literal["sender", "receiver", "either", "both"]
+"""Which end has to be inside."""
+Seconds = Annotated[float, Field(ge=0, le=86_400)]
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """From `start` to before `end`, and again each `every`, in a unit of any kind."""
+
+    start: float
+    end: float
+    every: float = inf
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies in it; NaN does not."""
+        if self.every < inf and value >= self.start:
+            return (value - self.start) % self.every < self.end - self.start
+        return self.start <= value < self.end
+
+    def describe(self, unit: str) -> str:
+        """Write it with a unit."""
+        again = f", again every {self.every:g} {unit}" if self.every < inf else ""
+        return f"from {self.start:g} to {self.end:g} {unit}{again}"
+
+    def problems(self, unit: str) -> Iterator[Problem]:
+        """Return the keys in a unit that do not fit one another."""
+        length = self.end - self.start
+        if length <= 0.0:
+            allowed = f"allowed more than {self.start:g}, its from_{unit}"
+            yield f"to_{unit}", f"given {self.end:g}, {allowed}"
+        elif self.every < length:
+            allowed = f"allowed at least {length:g}, the length of the span"
+            yield f"every_{unit}", f"given {self.every:g}, {allowed}"
+
+
+class Outage(LinkLaw):
+    """Base of outages; the share of messages lost depends on when or where they are sent."""
+
+    key = "outages"
+    reason: ClassVar[DropReason | None] = "outage"
+    judged_by: ClassVar[JudgedBy] = "time"
+
+    @property
+    def mean_loss_ratio(self) -> float | None:
+        """Unknown beforehand."""
+        return None
+
+
+class SpanOutage(Outage):
+    """A time from the start of the run on, once or repeated."""
+
+    from_s: Seconds
+    to_s: Seconds
+    every_s: Annotated[float, Field(gt=0, le=86_400)] | None = None
+
+    @property
+    def extent(self) -> Extent:
+        """The span in s."""
+        return Extent(self.from_s, self.to_s, inf if self.every_s is None else self.every_s)
+
+    def problems(self) -> Iterator[Problem]:
+        """Return keys of an empty span, or one that overlaps its repetition."""
+        return self.extent.problems("s")
+
+    @cached_property
+    def _bounds(self) -> tuple[int, int, int, DropReason]:
+        """Start (ns), length, period or 0, and the reason; whole ns, so that bounds are exact."""
+        start, end = round(self.from_s * SECOND), round(self.to_s * SECOND)
+        every, reason = round((self.every_s or 0.0) * SECOND), self.reason or "outage"
+        return self.setting.start_at + start, end - start, every, reason
+
+    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+        """Drop by the instant of sending."""
+        start_at, length, every, reason = self._bounds
+        since = passage.sent_at - start_at
+        if every and since >= 0:
+            since %= every
+        return reason if 0 <= since < length else 0
+
+    @property
+    def mean_loss_ratio(self) -> float | None:
+        """The share of time, where it repeats."""
+        _, length, every, _ = self._bounds
+        return length / every if every else None
+
+    def describe(self) -> str:
+        """Name the reason and give the span."""
+        return f"{(self.reason or 'outage').replace('_', ' ')} {self.extent.describe('s')}"
+
+
+class TransmitterOff(SpanOutage):
+    """A time in which a vehicle's transmitter is off."""
+
+    key = "transmitter_off"
+    reason = "transmitter_off"
+
+
+class ReceiverOff(SpanOutage):
+    """A time in which a vehicle's receiver is off."""
+
+    key = "receiver_off"
+    reason = "receiver_off"
+
+
+class PlacedOutage(Outage):
+    """What outages by place have: who has to be there."""
+
+    judged_by = "place"
+
+    who: Who = "either"
+
+    def inside(self, sender: bool, receiver: bool) -> bool:
+        """Whether the link is out with the ends inside or not."""
+        if self.who == "either":
+            return sender or receiver
+        if self.who == "both":
+            return sender and receiver
+        return sender if self.who == "sender" else receiver
