@@ -6,7 +6,7 @@ from functools import partial
 from hashlib import blake2b
 from typing import Any
 
-from scenarios.definition.scenario import Scenario
+from scenarios.definition.scenario import scenario_from_text
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.blame.imposed import LossFree
@@ -61,8 +61,8 @@ class Trials:
 
     def first_difference(self, losses: Losses, truth: Truth) -> tuple[str, int] | None:
         """Drive with these losses to the very end; the first of the true poses that differs."""
-        scenario = self.convoy.losing(losses)
-        job = Job(key="as recorded", work=partial(first_difference, scenario, truth))
+        work = partial(_first_difference, self.convoy.losing(losses).text, truth)
+        job = Job(key="as recorded", work=work)
         self.runs += 1
         (found,) = self.engine.results([job])
         return None if found is None else (found[0], found[1])
@@ -101,7 +101,7 @@ class Trials:
         jobs = [
             Job(
                 key=f"{question.until} {words} {_digest(losses)}",
-                work=partial(_fields, self.convoy.losing(losses), question, **how),
+                work=partial(_fields, self.convoy.losing(losses).text, question, **how),
             )
             for losses in sets
         ]
@@ -110,8 +110,12 @@ class Trials:
         return dict(zip(sets, answers, strict=True))
 
 
-def _fields(scenario: Scenario, question: BlameQuestion, **how: bool) -> dict[str, Any]:
-    return asdict(rerun(scenario, question, **how))
+def _fields(text: str, question: BlameQuestion, **how: bool) -> dict[str, Any]:
+    return asdict(rerun(scenario_from_text(text), question, **how))
+
+
+def _first_difference(text: str, truth: Truth) -> tuple[str, int] | None:
+    return first_difference(scenario_from_text(text), truth)
 
 
 def _digest(losses: Losses) -> str:

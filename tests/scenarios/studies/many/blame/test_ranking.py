@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -26,9 +27,9 @@ PERIOD = 50_000_000
 class NoConvoy:
     """In place of a convoy, whose runs nobody drives here."""
 
-    def losing(self, losses: Losses) -> Losses:
-        """In place of a scenario, what it loses."""
-        return losses
+    def losing(self, losses: Losses) -> SimpleNamespace:
+        """In place of a scenario's text, what it loses."""
+        return SimpleNamespace(text=losses)
 
 
 def answer(error: float) -> BlameAnswer:

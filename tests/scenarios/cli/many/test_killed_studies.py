@@ -1,0 +1,198 @@
+"""Studies whose workers or driver are killed: the files of an undisturbed study, and no others."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from click.testing import CliRunner
+
+from scenarios.cli.main import cli
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual.logged import run_virtual
+from scenarios.studies.engine import fleet
+from scenarios.studies.engine.fleet import WorkerPool
+from scenarios.studies.engine.journal import JOURNAL, Entry, RunJournal
+from tests.made.ended import has_ended
+from tests.made.many.planted_losses import TINY, planted
+from tests.made.scenarios.risks.known_runs import SETTINGS
+
+SMALL = [f"--set={one}" for one in SETTINGS]
+SHORT = ["--set=duration_s=2.5", "--set=convoy.vehicles=2"]
+LOSSY = ["lossy_lane_change", "--limit=error_m=1", *SMALL, "--set=links.loss_ratio=0.3"]
+BISECT = ["bisect", "lossy_lane_change", "links.loss_ratio", "--limit=error_m=1", *SMALL]
+BURST = ["--burst=500ms", "--from=1s", "--to=2s", "--step=500ms", "--finest=250ms", "--seeds=2"]
+STUDIES = {
+    "sweep": ["sweep", "lane_change", *SHORT, "--vary=links.loss_ratio=0,0.8", "--seeds=3",
+              "--no-pictures", "--out=out"],
+    "bisect": [*BISECT, "--to=0.1", "--seeds=8", "--out=out"],
+    "risk, counted": ["risk", *LOSSY, "--method=counting", "--runs=20", "--out=out"],
+    "risk, split": ["risk", *LOSSY, "--method=splitting", "--paths=4", "--runs=40", "--out=out"],
+    "drill": ["drill", "drill.toml", "--seeds=4", "--out=out"],
+    "worst": ["worst", "lane_change", *SHORT, *BURST, "--json=out/worst.json"],
+    "blame": ["blame", "log", "--runs=30", "--out=out"],
+}  # fmt: skip
+DRILL = """
+extends = "lane_change"
+name = "drill"
+description = "two seconds"
+duration_s = 2.0
+convoy.vehicles = 2
+limits.cross_track_error_m_max = 0.5
+"""
+FILES = {"*.json", "*.csv", "*.png", "*.toml"}
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the drill and the log that the studies read."""
+    folder = tmp_path_factory.mktemp("inputs")
+    (folder / "drill.toml").write_text(DRILL)
+    run_virtual(planted(TINY, 3).scenario, folder / "log", Stop())
+    return folder
+
+
+@pytest.fixture
+def places(inputs: Path, tmp_path: Path) -> Path:
+    """Folders in which studies find their inputs by the same names."""
+    for name in ("undisturbed", "disturbed"):
+        (tmp_path / name / "out").mkdir(parents=True)
+        for one in inputs.iterdir():
+            (tmp_path / name / one.name).symlink_to(one)
+    return tmp_path
+
+
+def carried_out(folder: Path, study: str, *more: str) -> dict[str, bytes]:
+    """Carry a study out in a folder; the content of its files."""
+    os.chdir(folder)
+    done = CliRunner().invoke(cli, [*STUDIES[study], *more])
+    assert done.exit_code == 0, done.output
+    files = [file for pattern in FILES for file in Path("out").glob(pattern)]
+    assert files
+    return {file.name: file.read_bytes() for file in files}
+
+
+@pytest.fixture(autouse=True)
+def own_folder() -> Iterator[None]:
+    before = Path.cwd()
+    yield
+    os.chdir(before)
+
+
+class DeadlyPool(WorkerPool):
+    """Kills the workers of its second and third batch, after some of the batch's jobs."""
+
+    def __init__(self, workers: int) -> None:
+        super().__init__(workers)
+        self._batches = 0
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:  # noqa: ARG002 - none are given
+        """Hand the call to a worker, to be killed or not."""
+        self._batches += 1
+        return super().submit(partial(_killed, fn) if self._batches in {2, 3} else fn, *args)
+
+
+def _killed(fn: Callable[..., Any], stamp: Any, jobs: list[Any]) -> Any:
+    fn(stamp, jobs[: len(jobs) // 2])
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_killed_workers_change_no_file(
+    study: str, places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = carried_out(places / "undisturbed", study, "--workers=0")
+    monkeypatch.setattr(fleet, "WorkerPool", DeadlyPool)
+    assert carried_out(places / "disturbed", study, "--workers=2") == wanted
+
+
+class Killed(BaseException):
+    """In place of SIGKILL: nothing more is done."""
+
+
+@pytest.mark.parametrize("study", [name for name in STUDIES if name != "worst"])
+def test_a_killed_driver_goes_on_where_it_was(
+    study: str, places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept, add = list[str](), RunJournal.add
+
+    def add_or_die(journal: RunJournal, key: str, entry: Entry) -> Entry:
+        kept.append(key)
+        found = add(journal, key, entry)
+        if len(kept) == killed_after:
+            raise Killed
+        return found
+
+    monkeypatch.setattr(RunJournal, "add", add_or_die)
+    killed_after = 0
+    wanted = carried_out(places / "undisturbed", study, "--workers=0")
+    jobs = kept.copy()
+    kept.clear()
+    assert len(jobs) > 3
+    for killed_after in (1, len(jobs) // 2):
+        with pytest.raises(Killed):
+            carried_out(places / "disturbed", study, "--workers=0")
+        assert Path("out", JOURNAL).read_bytes().count(b"\n") == killed_after + 1
+    assert carried_out(places / "disturbed", study, "--workers=0") == wanted
+    assert sorted(kept) == sorted(jobs), "each job was done once"
+    assert Path("out", JOURNAL).exists() == (study == "sweep")
+
+
+def started(study: str, folder: Path) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", "scenarios.cli", *STUDIES[study], "--workers=2"]
+    return subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True)
+
+
+def workers_of(driver: "subprocess.Popen[str]", journal: Path | None) -> list[psutil.Process]:
+    """The processes of a driver that has begun to work."""
+    end = time.monotonic() + 120.0
+    while time.monotonic() < end:
+        workers = psutil.Process(driver.pid).children(recursive=True)
+        is_begun = journal is None or (journal.exists() and journal.read_bytes().count(b"\n") > 1)
+        if is_begun and len(workers) > 2:
+            return workers
+        time.sleep(0.005)
+    pytest.fail("no work was begun")
+
+
+def wait_until_ended(processes: list[psutil.Process]) -> None:
+    end = time.monotonic() + 60.0
+    while not all(map(has_ended, processes)):
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_a_driver_killed_outright_leaves_no_process_and_goes_on(places: Path) -> None:
+    wanted = carried_out(places / "undisturbed", "bisect", "--workers=0")
+    folder = places / "disturbed"
+    with started("bisect", folder) as driver:
+        workers = workers_of(driver, folder / "out" / JOURNAL)
+        driver.kill()
+    wait_until_ended(workers)
+    assert not (folder / "out" / "bisect.json").exists(), "killed too late to show anything"
+    before = (folder / "out" / JOURNAL).read_bytes().count(b"\n")
+    assert before > 1
+    assert carried_out(folder, "bisect", "--workers=0") == wanted
+    assert json.loads(wanted["bisect.json"])["runs"] > before - 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_a_study_with_one_line_and_leaves_no_process(
+    number: signal.Signals, places: Path
+) -> None:
+    with started("worst", places / "disturbed") as driver:
+        assert driver.stderr is not None
+        workers = workers_of(driver, None)
+        driver.send_signal(number)
+        said = driver.stderr.read().splitlines()
+    assert driver.returncode == 128 + number
+    wait_until_ended(workers)
+    assert [line for line in said if " runs" not in line] == [f"stopped by {number.name}"]
