@@ -36,7 +36,7 @@ MODULES = (
         f"transport/{name}"
         for name in ("clock", "codec", "message_numbers", "telemetry", "thinning")
     ),
-    *("transport/log/packed_messages", "transport/log/writer"),
+    "transport/log/writer",
     *("scenarios/runs/watchers", "scenarios/runs/processes/arrivals"),
     *(
         f"transport/links/{name}"

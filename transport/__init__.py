@@ -3,7 +3,6 @@
 topics           the table of topics: name, message, how urgent, whether it may wait
 reasons          the table of reasons why a message was not used
 codec            bytes from messages and back
-packing          how messages are serialised, by functions made of the schema
 message_numbers  which of a sender's messages came
 telemetry        messages that only the log needs, many in one
 thinning         of which topics the log holds but some messages

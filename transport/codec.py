@@ -1,18 +1,13 @@
 """Bytes from messages and back: Protobuf, with every refusal named."""
 
-from collections import deque
-from collections.abc import Callable
 from dataclasses import MISSING, fields
-from itertools import repeat
 from math import isfinite, isinf
-from operator import attrgetter, itemgetter
 from typing import Any, Literal, get_args, get_origin
 
 from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
 
 from transport import convoy_pb2
-from transport.packing import packer_of
 from transport.reasons import RefusalReason
 from transport.texts import printable
 from transport.topics import TOPICS, Topic
@@ -20,8 +15,6 @@ from vehicles.messages import FloatOrNan, Message
 
 MAX_BYTES = 16_384
 """No message of ours is larger; larger ones are refused unread."""
-NEVER_TAKEN_UP = 20
-"""Values in a tuple that Python keeps for later, up to 2000 of them, and then makes anew."""
 
 
 class RefusedMessageError(ValueError):
@@ -32,55 +25,27 @@ class RefusedMessageError(ValueError):
         self.reason = reason
 
 
-Values = tuple[Any, ...]
-
-
-def _picker(places: list[int]) -> Callable[[Values], Values]:
-    """Return what picks the values at some places out of those of a message."""
-    if len(places) > 1:
-        return itemgetter(*places)
-    return lambda values: tuple([values[place] for place in places])
-
-
 class _Form:
-    """How one message class maps to its Protobuf message: field by field, by name.
-
-    Values of a message are told apart by their places, in the order of its fields.
-    """
+    """Fields of one message class by kind; its Protobuf message has fields of the same names."""
 
     def __init__(self, message: type[Message]) -> None:
-        self.message = message
+        self.message: Any = message
         self.protobuf: Any = getattr(convoy_pb2, message.__name__)
-        self.pack = packer_of(self.protobuf.DESCRIPTOR)
-        self.parse: Callable[[bytes], Any] = self.protobuf.FromString
-        kinds = [(place, f.name, f.type) for place, f in enumerate(fields(message))]
-        self.names = tuple([name for _, name, _ in kinds])
-        # Of twenty values one more is taken, which nobody asks for: see `GpsPose.vehicle`.
-        more = ("DESCRIPTOR",) if len(self.names) == NEVER_TAKEN_UP else ()
-        self.values: Callable[[object], Values] = attrgetter(*self.names, *more)
-        self.values_of: Callable[[object], Values] = attrgetter(*self.names)
-        self.vehicle = self.names.index("vehicle")
+        self.name: str = self.protobuf.DESCRIPTOR.name
+        kinds = [(f.name, f.type) for f in fields(message)]
+        self.fields = [name for name, _ in kinds]
         self.words = [
-            (place, name, frozenset(get_args(kind)))
-            for place, name, kind in kinds
-            if get_origin(kind) is Literal
+            (name, frozenset(get_args(kind))) for name, kind in kinds if get_origin(kind) is Literal
         ]
-        self.lists = {name: place for place, name, kind in kinds if get_origin(kind) is tuple}
-        self.finite = [name for _, name, kind in kinds if kind is float]
-        self.or_nan = [name for _, name, kind in kinds if kind == FloatOrNan]
-        self.finite_of: Callable[[Values], tuple[float, ...]] = _picker(
-            [self.names.index(name) for name in self.finite]
-        )
-        self.or_nan_of: Callable[[Values], tuple[float, ...]] = _picker(
-            [self.names.index(name) for name in self.or_nan]
-        )
+        self.texts = [name for name, kind in kinds if kind is str]
+        self.free_texts = [name for name in self.texts if name != "vehicle"]
+        self.finite = [name for name, kind in kinds if kind is float]
+        self.or_nan = [name for name, kind in kinds if kind == FloatOrNan]
+        self.lists = [name for name, kind in kinds if get_origin(kind) is tuple]
+        self.single = [name for name in self.fields if name not in self.lists]
         self.columns_of_numbers = [
-            (place, name)
-            for place, name, kind in kinds
-            if get_args(kind)[:1] == (float,) and name in self.lists
+            name for name, kind in kinds if name in self.lists and get_args(kind)[0] is float
         ]
-        self.texts = [place for place, _, kind in kinds if kind is str]
-        self.free_texts = [self.names[place] for place in self.texts if place != self.vehicle]
         # Lists whose names begin alike (piece_…, sample_…) are columns of one table.
         firsts: dict[str, str] = {}
         self.columns = [
@@ -90,11 +55,6 @@ class _Form:
         ]
         self.defaults = {f.name: f.default for f in fields(message) if f.default is not MISSING}
         """Values of the fields that a log of an earlier version may lack."""
-        self.added_columns = [
-            (self.lists[name], self.lists[first])
-            for first, name in self.columns
-            if name in self.defaults
-        ]
 
 
 _FORMS = {topic.message: _Form(topic.message) for topic in TOPICS.values()}
@@ -103,17 +63,10 @@ PROTOBUF: dict[type[Message], Any] = {kind: form.protobuf for kind, form in _FOR
 
 def encode(message: Message) -> bytes:
     """Serialise `message` as the Protobuf message of the same name."""
-    return _FORMS[type(message)].pack(message)
-
-
-def values_of(message: Message) -> Values:
-    """Give the values of `message` in the order of its fields; see `message_of`."""
-    return _FORMS[type(message)].values_of(message)
-
-
-def message_of(topic: Topic, values: Values) -> Message:
-    """Make the message of `topic` of what `values_of` gave; nothing is checked."""
-    return _made(_FORMS[topic.message], values)
+    form = _FORMS[type(message)]
+    parsed = form.protobuf(**{name: getattr(message, name) for name in form.fields})
+    data: bytes = parsed.SerializeToString()
+    return data
 
 
 def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
@@ -126,46 +79,22 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
     may be NaN. Control characters in texts are escaped either way, so that they reach no terminal.
     """
     form = _FORMS[topic.message]
-    values = _parse(form, data, exact=exact)
-    if not values[form.vehicle]:
+    values = _values(form, _parsed(form, data, exact=exact), exact=exact)
+    if not values["vehicle"]:
         raise RefusedMessageError("garbage", "no vehicle is named")
-    for place, name, words in form.words:
-        if values[place] not in words:
-            raise RefusedMessageError("garbage", f"{name} is {values[place]!r}")
-    for place in form.texts:
-        if not values[place].isprintable():
-            values = _with(values, place, printable(values[place]))
-    if form.lists:
-        values = _with_tuples(form, values, exact=exact)
+    for name, words in form.words:
+        if values[name] not in words:
+            raise RefusedMessageError("garbage", f"{name} is {values[name]!r}")
+    for name in form.texts:
+        if not values[name].isprintable():
+            values[name] = printable(values[name])
     if exact:
         _check_numbers(form, values)
-    for one, other in form.columns:
-        if len(values[form.lists[one]]) != len(values[form.lists[other]]):
-            raise RefusedMessageError("garbage", f"{one} and {other} differ in length")
-    return _made(form, values)
-
-
-def _made(form: _Form, values: Values) -> Message:
-    """Make a message as its class does, which takes three times as long to tell names apart."""
-    message: Message = object.__new__(form.message)
-    # A deque that keeps nothing makes all the calls in less time than a loop of Python's takes.
-    deque(map(setattr, repeat(message), form.names, values), maxlen=0)
+    for first, name in form.columns:
+        if len(values[first]) != len(values[name]):
+            raise RefusedMessageError("garbage", f"{first} and {name} differ in length")
+    message: Message = form.message(**values)
     return message
-
-
-def _with(values: Values, place: int, value: object) -> Values:
-    return *values[:place], value, *values[place + 1 :]
-
-
-def _with_tuples(form: _Form, values: Values, *, exact: bool) -> Values:
-    """Return the values with tuples as lists; columns that a log lacks are filled with zeros."""
-    found = list(values)
-    for place in form.lists.values():
-        found[place] = tuple(found[place])
-    if not exact:
-        for place, first in form.added_columns:
-            found[place] = found[place] or (0.0,) * len(found[first])
-    return tuple(found)
 
 
 def as_read(data: bytes, message: Message) -> bytes:
@@ -179,46 +108,45 @@ def as_read(data: bytes, message: Message) -> bytes:
     return data
 
 
-def _check_numbers(form: _Form, values: Values) -> None:
-    """Raise RefusedMessageError for a number that no vehicle measures."""
-    # A sum is finite only if each of its numbers is, and takes one look at all of them.
-    numbers = form.finite_of(values)
-    if not isfinite(sum(numbers, 0.0)):
-        for name, value in zip(form.finite, numbers, strict=True):
-            if not isfinite(value):
-                raise RefusedMessageError("absurd", f"{name} is {value}")
-    numbers = form.or_nan_of(values)
-    if any(map(isinf, numbers)):
-        for name, value in zip(form.or_nan, numbers, strict=True):
-            if isinf(value):
-                raise RefusedMessageError("absurd", f"{name} is {value}")
-    for place, name in form.columns_of_numbers:
-        if not all(map(isfinite, values[place])):
-            raise RefusedMessageError("absurd", f"{name} has a number that is not finite")
-
-
-def _parse(form: _Form, data: bytes, *, exact: bool) -> Values:
-    """Return the values of the fields: all of them are present, or have a default in a log."""
+def _parsed(form: _Form, data: bytes, *, exact: bool) -> Any:
+    """Return the Protobuf message in `data`."""
     if len(data) > MAX_BYTES:
         raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_BYTES}")
     try:
-        parsed = form.parse(data)
+        parsed = form.protobuf.FromString(data)
     except DecodeError as error:
-        raise RefusedMessageError("garbage", f"not a {_name(form)}") from error
-    values = form.values(parsed)
-    # Cut between two fields, or written by another program, bytes can still be valid Protobuf.
-    # What is neither zero nor empty is there.
-    if not all(values):
-        for place, (name, value) in enumerate(zip(form.names, values, strict=False)):
-            if value or name in form.lists or parsed.HasField(name):
-                continue
-            if exact or name not in form.defaults:
-                raise RefusedMessageError("garbage", f"not a whole {_name(form)}")
-            values = _with(values, place, form.defaults[name])
+        raise RefusedMessageError("garbage", f"not a {form.name}") from error
     if exact and len(UnknownFieldSet(parsed)):
-        raise RefusedMessageError("garbage", f"more than a {_name(form)}")
+        raise RefusedMessageError("garbage", f"more than a {form.name}")
+    return parsed
+
+
+def _values(form: _Form, parsed: Any, *, exact: bool) -> dict[str, Any]:
+    """Return the values by field: all of them are present, or have a default in a log."""
+    values = {name: getattr(parsed, name) for name in form.fields}
+    # Cut between two fields, or written by another program, bytes can still be valid Protobuf.
+    for name in form.single:
+        if not values[name] and not parsed.HasField(name):
+            if exact or name not in form.defaults:
+                raise RefusedMessageError("garbage", f"not a whole {form.name}")
+            values[name] = form.defaults[name]
+    for name in form.lists:
+        values[name] = tuple(values[name])
+    if not exact:
+        for first, name in form.columns:
+            if name in form.defaults and not values[name]:
+                values[name] = (0.0,) * len(values[first])
     return values
 
 
-def _name(form: _Form) -> str:
-    return str(form.protobuf.DESCRIPTOR.name)
+def _check_numbers(form: _Form, values: dict[str, Any]) -> None:
+    """Raise RefusedMessageError for a number that no vehicle measures."""
+    for name in form.finite:
+        if not isfinite(values[name]):
+            raise RefusedMessageError("absurd", f"{name} is {values[name]}")
+    for name in form.or_nan:
+        if isinf(values[name]):
+            raise RefusedMessageError("absurd", f"{name} is {values[name]}")
+    for name in form.columns_of_numbers:
+        if not all(map(isfinite, values[name])):
+            raise RefusedMessageError("absurd", f"{name} has a number that is not finite")

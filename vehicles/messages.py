@@ -10,7 +10,7 @@ Treat messages as immutable. They are not frozen because frozen dataclasses take
 to construct, and a run makes a thousand a second for each vehicle.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "straight"]
@@ -67,9 +67,7 @@ class GpsPose:
     emulated channel alone, whose losses depend on them: no vehicle uses them.
     """
 
-    # Not by name, so that nineteen values are. Tuples of twenty Python (until 3.12) keeps for later
-    # and never takes up again: 2000 of them, 0.4 MB in each process.
-    vehicle: str = field(kw_only=False)
+    vehicle: str
     seq: int
     measured_at_ns: int
     latitude_deg: float

@@ -8,9 +8,9 @@ from scenarios.results.metrics import Metrics
 from scenarios.runs.observer import Observer, listeners_by_kind
 from transport.codec import RefusedMessageError, as_read, decode, encode
 from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
-from transport.log.message_log import MessageLog
+from transport.log.writer import LogWriter
 from transport.message_numbers import MOST_RANGES, MessageNumbers
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
+from transport.topics import CONDUCTOR, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (
     GpsPose,
@@ -43,7 +43,7 @@ class Recorder:
         *,
         vehicles: Mapping[str, float],
         plane: LocalPlane,
-        writer: MessageLog,
+        writer: LogWriter,
         metrics: Metrics,
         observers: Sequence[Observer] = (),
         clock_errors_ns: Mapping[str, int] | None = None,
@@ -200,7 +200,7 @@ class Recorder:
         """
         self.last_at = at
         kind = type(message)
-        self._writer.write(TOPIC_OF[kind], message.vehicle, data, at, None, message)
+        self._writer.write(at, message, data)
         self.recorded += 1
         for listen in self._listeners[kind]:
             listen(at, message)

@@ -15,9 +15,9 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import write_foxglove_layout
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
 from scenarios.results.summing_up import METADATA_NAME, silent_links, summarise, write_summary
+from scenarios.runs.log_file import log_writer
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
-from transport.log.message_log import MessageLog
 from transport.log.records import LogError
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import nanoseconds
@@ -26,7 +26,6 @@ MOST_HOLE_LINES = 20
 """Holes with a line of their own in the log; the summary has them all."""
 MOST_LINK_LINES = 100
 """Links with a line of their own, likewise."""
-SLOW_WRITER = "this version of the mcap package writes the log in its own, slower way"
 
 
 class RunLog:
@@ -42,19 +41,17 @@ class RunLog:
         metrics: Metrics | None = None,
         observers: Sequence[Observer] = (),
         replayed: frozenset[str] = frozenset(),
-        writer: MessageLog | None = None,
     ) -> None:
         """Open the log in `folder`, which is made, and write what the run is into it.
 
-        If it has been begun already, `writer` is given. Each message goes to `metrics`, which are
-        the run's figures, and then to the `observers`. Vehicles that are `replayed` receive
-        nothing.
+        Each message goes to `metrics`, which are the run's figures, and then to the `observers`.
+        Vehicles that are `replayed` receive nothing.
         """
         self._scenario = scenario
         self._folder = folder
         self._replayed = replayed
         self._identity = RunIdentity.here(scenario, clock, run_id)
-        self._writer = writer or _begun_here(scenario, folder)
+        self._writer = log_writer(scenario, folder)
         write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
@@ -83,10 +80,7 @@ class RunLog:
 
     def start(self, at: int, start_at: int) -> bytes:
         """Log the start instant (ns); returns the announcement for the bus."""
-        start = self.recorder.begin(at, start_at, self._identity.run_id)
-        if not self._writer.fast:
-            self.recorder.say(at, SLOW_WRITER, "warning")
-        return start
+        return self.recorder.begin(at, start_at, self._identity.run_id)
 
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
@@ -157,9 +151,3 @@ class RunLog:
             reason=self._reason,
             rejected=self.recorder.rejected,
         )
-
-
-def _begun_here(scenario: Scenario, folder: Path) -> MessageLog:
-    from scenarios.runs.log_file import log_writer  # noqa: PLC0415 - another process may write
-
-    return log_writer(scenario, folder)

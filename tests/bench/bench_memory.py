@@ -27,8 +27,8 @@ from transport.topics import TOPIC_OF, key
 
 FLUSHED = 4
 """Tenths of a second between two flushes of the log, as in a run on the wall clock."""
-GROWTH_MB = 0.5
-"""Limit of what a minute may add."""
+GROWTH_MB = 0.8
+"""Limit of what a minute may add, 0.4 of it the mcap package's index of chunks."""
 
 
 def straight(vehicles: int, minutes: int) -> Scenario:

@@ -22,6 +22,7 @@ from socket import socket
 from typing import Any
 
 import psutil
+from mcap.writer import Writer
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
@@ -35,7 +36,6 @@ from tests.system.processes import Process, start, until
 from transport.bus.zenoh_bus import ZenohBus, ZenohOptions, open_bus
 from transport.clock import WallClock
 from transport.codec import PROTOBUF, decode
-from transport.log.fast_mcap import new_writer
 from transport.log.reader import LogReader
 from transport.telemetry import BatchRecord, packed, records_key
 from transport.topics import CONDUCTOR, TOPICS, Topic, key
@@ -195,7 +195,7 @@ class Watch(threading.Thread):
 
 def bare_writer_s(sent: list[Sent]) -> float:
     """Processor time (s) of the MCAP writer alone for the same bytes."""
-    writer = new_writer(BytesIO())
+    writer = Writer(BytesIO())
     writer.start("", "bench")
     schema = writer.register_schema("bytes", "protobuf", b"")
     channels: dict[tuple[str, str], int] = {}

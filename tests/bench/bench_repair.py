@@ -19,11 +19,9 @@ from scenarios.results.summing_up import METADATA_NAME
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from tests.bench.bench_run import LOOP, Row, plain_loop, print_rows, timed
-from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
-from transport.topics import TOPIC_OF
 from vehicles.schedule import MILLISECOND, Timer
 
 READY_S = 2.0
@@ -49,8 +47,8 @@ def broken_log(folder: Path) -> Path:
     with LogWriter(broken) as log:
         log.metadata(METADATA_NAME, whole.metadata()[METADATA_NAME])
         log.attach(ATTACHED_AS, "application/toml", whole.attachments()[ATTACHED_AS])
-        for at, vehicle, message in whole.messages():
-            log.write(TOPIC_OF[type(message)], vehicle, encode(message), at, None, message)
+        for at, _, message in whole.messages():
+            log.write(at, message)
             if flushing.is_due(at):
                 log.flush()
     with broken.open("r+b") as file:

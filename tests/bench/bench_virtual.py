@@ -5,10 +5,9 @@ costs in a convoy of four and in one of twenty, and what it takes to set a run u
 With `--against` all of it is measured of that commit as well, which is checked out into a folder
 of its own: by turns with this tree, each in a process of its own, so that a busy machine slows both
 alike. What counts then is the ratio; where the commit cannot run without a log, its run with one
-stands there. Times are of the processor, medians over the rounds, but where another process writes
-the log, and of the whole command `convoy run --clock virtual`, which has it so: there it is the
-time that a user waits. A commit that knows no such process writes its log itself. The yardstick is
-a plain Python loop timed beside them.
+stands there. Times are of the processor, medians over the rounds; of the whole command `convoy run
+--clock virtual` it is the elapsed time, which a user waits for. The yardstick is a plain Python
+loop timed beside them.
 """
 
 import argparse
@@ -31,9 +30,9 @@ from rich.table import Table
 from tests.bench.bench_run import LOOP, plain_loop, timed
 
 HERE = Path(__file__).parents[2]
-FOUR, LOGGED, ASIDE, COMMAND, MANY, SET_UP = "four", "logged", "aside", "command", "many", "set-up"
-"""What is measured: without a log, with one, with one that another process writes, the whole
-command, a longer convoy without a log, and hardly any run."""
+FOUR, LOGGED, COMMAND, MANY, SET_UP = "four", "logged", "command", "many", "set-up"
+"""What is measured: without a log, with one, the whole command, a longer convoy without a log, and
+hardly any run."""
 MANY_VEHICLES = 20
 WITHOUT, WITH, PER_VEHICLE, SET_UP_MS = 2.0, 1.3, 1.2, 40.0
 """Limits for the compiled code: ratios of runs a minute, of costs per vehicle, and milliseconds."""
@@ -71,12 +70,11 @@ def serve() -> None:
     run_unlogged = found(
         "run_unlogged", "scenarios.runs.virtual.unlogged", "scenarios.runs.unlogged"
     )
-    log_aside = found("log_aside", "scenarios.runs.virtual.aside")
     text = load_scenario("lane_change").text
     for line in sys.stdin:
         case, seed, overrides = json.loads(line)
         with tempfile.TemporaryDirectory() as folder:
-            clock = time.perf_counter if case in {"aside", "command"} else time.process_time
+            clock = time.perf_counter if case == "command" else time.process_time
             began, run = clock(), Path(folder) / "run"
             if case == "command":
                 command = [sys.executable, "-m", "scenarios.cli", "run", "lane_change"]
@@ -89,10 +87,7 @@ def serve() -> None:
                 print(json.dumps([clock() - began, reason]), flush=True)
                 continue
             scenario = scenario_from_text(text, label="bench", overrides=overrides, seed=seed)
-            if case == "aside" and log_aside is not None:
-                with log_aside(scenario, run) as writer:
-                    summary = run_virtual(scenario, run, Stop(), writer=writer)
-            elif case in {"logged", "aside"} or run_unlogged is None:
+            if case == "logged" or run_unlogged is None:
                 summary = run_virtual(scenario, run, Stop())
             else:
                 summary = run_unlogged(scenario)
@@ -179,7 +174,6 @@ def cases(seconds: float) -> dict[str, list[str]]:
     return {
         FOUR: drive,
         LOGGED: drive,
-        ASIDE: drive,
         COMMAND: drive,
         MANY: [*drive, f"convoy.vehicles={MANY_VEHICLES}"],
         SET_UP: ["duration_s=0.02"],
@@ -236,7 +230,6 @@ def rows(times: Mapping[str, Mapping[str, float]], *, fast: bool) -> Iterator[tu
     }
     yield row("runs a minute per core, without a log", minute[FOUR], WITHOUT, ratio=True)
     yield row("runs a minute per core, with a log", minute[LOGGED], WITH, ratio=True)
-    yield row("runs a minute, elapsed, log written aside", minute[ASIDE], ELAPSED, ratio=True)
     yield row("whole commands a minute, elapsed", minute[COMMAND], ELAPSED, ratio=True)
     yield row(f"a vehicle of {MANY_VEHICLES} costs one of four times", share, PER_VEHICLE, up=False)
     set_up = {name: 1000.0 * one for name, one in times[SET_UP].items()}

@@ -1,7 +1,4 @@
-"""The MCAP file of a log, as far as it can be read.
-
-Reads with the mcap package; `transport/log/fast_mcap.py` writes with it.
-"""
+"""The MCAP file of a log, as far as it can be read."""
 
 import struct
 import zlib

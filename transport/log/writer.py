@@ -8,29 +8,29 @@ metadata and attachments. Whatever reviews or measures a run reads this file alo
 import contextlib
 import errno
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
-from typing import Any, NoReturn, cast
+from typing import Any, NoReturn
+
+from mcap.writer import Writer
 
 from transport.closing import Closing
-from transport.codec import PROTOBUF, decode, encode
+from transport.codec import PROTOBUF, encode
 from transport.convoy_pb2 import Deviation
-from transport.log.fast_mcap import FastWriter, new_writer
 from transport.log.foxglove import Twin, descriptor_set, twins
-from transport.log.packed_messages import PlainMessage
 from transport.log.records import THINNED_NAME, LogError, lock
 from transport.log.scene import Scene
 from transport.thinning import Thinning
-from transport.topics import TOPICS, Topic, key
+from transport.topics import TOPIC_OF, TOPICS, Topic, key
 from vehicles.messages import Message
-from vehicles.schedule import Timer
+from vehicles.schedule import SECOND, Timer
 
 SEQUENCE_MASK = 0xFFFF_FFFF
 """MCAP holds sequence numbers in 32 bits; our own message has all of them."""
-WRITTEN_AT_ONCE = 256
-"""So many messages wait for each other: one alone finds the processor's caches cold."""
+CHUNK_NS = SECOND
+"""Longest time of the messages in one chunk: a flipped bit costs the whole chunk."""
 
 
 def library_name() -> str:
@@ -49,17 +49,12 @@ class _Channel:
         self.twins = twins
 
 
-_Waiting = tuple[_Channel, int, int, int, int, bytes | None, Message | None]
-"""Channel, log time, publish time, number, when it was valid, bytes or else the message."""
-
-
 class LogWriter(Closing):
     """Writes the log of one run to `path`; the same calls give the same bytes.
 
-    No clock is read. A kill loses what was written after the last `flush()`: on a wall
-    clock call that at least twice a second; in virtual time `close()` is enough. Some hundred
-    messages wait for each other and chunks hold one mebibyte, so memory stays small either way. Not
-    for use by several threads at once.
+    No clock is read. A kill loses what was written after the last `flush()`: on a wall clock call
+    that at least twice a second; in virtual time `close()` is enough. A chunk holds one second or
+    one mebibyte at most, so memory stays small either way. Not for use by several threads at once.
 
     Where the file cannot be written any more (the disk is full, the file was removed), the first
     call that finds it out raises LogError; then the file is closed and every further call does
@@ -88,12 +83,7 @@ class LogWriter(Closing):
             raise LogError(f"{path}: exists; a log is never overwritten") from error
         except OSError as error:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
-        self._writer = new_writer(self._file)
-        self.fast = isinstance(self._writer, FastWriter)
-        """False with a version of the mcap package that allows no faster way to add messages."""
-        self._add: Callable[[Iterable[PlainMessage]], None] = self._add_one_by_one
-        if isinstance(self._writer, FastWriter):
-            self._add = self._writer.messages.add
+        self._writer = Writer(self._file)
         self._writer.start(profile="", library=library or library_name())
         self._file.flush()  # even a log without a message is recognised as one
         self._twins = twins(scene)
@@ -101,47 +91,30 @@ class LogWriter(Closing):
         self._channels: dict[tuple[str, str], _Channel] = {}
         self._schemas: dict[str, int] = {}
         self._log_time = 0
-        self._waiting: list[_Waiting] = []
+        self._chunk_ends_at = 0
         self._thinning = Thinning(rates_hz) if rates_hz else None
         if rates_hz:
             self.metadata(THINNED_NAME, {topic: f"{rate:g}" for topic, rate in rates_hz.items()})
 
-    def write(  # noqa: PLR0917 (one record of a log; called for each of very many)
-        self,
-        topic: Topic,
-        vehicle: str,
-        data: bytes | None,
-        log_time: int,
-        publish_time: int | None = None,
-        message: Message | None = None,
-    ) -> None:
-        """Log the bytes `data` of one message, and its standard twins.
+    def write(self, log_time: int, message: Message, data: bytes | None = None) -> None:
+        """Log one message and its standard twins.
 
-        `log_time` is when it was recorded (ns); one that lies before the last is raised to it, so
-        the log is in order. `publish_time` is when it was sent, by default when it was valid.
-        `message` is `data` decoded; without it the bytes are decoded here, and refused with
-        RefusedMessageError if they are no message of `topic`. Without `data` it is encoded.
+        `log_time` is when it was recorded (ns); one before the last is raised to it, so the log is
+        in order. `data` are the bytes as they came; without them the message is encoded here.
         """
         if self.broken:
             return
-        if message is None:
-            if data is None:
-                raise TypeError("neither bytes nor a message")
-            message = decode(topic, data)
+        topic, vehicle = TOPIC_OF[type(message)], message.vehicle
         valid_at: int = getattr(message, topic.instant)
         if self._thinning and not self._thinning.keeps(topic.name, vehicle, valid_at):
             return
-        if publish_time is None:
-            publish_time = valid_at
-        if log_time > self._log_time:
-            self._log_time = log_time
-        else:
-            log_time = self._log_time
+        self._log_time = log_time = max(self._log_time, log_time)
         channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
-        waiting = self._waiting
-        waiting.append((channel, log_time, publish_time, message.seq, valid_at, data, message))
-        if len(waiting) >= WRITTEN_AT_ONCE:
-            self._write_waiting()
+        content = encode(message) if data is None else data
+        self._add(channel.identifier, log_time, content, valid_at, message.seq)
+        for twin, identifier, timer in channel.twins:
+            if not twin.period_ns or timer.is_due(valid_at):
+                self._add(identifier, log_time, twin.make(message), valid_at, message.seq)
 
     def write_deviation(
         self, log_time: int, vehicle: str, true_at: int, error: float, gap: float
@@ -161,28 +134,21 @@ class LogWriter(Closing):
         message = Deviation(
             vehicle=vehicle, true_at_ns=true_at, cross_track_error_m=error, true_gap_m=gap
         )
-        data = message.SerializeToString()
         self._log_time = at = max(self._log_time, log_time)
-        self._waiting.append((channel, at, true_at, next(numbers), true_at, data, None))
+        self._add(channel.identifier, at, message.SerializeToString(), true_at, next(numbers))
 
-    def _write_waiting(self) -> None:
-        """Write what waits."""
-        waiting, self._waiting = self._waiting, []
-        made: list[PlainMessage] = []
-        for channel, log_time, publish_time, number, valid_at, data, message in waiting:
-            content = encode(cast("Message", message)) if data is None else data
-            sent_at = max(publish_time, 0)  # MCAP's instants are unsigned
-            sequence = number & SEQUENCE_MASK
-            made.append((channel.identifier, log_time, content, sent_at, sequence))
-            for twin, identifier, timer in channel.twins:
-                if not twin.period_ns or timer.is_due(valid_at):
-                    made.append((identifier, log_time, twin.make(message), sent_at, sequence))
-        with self._named_failure():
-            self._add(made)
-
-    def _add_one_by_one(self, messages: Iterable[PlainMessage]) -> None:
-        for one in messages:
-            self._writer.add_message(*one)
+    def _add(self, channel: int, log_time: int, data: bytes, sent_at: int, number: int) -> None:
+        """Write one message, into a new chunk once the present one is old enough."""
+        try:
+            if log_time >= self._chunk_ends_at:
+                self._writer.flush()  # type: ignore[no-untyped-call]  # ends the chunk
+                self._chunk_ends_at = log_time + CHUNK_NS
+            # MCAP's instants are unsigned.
+            self._writer.add_message(
+                channel, log_time, data, max(sent_at, 0), number & SEQUENCE_MASK
+            )
+        except OSError as error:
+            self._give_up(error)
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)
@@ -199,24 +165,23 @@ class LogWriter(Closing):
         return channel
 
     def _register(self, topic: str, message_class: Any, metadata: dict[str, str]) -> int:
-        self._write_waiting()  # what came before is to stand before
         name = message_class.DESCRIPTOR.full_name
-        if name not in self._schemas:
-            self._schemas[name] = self._writer.register_schema(
-                name=name, encoding="protobuf", data=descriptor_set(message_class)
+        with self._named_failure():
+            if name not in self._schemas:
+                self._schemas[name] = self._writer.register_schema(
+                    name=name, encoding="protobuf", data=descriptor_set(message_class)
+                )
+            return self._writer.register_channel(
+                topic=topic,
+                message_encoding="protobuf",
+                schema_id=self._schemas[name],
+                metadata=metadata,
             )
-        return self._writer.register_channel(
-            topic=topic,
-            message_encoding="protobuf",
-            schema_id=self._schemas[name],
-            metadata=metadata,
-        )
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file into the log, as of the last message."""
         if self.broken:
             return
-        self._write_waiting()
         with self._named_failure():
             self._writer.add_attachment(0, self._log_time, name, media_type, data)
 
@@ -224,7 +189,6 @@ class LogWriter(Closing):
         """Put named text values into the log; a later record of one name stands for the earlier."""
         if self.broken:
             return
-        self._write_waiting()
         with self._named_failure():
             self._writer.add_metadata(name, dict(values))
 
@@ -232,7 +196,7 @@ class LogWriter(Closing):
         """Hand everything written so far to the operating system."""
         if self.broken:
             return
-        self._write_waiting()
+        self._chunk_ends_at = 0  # the next message begins a chunk
         with self._named_failure():
             self._writer.flush()  # type: ignore[no-untyped-call]
             self._find_file()
@@ -241,7 +205,6 @@ class LogWriter(Closing):
         """Complete the log with its index and summary; closing twice is harmless."""
         if self._file.closed:
             return
-        self._write_waiting()
         with self._named_failure():
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()

@@ -201,7 +201,7 @@ def to_message(
     """
     latitude_deg, longitude_deg, altitude_m = plane.to_geodetic(fix.east, fix.north)
     return GpsPose(
-        vehicle,
+        vehicle=vehicle,
         seq=seq,
         measured_at_ns=fix.measured_at,
         latitude_deg=latitude_deg,

@@ -60,11 +60,8 @@ def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
 
 
 def _run_virtually(scenario: Scenario, folder: Path, rerun: str, *, quiet: bool) -> int:
-    from scenarios.runs.virtual.aside import log_aside
-
     stop = stop_on_signals()
-    with log_aside(scenario, folder) as writer:  # before there are threads
-        with loading():
-            from scenarios.cli.running.virtually import run_virtually
+    with loading():
+        from scenarios.cli.running.virtually import run_virtually
 
-        return run_virtually(scenario, folder, stop, rerun, quiet=quiet, writer=writer)
+    return run_virtually(scenario, folder, stop, rerun, quiet=quiet)

@@ -9,7 +9,6 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual.logged import run_virtual
-from transport.log.message_log import MessageLog
 
 
 def run_virtually(
@@ -19,18 +18,15 @@ def run_virtually(
     rerun: str,
     *,
     quiet: bool,
-    writer: MessageLog | None,
 ) -> int:
-    """`convoy run --clock virtual`, with the log of `writer` if there is one: the exit code."""
+    """`convoy run --clock virtual`: the exit code."""
     metrics = Metrics.of(scenario)
     with (
         layout(folder, scenario, rerun, quiet=quiet),
         observers(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
     ):
         stop.begun = True
-        summary = run_virtual(
-            scenario, folder, stop, metrics=metrics, observers=watchers, writer=writer
-        )
+        summary = run_virtual(scenario, folder, stop, metrics=metrics, observers=watchers)
     show(summary, folder, quiet=quiet)
     if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came
         click.echo(summary.reason, err=True)

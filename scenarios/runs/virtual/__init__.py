@@ -5,6 +5,5 @@ convoy      the vehicles, their bus and their clock
 step_order  the order of the vehicles' steps
 replay      a recorded vehicle that sends its poses again
 logged      a run with log and summary
-aside       a process that writes the log meanwhile
 unlogged    a run with only its summary, or its drives
 """

@@ -12,7 +12,6 @@ from scenarios.runs.observer import ALL_KINDS, Observer, OnMessage
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual.drive import drive
-from transport.log.message_log import MessageLog
 from transport.log.records import LogError
 from vehicles.messages import Message, RunStart
 from vehicles.schedule import SECOND
@@ -29,7 +28,6 @@ def run_virtual(
     metrics: Metrics | None = None,
     observers: Sequence[Observer] = (),
     replays: "Sequence[Replay]" = (),
-    writer: MessageLog | None = None,
 ) -> RunSummary:
     """Run `scenario` in virtual time and write log and summary into `folder`.
 
@@ -42,7 +40,6 @@ def run_virtual(
         metrics: Figures that the `observers` show; made here otherwise.
         observers: Called for every recorded message, after log and figures.
         replays: Vehicles that send what was recorded, while the others are live.
-        writer: Log that has been begun elsewhere.
 
     """
     run = RunLog(
@@ -53,7 +50,6 @@ def run_virtual(
         metrics=metrics,
         observers=observers,
         replayed=frozenset(replay.vehicle for replay in replays),
-        writer=writer,
     )
 
     def begin(at: int, start: Message) -> None:

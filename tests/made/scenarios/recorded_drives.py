@@ -7,9 +7,7 @@ from functools import reduce
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from transport.codec import encode
 from transport.log.writer import LogWriter
-from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose
 
@@ -125,7 +123,7 @@ def write_log(path: Path, points: Drive) -> None:
                     true_north_m=0.0,
                     true_driven_m=0.0,
                 )
-                log.write(TOPICS["gps"], vehicle, encode(pose), at)
+                log.write(at, pose)
 
 
 WRITERS: dict[str, Callable[[Drive], bytes]] = {

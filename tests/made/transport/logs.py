@@ -9,11 +9,9 @@ from mcap.reader import make_reader
 
 from tests.made.transport import drive
 from transport.codec import encode
-from transport.log.message_log import MessageLog
 from transport.log.scene import Scene
 from transport.log.writer import LogWriter
 from transport.picture import viewer_process
-from transport.topics import TOPIC_OF
 from vehicles.messages import Message
 
 TICKS = 60
@@ -32,8 +30,8 @@ def write(path: Path, ticks: int = TICKS, scene: Scene | None = None) -> list[tu
     return messages
 
 
-def put(log: MessageLog, at: int, message: Message) -> None:
-    log.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at, None, message)
+def put(log: LogWriter, at: int, message: Message) -> None:
+    log.write(at, message, encode(message))
 
 
 def rows(path: Path) -> list[Any]:

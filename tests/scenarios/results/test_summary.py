@@ -37,7 +37,7 @@ from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
-from transport.topics import TOPIC_OF, TOPICS, key
+from transport.topics import TOPIC_OF, key
 from vehicles.messages import Message
 
 LINKS = [
@@ -168,7 +168,7 @@ def test_a_log_that_breaks_off_before_the_start_ran_for_no_time(
 def test_a_log_without_its_scenario_is_refused_in_one_line(tmp_path: Path) -> None:
     log = tmp_path / "foreign.mcap"
     with LogWriter(log) as writer:
-        writer.write(TOPICS["log"], "v1", encode(text("v1", 0, "hello")), START)
+        writer.write(START, text("v1", 0, "hello"))
     with pytest.raises(LogError, match="holds no scenario") as refused:
         summary_of(log)
     assert str(log) in str(refused.value)

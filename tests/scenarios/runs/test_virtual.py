@@ -4,7 +4,7 @@ import gc
 import math
 import re
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -19,22 +19,16 @@ from scenarios.results.channel.account import LinkSummary
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.run_log import SLOW_WRITER
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.convoy import COLLECTED_EVERY
 from scenarios.runs.virtual.logged import run_virtual
-from tests.made.transport.mcap_package import RenamedWriter
-from transport.codec import encode
-from transport.log import fast_mcap
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
-from transport.topics import TOPIC_OF
 from vehicles.messages import (
     CompositeTrajectory,
     GpsPose,
     Health,
     LinkVerdict,
-    LogText,
     Message,
     RunEnd,
     RunStart,
@@ -328,7 +322,7 @@ def test_a_lead_that_starts_askew_does_not_put_its_followers_off_the_path(tmp_pa
     with LogWriter(log) as writer:
         writer.attach(ATTACHED_AS, "application/toml", askew.attached[ATTACHED_AS])
         for at, message in askew.recorded:
-            writer.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at)
+            writer.write(at, message)
     assert summary_of(log).vehicles == askew.summary.vehicles
 
 
@@ -350,29 +344,6 @@ def test_a_trajectory_reaches_as_far_as_the_preview() -> None:
         assert min(lengths) > preview_s * 30.0  # there is some behind the ego, too
         reach[preview_s] = sum(lengths) / len(lengths)
     assert reach[0.8] - reach[0.4] == pytest.approx(0.4 * 30.0, abs=1.5)
-
-
-def test_a_log_that_is_written_in_the_slower_way_says_so_and_holds_the_same(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    scenario = load_scenario("lane_change", ["duration_s=1"])
-    fast = run(scenario)
-    monkeypatch.setattr(fast_mcap, "Writer", RenamedWriter)
-    slow = run(scenario)
-    first = [message for _, message in slow.recorded[:2]]
-    assert [type(message) for message in first] == [RunStart, LogText]
-    assert first[1] == LogText(
-        vehicle="run", seq=0, logged_at_ns=scenario.start_at_ns, level="warning", text=SLOW_WRITER
-    )
-    assert SLOW_WRITER not in {text.text for text in fast.of("run", LogText)}
-    # All the rest but the recorder's own counters, the last message, and the numbers of its lines.
-    rest = [[unnumbered(message) for _, message in ran.recorded[:-1]] for ran in (slow, fast)]
-    assert rest[0][2:] == rest[1][1:]
-
-
-def unnumbered(message: Message) -> bytes:
-    """Bytes of a message; of a line of text without its number."""
-    return encode(replace(message, seq=0) if isinstance(message, LogText) else message)
 
 
 def test_one_vehicle_more_changes_nobody_ahead_of_it() -> None:

@@ -46,9 +46,7 @@ WRITER = """
 import os, sys, time
 from pathlib import Path
 from tests.made.transport import drive
-from transport.codec import encode
 from transport.log.writer import LogWriter
-from transport.topics import TOPICS
 
 log = LogWriter(Path(sys.argv[1]))
 log.metadata("convoy", {"seed": "1"})
@@ -57,7 +55,7 @@ flushed = 0
 for seq in range(10**9):
     now = time.time_ns()
     pose = drive.gps("v1", seq, now)
-    log.write(TOPICS["gps"], "v1", encode(pose), now, None, pose)
+    log.write(now, pose)
     os.pwrite(last, now.to_bytes(8, "little"), 0)
     if now - flushed >= 400_000_000:
         flushed = now

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 
 from tests.made.transport import drive
 from tests.made.transport.logs import TICKS, put, rerun_accepts, rows, write
@@ -16,7 +17,8 @@ from transport.log.records import LogError
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF, key, valid_at
-from vehicles.messages import GpsPose, LogText, Message
+from vehicles.messages import LogText, Message
+from vehicles.schedule import SECOND
 
 
 def test_own_bytes_stand_untouched_under_the_key(tmp_path: Path) -> None:
@@ -115,20 +117,33 @@ def test_what_was_flushed_can_be_read_before_the_end(tmp_path: Path) -> None:
 
 
 def test_a_message_without_bytes_is_encoded_as_it_is_written(tmp_path: Path) -> None:
-    """Many wait for each other meanwhile, which nobody sees in the file."""
     paths = [tmp_path / name for name in ("bytes.mcap", "messages.mcap")]
     for path in paths:
         with LogWriter(path) as log:
             for number, (at, message) in enumerate(drive.drive(TICKS)):
-                topic = TOPIC_OF[type(message)]
-                data = None if path.stem == "messages" else encode(message)
-                log.write(topic, message.vehicle, data, at, None, message)
+                log.write(at, message, None if path.stem == "messages" else encode(message))
                 if number % 100 == 0:
                     log.write_deviation(at, "v2", at, 0.25, 7.5)
                     log.metadata("number", {"number": str(number)})
     assert paths[0].read_bytes() == paths[1].read_bytes()
-    with LogWriter(tmp_path / "neither.mcap") as log, pytest.raises(TypeError, match="neither"):
-        log.write(TOPIC_OF[GpsPose], "v1", None, drive.START)
+
+
+def test_a_chunk_holds_one_second_at_most(tmp_path: Path) -> None:
+    path, ticks = tmp_path / "run.mcap", 230
+    written = write(path, ticks)
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunks = summary.chunk_indexes
+    assert all(one.message_end_time - one.message_start_time < SECOND for one in chunks)
+    assert len(chunks) == math.ceil(ticks * drive.TICK / SECOND)
+    content = bytearray(path.read_bytes())
+    content[chunks[2].chunk_start_offset + 500] ^= 1
+    path.write_bytes(content)
+    kept = {at for at, _, _ in LogReader(path).messages()}
+    lost = [at for at, _ in written if at not in kept]
+    assert lost
+    assert max(lost) - min(lost) < SECOND
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

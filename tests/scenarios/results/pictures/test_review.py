@@ -21,13 +21,11 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
-from transport.codec import encode
 from transport.convoy_pb2 import Deviation
 from transport.log.records import LogError
 from transport.log.writer import LogWriter
 from transport.picture.blueprint import EVENTS
 from transport.picture.option import parse_rerun_option
-from transport.topics import TOPIC_OF
 from vehicles.messages import Message
 
 SCENARIO = """
@@ -58,7 +56,7 @@ def write_log(path: Path, *, attached: bytes | None) -> None:
         if attached is not None:
             log.attach("scenario.toml", "application/toml", attached)
         for at, message in recorded():
-            log.write(TOPIC_OF[type(message)], message.vehicle, encode(message), at, None, message)
+            log.write(at, message)
 
 
 def reviewed(log: Path, warnings: list[str] | None = None) -> Table:
@@ -323,7 +321,7 @@ def test_a_log_without_vehicles_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with LogWriter(path) as log:
         start = next(message for _, message in recorded())
-        log.write(TOPIC_OF[type(start)], "run", encode(start), 0, None, start)
+        log.write(0, start)
     with pytest.raises(LogError, match="no vehicle's messages"):
         review(path, parse_rerun_option("off"), wait=lambda _: None)
 

@@ -2,6 +2,7 @@ import errno
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
@@ -14,7 +15,6 @@ from scenarios.runs.observer import OnMessage
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, tracking, truth, verdict
 from transport.codec import decode, encode
-from transport.log.fast_mcap import FastWriter
 from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, TOPICS, key
 from vehicles.messages import Health, LogText, Message, RunEnd, RunStart
@@ -218,19 +218,19 @@ def test_a_clock_that_cannot_be_right_is_said_at_once_and_in_the_summary(
         " do the clocks agree?",
     )
     texts = [one for _, _, one in LogReader(tmp_path / LOG_NAME).messages({"log"})]
-    assert [text.level for text in texts if isinstance(text, LogText)] == ["error"]
+    assert [text.level for text in texts if isinstance(text, LogText)] == ["alert"]
 
 
 def test_when_only_the_last_bytes_cannot_be_written_the_log_does_not_say_completed(
     scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(_writer: FastWriter) -> None:
+    def fail(_writer: Writer) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     run = begun(scenario, tmp_path)
     run.end(at(5.0), "")
     run.flush()
-    monkeypatch.setattr(FastWriter, "finish", fail)
+    monkeypatch.setattr(Writer, "finish", fail)
     summary = run.close(at(5.1))
     assert (summary.outcome, summary.reason.endswith("No space left on device")) == ("failed", True)
     found = summary_of(tmp_path / LOG_NAME)
