@@ -52,8 +52,8 @@ MODULES = (
     *(
         f"scenarios/results/{name}"
         for name in (
-            *("deviations", "figures", "metrics"),
-            *("events/bodies", "events/detector", "events/encounters", "events/watches"),
+            *("accumulators", "deviations", "metrics", "stream"),
+            *("events/bodies", "events/encounters", "events/lane", "events/watches"),
         )
     ),
     "scenarios/results/channel/tally",

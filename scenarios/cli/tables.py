@@ -11,11 +11,12 @@ from rich.text import Text
 
 from scenarios.cli.columns import Column, figure, print_whole, table_of, worst_rows
 from scenarios.results.channel.account import LinkSummary
-from scenarios.results.completeness.holes import hole_lines
-from scenarios.results.degradation.reaction import NO_REACTION
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent, road_known
-from scenarios.results.summary import RunSummary, VehicleSummary
+from scenarios.results.holes import hole_lines
+from scenarios.results.reaction import NO_REACTION
+from scenarios.results.summary import RunSummary
+from scenarios.results.vehicle_figures import VehicleSummary
 
 MOST_EVENTS = 40
 MOST_HOLES = 10

@@ -1,17 +1,20 @@
 """What a run was, live, in virtual time or from its log.
 
+stream            values derived from the messages once, for all who need them
 metrics           figures gathered message by message
-figures           what is kept of one vehicle
-channel/          what links did, against what was asked
-degradation/      what followers did when messages failed
+vehicle_figures   figures of one vehicle, as they are gathered and as the summary lists them
+reaction          what one follower did when messages failed
+accumulators      running extremes and means of signals
+channel/          what links did, against what was requested
+degradation/      what followers had to do by an instant
 events/           all that must not pass unseen: collisions, lane departures, paths lost, stops
+holes             poses that were not recorded
 deviations        true errors and gaps for plots of the log
 limits            which limits of the scenario were broken
-completeness/     what was recorded, and what was not
 files             names of the files of a run
-versions          versions of what drove it
-summary           the typed summary, and its JSON
-meanings          what its fields mean
+versions          versions of the packages that ran it
+summary           the typed summary, its JSON, and the documentation of its fields
+field_docs        docstrings of fields
 summing_up        figures put together as a summary, and its file
 log_summary       summary and scenario from a log alone
 drives            what each vehicle drove, as arrays

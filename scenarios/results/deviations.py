@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import NamedTuple
 
+from scenarios.results.events.encounters import TrueGap
+from scenarios.results.stream import FigureStream
+from vehicles.geometry.driven_path import CrossTrack
 from vehicles.schedule import MILLISECOND, SECOND
 
 PERIOD_NS = 100 * MILLISECOND
@@ -44,6 +47,23 @@ class Deviations:
     def __init__(self, followers: Iterable[str]) -> None:
         self._of = {name: (_Values(), _Values()) for name in followers}
         self._ready: list[TrueDeviation] = []
+
+    @classmethod
+    def of(cls, stream: FigureStream) -> "Deviations":
+        """Pair the errors and gaps of a stream."""
+        made = cls(stream.followers)
+        stream.on_error(made.take_error)
+        stream.on_gap(made.take_gap)
+        return made
+
+    def take_error(self, foot: CrossTrack) -> None:
+        """Take a true error from a stream."""
+        self.add_error(foot.vehicle, foot.at_ns, foot.lateral)
+
+    def take_gap(self, gap: TrueGap) -> None:
+        """Take a true gap from a stream; it is computed only if it is needed."""
+        if self.wants_gap(gap.vehicle, gap.now_at_ns):
+            self.add_gap(gap.vehicle, gap.now_at_ns, gap.now_m)
 
     def add_error(self, vehicle: str, at: int, error: float) -> None:
         """Take an error (m) of a follower at instant `at` (ns)."""

@@ -1,7 +1,6 @@
 """What the vehicles of one run did, as arrays: the errors the paper shows, and the true ones."""
 
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
-from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
+from scenarios.results.stream import FigureStream
+from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -84,41 +84,33 @@ class DriveRecorder:
 
     kinds = KINDS
 
-    def __init__(self) -> None:
+    def __init__(self, scenario: Scenario, stream: FigureStream) -> None:
+        """`stream` derives the figures of the run, which is one of `scenario`."""
+        self._names = scenario.vehicle_names
+        self._start_at = scenario.start_at_ns
         self._truth: defaultdict[str, list[TruePose]] = defaultdict(list)
         self._errors: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
+        self._feet: defaultdict[str, list[CrossTrack]] = defaultdict(list)
+        stream.on_error(lambda foot: self._feet[foot.vehicle].append(foot))
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take a message; kinds that are not needed are passed over."""
+        """Take a true pose, or the tracking errors of one control instant."""
         if isinstance(message, TruePose):
             self._truth[message.vehicle].append(message)
         elif isinstance(message, Tracking):
-            self.add_errors(message.vehicle, message.lateral_error_m, message.heading_error_rad)
+            errors = message.lateral_error_m, message.heading_error_rad
+            self._errors[message.vehicle].append(errors)
 
-    def add_errors(self, vehicle: str, lateral: float, heading: float) -> None:
-        """Take the tracking errors (m, rad) of one control instant."""
-        self._errors[vehicle].append((lateral, heading))
-
-    def trial(self, scenario: Scenario) -> Trial:
+    def trial(self) -> Trial:
         """Compute the drives of all vehicles that were on the road."""
-        names = [name for name in scenario.vehicle_names if name in self._truth]
-        error = CrossTrackError(names[0], scenario.route.start_yaw)
-        drives = tuple(
-            self._drive(
-                name,
-                [foot for pose in self._truth[name] for foot in error.add(pose)],
-                scenario.start_at_ns,
-            )
-            for name in names  # the lead first: so no pose of a follower has to wait
-        )
-        return Trial(drives)
+        return Trial(tuple(self._drive(name) for name in self._names if name in self._truth))
 
-    def _drive(self, name: str, feet: Sequence[CrossTrack], start_at: int) -> Drive:
-        truth = self._truth[name]
+    def _drive(self, name: str) -> Drive:
+        truth, feet = self._truth[name], self._feet[name]
         errors = np.array(self._errors.get(name) or np.zeros((0, 2)), dtype=np.float64)
         return Drive(
             name=name,
-            at=np.array([pose.true_at_ns - start_at for pose in truth]) / SECOND,
+            at=np.array([pose.true_at_ns - self._start_at for pose in truth]) / SECOND,
             east=np.array([pose.east_m for pose in truth]),
             north=np.array([pose.north_m for pose in truth]),
             speed=np.array([pose.speed_mps for pose in truth]),

@@ -2,8 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import pairwise, zip_longest
-from math import inf, isfinite
+from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
@@ -15,17 +14,16 @@ from scenarios.definition.sending import sends_every_instant
 from scenarios.results.channel.account import LinkSummary, link_summary, misses
 from scenarios.results.channel.alarms import AlarmSummary, AlarmTally
 from scenarios.results.channel.tally import LinkTally
-from scenarios.results.completeness.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.degradation.deadlines import Deadlines
-from scenarios.results.deviations import Deviations
 from scenarios.results.events.bodies import BodySize
-from scenarios.results.events.detector import EventDetector, detector_of
-from scenarios.results.figures import VehicleFigures
-from scenarios.results.summary import VehicleSummary
+from scenarios.results.events.run_event import EventLog
+from scenarios.results.holes import RecordHole, expected_poses, holes_of
+from scenarios.results.stream import FigureStream
+from scenarios.results.vehicle_figures import VehicleFigures, VehicleSummary
 from transport.topics import TOPIC_OF
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range
-from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
+from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import (
     Change,
     GpsPose,
@@ -59,13 +57,12 @@ class Metrics:
         requested: Mapping[tuple[str, str], LinkTable],
         road_yaw: float | None = None,
         *,
-        events: EventDetector | None = None,
+        stream: FigureStream | None = None,
         rates_hz: Mapping[str, float | None] | None = None,
         control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
         duration_ns: int = 0,
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
         deadlines: Deadlines | None = None,
-        plotted: bool = True,
     ) -> None:
         """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
 
@@ -73,8 +70,8 @@ class Metrics:
         those at which poses are sent from the start on, None for a vehicle whose poses come by no
         such schedule; `duration_ns` is as planned; `linear_slips` are the slip angles
         (rad) of front and rear axle up to which each vehicle's tyres are linear; `deadlines` are
-        what followers have to have done by an instant. Without a detector of events, usual cars and
-        thresholds. `deviations` are kept only of a run that is `plotted`: they are no figures.
+        what followers have to have done by an instant. Without a `stream` of figures, one with
+        usual cars and thresholds is made; others can subscribe to it, too.
         """
         self._names = list(vehicles)
         self._lead = self._names[0]
@@ -82,27 +79,22 @@ class Metrics:
         self._rates_hz: dict[str, float | None] = dict(rates_hz or {})
         self._control_rate_hz = control_rate_hz
         self._duration_ns = duration_ns
-        self.start_at: int | None = None
-        self.events = events or EventDetector(
+        self.stream = stream or FigureStream(
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
         )
+        self.events = EventLog(self.stream.seconds)
+        self.stream.on_error(self._add_error)
+        self.stream.on_event(self.events.add)
         self.warnings: list[str] = []
         self.out_of_linear: dict[str, str] = {}
         self._told_of_linear = 0
         self._linear_slips = linear_slips or dict.fromkeys(vehicles, linear_range(LINCOLN_MKZ))
-        self.vehicles = {name: VehicleFigures() for name in vehicles}
+        self.vehicles = {name: VehicleFigures(is_lead=name == self._lead) for name in vehicles}
         self.links: defaultdict[tuple[str, str], LinkTally] = defaultdict(LinkTally)
         self._alarms: defaultdict[tuple[str, str], AlarmTally] = defaultdict(AlarmTally)
-        self._cross_track_error = CrossTrackError(self._names[0], road_yaw, self._names[1:])
-        self.deviations = Deviations(self._names[1:])
         self.deadlines = deadlines or Deadlines()
-        self._plotted, self._has_deadlines = plotted, bool(self.deadlines)
+        self._has_deadlines = bool(self.deadlines)
         self._ahead = {behind: ahead for ahead, behind in pairwise(self._names)}
-        gaps = self.events.encounters.gaps
-        self._gaps = {
-            name: [(one, gaps[one]) for one in (name, behind) if one in gaps]
-            for name, behind in zip_longest(self._names, self._names[1:], fillvalue="")
-        }
         self._sources: dict[str, tuple[_Source | None, _Source | None]] = {}
         takes: Mapping[type[Message], Callable[[VehicleFigures, Any, int], None]] = {
             TruePose: self._add_truth,
@@ -118,13 +110,13 @@ class Metrics:
         self.kinds: frozenset[type[Message]] = frozenset((*self._takes, LogText, RunStart))
 
     @classmethod
-    def of(cls, scenario: Scenario, *, plotted: bool = True) -> "Metrics":
-        """Figures of a run of `scenario`; its deviations are kept only if it is `plotted`."""
+    def of(cls, scenario: Scenario) -> "Metrics":
+        """Figures of a run of `scenario`."""
         return cls(
             scenario.vehicle_names,
             scenario.links,
             scenario.route.start_yaw,
-            events=detector_of(scenario),
+            stream=FigureStream.of(scenario),
             rates_hz={name: _steady_rate_hz(scenario, name) for name in scenario.vehicle_names},
             control_rate_hz=scenario.control_rate_hz,
             duration_ns=nanoseconds(scenario.duration_s),
@@ -133,8 +125,12 @@ class Metrics:
                 for name in scenario.vehicle_names
             },
             deadlines=Deadlines(scenario.tables.limits, scenario.lead),
-            plotted=plotted,
         )
+
+    @property
+    def start_at(self) -> int | None:
+        """The start of the run (ns), once that is known."""
+        return self.stream.start_at
 
     @property
     def topics(self) -> list[str]:
@@ -158,43 +154,26 @@ class Metrics:
         elif isinstance(message, LogText):
             self._add_text(message)
         elif isinstance(message, RunStart):
-            self.start_at = message.start_at_ns
-            self.events.begin(message.start_at_ns)
+            self.stream.add(message)
             self.deadlines.begin(message.start_at_ns)
 
     def _add_text(self, text: LogText) -> None:
         if text.doubts_figures and len(self.warnings) < MOST_WARNINGS:
             self.warnings.append(f"{text.vehicle}: {text.text}")
 
-    def _add_truth(self, figures: VehicleFigures, pose: TruePose, at: int) -> None:
-        figures.distance, figures.speed = pose.distance_m, pose.speed_mps
-        figures.true_numbers.add(pose.seq)
-        if pose.vehicle != self._lead:
-            figures.reaction.add_truth(pose)
-        tyres = figures.tyres
-        tyres.add(pose)
+    def _add_truth(self, figures: VehicleFigures, pose: TruePose, _at: int) -> None:
+        figures.add_truth(pose)
         front, rear = self._linear_slips[pose.vehicle]
+        tyres = figures.tyres
         if tyres.front_slip > front or tyres.rear_slip > rear:
             self._note_slips(pose, front, rear)
-        for foot in self._cross_track_error.add(pose):
-            self._add_foot(self.vehicles[foot.vehicle], foot)
-        self.events.add_truth(pose)
-        if self._plotted:
-            self._add_gaps(pose.vehicle, at)
-
-    def _add_gaps(self, vehicle: str, at: int) -> None:
-        """Take the true gaps ahead of a vehicle and behind it, as far as they are known."""
-        for name, gap in self._gaps[vehicle]:
-            if gap.now_at_ns == at and self.deviations.wants_gap(name, at):
-                self.deviations.add_gap(name, at, gap.now_m)
+        self.stream.add_truth(pose)
 
     def _note_slips(self, pose: TruePose, front: float, rear: float) -> None:
-        if pose.vehicle not in self.out_of_linear:
-            self.out_of_linear[pose.vehicle] = self._out_of_linear(pose, front, rear)
-
-    def _out_of_linear(self, pose: TruePose, front: float, rear: float) -> str:
-        after_s = self.events.seconds(pose.true_at_ns)
-        return (
+        if pose.vehicle in self.out_of_linear:
+            return
+        after_s = self.stream.seconds(pose.true_at_ns)
+        self.out_of_linear[pose.vehicle] = (
             f"{pose.vehicle}: its tyres left their linear range, up to {front:.4f} rad of slip in "
             f"front and {rear:.4f} rad behind, {after_s:.2f} s after the start"
         )
@@ -207,30 +186,18 @@ class Metrics:
         self._told_of_linear = len(self.out_of_linear)
         return new
 
-    def _add_foot(self, figures: VehicleFigures, foot: CrossTrack) -> None:
-        figures.cross_track_error.add(foot.lateral, foot.at_ns)
-        if self._plotted:
-            self.deviations.add_error(foot.vehicle, foot.at_ns, foot.lateral)
-        figures.belief.add_true(foot.at_ns, foot.lateral)
+    def _add_error(self, foot: CrossTrack) -> None:
+        self.vehicles[foot.vehicle].add_error(foot)
         if self._has_deadlines:
             self.deadlines.add_error(foot.vehicle, foot.at_ns, foot.lateral)
 
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking, at: int) -> None:
-        mode, error = tracking.mode, tracking.lateral_error_m
-        if mode not in {"path", "straight"}:  # it has nothing to be off from
-            figures.belief.add_believed(at, error)
-        if tracking.vehicle != self._lead:
-            self.events.add_tracking(tracking)
+        figures.add_tracking(tracking)
+        if not figures.is_lead:
+            self.stream.add_tracking(tracking)
             self._add_sources(tracking, at)
-            figures.reaction.add_tracking(tracking)
             if self._has_deadlines:
                 self.deadlines.add_tracking(tracking)
-        figures.lateral_error.add(error)
-        figures.heading_error.add(tracking.heading_error_rad)
-        figures.mode = mode
-        figures.modes[mode] += 1
-        if -inf < tracking.gap_m < figures.gap_min:  # false for NaN: there is no gap to tell
-            figures.gap_min = tracking.gap_m
 
     def _add_sources(self, tracking: Tracking, at: int) -> None:
         """Take how fresh each source is."""
@@ -257,18 +224,11 @@ class Metrics:
         return (self.links[pair], self._alarms[pair]) if pair in self._requested else None
 
     def _add_pose(self, figures: VehicleFigures, pose: GpsPose, _at: int) -> None:
-        figures.numbers.add(pose.seq)
-        if figures.first_sent_at is None:
-            figures.first_sent_at = pose.sent_at_ns
-        if self._rates_hz.get(pose.vehicle, USUAL_RATE_HZ) is None:
-            figures.edges.add(pose.seq, pose.sent_at_ns)
+        rate_hz = self._rates_hz.get(pose.vehicle, USUAL_RATE_HZ)
+        figures.add_pose(pose, scheduled=rate_hz is not None)
 
     def _add_health(self, figures: VehicleFigures, health: Health, _at: int) -> None:
-        figures.health = health
-        figures.memory_max = max(figures.memory_max, health.memory_bytes)
-        if health.seq and not health.final:  # those cover a second, first and last less
-            figures.cpu_sum += health.cpu_ratio
-            figures.cpu_count += 1
+        figures.add_health(health)
 
     def _add_change(self, _: VehicleFigures, change: Change, _at: int) -> None:
         """From now on its poses come by no schedule, or links are not as they were asked for."""
@@ -281,6 +241,10 @@ class Metrics:
         pair = verdict.sender, verdict.vehicle
         if pair in self._requested:
             self.links[pair].add(verdict)
+
+    def finish(self) -> None:
+        """Count the events that had not ended when the run did."""
+        self.stream.finish()
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         """Figures per vehicle, the lead first, of a run of `ran_ns`."""
@@ -350,45 +314,13 @@ class Metrics:
 
     def _vehicle(self, name: str, ran_ns: int) -> VehicleSummary:
         figures = self.vehicles[name]
-        health, true, tyres = figures.health, figures.cross_track_error, figures.tyres
-        own = figures.lateral_error
-        is_lead = name == self._names[0]
-        gap, seconds = self.events.encounters.gaps.get(name), self.events.seconds
-        known = gap is not None and isfinite(gap.min_m)
-        return VehicleSummary(
-            name=name,
-            role="lead" if is_lead else "follower",
-            poses=figures.poses,
-            missing_poses=sum([hole.poses for hole in self._holes(name, ran_ns)]),
+        return figures.summary(
+            name,
+            gap=self.stream.gaps.get(name),
+            holes=list(self._holes(name, ran_ns)),
             silent_from_s=self._silent_from(figures, ran_ns),
-            # Where nothing could be compared there is no error, rather than none to speak of.
-            lateral_error_m_max=own.largest if own.count else None,
-            lateral_error_m_rms=own.rms if own.count else None,
-            heading_error_rad_max=figures.heading_error.largest if own.count else None,
-            cross_track_error_m_max=true.largest if true.count else None,
-            cross_track_error_m_rms=true.rms if true.count else None,
-            cross_track_error_max_at_s=seconds(true.largest_at) if true.count else None,
-            believed_minus_true_error_m_max=figures.belief.off.largest
-            if figures.belief.off.count
-            else None,
-            true_gap_m_min=gap.min_m if gap and known else None,
-            true_gap_min_at_s=seconds(gap.min_at_ns) if gap and known else None,
-            gap_m_min=figures.gap_min if isfinite(figures.gap_min) else None,
-            distance_m=figures.distance,
-            lateral_acceleration_mps2_max=tyres.lateral_acceleration if tyres.poses else None,
-            front_slip_rad_max=tyres.front_slip if tyres.poses else None,
-            rear_slip_rad_max=tyres.rear_slip if tyres.poses else None,
-            friction_ratio_max=tyres.friction if tyres.poses else None,
-            sliding_s=tyres.sliding / self._control_rate_hz if tyres.poses else None,
-            ticks_by_mode=dict(sorted(figures.modes.items())),
-            reaction=figures.reaction.summary,
-            ticks=health.ticks if health else 0,
-            late_ticks=health.late_ticks if health else 0,
-            lateness_ms_max=health.lateness_ms_max if health else 0.0,
-            rejected_messages=health.rejected_messages if health else 0,
-            memory_bytes_max=figures.memory_max,
-            cpu_ratio=figures.cpu_sum / figures.cpu_count if figures.cpu_count else 0.0,
-            finished=bool(health and health.final),
+            control_rate_hz=self._control_rate_hz,
+            seconds=self.stream.seconds,
         )
 
     def _link(self, link: tuple[str, str]) -> LinkSummary:

@@ -1,7 +1,7 @@
 """The summary of a run, typed: what is printed as tables and written as `summary.json`.
 
-`to_json` and `from_json` are the only places where it is anything but these classes. What the
-fields mean is in `meanings`.
+`to_json` and `from_json` are the only places where it is anything but these classes. Docstrings of
+the fields document them, see `documented_fields`.
 """
 
 import json
@@ -15,9 +15,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.account import LinkSummary
-from scenarios.results.completeness.holes import RecordHole
-from scenarios.results.degradation.reaction import NO_REACTION, ReactionSummary
 from scenarios.results.events.run_event import RunEvent
+from scenarios.results.field_docs import field_docs
+from scenarios.results.holes import RecordHole
+from scenarios.results.reaction import ReactionSummary
+from scenarios.results.vehicle_figures import VehicleSummary
 from scenarios.results.versions import installed_versions
 
 SCHEMA = "convoy.summary/1"
@@ -32,13 +34,22 @@ class RunIdentity:
     """
 
     schema: str = SCHEMA
+    """Name and version of this format."""
     scenario: str
+    """Name of the scenario."""
     title: str = ""
+    """Name, seed, weight of the predecessor, loss, presets and overrides, which distinguish runs.
+    The name of a scenario that does not ship is followed by a fingerprint of its content."""
     overrides: tuple[str, ...] = ()
+    """Settings given by --set and --seed."""
     seed: int
+    """Seed of the random numbers."""
     clock: ClockName
+    """wall or virtual."""
     run_id: str
+    """Name of the run's folder; in virtual time derived from scenario, overrides and seed."""
     versions: Mapping[str, str]
+    """Installed version."""
 
     @classmethod
     def here(cls, scenario: Scenario, clock: ClockName, run_id: str) -> "RunIdentity":
@@ -84,42 +95,6 @@ class RunIdentity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleSummary:
-    """Figures of one vehicle; None where there was nothing to measure."""
-
-    name: str
-    role: Literal["lead", "follower"]
-    poses: int
-    missing_poses: int
-    silent_from_s: float | None = None
-    lateral_error_m_max: float | None
-    lateral_error_m_rms: float | None
-    heading_error_rad_max: float | None
-    cross_track_error_m_max: float | None
-    cross_track_error_m_rms: float | None
-    cross_track_error_max_at_s: float | None = None
-    believed_minus_true_error_m_max: float | None = None
-    true_gap_m_min: float | None = None
-    true_gap_min_at_s: float | None = None
-    gap_m_min: float | None
-    distance_m: float
-    lateral_acceleration_mps2_max: float | None = None
-    front_slip_rad_max: float | None = None
-    rear_slip_rad_max: float | None = None
-    friction_ratio_max: float | None = None
-    sliding_s: float | None = None
-    ticks_by_mode: Mapping[str, int]
-    reaction: ReactionSummary = NO_REACTION
-    ticks: int
-    late_ticks: int
-    lateness_ms_max: float
-    rejected_messages: int
-    memory_bytes_max: int
-    cpu_ratio: float
-    finished: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LimitFigure:
     """What came of a limit: its bound, the figure, and how it was broken; nothing if it was kept.
 
@@ -128,11 +103,17 @@ class LimitFigure:
     """
 
     limit: str
+    """Key in [limits] of the scenario."""
     bound: float
+    """Allowed value."""
     figure: float | None
+    """Value of the run; null if the action that a deadline requires did not happen."""
     vehicle: str = ""
+    """Vehicle of the figure; empty for a count of events."""
     what: str = ""
+    """Action that a deadline requires; else empty."""
     line: str = ""
+    """How the limit was broken; empty if it was kept."""
 
     @property
     def broken(self) -> bool:
@@ -146,16 +127,43 @@ class RunSummary:
 
     identity: RunIdentity
     outcome: Literal["completed", "failed"]
+    """completed or failed."""
     reason: str
+    """Why the run failed; empty if it was completed."""
     duration_s: float
+    """Requested duration."""
     ran_s: float
+    """Actual duration."""
     recorder_rejected_messages: Mapping[str, int]
+    """Messages that the recorder refused, by reason."""
     vehicles: tuple[VehicleSummary, ...] = field(default=())
     links: tuple[LinkSummary, ...] = field(default=())
     events: tuple[RunEvent, ...] = field(default=())
     holes: tuple[RecordHole, ...] = field(default=())
     limits: tuple[LimitFigure, ...] = field(default=())
     warnings: tuple[str, ...] = field(default=())
+    """Vehicles that refused a hundred messages, or ten times as many, because of their time stamps;
+    the first time that tyres left their linear range; links that did not do what was requested; and
+    more than 1 % late ticks."""
+
+
+ENTRIES: Mapping[str, type] = {
+    "vehicles[]": VehicleSummary,
+    "vehicles[].reaction": ReactionSummary,
+    "links[]": LinkSummary,
+    "events[]": RunEvent,
+    "holes[]": RecordHole,
+    "limits[]": LimitFigure,
+}
+"""Types of the entries of the summary's lists and tables."""
+
+
+def documented_fields() -> dict[str, dict[str, str]]:
+    """Document the fields of `summary.json`, and of the entries of its lists and tables."""
+    identity = field_docs(RunIdentity)
+    version = identity.pop("versions")
+    of_run = identity | dict.fromkeys(installed_versions(), version) | field_docs(RunSummary)
+    return {"summary.json": of_run} | {key: field_docs(kind) for key, kind in ENTRIES.items()}
 
 
 _FIGURES = TypeAdapter(RunSummary)

@@ -8,7 +8,8 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.files import SUMMARY_NAME
 from scenarios.results.limits import limit_figures, why_failed
 from scenarios.results.metrics import Metrics
-from scenarios.results.summary import RunIdentity, RunSummary, VehicleSummary, to_json
+from scenarios.results.summary import RunIdentity, RunSummary, to_json
+from scenarios.results.vehicle_figures import VehicleSummary
 from transport.log.records import LogError
 from vehicles.schedule import SECOND, nanoseconds
 
@@ -46,7 +47,7 @@ def summarise(
 
     A `reason` to end early stays the first; the limits that were broken follow it.
     """
-    metrics.events.finish()
+    metrics.finish()
     ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))
     vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
     deadlines = metrics.deadlines.figures(ran_ns)

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.events.detector import sizes_of
 from scenarios.results.files import LOG_NAME
+from scenarios.results.stream import sizes_of
 from transport.log.scene import Scene
 from transport.log.writer import LogWriter
 

@@ -4,6 +4,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import cast
 
+from scenarios.results.deviations import Deviations
 from scenarios.results.metrics import Metrics
 from scenarios.runs.observer import Observer, listeners_by_kind
 from transport.codec import RefusedMessageError, as_read, decode, encode
@@ -63,6 +64,7 @@ class Recorder:
         self._plane = plane
         self._writer = writer
         self._metrics = metrics
+        self._deviations = Deviations.of(metrics.stream)
         self._listeners = listeners_by_kind([metrics, *observers])
         self._seen: defaultdict[str, MessageNumbers] = defaultdict(
             lambda: MessageNumbers(MOST_RANGES)
@@ -205,7 +207,7 @@ class Recorder:
         for listen in self._listeners[kind]:
             listen(at, message)
         if kind is TruePose:  # nothing else brings deviations
-            for one in self._metrics.deviations.news():
+            for one in self._deviations.news():
                 self._writer.write_deviation(at, *one)
         if kind is TruePose or kind is Tracking:  # nothing else brings events and warnings
             self.say_news(at)

@@ -8,8 +8,8 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import highest_rate_hz
 from scenarios.results.channel.account import in_words
-from scenarios.results.completeness.holes import hole_lines
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.results.holes import hole_lines
 from scenarios.results.limits import LimitWatch, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import write_foxglove_layout
@@ -91,7 +91,7 @@ class RunLog:
         """
         self._end_at = at
         try:
-            self.metrics.events.finish()
+            self.metrics.finish()
             self.recorder.say_news(at)
             for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
                 self.recorder.say(at, line, "warning")

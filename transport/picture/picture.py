@@ -27,7 +27,6 @@ from transport.picture.shapes import (
     turn_about,
 )
 from transport.topics import valid_at
-from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.geometry.trajectory_points import points_along
 from vehicles.messages import (
     Change,
@@ -84,7 +83,6 @@ class Picture:
         gap_m: float,
         cars: Mapping[str, CarShape],
         path: Road | None = None,
-        road_yaw: float | None = None,
         lane_m: float | None = None,
     ) -> None:
         self._recording = recording
@@ -100,7 +98,6 @@ class Picture:
         states = States(recording, self._at)
         self._series = PanelSeries(self._curves, states, self.detail)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-        self._cross_track_error = CrossTrackError(vehicles[0], road_yaw, vehicles[1:])
         self._errors: dict[str, float] = {}
         self._where: dict[str, tuple[float, float]] = {}
         self._yaw: dict[str, float] = {}
@@ -142,6 +139,13 @@ class Picture:
             self._curves.send(self._start)
             self._show_worst(now)
 
+    def error(self, vehicle: str, at: int, error: float) -> None:
+        """Draw the true cross-track error (m) of a vehicle at instant `at` (ns)."""
+        self._place(vehicle)
+        self._errors[vehicle] = error
+        if vehicle in self.detail:
+            self._curves.add("cross_track", vehicle, at, error)
+
     def gap(self, vehicle: str, at: int, gap: float) -> None:
         """Draw the true gap (m) of a vehicle to the body ahead at instant `at` (ns)."""
         self._place(vehicle)
@@ -170,11 +174,6 @@ class Picture:
         self._seen[vehicle] = at
         self._values(truth)
         car_is_due = self._is_due(vehicle, "car", at, self._car_ns)
-        if car_is_due or vehicle in self.detail:
-            for foot in self._cross_track_error.add(truth):
-                if foot.vehicle in self.detail:
-                    self._curves.add("cross_track", foot.vehicle, foot.at_ns, foot.lateral)
-                self._errors[foot.vehicle] = foot.lateral
         if not car_is_due:
             return
         self._at(at)

@@ -34,9 +34,8 @@ class RerunView(Closing):
 
     `vehicles` are in order, the lead first; `gap_m` is their usual distance; `cars` are their
     lengths and widths (m), and how far their middles lie ahead of their poses; `path` is the
-    lead's, as east and north in metres; `road_yaw` (rad) is the direction of the road on which the
-    convoy starts; `lane_m` is the width of its lane; `title` is what the viewer calls the
-    recording. Raises ViewerError if the picture cannot be shown.
+    lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is what the
+    viewer calls the recording. Raises ViewerError if the picture cannot be shown.
     `where` tells the user where it is shown; `drawn` is False where nothing is.
     """
 
@@ -49,7 +48,6 @@ class RerunView(Closing):
         gap_m: float = 15.0,
         cars: Mapping[str, tuple[float, float, float]] | None = None,
         path: tuple[Sequence[float], Sequence[float]] | None = None,
-        road_yaw: float | None = None,
         lane_m: float | None = None,
         title: str = "",
     ) -> None:
@@ -79,7 +77,6 @@ class RerunView(Closing):
             gap_m=gap_m,
             cars={name: CarShape(*size) for name, size in (cars or {}).items()},
             path=path,
-            road_yaw=road_yaw,
             lane_m=lane_m,
         )
 
@@ -91,6 +88,11 @@ class RerunView(Closing):
         """Draw a message that was recorded at instant `now` (ns)."""
         if self._picture is not None:
             self._picture.draw(now, message)
+
+    def error(self, vehicle: str, at: int, error: float) -> None:
+        """Draw the true cross-track error (m) of a vehicle at instant `at` (ns)."""
+        if self._picture is not None:
+            self._picture.error(vehicle, at, error)
 
     def gap(self, vehicle: str, at: int, gap: float) -> None:
         """Draw the true gap (m) of a vehicle to the body ahead at instant `at` (ns)."""

@@ -95,9 +95,14 @@ class CrossTrackError:
         self._chords: list[_Chord] = []
         self._end = (0.0, 0.0)
         self._newest: TruePose | None = None
-        self._followers = {name: _Follower() for name in followers}
-        self._forgets = bool(self._followers)
+        self._followers: dict[str, _Follower] = {}
         self._is_awaited = False  # it may be, since places wait
+        self.follow(followers)
+
+    def follow(self, points: Iterable[str]) -> None:
+        """Keep the path until these have passed it, too; to be called before the first pose."""
+        self._followers |= {name: _Follower() for name in points}
+        self._forgets = bool(self._followers)
 
     def add(self, pose: TruePose) -> list[CrossTrack]:
         """Take a pose; returns the foot points that are known now and were not before.

@@ -45,14 +45,14 @@ def _print(heading: str, rows: Iterable[Row]) -> None:
 
 
 def _fields() -> None:
-    from scenarios.results.meanings import MEANINGS
+    from scenarios.results.summary import documented_fields
 
     _say(
         "A figure is null where there was nothing to measure. A gap between bodies takes each to "
         "reach as far beyond its front axle as beyond its rear one."
     )
-    for group, meanings in MEANINGS.items():
-        _print(f"{group}[]" if group else "summary.json", meanings.items())
+    for group, docs in documented_fields().items():
+        _print(group, docs.items())
 
 
 def _topics() -> None:

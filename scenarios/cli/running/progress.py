@@ -102,7 +102,7 @@ class Progress:
 
     def _gap(self, name: str) -> float:
         """True gap (m) to the vehicle ahead by now, infinite without one."""
-        known = self._metrics.events.encounters.gaps.get(name)
+        known = self._metrics.stream.gaps.get(name)
         return known.now_m if known else inf
 
     def _messages(self, name: str) -> tuple[int, int, int]:

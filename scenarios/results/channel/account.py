@@ -44,41 +44,79 @@ class LinkSummary:
     """
 
     sender: str
+    """Vehicle that sends; each link has a direction."""
     receiver: str
+    """Vehicle that judges the messages of the link."""
     requested: LinkTable
+    """Requested settings, by the keys of [links] in a scenario (null: not requested)."""
     requested_loss_ratio: float | None = None
+    """Requested loss of all laws together; null where no number is known, such as for a loss that
+    depends on the distance."""
     requested_burst_messages: float | None = None
+    """Requested mean number of messages lost in a row."""
     requested_latency_ms_mean: float | None = None
+    """Requested mean time from sending to reception of delivered messages."""
     requested_latency_ms_deviation: float | None = None
+    """Standard deviation of the same."""
     sent: int
+    """Messages of the sender in the log."""
     judged: int
+    """Messages that came to the link."""
     heard: int
+    """Messages delivered."""
     dropped: Mapping[str, int]
+    """Messages dropped, by reason."""
     copies: int = 0
+    """Messages that the channel delivered twice."""
     false: Mapping[str, int]
+    """Delivered messages whose content the channel changed, by kind."""
     reordered: int = 0
+    """Messages delivered after one with a greater number."""
     late: int
+    """Messages received after the tick that needed them."""
     loss_ratio: float
+    """Achieved loss, of the messages that the link carries."""
     loss_ratio_low: float = 0.0
+    """Lower end of its 95 % interval, which allows for bursts."""
     loss_ratio_high: float = 1.0
+    """Upper end of the same."""
     burst_messages_mean: float | None = None
+    """Mean number of messages lost in a row."""
     burst_messages_low: float | None = None
+    """Lower end of its 95 % interval."""
     burst_messages_high: float | None = None
+    """Upper end of the same; null where a single burst does not determine it."""
     burst_messages_max: int = 0
+    """Largest number of messages lost in a row."""
     latency_ms_mean: float
+    """Achieved mean latency of delivered messages."""
     latency_ms_low: float | None = None
+    """Lower end of its 95 % interval, as if the delays were independent."""
     latency_ms_high: float | None = None
+    """Upper end of the same."""
     latency_ms_deviation: float | None = None
+    """Standard deviation of the achieved latency."""
     latency_ms_p95: float | None = None
+    """95th percentile of the same."""
     latency_ms_max: float
+    """Largest achieved latency."""
     arrival_gap_ms_mean: float | None = None
+    """Mean time between two instants with a delivery."""
     arrival_gap_ms_p95: float | None = None
+    """95th percentile of the same."""
     arrival_gap_ms_max: float | None = None
+    """Largest of the same."""
     age_ms_mean: float | None = None
+    """Mean age of the newest data of the sender at the receiver's steering commands."""
     age_ms_p95: float | None = None
+    """95th percentile of the same."""
     age_ms_max: float | None = None
+    """Largest of the same."""
     false_alarms: AlarmSummary = NO_ALARMS
+    """How often the receiver counted the sender as lost although it sent: counted (null where the
+    receiver does not report it); predicted, low and high only in older summaries."""
     safe_time_ratio: Mapping[str, float]
+    """Share of the steering commands with data of at most this age (ms)."""
 
 
 def link_summary(

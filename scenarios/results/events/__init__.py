@@ -2,7 +2,7 @@
 
 bodies      the rectangles that cars are: overlap and distance
 encounters  gaps, near misses and collisions
-watches     stops, and sources that are not believed
-detector    all of it: those, lane departures, paths lost, slides, stops
-run_event   one of them, as the summary and the log tell it
+lane        departures from the lane
+watches     paths lost, slides, stops, and sources that are distrusted
+run_event   events as the summary and the log list them
 """

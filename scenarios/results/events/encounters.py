@@ -14,7 +14,6 @@ from scenarios.results.events.bodies import (
     BodySize,
     CarBody,
     Separation,
-    body_of,
     certainly_apart,
     separation,
 )
@@ -63,12 +62,13 @@ class Episode:
 
 
 @dataclass(slots=True)
-class SmallestGap:
-    """Distance (m) to the body of the vehicle ahead: the last one and the smallest, and when.
+class TrueGap:
+    """Distance (m) from the body of a vehicle to that of the vehicle ahead: latest and smallest.
 
-    The last one is worked out when it is asked for, since few ask.
+    The latest one is computed by `now_m`, as few need it.
     """
 
+    vehicle: str
     now_at_ns: int = 0
     min_m: float = inf
     min_at_ns: int = 0
@@ -94,7 +94,7 @@ class _Pair:
     """Two neighbours in the convoy, the one ahead first, and the gap between them."""
 
     names: tuple[str, str]
-    gap: SmallestGap
+    gap: TrueGap
 
 
 class Encounters:
@@ -112,25 +112,20 @@ class Encounters:
         self._frames: dict[int, dict[str, CarBody]] = {}
         self._touching: dict[str, set[str]] = {name: set() for name in sizes}
         self._near: dict[tuple[str, str], Episode] = {}
-        self.gaps = {name: SmallestGap() for name in list(sizes)[1:]}
+        self.gaps = {name: TrueGap(name) for name in list(sizes)[1:]}
         self._pairs: dict[str, dict[str, _Pair]] = {name: {} for name in sizes}
         for ahead, behind in pairwise(sizes):
             pair = _Pair((ahead, behind), self.gaps[behind])
             self._pairs[ahead][behind] = self._pairs[behind][ahead] = pair
 
-    def add(self, pose: TruePose, body: CarBody | None = None) -> list[Episode]:
-        """Take a pose; returns the collisions and near misses that are certain by now.
-
-        `body` is the one at the pose, where that is known already.
-        """
+    def add(self, pose: TruePose, body: CarBody) -> list[Episode]:
+        """Take a pose and the body at it; returns the events that are certain by now."""
         name, at = pose.vehicle, pose.true_at_ns
         frame = self._frames.get(at)
         if frame is None:
             if len(self._frames) >= MOST_FRAMES:
                 del self._frames[next(iter(self._frames))]
             frame = self._frames[at] = {}
-        if body is None:
-            body = body_of(pose, self._sizes[name])
         neighbours, touching = self._pairs[name], self._touching[name]
         found: list[Episode] = []
         east, north, reach = body.east, body.north, self._reach
@@ -179,7 +174,7 @@ class Encounters:
         names: tuple[str, str],
         body: CarBody,
         there: CarBody,
-        gap: SmallestGap | None,
+        gap: TrueGap | None,
     ) -> Iterator[Episode]:
         """Compare two bodies, the one ahead first; only neighbours have a `gap`."""
         name, other = names

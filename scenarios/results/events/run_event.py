@@ -1,9 +1,9 @@
-"""An event on the road as the summary and the log tell it."""
+"""Events of a run as the summary and the log list them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from scenarios.results.events.encounters import EventKind
+from scenarios.results.events.encounters import Episode, EventKind
 from vehicles.messages import Level
 
 
@@ -12,9 +12,14 @@ class RunEvent:
     """An event as it stands in the summary; instants in seconds from the start of the run."""
 
     kind: EventKind
+    """collision, near_miss, lane_departure, path_lost, slide, stop, or distrust of a source."""
     at_s: float
+    """When the event began."""
     vehicles: tuple[str, ...]
+    """Vehicles involved, in the order of the convoy."""
     figures: Mapping[str, float]
+    """closing_speed_mps; gap_m_min, time_to_collision_s_min; excess_m_max, duration_s;
+    friction_ratio_max, slip_rad_max, duration_s; known_m, predicted_blind_m, duration_s."""
 
     @property
     def line(self) -> str:
@@ -80,3 +85,45 @@ WHAT: Mapping[EventKind, Callable[[RunEvent], str]] = {
     "stop": _stop,
     "distrust": _distrust,
 }
+
+
+class EventLog:
+    """The events of a run in the order in which they are found; `collisions` counts those so far.
+
+    Figures of an event that goes on still grow.
+    """
+
+    def __init__(self, seconds: Callable[[int], float]) -> None:
+        """`seconds` converts an instant (ns) to seconds from the start of the run."""
+        self._seconds = seconds
+        self._found: list[Episode] = []
+        self._reported = 0
+        self.collisions = 0
+
+    def add(self, episode: Episode) -> None:
+        """Take an event."""
+        self._found.append(episode)
+        self.collisions += episode.kind == "collision"
+
+    def news(self) -> list[RunEvent]:
+        """Events found since the last call."""
+        new = self._found[self._reported :]
+        self._reported = len(self._found)
+        return [self._event(episode) for episode in new]
+
+    def episodes(self, first: int) -> list[Episode]:
+        """Events in the order in which they were found, from number `first` on."""
+        return self._found[first:]
+
+    def events(self) -> tuple[RunEvent, ...]:
+        """All events so far, in order of time, whatever the order in which they were found."""
+        found = [self._event(episode) for episode in self._found]
+        return tuple(sorted(found, key=lambda one: (one.at_s, one.kind, one.vehicles)))
+
+    def _event(self, episode: Episode) -> RunEvent:
+        return RunEvent(
+            kind=episode.kind,
+            at_s=self._seconds(episode.at_ns),
+            vehicles=episode.vehicles,
+            figures=dict(episode.figures),
+        )

@@ -1,14 +1,80 @@
-"""Events of followers that degrade: a stop, and a source that is not believed."""
+"""Events of single vehicles: paths lost, slides, stops, and sources that are distrusted."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from math import isfinite
 
 from scenarios.results.events.encounters import Episode
-from vehicles.messages import Tracking
-from vehicles.schedule import SECOND
+from vehicles.messages import Tracking, TruePose
+from vehicles.schedule import SECOND, nanoseconds
 
 NOWHERE = (0.0, 0.0)
+LOST_MODES = frozenset({"coast", "stop", "straight"})
+"""Modes of a follower that has no trajectory from what it received, unless it knows the road."""
+UNRECORDED_NS = SECOND // 2
+"""Between two tracking messages so far apart nobody knows what a vehicle steered along; the
+slowest control runs at 5 Hz."""
+
+
+class PathWatch:
+    """Followers that had a trajectory and steer without one for longer than `after` (s).
+
+    One that goes on along what it still knows of the road has not lost its path.
+    """
+
+    def __init__(self, after: float) -> None:
+        self._after = nanoseconds(after)
+        self._lost: dict[str, Episode | None] = {}
+        self._last: dict[str, int] = {}
+        self._told: set[str] = set()
+
+    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
+        """Take the tracking of one instant; gives a loss as soon as it has lasted long enough.
+
+        `place` is where the vehicle is (m).
+        """
+        name, at = tracking.vehicle, tracking.decided_at_ns
+        before, self._last[name] = self._last.get(name, at), at
+        if tracking.mode not in LOST_MODES or tracking.known_m > 0.0:  # false for NaN
+            self._lost[name] = None
+            if self._told:
+                self._told.discard(name)
+        elif name in self._lost:  # it has had one
+            return self._losing(name, at, place, unseen=at - before > UNRECORDED_NS)
+        return ()
+
+    def _losing(
+        self, name: str, at: int, place: tuple[float, float], *, unseen: bool
+    ) -> Iterator[Episode]:
+        episode = self._lost[name]
+        if episode is None or unseen:
+            episode = self._lost[name] = Episode("path_lost", (name,), at, at, place=place)
+            self._told.discard(name)
+        episode.until_ns = at
+        episode.most("duration_s", (at - episode.at_ns) / SECOND)
+        if name not in self._told and at - episode.at_ns > self._after:
+            self._told.add(name)
+            yield episode
+
+
+class SlideWatch:
+    """Vehicles an axle of which uses all the friction that there is, or with linear tyres more."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, Episode] = {}
+
+    def add(self, pose: TruePose) -> Iterator[Episode]:
+        """Take a pose in which it slides; gives each slide as it begins."""
+        name, at = pose.vehicle, pose.true_at_ns
+        episode = self._open.get(name)
+        if episode is None or episode.is_over(at):
+            place = (pose.east_m, pose.north_m)
+            episode = self._open[name] = Episode("slide", (name,), at, at, place=place)
+            yield episode
+        episode.until_ns = at
+        episode.most("slip_rad_max", max(abs(pose.front_slip_rad), abs(pose.rear_slip_rad)))
+        episode.most("friction_ratio_max", pose.friction_ratio)
+        episode.most("duration_s", (at - episode.at_ns) / SECOND)
 
 
 class StopWatch:

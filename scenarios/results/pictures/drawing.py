@@ -1,16 +1,20 @@
 """Draws a run with its events and true gaps, the same live and from its log."""
 
+from collections import deque
 from itertools import pairwise
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.events.detector import sizes_of
 from scenarios.results.metrics import Metrics
+from scenarios.results.stream import sizes_of
 from transport.closing import Closing
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
+from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Message, TruePose
 
 USUAL_GAP_M = 15.0
+MOST_FEET = 10_000
+"""True errors kept for the picture while it is behind."""
 
 
 class RunDrawing(Closing):
@@ -28,6 +32,11 @@ class RunDrawing(Closing):
         self._marked = 0
         names = list(metrics.vehicles)
         self._behind = dict(pairwise(names))
+        self._feet: deque[CrossTrack] = deque(maxlen=MOST_FEET)
+        self._gaps = metrics.stream.gaps
+        self._stream = metrics.stream
+        if view.drawn:
+            self._stream.on_error(self._feet.append)
         self._drawn_at = {name: 0 for name in names if view.details(name)}
 
     def draw(self, now: int, message: Message) -> None:
@@ -38,13 +47,16 @@ class RunDrawing(Closing):
             self._gathers.add(message)
         self._view.draw(now, message)
         if isinstance(message, TruePose):
+            while self._feet:
+                foot = self._feet.popleft()
+                self._view.error(foot.vehicle, foot.at_ns, foot.lateral)
             for name in (message.vehicle, self._behind.get(message.vehicle, "")):
                 if name in self._drawn_at:
                     self._draw_gap(name)
             self._draw_marks()
 
     def _draw_gap(self, name: str) -> None:
-        gap = self._events.encounters.gaps.get(name)
+        gap = self._gaps.get(name)
         if gap is not None and gap.now_at_ns > self._drawn_at[name]:
             self._drawn_at[name] = gap.now_at_ns
             self._view.gap(name, gap.now_at_ns, gap.now_m)
@@ -57,7 +69,7 @@ class RunDrawing(Closing):
     def close(self) -> None:
         """Draw what had not ended when the run did, and end the picture."""
         if self._view.drawn:
-            self._events.finish()
+            self._stream.finish()
             self._draw_marks()
         self._view.close()
 
@@ -77,7 +89,6 @@ def open_drawing(
         gap_m=widest_gap(scenario),
         cars=sizes_of(scenario),
         path=(path.east.tolist(), path.north.tolist()),
-        road_yaw=scenario.route.start_yaw,
         lane_m=scenario.tables.events.lane_width_m,
         title=scenario.title,
     )

@@ -170,7 +170,7 @@ class StatusBoard:
 
     def _vehicle(self, name: str) -> VehicleFiguresNow:
         figures, told = self._metrics.vehicles[name], self._tracking.get(name)
-        gap = self._metrics.events.encounters.gaps.get(name)
+        gap = self._metrics.stream.gaps.get(name)
         true = figures.cross_track_error
         follows = told is not None and name != self._scenario.lead
         return VehicleFiguresNow(

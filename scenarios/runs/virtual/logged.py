@@ -97,8 +97,16 @@ def record_trial(
 
     Raises LogError if the run failed.
     """
-    drives = DriveRecorder()
-    summary = run_virtual(scenario, folder, Stop(), observers=(drives, *observers), replays=replays)
+    metrics = Metrics.of(scenario)
+    drives = DriveRecorder(scenario, metrics.stream)
+    summary = run_virtual(
+        scenario,
+        folder,
+        Stop(),
+        metrics=metrics,
+        observers=(drives, *observers),
+        replays=replays,
+    )
     if summary.reason:
         raise LogError(summary.reason)
-    return drives.trial(scenario)
+    return drives.trial()

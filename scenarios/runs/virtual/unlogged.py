@@ -7,6 +7,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import DriveRecorder, Trial
 from scenarios.results.limits import LimitWatch
 from scenarios.results.metrics import Metrics
+from scenarios.results.stream import FigureStream
 from scenarios.results.summary import RunIdentity, RunSummary
 from scenarios.results.summing_up import silent_links, summarise
 from scenarios.runs.observer import Observer
@@ -18,7 +19,7 @@ if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
 
 def run_unlogged(scenario: Scenario, observers: Sequence[Observer] = ()) -> RunSummary:
     """Run `scenario` in virtual time; returns the summary that a logged run of it would have."""
-    metrics = Metrics.of(scenario, plotted=False)
+    metrics = Metrics.of(scenario)
     limits = LimitWatch(scenario.tables.limits, metrics)
     outcome = drive(scenario, [metrics, limits, *observers], until=lambda: bool(limits.reason))
     return summarise(
@@ -38,6 +39,7 @@ def drive_trial(scenario: Scenario, replays: "Sequence[Replay]" = ()) -> Trial:
 
     The vehicles receive and do the same as in a logged run. Raises VehicleFaultError.
     """
-    drives = DriveRecorder()
-    drive(scenario, [drives], replays=replays).raise_fault()
-    return drives.trial(scenario)
+    stream = FigureStream.of(scenario)
+    drives = DriveRecorder(scenario, stream)
+    drive(scenario, [stream, drives], replays=replays).raise_fault()
+    return drives.trial()

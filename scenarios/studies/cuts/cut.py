@@ -9,9 +9,10 @@ from math import inf, isnan
 import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.stream import FigureStream
 from scenarios.runs.virtual.drive import drive
 from vehicles.driver.degradation.settings import Reaction
-from vehicles.geometry.driven_path import CrossTrackError
+from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Command, LinkVerdict, Message, Mode, Tracking, TruePose
 from vehicles.schedule import SECOND, nanoseconds
 
@@ -126,7 +127,8 @@ class Witness:
 
     kinds: frozenset[type[Message]] = frozenset((Command, LinkVerdict, Tracking, TruePose))
 
-    def __init__(self, cut: LinkCut, scenario: Scenario) -> None:
+    def __init__(self, cut: LinkCut, scenario: Scenario, stream: FigureStream) -> None:
+        """`stream` derives the figures of the run, which is one of `scenario`."""
         self._cut = cut
         self._names = scenario.vehicle_names
         self._period = nanoseconds(1.0 / scenario.control_rate_hz)
@@ -137,8 +139,12 @@ class Witness:
         degradation = scenario.tables.control.degradation.value
         period = 1.0 / scenario.tables.gnss.rate_hz
         self._lost_after = nanoseconds(degradation.lost_after_silence(period))
-        self._path = CrossTrackError(self._names[0], scenario.route.start_yaw, self._names[1:])
         self._of: defaultdict[str, _Heard] = defaultdict(_Heard)
+        stream.on_error(self._take_error)
+
+    def _take_error(self, foot: CrossTrack) -> None:
+        self._of[foot.vehicle].errors[foot.at_ns] = foot.lateral
+        self._of[foot.vehicle].stations[foot.at_ns] = foot.station
 
     def listen(self, _at: int, message: Message) -> None:
         """Take one message."""
@@ -146,9 +152,6 @@ class Witness:
         match message:
             case TruePose():
                 of.truth.append(message)
-                for foot in self._path.add(message):
-                    self._of[foot.vehicle].errors[foot.at_ns] = foot.lateral
-                    self._of[foot.vehicle].stations[foot.at_ns] = foot.station
                 if message.vehicle == self._names[0] and message.true_at_ns <= self._to:
                     self._heard_at = message.distance_m + SETTLED_S * self._cut.speed_mps
             case Tracking():
@@ -227,6 +230,7 @@ def _largest(values: Iterable[float]) -> float:
 def carry_out(cut: LinkCut) -> tuple[CutFigures, ...]:
     """Drive one cut in virtual time; the figures of each follower."""
     scenario = cut.scenario()
-    witness = Witness(cut, scenario)
-    drive(scenario, [witness]).raise_fault()
+    stream = FigureStream.of(scenario)
+    witness = Witness(cut, scenario, stream)
+    drive(scenario, [stream, witness]).raise_fault()
     return witness.figures()

@@ -8,8 +8,8 @@ from scenarios.cli.running import progress
 from scenarios.cli.running.progress import PLAIN_EVERY_S, REDRAW_S, Progress
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.events.bodies import BodySize
-from scenarios.results.events.detector import EventDetector
 from scenarios.results.metrics import Metrics
+from scenarios.results.stream import FigureStream
 from tests.made.scenarios.messages import START, gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Message
 
@@ -31,7 +31,7 @@ class Shown:
 @contextmanager
 def shown_for(duration_s: float) -> Iterator[Shown]:
     links = {("v1", "v2"): LinkTable()}
-    metrics = Metrics(tuple(CONVOY), links, events=EventDetector(CONVOY))
+    metrics = Metrics(tuple(CONVOY), links, stream=FigureStream(CONVOY))
     with Progress(metrics, duration_s) as progress:
         yield Shown(metrics, progress)
 
@@ -157,7 +157,7 @@ def test_of_a_long_convoy_the_worst_have_a_row_and_all_a_line(
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "80")
     convoy = {f"v{place}": BodySize(5.0, 2.0, 0.0) for place in range(1, 41)}
-    metrics = Metrics(tuple(convoy), {}, events=EventDetector(convoy))
+    metrics = Metrics(tuple(convoy), {}, stream=FigureStream(convoy))
     with Progress(metrics, 35.0) as progress:
         shown = Shown(metrics, progress)
         shown.listen(START, start())

@@ -9,10 +9,10 @@ from rich.console import Console
 from scenarios.cli.tables import print_summary
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.channel.alarms import AlarmSummary
-from scenarios.results.completeness.holes import RecordHole
-from scenarios.results.degradation.reaction import ReactionSummary
 from scenarios.results.events.run_event import RunEvent
+from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
+from scenarios.results.reaction import ReactionSummary
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 

@@ -8,15 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.completeness.holes import (
+from scenarios.results.holes import (
     EdgeInstants,
     RecordHole,
     expected_poses,
     hole_lines,
 )
 from scenarios.results.metrics import Metrics
-from scenarios.results.summary import VehicleSummary
 from scenarios.results.summing_up import silent_links
+from scenarios.results.vehicle_figures import VehicleSummary
 from tests.made.scenarios.messages import START, at, gps, health, start, truth
 from transport.message_numbers import MessageNumbers
 from vehicles.messages import GpsPose, Message

@@ -6,11 +6,12 @@ import pytest
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.degradation.deadlines import DeadlineFigure
-from scenarios.results.degradation.reaction import ReactionSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.limits import broken_limits, collision_ends_run, limit_figures, why_failed
 from scenarios.results.metrics import Metrics
-from scenarios.results.summary import LimitFigure, VehicleSummary
+from scenarios.results.reaction import ReactionSummary
+from scenarios.results.summary import LimitFigure
+from scenarios.results.vehicle_figures import VehicleSummary
 from tests.made.scenarios.messages import start, truth
 
 EVENTS = (

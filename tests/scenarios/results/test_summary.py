@@ -11,20 +11,16 @@ import pytest
 from scenarios.cli.tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.account import LinkSummary
-from scenarios.results.completeness.holes import RecordHole
 from scenarios.results.events.encounters import EventKind
-from scenarios.results.events.run_event import RunEvent
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import scenario_in, summary_of
-from scenarios.results.meanings import MEANINGS
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import (
+    ENTRIES,
     SCHEMA,
-    LimitFigure,
     RunIdentity,
     RunSummary,
-    VehicleSummary,
+    documented_fields,
     from_json,
     to_json,
 )
@@ -185,23 +181,18 @@ def test_the_scenario_of_a_log_is_the_one_that_ran(scenario: Scenario, tmp_path:
     assert again.text == scenario.text
 
 
-def test_each_field_has_its_meaning() -> None:
+def test_each_field_is_documented() -> None:
     identity = RunIdentity.here(load_scenario("lane_change"), "wall", "today").values()
-    lists = {
-        "vehicles": VehicleSummary, "links": LinkSummary, "events": RunEvent, "holes": RecordHole,
-        "limits": LimitFigure,
-    }  # fmt: skip
-    own = {one.name for one in fields(RunSummary)} - {"identity", *lists}
-    expected = {"": {*identity, *own}}
-    expected |= {name: {one.name for one in fields(kind)} for name, kind in lists.items()}
-    assert {group: set(meanings) for group, meanings in MEANINGS.items()} == expected
-    assert MEANINGS[""]["schema"] == SCHEMA
-    for asked in LinkTable.model_fields:
-        assert asked in MEANINGS["links"]["requested"]
+    own = {one.name for one in fields(RunSummary)} - {"identity"}
+    lists = {group.removesuffix("[]") for group in ENTRIES if group.endswith("[]")}
+    expected = {"summary.json": {*identity, *own} - lists}
+    expected |= {group: {one.name for one in fields(kind)} for group, kind in ENTRIES.items()}
+    docs = documented_fields()
+    assert {group: set(found) for group, found in docs.items()} == expected
     for kind in get_args(EventKind):
-        assert kind in MEANINGS["events"]["kind"]
+        assert kind in docs["events[]"]["kind"]
     for figure in FIGURES:
-        assert figure in MEANINGS["events"]["figures"]
+        assert figure in docs["events[]"]["figures"]
 
 
 @pytest.mark.parametrize(("late", "said"), [(10, []), (11, ["1.1 %"]), (500, ["50 %"])])

@@ -130,7 +130,7 @@ def test_a_log_tells_the_same_events_as_the_run_whatever_the_order(
         for message in messages:
             if message.vehicle == vehicle:
                 metrics.add(message)
-    metrics.events.finish()
+    metrics.finish()
     assert metrics.events.events() == summary.events
 
 

@@ -55,6 +55,7 @@ def test_the_picture_of_forty_has_all_cars_and_the_curves_of_some(tmp_path: Path
                 off = 0.3 if name == "v20" else 0.0
                 pose = truth(name, tick, 0.6 * tick - 15.0 * place, off)
                 view.draw(pose.true_at_ns, pose)
+                view.error(name, pose.true_at_ns, off)
                 view.draw(pose.true_at_ns, replace(ahead, vehicle=name))
         assert [name for name in vehicles if view.details(name)] == list(Detail(vehicles).names)
     drawn = columns(path)

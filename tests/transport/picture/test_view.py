@@ -27,7 +27,8 @@ from transport.picture.blueprint import MARKS, Reach
 from transport.picture.option import DATA_PORT, PAGE_PORT, RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
-from vehicles.messages import LogText, Message
+from vehicles.geometry.driven_path import CrossTrackError
+from vehicles.messages import LogText, Message, TruePose
 
 SECOND = 1_000_000_000
 CIRCLE = [2 * math.pi * step / 100 for step in range(101)]
@@ -40,9 +41,13 @@ ROAD = (
 def picture(path: Path, messages: Iterator[tuple[int, Message]]) -> Table:
     """Draw `messages` into a recording at `path`; returns each entity's columns, in time order."""
     option = parse_rerun_option(f"save={path}")
+    errors = CrossTrackError(drive.VEHICLES[0])
     with RerunView(option, run_id="circle", vehicles=drive.VEHICLES, path=ROAD) as view:
         for now, message in messages:
             view.draw(now, message)
+            if isinstance(message, TruePose):
+                for foot in errors.add(message):
+                    view.error(foot.vehicle, foot.at_ns, foot.lateral)
     return columns(path)
 
 
@@ -112,7 +117,7 @@ def test_left_turns_turn_left_in_the_view_that_rides_along(
         assert down < -1.0
 
 
-def test_the_cross_track_error_is_the_true_one(drawn: Table) -> None:
+def test_each_cross_track_error_is_drawn(drawn: Table) -> None:
     assert "/plots/cross_track/v1" not in drawn
     curve = drawn["/plots/cross_track/v2"]["Scalars:scalars"]
     values = [value[0] for value in curve if value]

@@ -1,19 +1,19 @@
 """One run again with other losses: how bad it gets, and whether it breaks a limit."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from math import inf
 from typing import Literal
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import KINDS
-from scenarios.results.events.detector import detector_of
+from scenarios.results.events.encounters import TrueGap
+from scenarios.results.stream import FigureStream
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.drive import drive
 from scenarios.studies.many.limit import EVENTS, Limit
-from vehicles.geometry.driven_path import CrossTrackError
-from vehicles.messages import Message, Tracking, TruePose
+from vehicles.geometry.driven_path import CrossTrack
+from vehicles.messages import Message, TruePose
 from vehicles.schedule import SECOND
 
 FigureName = Literal["error", "gap"]
@@ -61,41 +61,42 @@ class RerunWatch:
     def __init__(self, scenario: Scenario, question: BlameQuestion, start_at: int) -> None:
         self.question = question
         self._start_at = start_at
-        self._detector = detector_of(scenario)
-        self._detector.begin(start_at)
-        names = scenario.vehicle_names
-        self._path = CrossTrackError(names[0], scenario.route.start_yaw, names[1:])
-        self._series: dict[str, list[list[float]]] = {name: [] for name in names[1:]}
-        self._behind = dict(pairwise(names))
+        self._stream = FigureStream.of(scenario)
+        if question.figure == "error" or question.limit.word == "error_m":
+            self._stream.on_error(self._take_error)
+        if question.figure == "gap" or question.limit.word == "gap_m":
+            self._stream.on_gap(self._take_gap)
+        if question.limit.word in EVENTS:
+            self._stream.on_event(lambda _: self._break(), (EVENTS[question.limit.word],))
+        self._series: dict[str, list[list[float]]] = {
+            name: [] for name in scenario.vehicle_names[1:]
+        }
         self._worst = (-inf, "", 0)
         self.broken_at: int | None = None
         self.now = 0
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take one message; what is no figure is passed over."""
+        """Take one message; those after the question's instant are ignored."""
         if isinstance(message, TruePose):
             self.now = message.true_at_ns - self._start_at
-            if self.now > self.question.until:
-                return
-            self._detector.add_truth(message)
-            for foot in self._path.add(message):
-                error = abs(foot.lateral)
-                self._note("error", foot.vehicle, foot.at_ns, error)
-                self._judge("error_m", beyond=error > self.question.limit.bound)
-            for name, at, gap in self._gaps(message):
-                self._note("gap", name, at, -gap)
-                self._judge("gap_m", beyond=gap < self.question.limit.bound)
-        elif isinstance(message, Tracking) and self.now <= self.question.until:
-            self._detector.add_tracking(message)
-        self._hear_of_events()
+        if self.now <= self.question.until:
+            self._stream.add(message)
 
-    def _gaps(self, pose: TruePose) -> Iterator[tuple[str, int, float]]:
-        """Gaps that are known now: instant (ns) and metres, by who keeps them."""
-        gaps = self._detector.encounters.gaps
-        for name in (pose.vehicle, self._behind.get(pose.vehicle, "")):
-            gap = gaps.get(name)
-            if gap is not None and gap.now_at_ns == pose.true_at_ns:
-                yield name, gap.now_at_ns, gap.now_m
+    def _take_error(self, foot: CrossTrack) -> None:
+        error = abs(foot.lateral)
+        self._note("error", foot.vehicle, foot.at_ns, error)
+        if self.question.limit.word == "error_m" and error > self.question.limit.bound:
+            self._break()
+
+    def _take_gap(self, gap: TrueGap) -> None:
+        metres = gap.now_m
+        self._note("gap", gap.vehicle, gap.now_at_ns, -metres)
+        if self.question.limit.word == "gap_m" and metres < self.question.limit.bound:
+            self._break()
+
+    def _break(self) -> None:
+        if self.broken_at is None:
+            self.broken_at = self.now
 
     def _note(self, figure: FigureName, vehicle: str, at: int, badness: float) -> None:
         if figure != self.question.figure:
@@ -105,20 +106,9 @@ class RerunWatch:
         if badness > self._worst[0]:
             self._worst = badness, vehicle, after
 
-    def _judge(self, word: str, *, beyond: bool) -> None:
-        if beyond and self.question.limit.word == word and self.broken_at is None:
-            self.broken_at = self.now
-
-    def _hear_of_events(self) -> None:
-        kind = EVENTS.get(self.question.limit.word)
-        for event in self._detector.news():
-            if event.kind == kind and self.broken_at is None:
-                self.broken_at = self.now
-
     def answer(self, *, whole: bool = False) -> BlameAnswer:
         """What it came to; `whole` with the series."""
-        self._detector.finish()
-        self._hear_of_events()
+        self._stream.finish()
         badness, vehicle, at = self._worst
         return BlameAnswer(
             badness_m=badness if vehicle else 0.0,

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from scenarios.cli.main import cli
-from scenarios.results.meanings import MEANINGS
+from scenarios.results.summary import documented_fields
 from transport.log.foxglove import twins
 from transport.reasons import REASONS
 from transport.topics import TOPICS
@@ -42,9 +42,8 @@ def table(what: str, heading: str) -> list[list[str]]:
 
 
 def test_fields_are_those_of_the_summary() -> None:
-    for group, meanings in MEANINGS.items():
-        found = table("fields", f"{group}[]" if group else "summary.json")
-        assert found == [list(row) for row in meanings.items()]
+    for group, docs in documented_fields().items():
+        assert table("fields", group) == [list(row) for row in docs.items()]
 
 
 def test_topics_are_those_of_the_log_with_what_stands_beside_them() -> None:

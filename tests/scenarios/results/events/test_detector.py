@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.tables import EventsTable
 from scenarios.results.events.bodies import BodySize, body_of, separation
-from scenarios.results.events.detector import EventDetector
 from scenarios.results.events.encounters import PARTED_M, QUIET_NS
-from scenarios.results.events.run_event import RunEvent
-from tests.made.scenarios.messages import START, tracking, truth
+from scenarios.results.events.run_event import EventLog, RunEvent
+from scenarios.results.stream import FigureStream
+from tests.made.scenarios.messages import start, tracking, truth
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -25,17 +25,16 @@ CONVOY = ("v1", "v2", "v3")
 def detected(
     *messages: Message, names: tuple[str, ...] = CONVOY, **table: float
 ) -> tuple[RunEvent, ...]:
-    detector = EventDetector(dict.fromkeys(names, SIZE), EventsTable(**table), 0.0)
-    detector.begin(START)
+    stream = FigureStream(dict.fromkeys(names, SIZE), EventsTable(**table), 0.0)
+    log = EventLog(stream.seconds)
+    stream.on_event(log.add)
+    stream.add(start())
     for message in messages:
-        if isinstance(message, TruePose):
-            detector.add_truth(message)
-        elif isinstance(message, Tracking):
-            detector.add_tracking(message)
-    detector.finish()
-    told = detector.news()
-    assert sorted(one.line for one in told) == sorted(one.line for one in detector.events())
-    return detector.events()
+        stream.add(message)
+    stream.finish()
+    told = log.news()
+    assert sorted(one.line for one in told) == sorted(one.line for one in log.events())
+    return log.events()
 
 
 def of_kind(kind: str, events: tuple[RunEvent, ...]) -> tuple[RunEvent, ...]:
@@ -308,15 +307,18 @@ def test_the_smallest_gap_is_that_of_all_instants_and_the_last_is_the_last(
     places: list[tuple[float, float]],
 ) -> None:
     sizes = {"v1": SIZE, "v2": SIZE}
-    detector = EventDetector(sizes)
+    stream = FigureStream(sizes)
+    latest: list[float] = []
+    stream.on_gap(lambda gap: latest.append(gap.now_m))
     apart = []
     for seq, (behind, yaw) in enumerate(places):
         ahead, follower = truth("v1", seq, 0.0, 0.0), truth("v2", seq, -behind, 0.0, yaw=yaw)
-        detector.add_truth(ahead)
-        detector.add_truth(follower)
+        stream.add(ahead)
+        stream.add(follower)
         apart.append(separation(body_of(ahead, SIZE), body_of(follower, SIZE)))
-        assert detector.encounters.gaps["v2"].now_m == apart[-1].distance
+        assert latest[-1] == apart[-1].distance
     least = min(range(len(apart)), key=lambda seq: apart[seq].distance)
-    gap = detector.encounters.gaps["v2"]
+    assert len(latest) == len(places)
+    gap = stream.gaps["v2"]
     assert gap.min_m == apart[least].distance
     assert gap.min_at_ns == truth("v2", least, 0.0, 0.0).true_at_ns

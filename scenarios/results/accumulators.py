@@ -1,15 +1,11 @@
-"""What is kept of one vehicle while a run goes on."""
+"""Running extremes and means of signals, value by value."""
 
-from collections import Counter
 from dataclasses import dataclass, field
-from math import inf, sqrt
+from math import sqrt
 
-from scenarios.results.completeness.holes import EdgeInstants
-from scenarios.results.degradation.reaction import Reaction
-from transport.message_numbers import MOST_RANGES, MessageNumbers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import MOST_WAITING
-from vehicles.messages import Health, TruePose
+from vehicles.messages import TruePose
 
 
 @dataclass(slots=True)
@@ -39,26 +35,26 @@ class Extremes:
 
 
 @dataclass(slots=True)
-class BelievedErrors:
-    """Lateral errors as a vehicle believes them beside the true ones, at equal instants."""
+class SelfEstimateErrors:
+    """Differences of the self-estimated lateral errors from the true ones, at equal instants."""
 
-    off: Extremes = field(default_factory=Extremes)
-    believed: dict[int, float] = field(default_factory=dict)
+    difference: Extremes = field(default_factory=Extremes)
+    estimated: dict[int, float] = field(default_factory=dict)
     true: dict[int, float] = field(default_factory=dict)
 
-    def add_believed(self, at: int, error: float) -> None:
-        """Take what the vehicle believes at instant `at` (ns)."""
+    def add_estimate(self, at: int, error: float) -> None:
+        """Take the vehicle's own estimate at instant `at` (ns)."""
         true = self.true.pop(at, None)
         if true is not None:
-            self.off.add(error - true, at)
+            self.difference.add(error - true, at)
         else:
-            self._keep(self.believed, at, error)
+            self._keep(self.estimated, at, error)
 
     def add_true(self, at: int, error: float) -> None:
         """Take the true error at instant `at` (ns)."""
-        believed = self.believed.pop(at, None)
-        if believed is not None:
-            self.off.add(believed - error, at)
+        estimate = self.estimated.pop(at, None)
+        if estimate is not None:
+            self.difference.add(estimate - error, at)
         else:
             self._keep(self.true, at, error)
 
@@ -98,34 +94,3 @@ class TyreFigures:
             self.friction = share
         if share >= SLIDING_SHARE:
             self.sliding += 1
-
-
-@dataclass(slots=True)
-class VehicleFigures:
-    """What one vehicle did."""
-
-    numbers: MessageNumbers = field(default_factory=MessageNumbers)
-    edges: EdgeInstants = field(default_factory=EdgeInstants)
-    first_sent_at: int | None = None
-    true_numbers: MessageNumbers = field(default_factory=lambda: MessageNumbers(MOST_RANGES))
-    last_at: int = 0
-    distance: float = 0.0
-    speed: float = 0.0
-    mode: str = ""
-    lateral_error: Extremes = field(default_factory=Extremes)
-    heading_error: Extremes = field(default_factory=Extremes)
-    tyres: TyreFigures = field(default_factory=TyreFigures)
-    cross_track_error: Extremes = field(default_factory=Extremes)
-    belief: BelievedErrors = field(default_factory=BelievedErrors)
-    gap_min: float = inf
-    modes: Counter[str] = field(default_factory=Counter)
-    reaction: Reaction = field(default_factory=Reaction)
-    health: Health | None = None
-    memory_max: int = 0
-    cpu_sum: float = 0.0
-    cpu_count: int = 0
-
-    @property
-    def poses(self) -> int:
-        """GPS poses recorded."""
-        return self.numbers.count

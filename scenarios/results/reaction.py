@@ -27,13 +27,21 @@ class ReactionSummary:
     """
 
     mode_changes: int = 0
+    """Number of changes of the steering mode."""
     recoveries: int = 0
+    """Number of times that the follower relied on all its sources again."""
     recovery_s_mean: float | None = None
+    """Mean time during which it did not."""
     recovery_s_max: float | None = None
+    """Longest time during which it did not."""
     stops: int = 0
+    """Number of stops for lack of a known path."""
     blind_m: float = 0.0
+    """Distance driven beyond the known path."""
     predicted_blind_m_max: float | None = None
+    """Largest such distance that was predicted at the begin of a stop."""
     hazards: int = 0
+    """Number of warnings to the vehicles behind."""
 
 
 NO_REACTION = ReactionSummary()

@@ -21,10 +21,15 @@ class RecordHole:
     """
 
     vehicle: str
+    """Vehicle whose poses were sent and not recorded; all figures are of recorded messages."""
     from_s: float
+    """Instant of the first missing pose; without a schedule of sending, of the pose before."""
     to_s: float
+    """Instant of the last missing pose; without a schedule, of the pose after."""
     poses: int
+    """Number of missing poses."""
     kind: HoleKind = "pose"
+    """pose; or true pose, where poses were recorded meanwhile."""
 
     def covers(self, other: "RecordHole", slack_s: float) -> bool:
         """Whether another hole lies within this one, or but for `slack_s` (s) at each end."""

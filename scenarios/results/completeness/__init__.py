@@ -1,4 +1,0 @@
-"""What of a run was recorded, and what was not.
-
-holes  what was not recorded
-"""

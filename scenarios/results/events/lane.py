@@ -1,0 +1,139 @@
+"""Departures of followers from their lane."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from scenarios.results.events.bodies import BodySize, CarBody, corners
+from scenarios.results.events.encounters import Episode
+from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
+from vehicles.messages import TruePose
+from vehicles.schedule import SECOND
+
+WELL_INSIDE_M = 0.5
+"""A follower whose corners are all so far inside its lane is not across the edge before the next
+look, LANE_LOOK_NS later: that would take 10 m/s sideways."""
+LANE_LOOK_NS = SECOND // 20
+TakeExcess = Callable[[str, float], None]
+
+
+@dataclass(slots=True)
+class _Corners:
+    """What is known of the corners of one follower, each a point with a name of its own.
+
+    `known` are the distances (m) of those corners that the lead has passed, by instant; `seen` is
+    where the follower was then.
+    """
+
+    vehicle: str
+    points: tuple[str, str, str, str]
+    known: dict[int, list[float]] = field(default_factory=dict)
+    seen: dict[int, tuple[float, float]] = field(default_factory=dict)
+    departure: Episode | None = None
+    next_look: int = 0
+
+
+class LaneWatch:
+    """Departures of followers from the lane: a corner too far from the lead's driven path.
+
+    A follower near the edge is looked at at every pose, one well inside less often: four corners of
+    every pose would cost more than all other figures of a run. The excess of a follower is how far
+    (m) the corner farthest out is beyond the edge.
+    """
+
+    def __init__(
+        self,
+        sizes: Mapping[str, BodySize],
+        lane_width: float,
+        path: CrossTrackError,
+        on_excess: Sequence[TakeExcess] = (),
+    ) -> None:
+        """Take the bodies, lead first, the lane's width (m), and the path that the lead drives.
+
+        `on_excess` are called with a follower and its excess (m) at each look.
+        """
+        self._half_width = 0.5 * lane_width
+        self._lead, *followers = sizes
+        self._followers: dict[str, _Corners] = {}
+        self._of_point: dict[str, _Corners] = {}
+        for name in followers:
+            one = _Corners(name, (f"{name}/0", f"{name}/1", f"{name}/2", f"{name}/3"))
+            self._followers[name] = one
+            self._of_point |= dict.fromkeys(one.points, one)
+        self._path = path
+        path.follow(self._of_point)
+        self._on_excess = on_excess
+
+    def add(self, pose: TruePose, body: CarBody, feet: Sequence[CrossTrack]) -> Iterable[Episode]:
+        """Take a pose and the body at it; yields each departure as it begins.
+
+        `feet` are the foot points that a pose of the lead made known, of corners and others.
+        """
+        if pose.vehicle == self._lead:
+            return self._measure(feet) if feet else ()
+        follower = self._followers[pose.vehicle]
+        if pose.true_at_ns < follower.next_look:
+            return ()
+        return self._look(follower, pose, body)
+
+    def _look(self, follower: _Corners, pose: TruePose, body: CarBody) -> Iterable[Episode]:
+        at, place = pose.true_at_ns, (pose.east_m, pose.north_m)
+        feet: list[CrossTrack] = []
+        for point, (east, north) in zip(follower.points, corners(body), strict=True):
+            feet += self._path.add_point(point, at, east, north)
+        seen = follower.seen
+        if len(feet) == 4 and not follower.known:
+            one, two, three, four = feet
+            if at == one.at_ns == two.at_ns == three.at_ns == four.at_ns:  # as mostly
+                if seen:
+                    _forget(seen, at)
+                sides = abs(one.lateral), abs(two.lateral), abs(three.lateral), abs(four.lateral)
+                return self._follow(follower, at, place, max(sides) - self._half_width)
+        if len(seen) > MOST_WAITING:
+            del seen[next(iter(seen))]
+        seen[at] = place
+        return self._measure(feet) if feet else ()
+
+    def _measure(self, feet: Iterable[CrossTrack]) -> Iterator[Episode]:
+        """Take foot points; a follower is looked at once those of its four corners are known."""
+        for foot in feet:
+            follower = self._of_point.get(foot.vehicle)
+            if follower is None:
+                continue
+            # The lead reaches the front corners' places later than those of the rear ones.
+            waiting, seen, at = follower.known, follower.seen, foot.at_ns
+            if len(waiting) > MOST_WAITING:
+                del waiting[next(iter(waiting))]
+            known = waiting.setdefault(at, [])
+            known.append(abs(foot.lateral))
+            if len(known) == 4:
+                place = seen.get(at, (0.0, 0.0))
+                _forget(waiting, at)
+                _forget(seen, at)
+                yield from self._follow(follower, at, place, max(known) - self._half_width)
+
+    def _follow(
+        self, follower: _Corners, at: int, place: tuple[float, float], excess: float
+    ) -> tuple[Episode, ...]:
+        for take in self._on_excess:
+            take(follower.vehicle, excess)
+        follower.next_look = at + LANE_LOOK_NS if excess < -WELL_INSIDE_M else 0
+        episode = follower.departure
+        if excess > 0.0:
+            begins = episode is None
+            if episode is None:
+                episode = Episode("lane_departure", (follower.vehicle,), at, at, place=place)
+                follower.departure = episode
+            episode.until_ns = at
+            episode.most("excess_m_max", excess)
+            episode.most("duration_s", (at - episode.at_ns) / SECOND)
+            return (episode,) if begins else ()
+        if episode is not None and episode.is_over(at):
+            follower.departure = None
+        return ()
+
+
+def _forget(known: dict[int, Any], until: int) -> None:
+    """Drop what was known of instants up to `until` (ns)."""
+    for at in [at for at in known if at <= until]:
+        del known[at]

@@ -1,0 +1,188 @@
+"""The stream of figures of a run: values derived from its messages once, for all who need them.
+
+The messages of each vehicle come in order; how those of different vehicles are mixed does not
+matter.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import zip_longest
+from typing import get_args
+
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.tables import EventsTable
+from scenarios.results.events.bodies import BodySize, body_of
+from scenarios.results.events.encounters import Encounters, Episode, EventKind, TrueGap
+from scenarios.results.events.lane import LaneWatch, TakeExcess
+from scenarios.results.events.watches import PathWatch, SlideWatch, StopWatch, TrustWatch
+from vehicles.car.tyres import SLIDING_SHARE
+from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
+from vehicles.messages import Message, RunStart, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+ALL_EVENTS: tuple[EventKind, ...] = get_args(EventKind)
+TakeError = Callable[[CrossTrack], None]
+TakeGap = Callable[[TrueGap], None]
+TakeEvent = Callable[[Episode], None]
+
+
+class FigureStream:
+    """An observer that passes figures to its subscribers; nothing else is computed.
+
+    Subscribe before the first message. `gaps` holds the gap of each follower to the vehicle ahead,
+    if anything that needs gaps is subscribed to.
+    """
+
+    def __init__(
+        self,
+        sizes: Mapping[str, BodySize],
+        rules: EventsTable | None = None,
+        road_yaw: float | None = None,
+    ) -> None:
+        """Take the bodies, lead first, thresholds, and the yaw (rad) of the road at the start."""
+        self.kinds: frozenset[type[Message]] = frozenset({RunStart, Tracking, TruePose})
+        self._sizes = sizes
+        self._lead, *self.followers = sizes
+        self._rules = rules or EventsTable()
+        self._path = CrossTrackError(self._lead, road_yaw)
+        self._lane: LaneWatch | None = None
+        self._encounters: Encounters | None = None
+        self._paths_lost = PathWatch(self._rules.path_lost_s)
+        self._slides = SlideWatch()
+        self._stops = StopWatch()
+        self._distrusts = TrustWatch(list(sizes))
+        self._on_error: list[TakeError] = []
+        self._on_gap: list[TakeGap] = []
+        self._on_excess: list[TakeExcess] = []
+        self._on_event: dict[EventKind, list[TakeEvent]] = {kind: [] for kind in ALL_EVENTS}
+        self.gaps: Mapping[str, TrueGap] = {}
+        self._gaps_of: dict[str, list[TrueGap]] = {name: [] for name in sizes}
+        self._places: dict[str, tuple[float, float]] = {}
+        self.start_at: int | None = None
+        self._first_at: int | None = None
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "FigureStream":
+        """Make the stream of a run of `scenario`, with its thresholds."""
+        return cls(sizes_of(scenario), scenario.tables.events, scenario.route.start_yaw)
+
+    def on_error(self, take: TakeError) -> None:
+        """Subscribe to the true error of each follower: the foot point on the lead's path."""
+        if not self._on_error:
+            self._path.follow(self.followers)
+        self._on_error.append(take)
+
+    def on_gap(self, take: TakeGap) -> None:
+        """Subscribe to the true gap of each follower, once per instant of both vehicles."""
+        self._compare_bodies()
+        self._on_gap.append(take)
+
+    def on_lane_excess(self, take: TakeExcess) -> None:
+        """Subscribe to how far (m) followers are beyond the edge of the lane, by name."""
+        self._watch_lane()
+        self._on_excess.append(take)
+
+    def on_event(self, take: TakeEvent, kinds: Sequence[EventKind] = ALL_EVENTS) -> None:
+        """Subscribe to events of some kinds; the figures of an event that goes on still grow."""
+        if "lane_departure" in kinds:
+            self._watch_lane()
+        if "collision" in kinds or "near_miss" in kinds:
+            self._compare_bodies()
+        for kind in kinds:
+            self._on_event[kind].append(take)
+
+    def _watch_lane(self) -> None:
+        if self._lane is None:
+            width = self._rules.lane_width_m
+            self._lane = LaneWatch(self._sizes, width, self._path, self._on_excess)
+
+    def _compare_bodies(self) -> None:
+        if self._encounters is not None:
+            return
+        self._encounters = Encounters(
+            self._sizes,
+            near_gap=self._rules.near_miss_gap_m,
+            near_time=self._rules.near_miss_time_s,
+        )
+        gaps = self.gaps = self._encounters.gaps
+        for name, behind in zip_longest(self._sizes, self.followers, fillvalue=""):
+            self._gaps_of[name] = [gaps[one] for one in (name, behind) if one in gaps]
+
+    def listen(self, _at: int, message: Message) -> None:
+        """Take one message, as an observer of a run; those of unknown vehicles are ignored."""
+        self.add(message)
+
+    def add(self, message: Message) -> None:
+        """Take one message; those of unknown vehicles are ignored."""
+        if isinstance(message, RunStart):
+            self.start_at = message.start_at_ns
+        elif message.vehicle in self._sizes:
+            if isinstance(message, TruePose):
+                self.add_truth(message)
+            elif isinstance(message, Tracking):
+                self.add_tracking(message)
+
+    def add_truth(self, pose: TruePose) -> None:
+        """Take a true pose of one of the vehicles."""
+        name, at = pose.vehicle, pose.true_at_ns
+        if self._first_at is None or at < self._first_at:
+            self._first_at = at
+        self._places[name] = (pose.east_m, pose.north_m)
+        feet = self._feet(pose)
+        lane, encounters = self._lane, self._encounters
+        if pose.friction_ratio >= SLIDING_SHARE or lane is not None or encounters is not None:
+            self._find_events(pose, feet)
+        if self._on_gap:
+            for gap in self._gaps_of[name]:
+                if gap.now_at_ns == at:
+                    for take in self._on_gap:
+                        take(gap)
+
+    def _feet(self, pose: TruePose) -> list[CrossTrack]:
+        """Foot points that are known by a pose; the true errors among them are passed on."""
+        if pose.vehicle == self._lead:
+            feet = self._path.add(pose) if self._on_error or self._lane is not None else []
+        else:
+            feet = self._path.add(pose) if self._on_error else []
+        for foot in feet:
+            if foot.vehicle in self._sizes:
+                for take in self._on_error:
+                    take(foot)
+        return feet
+
+    def _find_events(self, pose: TruePose, feet: Sequence[CrossTrack]) -> None:
+        body = body_of(pose, self._sizes[pose.vehicle])
+        if self._encounters is not None:
+            self._pass_on(self._encounters.add(pose, body))
+        if pose.friction_ratio >= SLIDING_SHARE:
+            self._pass_on(self._slides.add(pose))
+        if self._lane is not None:
+            self._pass_on(self._lane.add(pose, body, feet))
+
+    def _pass_on(self, episodes: Iterable[Episode]) -> None:
+        for episode in episodes:
+            for take in self._on_event[episode.kind]:
+                take(episode)
+
+    def add_tracking(self, tracking: Tracking) -> None:
+        """Take what one of the vehicles steers along; of the lead there is nothing to find."""
+        if tracking.vehicle == self._lead:
+            return
+        place = self._places.get(tracking.vehicle, (0.0, 0.0))
+        self._pass_on(self._paths_lost.add(tracking, place))
+        self._pass_on(self._stops.add(tracking, place))
+        self._pass_on(self._distrusts.add(tracking, place))
+
+    def finish(self) -> None:
+        """Pass on the events that had not ended when the run did."""
+        if self._encounters is not None:
+            self._pass_on(self._encounters.finish())
+
+    def seconds(self, at: int) -> float:
+        """Seconds from the start of the run, or, if that was not recorded, the first pose."""
+        start = self._first_at if self.start_at is None else self.start_at
+        return (at - (start or 0)) / SECOND
+
+
+def sizes_of(scenario: Scenario) -> dict[str, BodySize]:
+    """Bodies of the vehicles of `scenario`, the lead first."""
+    return {name: BodySize.of(scenario.vehicle(name).parameters) for name in scenario.vehicle_names}
