@@ -7,7 +7,6 @@ import numpy as np
 
 from scenarios.definition.changing.links import link_change_problems
 from scenarios.definition.channel.content import content_problems
-from scenarios.definition.channel.radio import radio_problems
 from scenarios.definition.channel.rules import (
     ANY,
     ROLES,
@@ -116,8 +115,8 @@ def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
     for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
         about = [entry for _, entry in entries_about(tables.link, names, *pair)]
         asked = requested_link(tables, names, *pair)
-        merged = {"loss": asked.loss, "collisions": asked.collisions}
-        for key, why in (*_problems_of(merged, _problems), *radio_problems(asked)):
+        merged = {"loss": asked.loss, "collisions": asked.collisions, "radio": asked.radio}
+        for key, why in _problems_of(merged, _problems):
             table = key.split(".")[0]
             giver = next((one for one in reversed(about) if table in one.model_fields_set), None)
             index = next((place for place, one in enumerate(tables.link) if one is giver), None)

@@ -5,7 +5,7 @@ presets          shipped channels, laid under what a scenario gives
 build            the effects and stages of a link, from its laws
 recordings       patterns and earlier runs, read from their files into the scenario
 recorded_delays  recorded delays, likewise
-radio            those of its radio; the vehicles in between
+between          the vehicles between the ends of a link
 content          copies, messages held back, wrong bits, false content
 expected         what a link should achieve by its laws
 origins          which key of which rule is behind what a link did

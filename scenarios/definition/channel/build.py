@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 
+from scenarios.definition.channel.between import Between
 from scenarios.definition.channel.content import content_effects
-from scenarios.definition.channel.radio import Between, nobody, radio_effect
 from scenarios.definition.schema.links import LinkTable
+from transport.links.laws.between import nobody
 from transport.links.laws.effect import Effect
 from transport.links.laws.law import LinkLaw, LinkSetting
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
@@ -30,7 +31,8 @@ def link_effects(
     `between` says which vehicles drive between sender and receiver, `besides` is what else the link
     does to messages that it carries by its rate.
     """
-    setting = replace(setting, latency=round(table.latency_ms * MILLISECOND))
+    latency = round(table.latency_ms * MILLISECOND)
+    setting = replace(setting, between=between, latency=latency)
     if table.loss is not None and table.loss.replaces_others:
         return (*table.loss.effects(setting), *besides)
     found: list[Effect] = []
@@ -41,10 +43,8 @@ def link_effects(
     found += _of(setting, *(table.outages or ()))
     if table.loss_ratio > 0.0:
         found.append(Loss(table.loss_ratio))
-    found += _of(setting, table.loss, table.collisions)
-    if table.radio is not None:
-        found.append(radio_effect(table.radio, between))
-    found.append(Latency(setting.latency))
+    found += _of(setting, table.loss, table.collisions, table.radio)
+    found.append(Latency(latency))
     if table.jitter_ms > 0.0:
         found.append(Jitter(round(table.jitter_ms * MILLISECOND)))
     found += _of(setting, table.delay)

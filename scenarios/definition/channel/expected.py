@@ -6,9 +6,10 @@ from fractions import Fraction
 from functools import reduce
 from math import gcd, inf, prod, sqrt
 
+from scenarios.definition.channel.between import Between
 from scenarios.definition.channel.build import link_effects, link_stages
-from scenarios.definition.channel.radio import Between, nobody
 from scenarios.definition.schema.links import LinkTable
+from transport.links.laws.between import nobody
 from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import Effect
 from transport.links.laws.moments import Losses

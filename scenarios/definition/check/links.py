@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+from scenarios.definition.channel.between import vehicles_between
 from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.expected import expected_age_ms, expected_channel
 from scenarios.definition.channel.origins import OF_VEHICLES, giver, rules_of
-from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.check.alarms import (
     Alarms,
     all_lost_per_h,

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
+from scenarios.definition.channel.between import vehicles_between
 from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.channel.expected import expected_channel
-from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import link_rate_hz, usual_rate_hz

@@ -16,9 +16,9 @@ from scenarios.definition.channel.expected import USUAL_MESSAGE_BYTES
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import link_rate_hz
+from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import Effect, Passage, Whereabouts
-from transport.links.laws.radio.obstruction import Road, VehiclesBetween
 from transport.links.line import judge_stream
 from transport.links.link import Link
 from transport.reasons import counts_as_loss

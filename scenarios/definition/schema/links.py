@@ -5,11 +5,10 @@ from typing import Annotated
 from pydantic import Field
 
 from scenarios.definition.schema.channel.content import ContentTable
-from scenarios.definition.schema.channel.radio import RadioTable
 from scenarios.definition.schema.table import Ratio, Table
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.queue import Queue
-from transport.links.laws.registry import DelayLaw, LossLaw, OutageLaw
+from transport.links.laws.registry import DelayLaw, LossLaw, OutageLaw, RadioLaw
 
 
 class LinkTable(Table):
@@ -43,7 +42,7 @@ class LinkTable(Table):
     delay: DelayLaw | None = None
     queue: Queue | None = None
     outages: Annotated[tuple[OutageLaw, ...], Field(strict=False)] | None = None
-    radio: RadioTable | None = None
+    radio: RadioLaw | None = None
 
     @property
     def is_sure(self) -> bool:

@@ -2,6 +2,7 @@
 
 effect         what an effect is given of a message, what it returns and states of itself
 moments        losses and delays in the long run
+between        the vehicles between sender and receiver
 stage          what messages of a link do to one another, behind the effects
 law            a law as a table of a scenario file
 registry       every law, by the key that requests it

@@ -4,17 +4,15 @@ from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from transport.links.laws.between import VehiclesBetween, nobody
 from transport.links.laws.effect import Effect, JudgedBy
 from transport.links.laws.stage import StageLaw
 from transport.reasons import DropReason
 from vehicles.geometry.geodesy import LocalPlane
-
-if TYPE_CHECKING:
-    from transport.links.laws.radio.obstruction import VehiclesBetween
 
 Problem = tuple[str, str]
 """A key within the table of a law, and what is wrong with it."""
@@ -49,7 +47,7 @@ class LinkSetting:
     receiver_station: float = nan
     plane: LocalPlane | None = None
     radio_off: "Sequence[LinkLaw]" = ()
-    between: "Callable[[], VehiclesBetween] | None" = None
+    between: Callable[[], VehiclesBetween] = nobody
     latency: int = 0
     place: int = 0
 

@@ -24,6 +24,8 @@ from transport.links.laws.outages.circle import CircleOutage
 from transport.links.laws.outages.random import RandomOutage
 from transport.links.laws.outages.stretch import StretchOutage
 from transport.links.laws.outages.window import WindowOutage
+from transport.links.laws.radio.path_loss import PathLossRadio
+from transport.links.laws.radio.table import TableRadio
 
 # fmt: off
 LossLaw = Annotated[
@@ -50,6 +52,11 @@ OutageLaw = Annotated[
     | StretchOutage
     | CircleOutage
     | RandomOutage,
+    Field(discriminator="kind"),
+]
+RadioLaw = Annotated[
+    TableRadio
+    | PathLossRadio,
     Field(discriminator="kind"),
 ]
 # fmt: on

@@ -8,9 +8,9 @@ import numpy as np
 
 from scenarios.definition.changing.concerned import concerns
 from scenarios.definition.changing.links import EffectsOf
+from scenarios.definition.channel.between import vehicles_between
 from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.content import content_stage
-from scenarios.definition.channel.radio import vehicles_between
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.changes import AnyChange
 from scenarios.definition.sending import (
@@ -36,7 +36,7 @@ from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
-from transport.links.laws.radio.obstruction import VehiclesBetween
+from transport.links.laws.between import VehiclesBetween
 from transport.links.link import Link
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.imu import ExactSensor, InertialSensor

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from scenarios.definition.schema.channel.radio import PathLossRadio
 from scenarios.studies.channel.fitting.estimate import Estimate
-from transport.links.laws.radio.delivery import noise_power
+from transport.links.laws.radio.path_loss import PathLossRadio, noise_power
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -98,7 +97,7 @@ class _FatesByDistance:
             offset + slope * self.loss_db, self.pairs[chosen].sum(axis=0)
         )
         rest = sqrt(1.0 - shared)
-        usual = PathLossRadio(kind="path_loss")
+        usual = PathLossRadio()
         noise = noise_power(usual.bandwidth_hz, usual.noise_figure_db)
         power = usual.reference_loss_db + noise + SNR_DB[0] + offset / (rest * PER_DB)
         exponent = min(max(slope / (rest * PER_DB), 0.5), 10.0)

@@ -7,9 +7,9 @@ import pytest
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
+from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.effect import Passage, Whereabouts
 from transport.links.laws.plain import Loss
-from transport.links.laws.radio.obstruction import Road, VehiclesBetween
 from transport.links.link import Link
 
 FAR_APART_M = 1000.0

@@ -13,13 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from scenarios.definition.channel.presets import presets
-from scenarios.definition.channel.radio import nobody, radio_effect
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.definition.schema.channel.radio import (
-    OnceForAllTable,
-    PathLossRadio,
-    PerVehicleTable,
-)
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.channel.estimates import bursts
 from scenarios.runs.stop import Stop
@@ -30,7 +24,8 @@ from scenarios.studies.channel.fitting.recorded import RecordedLink
 from tests.made.channels.recorded_channels import long_drive, recorded_links_of
 from transport.links.laws.delay.gamma import GammaDelay
 from transport.links.laws.loss.gilbert_elliott import GilbertElliott
-from transport.links.laws.radio.delivery import DeliveryOverDistance, highway_loss
+from transport.links.laws.radio.obstruction import OnceForAll, PerVehicle
+from transport.links.laws.radio.path_loss import PathLossRadio, highway_loss
 from transport.links.laws.radio.reservations import Reservations
 
 Counts = NDArray[np.float64]
@@ -100,8 +95,7 @@ def true_value(table: LinkTable, one: Estimate, between: int) -> float:
     if isinstance(table.radio, PathLossRadio):
         return path_loss_values(table.radio, between)[key]
     assert table.radio is not None
-    law = radio_effect(table.radio, nobody)
-    assert isinstance(law, DeliveryOverDistance)
+    law = table.radio
     if key.startswith("delivery_ratio at "):
         return law.ratio(float(key.split()[2]))
     assert isinstance(law.reservations, Reservations)
@@ -117,12 +111,12 @@ def path_loss_values(radio: PathLossRadio, between: int) -> dict[str, float]:
             radio.shadowing.obstructed_deviation_db,
             radio.errors.obstructed_snr_db[0],
         )
-        if isinstance(radio.obstruction, PerVehicleTable):
+        if isinstance(radio.obstruction, PerVehicle):
             cost = between * radio.obstruction.loss_db
-        elif isinstance(radio.obstruction, OnceForAllTable):
+        elif isinstance(radio.obstruction, OnceForAll):
             cost = radio.obstruction.mean_db
             wavering = hypot(wavering, radio.obstruction.deviation_db)
-    usual = PathLossRadio(kind="path_loss").reference_loss_db
+    usual = PathLossRadio().reference_loss_db
     beyond = highway_loss(radio.frequency_hz) - usual + median - 1.0
     return {
         "power_dbm": radio.power_dbm - cost - beyond,

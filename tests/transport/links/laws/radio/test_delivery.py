@@ -9,22 +9,39 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from tests.made.channels.laws import on_link
+from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.effect import Effect, Passage, Whereabouts
-from transport.links.laws.radio.delivery import (
-    DeliveryOverDistance,
+from transport.links.laws.law import LinkSetting
+from transport.links.laws.radio.obstruction import OnceForAll, PerVehicle
+from transport.links.laws.radio.path_loss import (
     ErrorCurve,
-    Propagation,
-    Sight,
+    PathLossRadio,
     highway_loss,
     noise_power,
 )
-from transport.links.laws.radio.obstruction import OnceForAll, PerVehicle, Road, VehiclesBetween
 from transport.links.laws.radio.reservations import Reservations
-from transport.links.laws.radio.shadowing import ShadowField
+from transport.links.laws.radio.shadowing import Shadowing
+from transport.links.laws.radio.table import TableRadio
 from transport.links.link import keyed_draw
 
 DRAW = keyed_draw(7, "v1", "v2")
 STRAIGHT = Road(10.0, (0.0, 10.0), (0.0, 0.0))
+
+
+def table(
+    distance_m: tuple[float, ...],
+    delivery_ratio: tuple[float, ...],
+    keep_ratio: float | None = None,
+) -> TableRadio:
+    """With reservations of 5 to 15 messages if they are kept with a ratio."""
+    law = TableRadio(
+        distance_m=distance_m,
+        delivery_ratio=delivery_ratio,
+        burst="independent" if keep_ratio is None else "reservation",
+        keep_ratio=keep_ratio or 0.0,
+    )
+    return on_link(law)
 
 
 def apart(seq: int, way: float, driven: float = 0.0) -> Passage:
@@ -37,16 +54,16 @@ def apart(seq: int, way: float, driven: float = 0.0) -> Passage:
 
 
 def test_a_table_is_linear_between_its_points_constant_before_and_ends_with_the_last() -> None:
-    law = DeliveryOverDistance((50.0, 100.0, 200.0), (0.9, 0.5, 0.1))
+    law = table((50.0, 100.0, 200.0), (0.9, 0.5, 0.1))
     ways = (0.0, 49.0, 50.0, 75.0, 100.0, 150.0, 200.0, 200.001, inf, nan)
     expected = (0.9, 0.9, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0, 0.0, 0.0)
     assert [law.ratio(way) for way in ways] == pytest.approx(expected)
-    assert DeliveryOverDistance((100.0,), (0.4,)).ratio(30.0) == 0.4
+    assert table((100.0,), (0.4,)).ratio(30.0) == 0.4
 
 
 def test_a_message_that_says_no_place_is_out_of_range() -> None:
     receiver = Whereabouts(0.0, 0.0, 0.0)
-    laws: list[Effect] = [DeliveryOverDistance((1000.0,), (1.0,)), behind(3)]
+    laws: list[Effect] = [table((1000.0,), (1.0,)), behind(3)]
     for place in (nan, inf, -inf, 1e308):
         sender = Whereabouts(place, place, place)
         assert {law.judge(DRAW, Passage(1, 0, 0, sender, receiver)) for law in laws} == {"range"}
@@ -57,7 +74,7 @@ def test_a_message_that_says_no_place_is_out_of_range() -> None:
 
 def test_with_reservations_all_messages_of_one_share_their_fate() -> None:
     held = Reservations(5, 15, 0.4)
-    law = DeliveryOverDistance((100.0,), (0.6,), held)
+    law = table((100.0,), (0.6,), 0.4)
     fates: dict[int, set[object]] = {}
     for seq in range(2_000):
         selected = held.selected_at(DRAW, seq)
@@ -89,27 +106,16 @@ def test_errors_are_those_of_the_points_and_on_a_line_in_deviations() -> None:
         ErrorCurve((1.0,), (0.5,))
 
 
-IN_SIGHT = Sight(ErrorCurve((1.0, 3.1, 5.2), (0.5, 0.1, 0.01)), 3.0)
-BEHIND = Sight(ErrorCurve((4.7, 6.8, 8.6), (0.5, 0.1, 0.01)), 3.0)
-
-
-def behind(count: int, lorries: bool | None = None) -> Propagation:
+def behind(count: int, lorries: bool | None = None) -> PathLossRadio:
     """802.11p behind vehicles on a straight, by the law of ETSI, or of 3GPP for lorries or cars."""
-    between = VehiclesBetween(count, STRAIGHT, 0.0, 0.0)
-    obstruction: PerVehicle | OnceForAll = PerVehicle(between, 6.9)
+    obstruction: PerVehicle | OnceForAll = PerVehicle()
     if lorries is not None:
         mean, deviation = (9.0, 4.5) if lorries else (5.0, 4.0)
-        obstruction = OnceForAll(between, mean, deviation, ShadowField(25.0, "obstruction"))
-    return Propagation(
-        power=23.0,
-        noise=noise_power(10e6, 9.0),
-        reference=highway_loss(5.9e9),
-        exponent=2.0,
-        in_sight=IN_SIGHT,
-        obstructed=BEHIND,
-        shadowing=ShadowField(25.0),
-        obstruction=obstruction if count else None,
-    )
+        obstruction = OnceForAll(mean_db=mean, deviation_db=deviation)
+    shadowing = Shadowing(deviation_db=3.0, obstructed_deviation_db=3.0)
+    law = PathLossRadio(shadowing=shadowing, obstruction=obstruction)
+    setting = LinkSetting(between=lambda: VehiclesBetween(count, STRAIGHT, 0.0, 0.0))
+    return on_link(law, setting)
 
 
 NORMAL = norm.ppf((np.arange(20_000) + 0.5) / 20_000)
@@ -176,8 +182,8 @@ def test_shadowing_makes_losses_of_messages_near_one_another_alike() -> None:
 
 
 LAWS: dict[str, Effect] = {
-    "table": DeliveryOverDistance((0.0, 200.0), (1.0, 0.0)),
-    "reservations": DeliveryOverDistance((0.0, 200.0), (1.0, 0.0), Reservations(5, 15, 0.4)),
+    "table": table((0.0, 200.0), (1.0, 0.0)),
+    "reservations": table((0.0, 200.0), (1.0, 0.0), 0.4),
     "etsi": behind(4),
     "3gpp": behind(9, True),
 }
@@ -199,9 +205,9 @@ def test_a_verdict_alone_is_that_of_the_stream(name: str, data: st.DataObject) -
 
 def fresh_law(name: str) -> Effect:
     if name == "table":
-        return DeliveryOverDistance((0.0, 200.0), (1.0, 0.0))
+        return table((0.0, 200.0), (1.0, 0.0))
     if name == "reservations":
-        return DeliveryOverDistance((0.0, 200.0), (1.0, 0.0), Reservations(5, 15, 0.4))
+        return table((0.0, 200.0), (1.0, 0.0), 0.4)
     return behind(4) if name == "etsi" else behind(9, True)
 
 

@@ -7,17 +7,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from scenarios.definition.channel.radio import ROAD_STEP, vehicles_between
+from scenarios.definition.channel.between import ROAD_STEP, vehicles_between
 from scenarios.definition.scenario import scenario_from_text
+from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.effect import Passage, Whereabouts
-from transport.links.laws.radio.obstruction import (
-    HOPELESS,
-    Obstruction,
-    OnceForAll,
-    PerVehicle,
-    Road,
-    VehiclesBetween,
-)
+from transport.links.laws.radio.obstruction import HOPELESS, Obstruction, OnceForAll, PerVehicle
 from transport.links.laws.radio.shadowing import ShadowField
 from transport.links.link import keyed_draw
 from vehicles.geometry.path import Path
@@ -115,17 +109,18 @@ def apart(way: float) -> Passage:
 
 
 def test_each_costs_by_the_law_of_etsi_and_all_together_by_that_of_3gpp() -> None:
-    def lost(law: Obstruction, way: float) -> float:
-        lost, is_obstructed = law.loss(DRAW, apart(way), way)
+    def lost(law: Obstruction, way: float, count: int = 4) -> float:
+        field = ShadowField(25.0)
+        lost, is_obstructed = law.loss(straight(count), field, DRAW, apart(way), way)
         assert is_obstructed
         return lost
 
-    assert lost(PerVehicle(straight(4), 6.9), 75.0) == pytest.approx(27.6)
-    assert lost(PerVehicle(straight(10**5), 6.9), 75.0) == pytest.approx(HOPELESS, abs=6.9)
-    field = ShadowField(25.0)
-    assert lost(OnceForAll(straight(4), 9.0, 0.0, field), 75.0) == 9.0
-    assert lost(OnceForAll(straight(4), 9.0, 0.0, field), 1000.0) == pytest.approx(9.0 + 4.0)
-    assert lost(OnceForAll(straight(4), -9.0, 0.0, field), 75.0) == 0.0
+    each, once = PerVehicle(loss_db=6.9), OnceForAll(mean_db=9.0, deviation_db=0.0)
+    assert lost(each, 75.0) == pytest.approx(27.6)
+    assert lost(each, 75.0, 10**5) == pytest.approx(HOPELESS, abs=6.9)
+    assert lost(once, 75.0) == 9.0
+    assert lost(once, 1000.0) == pytest.approx(9.0 + 4.0)
+    assert lost(OnceForAll(mean_db=-9.0, deviation_db=0.0), 75.0) == 0.0
 
 
 @pytest.mark.parametrize("aside", [1.4, 1.6])

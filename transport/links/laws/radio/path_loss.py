@@ -1,0 +1,248 @@
+"""Delivery by the ratio of signal to noise that is left over the distance."""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
+from itertools import pairwise
+from math import erfc, inf, isfinite, log10, sqrt
+from statistics import NormalDist
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from transport.links.laws.between import VehiclesBetween
+from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.law import LawTable, Problem
+from transport.links.laws.moments import Losses
+from transport.links.laws.radio.obstruction import ObstructionLaw
+from transport.links.laws.radio.over_distance import (
+    PURPOSE,
+    OverDistance,
+    curve_problems,
+    distance_of,
+)
+from transport.links.laws.radio.shadowing import ShadowField, Shadowing
+from transport.reasons import DropReason
+
+THERMAL_NOISE = -174.0
+"""Power density of thermal noise at room temperature (dBm/Hz)."""
+NEAREST = 1.0
+"""The loss is that at so many metres at least: the laws are for the far field."""
+NODES = 32
+"""Of the quadrature over a normal number; the curves of errors are smooth."""
+ALL_BUT_ALL = 0.99
+"""Loss from which on a radio is out of reach."""
+MOST_M, STEP_M = 20_000.0, 50.0
+
+Decibels = Annotated[float, Field(ge=-300, le=300)]
+Curve = Annotated[tuple[Decibels, ...], Field(strict=False, min_length=2)]
+Errors = Annotated[
+    tuple[Annotated[float, Field(gt=0, lt=1)], ...], Field(strict=False, min_length=2)
+]
+
+
+class PacketErrors(LawTable):
+    """Packet errors over the ratio of signal to noise, in sight and behind vehicles.
+
+    The default is IEEE 802.11p with 350 bytes on highways. On normal probability paper the curves
+    are straight between the points, and on beyond them.
+    """
+
+    snr_db: Curve = (1.0, 3.1, 5.2)
+    error_ratio: Errors = (0.5, 0.1, 0.01)
+    obstructed_snr_db: Curve = (4.7, 6.8, 8.6)
+    obstructed_error_ratio: Errors = (0.5, 0.1, 0.01)
+
+    def problems(self) -> Iterator[Problem]:
+        """Return lists that do not fit one another, and errors that do not decrease."""
+        for word, snr_db, error_ratio in (
+            ("", self.snr_db, self.error_ratio),
+            ("obstructed_", self.obstructed_snr_db, self.obstructed_error_ratio),
+        ):
+            key = f"{word}error_ratio"
+            yield from curve_problems("errors.", (f"{word}snr_db", snr_db), (key, error_ratio))
+            for index, (before, after) in enumerate(pairwise(error_ratio), 1):
+                if after >= before:
+                    why = f"given {after}, allowed less than {before}, the entry before"
+                    yield f"errors.{key}[{index}]", why
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorCurve:
+    """Share of packets received over the ratio of signal to noise (dB).
+
+    `errors`, decreasing and strictly between 0 and 1, belong to `snrs`, increasing. Between them,
+    and on beyond both ends, the curve is a line on normal probability paper: the number of standard
+    deviations that stands for the share is linear in dB.
+    """
+
+    snrs: tuple[float, ...]
+    errors: tuple[float, ...]
+    _scores: tuple[float, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Put the points on probability paper; raises ValueError unless there are two or more."""
+        if not 2 <= len(self.snrs) == len(self.errors):
+            raise ValueError("a curve needs two points or more")
+        score = NormalDist().inv_cdf
+        object.__setattr__(self, "_scores", tuple(-score(error) for error in self.errors))
+
+    def received(self, snr: float) -> float:
+        """Share of packets received at `snr` (dB)."""
+        after = min(max(bisect_right(self.snrs, snr), 1), len(self.snrs) - 1)
+        below, above = self.snrs[after - 1], self.snrs[after]
+        low, high = self._scores[after - 1], self._scores[after]
+        score = low + (snr - below) / (above - below) * (high - low)
+        return 0.5 * erfc(-score / sqrt(2.0))
+
+
+class PathLossRadio(OverDistance):
+    """The ratio of signal to noise over the true distance, and the packet errors that follow.
+
+    `propagation` is that of 3GPP TR 37.885 for highways, 32.4 + 20 log₁₀ d + 20 log₁₀ f (f in
+    GHz), or "log_distance": `reference_loss_db` at 1 m and 10 · `exponent` dB for each tenfold
+    distance. `power_dbm` is with the gains of both antennas. Without `shadowing` or `obstruction`
+    there is none. There is no interference, and no fading but what the error curves hold.
+    """
+
+    kind: Literal["path_loss"] = "path_loss"
+    power_dbm: Decibels = 23.0
+    frequency_hz: Annotated[float, Field(ge=1e8, le=1e12)] = 5.9e9
+    bandwidth_hz: Annotated[float, Field(ge=1e3, le=1e10)] = 10e6
+    noise_figure_db: Annotated[float, Field(ge=0, le=60)] = 9.0
+    propagation: Literal["3gpp_highway", "log_distance"] = "3gpp_highway"
+    reference_loss_db: Annotated[float, Field(ge=0, le=200)] = 47.8
+    exponent: Annotated[float, Field(ge=0.5, le=10)] = 2.0
+    errors: PacketErrors = PacketErrors()
+    shadowing: Shadowing | None = None
+    obstruction: ObstructionLaw | None = None
+
+    def problems(self) -> Iterator[Problem]:
+        """Return the keys of the error curves that do not fit one another."""
+        return self.errors.problems()
+
+    @cached_property
+    def _budget(self) -> tuple[float, float, float]:
+        """Loss at 1 m (dB), exponent, and noise in the receiver (dBm)."""
+        noise = noise_power(self.bandwidth_hz, self.noise_figure_db)
+        if self.propagation == "log_distance":
+            return self.reference_loss_db, self.exponent, noise
+        return highway_loss(self.frequency_hz), 2.0, noise
+
+    @cached_property
+    def _curves(self) -> tuple[ErrorCurve, ErrorCurve]:
+        """Errors in sight, and behind vehicles."""
+        errors = self.errors
+        return (
+            ErrorCurve(errors.snr_db, errors.error_ratio),
+            ErrorCurve(errors.obstructed_snr_db, errors.obstructed_error_ratio),
+        )
+
+    @cached_property
+    def _shadow(self) -> Shadowing:
+        return self.shadowing or Shadowing()
+
+    @cached_property
+    def _field(self) -> ShadowField:
+        return ShadowField(self._shadow.decorrelation_m)
+
+    @cached_property
+    def _wavering(self) -> ShadowField:
+        """The loss behind vehicles wavers like the shadowing, on its own."""
+        return ShadowField(self._shadow.decorrelation_m, "obstruction")
+
+    @cached_property
+    def between(self) -> VehiclesBetween | None:
+        """The vehicles between sender and receiver that may obstruct the link, None without any."""
+        if self.obstruction is None:
+            return None
+        others = self.setting.between()
+        return replace(others, radius=self.obstruction.radius_m) if others.count else None
+
+    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+        """Drop when the message's draw is not below the share received at its ratio."""
+        distance = distance_of(passage)
+        if not isfinite(distance + passage.sender.driven):
+            return "range"
+        is_obstructed, lost = False, 0.0
+        distance = max(distance, NEAREST)
+        if self.obstruction is not None and self.between is not None:
+            lost, is_obstructed = self.obstruction.loss(
+                self.between, self._wavering, draw, passage, distance
+            )
+        if self.shadowing is not None:
+            deviation = self.shadowing.deviation(is_obstructed)
+            lost += deviation * self._field.at(draw, passage.receiver.driven)
+        received = self._curves[is_obstructed].received(self.ratio(distance) - lost)
+        return 0 if draw(PURPOSE, passage.seq) < received else "range"
+
+    def ratio(self, distance: float) -> float:
+        """Ratio of signal to noise (dB) at `distance` (m) in plain sight."""
+        reference, exponent, noise = self._budget
+        way = reference + 10.0 * exponent * log10(distance)
+        return self.power_dbm - way - noise
+
+    def losses(self, distance_m: float | None) -> Losses | None:
+        """Loss over a distance, with all vehicles in between in the way; no burst if it wavers."""
+        if distance_m is None:
+            return None
+        loss = 1.0 - self._delivered(max(distance_m, NEAREST))
+        obstructed = self.obstruction is not None and self.between is not None
+        wavers = obstructed and self.obstruction is not None and self.obstruction.wavers
+        if loss and (wavers or self.shadowing is not None):
+            return Losses(loss, None, 0.0)
+        return Losses.of_bursts(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf)
+
+    @property
+    def farthest_m(self) -> float:
+        """Distance from which on all but all messages are lost."""
+        far = STEP_M
+        while far < MOST_M and 1.0 - self._delivered(far) < ALL_BUT_ALL:
+            far += STEP_M
+        return far
+
+    def _delivered(self, distance: float) -> float:
+        """Mean over the shadowing and, where it wavers by itself, over the obstruction."""
+        normals, weights = _normal_nodes()
+        is_obstructed, lost, of_lost = False, np.zeros(1), np.ones(1)
+        if self.obstruction is not None and self.between is not None:
+            is_obstructed, count = True, self.between.count
+            lost, of_lost = self.obstruction.losses(count, distance, normals, weights)
+        shadow, of_shadow = np.zeros(1), np.ones(1)
+        if self.shadowing is not None:
+            shadow, of_shadow = self.shadowing.deviation(is_obstructed) * normals, weights
+        ratio, curve = self.ratio(distance), self._curves[is_obstructed]
+        received = [
+            [curve.received(ratio - one - other) for other in shadow.tolist()]
+            for one in lost.tolist()
+        ]
+        return float(of_lost @ np.array(received) @ of_shadow)
+
+    def describe(self) -> str:
+        """Give power, shadowing and obstruction."""
+        parts = [f"{self.power_dbm:g} dBm, {self.ratio(100.0):.1f} dB above the noise at 100 m"]
+        if self.shadowing is not None:
+            parts.append(self.shadowing.describe())
+        if self.obstruction is not None and self.between is not None:
+            parts.append(self.obstruction.describe(self.between.count))
+        return ", ".join(parts)
+
+
+@cache
+def _normal_nodes() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nodes and weights of the standard normal law (Gauss and Hermite)."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    return nodes, weights / sqrt(2.0 * np.pi)
+
+
+def noise_power(bandwidth: float, figure: float) -> float:
+    """Power (dBm) of the noise in `bandwidth` (Hz) of a receiver with a noise `figure` (dB)."""
+    return THERMAL_NOISE + 10.0 * log10(bandwidth) + figure
+
+
+def highway_loss(frequency: float) -> float:
+    """Loss (dB) at 1 m on a highway (3GPP TR 37.885: 32.4 + 20 log₁₀ d + 20 log₁₀ f, f in GHz)."""
+    return 32.4 + 20.0 * log10(frequency / 1e9)
