@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Final
 
-SECOND = 1_000_000_000
+SECOND: Final = 1_000_000_000
 """Nanoseconds in a second."""
 
-MILLISECOND = 1_000_000
+MILLISECOND: Final = 1_000_000
 """Nanoseconds in a millisecond."""
 
 

@@ -6,29 +6,30 @@ reckoning by fixes has to allow for.
 """
 
 import math
+from typing import Final
 
 from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import VehicleParameters
 
-QUICKEST_LAG = 1e-3
+QUICKEST_LAG: Final = 1e-3
 """Least time constant (s) of the slip, for a car that hardly moves."""
 
-UNKNOWN_LOAD = 0.25
+UNKNOWN_LOAD: Final = 0.25
 """Share of the car's mass by which the assumed load may be wrong: four passengers with luggage are
 480 kg on 1896 kg (Section V-B). The steady slip is wrong by that share of its part that comes from
 the mass."""
 
-LASTING = 0.5
+LASTING: Final = 0.5
 """Time (s) for which an error of the slip lasts: half of the second that the paper gives a piece of
 road between two changes of curvature (Section III-A)."""
 
-SIDE_DRIFT = 0.003
+SIDE_DRIFT: Final = 0.003
 """Sideways speed (m/s) that has no cause in the model: camber, wind."""
 
-YAW_JERK = 5.0
+YAW_JERK: Final = 5.0
 """Change of yaw acceleration (rad/s³) between readings: an emergency lane change at 30 m/s."""
 
-JERK = 10.0
+JERK: Final = 10.0
 """Change of acceleration (m/s³) between readings: the onset of hard braking."""
 
 

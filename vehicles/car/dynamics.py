@@ -19,6 +19,7 @@ single-track model. The right-hand side is continuous in v, so nothing jumps at 
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from vehicles.car.brush_motion import BrushMotion
 from vehicles.car.integration import (
@@ -30,7 +31,7 @@ from vehicles.car.integration import (
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE, Coefficients, lateral_coefficients
 
-FASTEST_SLIDE = 1000.0
+FASTEST_SLIDE: Final = 1000.0
 """Lateral speed (m/s) beyond which the linear tyres of an unstable car have long lost all sense."""
 
 _Lateral = tuple[float, float, float, float, float, float]
@@ -59,6 +60,28 @@ class Body:
     steering_rate: float = 0.0
     distance: float = 0.0
 
+    def __init__(  # noqa: PLR0917 - its fields
+        self,
+        east: float,
+        north: float,
+        yaw: float,
+        speed: float,
+        lateral_speed: float = 0.0,
+        yaw_rate: float = 0.0,
+        steering: float = 0.0,
+        steering_rate: float = 0.0,
+        distance: float = 0.0,
+    ) -> None:
+        self.east = east
+        self.north = north
+        self.yaw = yaw
+        self.speed = speed
+        self.lateral_speed = lateral_speed
+        self.yaw_rate = yaw_rate
+        self.steering = steering
+        self.steering_rate = steering_rate
+        self.distance = distance
+
 
 @dataclass(slots=True)
 class Actuation:
@@ -69,6 +92,10 @@ class Actuation:
 
     steering: float
     acceleration: float
+
+    def __init__(self, steering: float, acceleration: float) -> None:
+        self.steering = steering
+        self.acceleration = acceleration
 
 
 class CarMotion:

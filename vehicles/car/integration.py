@@ -4,13 +4,14 @@ World frame: east-north, yaw counter-clockwise from east. SI units.
 """
 
 import math
+from typing import Final
 
 from vehicles.car.parameters import VehicleParameters
 
-STEP_PER_RATE = 0.45
+STEP_PER_RATE: Final = 0.45
 """Longest sub-step in units of the fastest time constant."""
 
-RATE_LIMITED_STEP = 0.0025
+RATE_LIMITED_STEP: Final = 0.0025
 """Longest sub-step (s) where the steering may reach the limit of its rate."""
 
 Four = tuple[float, float, float, float]

@@ -27,16 +27,18 @@ further in: without these, feedback at the paper's gains supplies them from an o
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE
 
-STEP, LEAST_STEP = 0.025, 0.3
+STEP: Final = 0.025
+LEAST_STEP: Final = 0.3
 """Time (s), or if it is more distance (m), between the places at which curvature is looked up. No
 usual control period: so a jump of the curvature is not seen late by the same part of a step always.
 """
-MEMORY, LEAST_MEMORY = 0.35, 3.0
+MEMORY: Final = 0.35
+LEAST_MEMORY: Final = 3.0
 """Time (s), or if it is more distance (in units of b), after which a motion has faded: to a tenth
 at 30 m/s, faster at lower speeds."""
 

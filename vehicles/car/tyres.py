@@ -13,21 +13,21 @@ same share of friction left for cornering. SI units; left is positive.
 """
 
 import math
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from vehicles.car.parameters import VehicleParameters
 
-GRAVITY = 9.80665
+GRAVITY: Final = 9.80665
 """Standard gravity (m/s²)."""
 
-WALKING_PACE = 2.0
+WALKING_PACE: Final = 2.0
 """Speed (m/s) below which slip angles are not taken by the speed itself, which goes to zero."""
 
 NONLINEAR_SLIP = 0.5 * (3.0 - math.sqrt(6.6))
 """Slip, as a share of that of full sliding, at which a brush gives a fifth less than C s: the root
 of 1 - x + x²/3 = 0.8, reached at 52 % of the friction. Beyond it the linear range is left."""
 
-SLIDING_SHARE = 0.99
+SLIDING_SHARE: Final = 0.99
 """Share of the friction from which on an axle counts as sliding."""
 
 

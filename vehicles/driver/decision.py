@@ -45,6 +45,35 @@ class Decision:
     remarks: tuple[str, ...] = ()
     fresh: bool = True
 
+    def __init__(
+        self,
+        *,
+        actuation: Actuation,
+        steering: SteeringCommand,
+        errors: TrackingErrors,
+        mode: Mode,
+        reason: str = "",
+        fit: Fit | None = None,
+        target_speed: float = 0.0,
+        gap: float = nan,
+        path_offset: float = nan,
+        situation: Situation | None = None,
+        remarks: tuple[str, ...] = (),
+        fresh: bool = True,
+    ) -> None:
+        self.actuation = actuation
+        self.steering = steering
+        self.errors = errors
+        self.mode = mode
+        self.reason = reason
+        self.fit = fit
+        self.target_speed = target_speed
+        self.gap = gap
+        self.path_offset = path_offset
+        self.situation = Situation() if situation is None else situation
+        self.remarks = remarks
+        self.fresh = fresh
+
     def tracking(self, vehicle: str, seq: int, now: int) -> Tracking:
         """What is known at a command (Sections III-A and III-B), as a message for the log."""
         situation, lead, ahead = self.situation, self.situation.lead, self.situation.predecessor

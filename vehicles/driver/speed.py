@@ -8,34 +8,34 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Protocol
+from typing import Final, Protocol
 
 from vehicles.driver.ego.own_state import Pose
 from vehicles.schedule import SECOND
 
-PROFILE_CORRECTION = 0.5
+PROFILE_CORRECTION: Final = 0.5
 """Share of the speed error taken back each second when a profile is followed (1/s)."""
 
-CORRECTION_MAX = 2.0
+CORRECTION_MAX: Final = 2.0
 """Most that is asked for that (m/s²): a car that stood, while the others drove on, sets off like
 one."""
 
-GAP_STIFFNESS = 3.0
+GAP_STIFFNESS: Final = 3.0
 """k_p, acceleration asked per metre of gap error (1/s²)."""
 
-DAMPING = 4.0
+DAMPING: Final = 4.0
 """k_v + k_l, acceleration asked per m/s of speed difference to predecessor and lead (1/s)."""
 
-LEAD_SHARE = 0.5
+LEAD_SHARE: Final = 0.5
 """Share of the damping that counts from the lead, k_l, at constant distance."""
 
-STABLE_HEADWAY = 0.35
+STABLE_HEADWAY: Final = 0.35
 """Headway (s) from which on the lead's speed is not needed, and is not used."""
 
-CATCH_UP_DISTANCE = 5.0
+CATCH_UP_DISTANCE: Final = 5.0
 """A gap that is too large by more than this (m) asks for no more acceleration."""
 
-BEND_RATE = 2.0
+BEND_RATE: Final = 2.0
 """Share of the speed that is too high for a bend which is taken back each second (1/s)."""
 
 BEND_TIMES = (0.0, 0.4, 0.8)
@@ -214,6 +214,18 @@ class VehiclesAhead:
     lead_speed: float = math.nan
     curvature_ahead: Callable[[float], float] | None = None
 
+    def __init__(
+        self,
+        gap: float = math.nan,
+        predecessor_speed: float = math.nan,
+        lead_speed: float = math.nan,
+        curvature_ahead: Callable[[float], float] | None = None,
+    ) -> None:
+        self.gap = gap
+        self.predecessor_speed = predecessor_speed
+        self.lead_speed = lead_speed
+        self.curvature_ahead = curvature_ahead
+
     def seen_as(self, *, gap: float, lead_speed: float) -> "VehiclesAhead":
         """Return the same vehicles with another gap (m) and speed of the lead (m/s), Section V-C.
 
@@ -228,6 +240,10 @@ class SpeedCommand:
 
     acceleration: float
     target_speed: float
+
+    def __init__(self, acceleration: float, target_speed: float) -> None:
+        self.acceleration = acceleration
+        self.target_speed = target_speed
 
 
 class SpeedLaw(Protocol):

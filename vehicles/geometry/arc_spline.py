@@ -3,26 +3,27 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, ceil, cos, floor, sin, sqrt
+from typing import Final
 
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_point import Foot, PathPoint
 
 Place = tuple[float, float, float]
 """A point (m, m) and a direction (rad)."""
-STRAIGHT = 1e-12
+STRAIGHT: Final = 1e-12
 """Curvature (1/m) below which a piece is as long as a line: no rounding of turn over curvature."""
-EARLY, EARLIER, LATER, LATE = (
-    0.046910077030668018,
-    0.23076534494715845,
-    0.76923465505284155,
-    0.95308992296933198,
-)
+EARLY: Final = 0.046910077030668018
+EARLIER: Final = 0.23076534494715845
+LATER: Final = 0.76923465505284155
+LATE: Final = 0.95308992296933198
 """Places, besides the middle, of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
-OUTER, INNER, MIDDLE = 0.11846344252809454, 0.23931433524968324, 0.28444444444444444
+OUTER: Final = 0.11846344252809454
+INNER: Final = 0.23931433524968324
+MIDDLE: Final = 0.28444444444444444
 """Weights of the first and last of these, of those next to them and of the middle."""
-SETTLED = 5e-3
+SETTLED: Final = 5e-3
 """A foot on a clothoid that moves less than this (m) has settled: the error left is its cube."""
-MOST_STEPS = 8
+MOST_STEPS: Final = 8
 """So many steps are made to it at most, one or two being usual."""
 
 

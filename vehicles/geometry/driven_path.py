@@ -4,28 +4,28 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import cos, hypot, sin
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
-MAX_STEP_BACK = 3
+MAX_STEP_BACK: Final = 3
 """Chords the foot point may move backwards from one pose to the next; it otherwise only moves
 forwards, so where a path crosses itself or runs beside itself the foot stays on its branch."""
 
-LEAST_STEP = 0.01
+LEAST_STEP: Final = 0.01
 """Poses of the lead closer together than this (m) add nothing to its path: standstills."""
 
-HOLE_NS = SECOND // 10
+HOLE_NS: Final = SECOND // 10
 """Poses of the lead further apart in time than this, and not one after the other by their numbers,
 are a hole in the record: nobody knows where the lead drove in between."""
 
-FORGET_EVERY = 500
+FORGET_EVERY: Final = 500
 """Chords of the lead between two looks at what all followers have passed."""
-MOST_CHORDS = 100_000
+MOST_CHORDS: Final = 100_000
 """Chords that are kept for a follower that stands still or is silent, half an hour at 50 Hz."""
 
-MOST_WAITING = 3000
+MOST_WAITING: Final = 3000
 """Poses of one follower that wait for the lead to get there, 60 s at 50 Hz; then the oldest go."""
 
 

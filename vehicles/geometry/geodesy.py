@@ -6,30 +6,32 @@ counter-clockwise from east. Degrees and compass courses exist only here and on 
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from pymap3d.ecef import geodetic2ecef
 from pymap3d.ellipsoid import Ellipsoid
 from pymap3d.rcurve import meridian, transverse
 
-REACH = 100_000.0
+REACH: Final = 100_000.0
 """Points further from the origin than this (m) are refused: a flat plane is a poor map there."""
 
-EXACT = 1e-8
+EXACT: Final = 1e-8
 """Geodetic coordinates are corrected until less than this (m) is left..."""
 
-_CERTAIN = 50_000.0
+_CERTAIN: Final = 50_000.0
 """Steps in latitude, longitude and altitude that together measure less than this (m), on any
 parallel, certainly stay within REACH."""
 
-_METRES_PER_DEGREE = 112_000.0
+_METRES_PER_DEGREE: Final = 112_000.0
 """No degree of latitude or longitude is longer on the ellipsoid."""
 
-MOST_CORRECTIONS = 20
+MOST_CORRECTIONS: Final = 20
 """...which takes three corrections within some kilometres of the origin."""
 
 WGS84 = Ellipsoid.from_name("wgs84")
 _MAJOR, _MINOR = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
-_MAJOR_SQUARE, _FLAT = _MAJOR**2, (_MINOR / _MAJOR) ** 2
+_MAJOR_SQUARE: Final = _MAJOR**2
+_FLAT: Final = (_MINOR / _MAJOR) ** 2
 
 _HALF_TURN, _FULL_TURN = math.pi, 2.0 * math.pi
 

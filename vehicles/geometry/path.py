@@ -9,6 +9,7 @@ from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +18,15 @@ from vehicles.geometry.path_point import Foot, PathPoint
 
 FloatArray = NDArray[np.float64]
 
-COLUMNS = 5
+COLUMNS: Final = 5
 """Numbers of a sample: station, east, north, yaw and curvature."""
-SAMPLING = 0.25
+SAMPLING: Final = 0.25
 """Longest distance (m) between two samples of a path."""
 
-WINDOW = 5.0
+WINDOW: Final = 5.0
 """Projection looks this far (m) along the path to either side of where the vehicle was."""
 
-_CORNER = 1e-3
+_CORNER: Final = 1e-3
 """Before its curvature changes at a corner between segments, a path has a sample this close (m)."""
 
 

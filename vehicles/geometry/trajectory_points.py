@@ -1,11 +1,12 @@
 """Points along a composite trajectory, for pictures of it."""
 
 import math
+from typing import Final
 
 from vehicles.geometry.arc_spline import clothoid_chord
 from vehicles.messages import CompositeTrajectory
 
-LONGEST_M = 1000.0
+LONGEST_M: Final = 1000.0
 """No trajectory is drawn farther than this, whatever a message contains."""
 
 

@@ -11,7 +11,7 @@ from one shape to another while samples come and go, where a choice would make t
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, replace
 from math import exp, hypot, inf, log, sqrt
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,19 +38,19 @@ from vehicles.preview.laying import between, laid
 Floats = NDArray[np.float64]
 Trajectory = Literal["fitted", "paper", "paper_prefix"]
 """How a trajectory is made: by this module, or by the paper's own rules (`paper_recipe`)."""
-STRAYING = 0.5
+STRAYING: Final = 0.5
 """Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
 which no further shape is tried. Half of all lines and arcs stay below."""
 
-UNLIKE = 3.0
+UNLIKE: Final = 3.0
 """Variance from an arc or a clothoid, in that of the noise, from which on it is tried without
 asking where the samples drift to. Noise alone is above that once in 1e8 times with 40 samples."""
-TELLING = 8.0
+TELLING: Final = 8.0
 """Weight of the samples, each one's being one, from which on their residuals say how good they are:
 an arc leaves five of them then."""
-FEW = 4.0
+FEW: Final = 4.0
 """Weight of samples up to which a bend must explain more: an arc leaves one of four."""
-POOR = 2.0
+POOR: Final = 2.0
 """Scatter, in tolerances, from which on the samples are taken for those of poor receivers. Two good
 ones that drive a few decimetres beside one another scatter by less."""
 

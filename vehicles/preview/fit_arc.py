@@ -23,17 +23,21 @@ linear-algebra library.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan, cos, inf, sin, sqrt
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-SQUARE, X, Y, ONE = 0, 1, 2, 3
+SQUARE: Final = 0
+X: Final = 1
+Y: Final = 2
+ONE: Final = 3
 """Places of x² + y², x, y and 1 in `FitData`."""
 PAIRS = np.triu_indices(4)
 """Rows of `FitData` whose products are different: every one with itself and those after it."""
 Factors = tuple[float, float, float, float]
-DETERMINED = 1e-9
+DETERMINED: Final = 1e-9
 """Relative spread below which the samples do not determine an unknown."""
 
 

@@ -4,7 +4,7 @@ The arc of `fit_arc` and one more linear unknown, the rate of the curvature: the
 that is the clothoid's way off the arc, to first order in the rate and exact in the curvature.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,10 @@ from vehicles.preview.fit_arc import (
     cubic,
 )
 
-RATE_MOST = 0.06
+RATE_MOST: Final = 0.06
 """Largest rate of curvature (1/m²) that is taken from samples: at 3 m/s a car of 2.85 m wheelbase
 then turns its wheels by half a radian a second."""
-TURN_MOST = 2.2
+TURN_MOST: Final = 2.2
 """Samples that turn by more than this (rad) from first to last are not taken for a clothoid: the
 series of its way off the arc ends at the sixth power of a quarter of that."""
 

@@ -10,19 +10,21 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan, hypot, sqrt
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from vehicles.preview.fit_arc import DETERMINED, Centred, FitData, LocalCurve, X, Y, cumulated
 
-LITTLE = 0.05
+LITTLE: Final = 0.05
 """A join is not moved again unless that is foretold to explain so much of the noise squared more:
 off by its standard error it explains less by one."""
-SURPRISE = 2.0
+SURPRISE: Final = 2.0
 """By so much of the noise squared a join may come to explain more than the parabola foretold. One
 that would still not count then is left alone."""
-TINY = 1e-30
+TINY: Final = 1e-30
 """Keeps an undetermined curvature from being zero by zero."""
-AFTER, BEFORE, BOTH = 0, 1, 2
+AFTER: Final = 0
+BEFORE: Final = 1
+BOTH: Final = 2
 """Which side of the join is an arc."""
 
 Column = tuple[float, float, float, float]

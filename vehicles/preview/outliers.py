@@ -1,18 +1,20 @@
 """Outliers among the samples of a fit: those that have jumped."""
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 _sum = np.add.reduce
 
-TELLING_SHARE = 0.25
+TELLING_SHARE: Final = 0.25
 """A jump is a sample without which the squared residuals fall by at least this share."""
-JUMPS_MOST = 3
+JUMPS_MOST: Final = 3
 """So many samples are tried one by one."""
-LEAST_LEFT = 0.6
+LEAST_LEFT: Final = 0.6
 """Share of the samples that has to be left."""
-FAR_RATIO = 4.0
+FAR_RATIO: Final = 4.0
 """Beyond so many times the median distance a sample is far from the curve."""
 
 

@@ -3,12 +3,13 @@
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from math import cos, hypot, inf, remainder, sin, tau
+from typing import Final
 
 from vehicles.schedule import SECOND
 
-LONG_STEP = 6.0
+LONG_STEP: Final = 6.0
 """From this length (m) on a step is measured straight: meanwhile the car may have turned."""
-LONG_WHILE = SECOND
+LONG_WHILE: Final = SECOND
 """From this time (ns) on, too."""
 
 Point = tuple[int, float, float, float]

@@ -8,6 +8,7 @@ crossing of a figure of eight, an earlier or later lap) is therefore never consi
 from bisect import bisect_left, bisect_right
 from itertools import pairwise
 from math import atan2, ceil, cos, hypot, inf, isfinite, nan, sin
+from typing import Final
 
 import numpy as np
 
@@ -17,13 +18,13 @@ from vehicles.preview.samples import Sample, TraceSettings, Window, plausible
 
 __all__ = ["Sample", "Trace", "TraceSettings", "Window"]
 
-BRIDGE_AT = -1
+BRIDGE_AT: Final = -1
 """Instant of bridge points: before any sample."""
-MOST_GUESSED = 500
+MOST_GUESSED: Final = 500
 """So many points are put into a hole at most."""
-MOST_HOLES = 8
+MOST_HOLES: Final = 8
 """So many holes are remembered, for late samples that belong there."""
-FORGET_CHUNK = 64
+FORGET_CHUNK: Final = 64
 """Samples behind the ego are dropped so many at a time."""
 
 

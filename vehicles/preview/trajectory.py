@@ -7,7 +7,7 @@ and samples just behind the ego are kept, so that its own place is not extrapola
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,8 @@ __all__ = ["Fit", "FitSettings", "Fusion", "fit_composite", "fuse"]
 
 Floats = NDArray[np.float64]
 Fusion = Literal["composite", "predecessor", "blend"]
-LEAD, PREDECESSOR = 0, 1
+LEAD: Final = 0
+PREDECESSOR: Final = 1
 
 
 @dataclass(slots=True)

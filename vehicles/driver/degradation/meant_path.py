@@ -16,6 +16,7 @@ is not added to: between two of variance s², it is at most s².
 from array import array
 from bisect import bisect_left
 from math import cos, hypot, nan, sin
+from typing import Final
 
 import numpy as np
 
@@ -25,15 +26,16 @@ from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit
 from vehicles.schedule import SECOND
 
-FURTHEST = 1.75
+FURTHEST: Final = 1.75
 """Offsets beyond this (m), half of a lane, are not believed."""
-STEEPEST = 0.2
+STEEPEST: Final = 0.2
 """So many metres an offset may change by for each metre driven: a car askew by 11 degrees."""
-DEVIATIONS = 7.0
+DEVIATIONS: Final = 7.0
 """By so many standard deviations of a fix it may change besides: 5 of the difference of two."""
-SPACING = 0.2
+SPACING: Final = 0.2
 """A source that has moved less than this (m) tells nothing new, as for its trace."""
-MOST, FORGOTTEN = 4096, 1024
+MOST: Final = 4096
+FORGOTTEN: Final = 1024
 """So many offsets are kept, and so many forgotten at once."""
 
 

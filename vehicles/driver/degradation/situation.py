@@ -29,6 +29,32 @@ class SourceFreshness:
     lost_at: int = 0
     stops_at: int = 0
 
+    def __init__(  # noqa: PLR0917 - its fields
+        self,
+        status: SourceStatus = "unheard",
+        age: float = nan,
+        silence: float = nan,
+        period: float = nan,
+        share: float = nan,
+        known: float = nan,
+        mode: Mode = "path",
+        hazard: bool = False,
+        acceleration: float = 0.0,
+        lost_at: int = 0,
+        stops_at: int = 0,
+    ) -> None:
+        self.status = status
+        self.age = age
+        self.silence = silence
+        self.period = period
+        self.share = share
+        self.known = known
+        self.mode = mode
+        self.hazard = hazard
+        self.acceleration = acceleration
+        self.lost_at = lost_at
+        self.stops_at = stops_at
+
     @property
     def is_lost(self) -> bool:
         """Whether it is silent for too long, or what it says is not believed."""
@@ -57,3 +83,25 @@ class Situation:
     predecessor_weight: float = nan
     hazard: bool = False
     stops_at: int = 0
+
+    def __init__(  # noqa: PLR0917 - its fields
+        self,
+        lead: SourceFreshness | None = None,
+        predecessor: SourceFreshness | None = None,
+        known: float = nan,
+        comfortable_stop: float = nan,
+        firm_stop: float = nan,
+        blind: float = nan,
+        predecessor_weight: float = nan,
+        hazard: bool = False,
+        stops_at: int = 0,
+    ) -> None:
+        self.lead = SourceFreshness() if lead is None else lead
+        self.predecessor = SourceFreshness() if predecessor is None else predecessor
+        self.known = known
+        self.comfortable_stop = comfortable_stop
+        self.firm_stop = firm_stop
+        self.blind = blind
+        self.predecessor_weight = predecessor_weight
+        self.hazard = hazard
+        self.stops_at = stops_at

@@ -1,6 +1,7 @@
 """One source of a follower: its trace, how fresh it is, and what is made of it."""
 
 from math import isnan, nan
+from typing import Final
 
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.meant_path import MeantPath
@@ -15,11 +16,11 @@ from vehicles.schedule import SECOND
 
 RELIED_ON = ("fresh", "late")
 """A source of such a status is steered along and counted on."""
-MISSED_AFTER = 1.5
+MISSED_AFTER: Final = 1.5
 """A message is overdue after so many times what usually lies between two that come."""
-LEAST_SHARE = 0.05
+LEAST_SHARE: Final = 0.05
 """A source is expected to deliver this share of its messages at least."""
-LEAST_SAMPLES = 3
+LEAST_SAMPLES: Final = 3
 """Fewer samples of a source than these determine no trajectory."""
 
 

@@ -15,6 +15,7 @@ from the car's own motion: the estimate follows them, smoothed, and is less sure
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
 from vehicles.car.dynamics import Body
@@ -26,19 +27,22 @@ from vehicles.driver.ego.own_state import Pose
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
-GATE = 6.0
+GATE: Final = 6.0
 """An innovation of more than so many standard deviations is no noise."""
 
-JUMP_DISTANCE, JUMP_GROWTH = 0.5, 3.0
+JUMP_DISTANCE: Final = 0.5
+JUMP_GROWTH: Final = 3.0
 """So far (m, and m/s times the age of the last fix) a sliding car may be from dead reckoning."""
 
-JUMP_HEADING, JUMP_TURNING = 0.1, 0.5
+JUMP_HEADING: Final = 0.1
+JUMP_TURNING: Final = 0.5
 """The same of its heading (rad, rad/s)."""
 
-JUMPS_BELIEVED = 3
+JUMPS_BELIEVED: Final = 3
 """After so many outliers in a row that agree with one another the filter restarts there."""
 
-ACCELERATION, YAW_ACCELERATION = 3.0, 1.0
+ACCELERATION: Final = 3.0
+YAW_ACCELERATION: Final = 1.0
 """By how much (m/s², rad/s²) speed and yaw rate may have changed since the last reading."""
 
 

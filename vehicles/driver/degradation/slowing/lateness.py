@@ -1,17 +1,18 @@
 """How much later than usual a vehicle is heard; SI units."""
 
 from math import exp, isnan
+from typing import Final
 
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SourceFreshness
 from vehicles.schedule import SECOND
 
-CLOSING_RATE = 0.1
+CLOSING_RATE: Final = 0.1
 """A gap that was opened closes again at this share of the own speed; while it is wide, faster:"""
-CLOSING_TIME = 3.0
+CLOSING_TIME: Final = 3.0
 """a time constant (s), so that a car that stood for a minute does not stay behind for ten."""
 
-USUAL_SHARE = 0.05
+USUAL_SHARE: Final = 0.05
 """Weight of a new message in what age messages usually have when they are heard."""
 
 

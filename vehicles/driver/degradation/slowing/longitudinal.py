@@ -5,6 +5,7 @@ As long as it does, its speed law decides, and nothing here changes a bit of tha
 
 from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan, nan
+from typing import Final
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
@@ -29,32 +30,32 @@ from vehicles.driver.speed import (
 from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
-GUARD_MARGIN = 1.0
+GUARD_MARGIN: Final = 1.0
 """Distance (m) between the bodies that the guard leaves: what errors of place and speed come to."""
 
-GUARD_TIME = 0.3
+GUARD_TIME: Final = 0.3
 """The guard brakes when the last instant to do so is no further away than this (s)."""
 
-HEADWAY_RATE = 0.5
+HEADWAY_RATE: Final = 0.5
 """Speed (m/s) at which a gap is opened to a stable headway, and closed again. All followers do so
 at once, and the last one of eight falls back at seven times that speed."""
 
-LEAD_FORGOTTEN = 1.0
+LEAD_FORGOTTEN: Final = 1.0
 """Time constant (s) with which the speed of a lead that is not heard becomes the predecessor's."""
 
-FALLEN_BEHIND = 1.0
+FALLEN_BEHIND: Final = 1.0
 """A predecessor slower than the common speed by more than this (m/s) does not drive it."""
 
-CAUGHT_UP = 0.5
+CAUGHT_UP: Final = 0.5
 """Errors of gap (m) and speed (m/s) below which the common speed is driven again."""
 
-CLOSER = 0.5
+CLOSER: Final = 0.5
 """A gap that is narrower than at the start by more than this (m) is not kept by a common speed."""
 
-STOPS_BEFORE = 0.5
+STOPS_BEFORE: Final = 0.5
 """A stop is aimed so far (m) before the end of the known road."""
 
-STANDING = 0.2
+STANDING: Final = 0.2
 """A car slower than this (m/s) is held by its brake."""
 
 

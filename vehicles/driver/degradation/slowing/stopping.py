@@ -4,14 +4,15 @@ Accelerations are signed, decelerations positive.
 """
 
 import math
+from typing import Final
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.settings import Braking
 
-HARDEST = 100.0
+HARDEST: Final = 100.0
 """No deceleration (m/s²) beyond this is looked for; tyres end at a tenth of it."""
 
-HALVINGS = 40
+HALVINGS: Final = 40
 """Halvings of that interval: 1e-10 m/s² is left of it."""
 
 

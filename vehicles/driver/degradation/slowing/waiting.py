@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from math import inf, sqrt
+from typing import Final
 
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
 from vehicles.driver.ego.own_state import Pose
@@ -15,11 +16,11 @@ from vehicles.driver.speed import (
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
-WAITING_SHARE = 0.5
+WAITING_SHARE: Final = 0.5
 """Share of its set speed at which a lead waits: slow enough to be caught up with on any road where
 the convoy drives on, and no standstill that nobody needs."""
 
-SLOWEST = 1.0
+SLOWEST: Final = 1.0
 """Below this speed (m/s) the pace changes no faster than it would here."""
 
 
