@@ -23,6 +23,8 @@ RUNS = (
     ("lead_lost", "duration_s=12"),
 )
 """Scenarios with what is changed of them."""
+BUILT = "CONVOY_COMPILED"
+"""Variable that names the folder of a compiled installation, as `.ci/compiled` builds one."""
 
 
 def python(folder: Path, *arguments: str) -> str:
@@ -71,24 +73,42 @@ def driven(folder: Path, out: Path, scenario: str, *changed: str) -> dict[str, b
     return {name: (out / name).read_bytes() for name in ("run.mcap", "summary.json")}
 
 
-@pytest.mark.long
-@pytest.mark.campaign(0, 1)
-def test_compiled_runs_have_the_same_bytes(campaign: int, tmp_path: Path) -> None:
-    if not campaign:
-        pytest.skip("compiles for minutes: --campaign")
+@pytest.fixture(scope="module")
+def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a compiled installation: the one that `CONVOY_COMPILED` names, or a new one."""
+    if built := os.environ.get(BUILT):
+        return Path(built)
+    if not request.config.getoption("--campaign"):
+        pytest.skip(f"compiles for minutes: .ci/run, {BUILT} or --campaign")
     if which("cc") is None:
         pytest.skip("there is no C compiler")
-    project = copied(tmp_path / "project")
-    plain = install(project, tmp_path / "plain", compiled=False)
-    compiled = install(project, tmp_path / "compiled", compiled=True)
+    folder = tmp_path_factory.mktemp("compiled")
+    return install(copied(folder / "project"), folder / "site", compiled=True)
+
+
+@pytest.fixture(scope="module")
+def plain(compiled: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001 - skips
+    """Folder of an interpreted installation of these sources."""
+    folder = tmp_path_factory.mktemp("plain")
+    return install(copied(folder / "project"), folder / "site", compiled=False)
+
+
+def test_an_installation_is_compiled_where_that_is_requested(compiled: Path, plain: Path) -> None:
     assert not list(plain.rglob("*.so"))
     where = "import scenarios.results.metrics as m, vehicles.driver.follower as f; print(m, f)"
     assert python(plain, "-c", where).count(".py'") == 2
     assert python(compiled, "-c", where).count(".so'") == 2
-    for number, run in enumerate(RUNS):
-        expected = driven(plain, tmp_path / f"plain{number}", *run)
-        assert driven(compiled, tmp_path / f"compiled{number}", *run) == expected, run
-    # A process that crashes hands its car over to the one that it becomes.
+
+
+@pytest.mark.parametrize("run", RUNS, ids="-".join)
+def test_compiled_runs_have_the_same_bytes(
+    compiled: Path, plain: Path, run: tuple[str, ...], tmp_path: Path
+) -> None:
+    expected = driven(plain, tmp_path / "plain", *run)
+    assert driven(compiled, tmp_path / "compiled", *run) == expected
+
+
+def test_a_compiled_process_that_crashes_continues_its_car(compiled: Path, tmp_path: Path) -> None:
     crashing = ("run", "lane_change", "--quiet", "--set", "duration_s=4", "--set", CRASH)
     python(compiled, "-m", "scenarios.cli", *crashing, "--out", str(tmp_path / "crashed"))
     summary = json.loads((tmp_path / "crashed" / "summary.json").read_text())
