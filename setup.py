@@ -25,6 +25,7 @@ MODULES = {
     " samples trace trajectory",
     "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss imu integration"
     " path_keeping sending tyres",
+    "vehicles/car/positioning": "noise",
     "vehicles/driver": "command_limit decision follower leader speed",
     "vehicles/driver/degradation": "machine meant_path pair probation reception rejoining"
     " situation sources",

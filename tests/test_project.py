@@ -41,7 +41,8 @@ MOST_MODULES = 12
 LONG_MODULE = 350
 """Lines of a module that deserve a look."""
 PURE = {
-    "array", "bisect", "collections", "copy", "dataclasses", "enum", "fractions", "functools",
+    "abc", "array", "bisect", "collections", "copy", "dataclasses", "enum", "fractions",
+    "functools",
     "heapq", "importlib", "itertools", "math", "numpy", "pymap3d", "scipy", "struct", "typing",
 }  # fmt: skip
 COMES_WITH = {"zstandard": "mcap", "pydantic-core": "pydantic"}

@@ -4,7 +4,7 @@ A settings class is a frozen dataclass whose fields are annotated with a `Settin
 are in SI units; in a scenario file the key has the unit's suffix.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import degrees, radians
 
@@ -17,14 +17,18 @@ PER_SI = {"ms": 1000.0}
 NANOSECONDS = {"s": SECOND, "ms": MILLISECOND}
 """Nanoseconds in a unit of time; whole-number fields with such a unit count nanoseconds."""
 
+Problem = tuple[str, str]
+"""A key that contradicts others, and why: what was given, what is allowed."""
+
 
 @dataclass(frozen=True, slots=True)
 class Setting:
     """One setting: what it does, the unit of its key, and its bounds in that unit.
 
     `least` and `most` are allowed themselves, `above` is not. `name` replaces the field's name in
-    the key. `kinds` are the classes of a table, or of the entries of a list, by the word of their
-    key `kind`. Bounds of a list hold for its entries; with `filled` it must have one.
+    the key, `example` stands for a value where there is no default. `kinds` are the classes of a
+    table, or of the entries of a list, by the word of their key `kind`. Bounds of a list hold for
+    its entries; with `filled` it must have one.
     """
 
     doc: str = ""
@@ -36,6 +40,7 @@ class Setting:
     kinds: Mapping[str, type] | None = None
     filled: bool = False
     infinite: bool = False
+    example: object = None
 
     def key(self, field: str) -> str:
         """Key of `field` in a scenario file: its name with the unit, then any qualifier."""
@@ -60,3 +65,9 @@ class Setting:
         if self.unit == "deg":
             return float(f"{degrees(value):.12g}")
         return float(f"{value * PER_SI[self.unit]:.12g}") if self.unit in PER_SI else value
+
+
+def must_exceed(key: str, value: float, before: float, what: str = "") -> Iterator[Problem]:
+    """Report a value that is not larger than another one; `what` describes that one."""
+    if value <= before:
+        yield key, f"given {value:g}, allowed more than {before:g}{what and f', {what}'}"

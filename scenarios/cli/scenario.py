@@ -108,7 +108,7 @@ def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
 @click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path))
 def new(file: Path | None) -> None:
     """Write a commented scenario with every option to FILE, or to standard output."""
-    from scenarios.definition.scenario import template
+    from scenarios.definition.template import template
 
     with clear_errors():
         if file is None:

@@ -9,7 +9,6 @@ changes          what is done to a running convoy and cannot be
 refusal          what is wrong, in one line each
 errors           the exceptions that carry those lines
 links            who listens to whom
-receivers        the errors of a vehicle's receiver
 sending          how often a vehicle sends
 channel/         what is asked of each directed link, and the effects that follow
 limits/          what followers have to have done by an instant, checked
@@ -18,5 +17,6 @@ traces/          the lead's recorded drive
 road/            the lead's path and speed, and where each vehicle starts
 vehicle_setup    one vehicle: its own tables laid over the convoy's
 scenario         all of it: a valid scenario
+template         the commented scenario of `convoy new`
 check/           figures and warnings before a run
 """

@@ -16,7 +16,6 @@ from scenarios.definition.channel.rules import (
     ties,
 )
 from scenarios.definition.links import directed_links
-from scenarios.definition.receivers import receiver_problems
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
 from scenarios.definition.schema.links import LinkTable
@@ -165,7 +164,7 @@ def _senders(tables: ScenarioTables) -> Iterator[Problem]:
         own, setup = tables.vehicle.get(name), vehicle_setup(tables, name)
         gnss = f"vehicle.{name}.gnss" if own and own.gnss else "gnss"
         sending = f"vehicle.{name}.sending" if own and own.sending else "sending"
-        found |= {(f"{gnss}.{key}", why): None for key, why in receiver_problems(setup.gnss)}
+        found |= {(f"{gnss}.{key}", why): None for key, why in setup.gnss.problems()}
         found |= {(f"{sending}.{key}", why): None for key, why in sending_problems(setup.sending)}
     yield from found
     if found:

@@ -1,18 +1,11 @@
 """Scenario files as text: the shipped ones and the user's own."""
 
-import re
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from textwrap import wrap
-
-import tomli_w
-from pydantic import BaseModel
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.refusal import models_of, near, shown
-from scenarios.definition.schema.settings import SettingsTable
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.refusal import near, shown
 
 LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"
@@ -28,8 +21,6 @@ ATTACHED_AS = "scenario.toml"
 
 TEMPLATE = "_template"
 """The file in the library that `convoy new` writes; it is not listed."""
-COLUMN, WIDTH = 34, 100
-"""Column at which the template's comments begin, and width of its lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,32 +51,6 @@ def _shipped() -> dict[str, Path]:
     """File of each shipped scenario and drill, by name."""
     found = (path for path in LIBRARY.rglob("*.toml") if path.parent != PRESETS)
     return {path.stem: path for path in found if path.stem != TEMPLATE}
-
-
-def template() -> str:
-    """Text of a commented scenario that shows every key with its default.
-
-    A line `#: key.of.a.table` stands for the keys of that table, from its settings class.
-    """
-    text = (LIBRARY / f"{TEMPLATE}.toml").read_text(encoding="utf-8")
-    return re.sub(r"^#: (\S+)$", lambda found: _keys_of(found[1]), text, flags=re.MULTILINE)
-
-
-def _keys_of(key: str) -> str:
-    """Lines of the template for the keys of a table: each with its default and documentation."""
-    table: type[BaseModel] = ScenarioTables
-    for part in key.split("."):
-        table = next(models_of(table.model_fields[part].annotation))
-    if not issubclass(table, SettingsTable):
-        raise TypeError(f"{key} is not the table of a settings class")
-    lines = []
-    for name, one in table.by_key.items():
-        default = table.model_fields[name].default
-        line = tomli_w.dumps({name: default}).strip()
-        doc = wrap(one.setting.doc, WIDTH - COLUMN) or [""]
-        lines += [f"{line:{COLUMN - 3}} # {doc[0]}".rstrip()]
-        lines += [f"{'':{COLUMN - 2}}# {more}" for more in doc[1:]]
-    return "\n".join(lines)
 
 
 def read_file(name_or_path: str | Path) -> ScenarioFile:

@@ -20,7 +20,7 @@ from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
 from scenarios.definition.extends import MergedScenario, merged
-from scenarios.definition.library import ScenarioFile, drills, library, read_file, template
+from scenarios.definition.library import ScenarioFile, drills, library, read_file
 from scenarios.definition.limits.problems import limit_problems
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import refusals, shown
@@ -46,7 +46,7 @@ from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.schedule import MILLISECOND, SECOND
 
-__all__ = ["Scenario", "drills", "library", "load_scenario", "scenario_from_text", "template"]
+__all__ = ["Scenario", "drills", "library", "load_scenario", "scenario_from_text"]
 
 
 FOLLOWERS_LATERAL = 1.25

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.sending import (
     CAM_INTERVALS_MS,
     CAM_SHARES,
@@ -12,6 +11,7 @@ from scenarios.definition.schema.sending import (
     IntervalsSending,
     SendingTable,
 )
+from vehicles.car.positioning.settings import GnssSettings
 from vehicles.car.sending import SHORTEST, Shares, awareness_interval, quiet_at
 from vehicles.schedule import MILLISECOND, SECOND
 
@@ -28,39 +28,39 @@ def shares_of(table: IntervalsSending) -> Shares:
     )
 
 
-def sends_every_instant(table: SendingTable, gnss: GnssTable) -> bool:
+def sends_every_instant(table: SendingTable, gnss: GnssSettings) -> bool:
     """Whether a message goes out at each instant of measuring, from the first one on."""
     return isinstance(table, EveryFixSending) and table.dcc is None and gnss.is_punctual
 
 
-def highest_rate_hz(table: SendingTable, gnss: GnssTable) -> float:
+def highest_rate_hz(table: SendingTable, gnss: GnssSettings) -> float:
     """Rate that the sender never exceeds, counted from the start: no fix is sent twice."""
     match table.kind:
         case "every_fix":
-            return gnss.rate_hz
+            return gnss.rate
         case "fixed":
-            return min(table.rate_hz, gnss.rate_hz)
+            return min(table.rate_hz, gnss.rate)
         case "profile":
-            return min(max(point.rate_hz for point in table.profile), gnss.rate_hz)
+            return min(max(point.rate_hz for point in table.profile), gnss.rate)
         case "cam":
-            return min(SECOND / SHORTEST, gnss.rate_hz)
+            return min(SECOND / SHORTEST, gnss.rate)
         case "intervals":
-            return min(SECOND / shares_of(table).shortest, gnss.rate_hz)
+            return min(SECOND / shares_of(table).shortest, gnss.rate)
 
 
-def even_rate_hz(table: SendingTable, gnss: GnssTable) -> float | None:
+def even_rate_hz(table: SendingTable, gnss: GnssSettings) -> float | None:
     """Rate of messages that come evenly, None where they do not."""
     if table.dcc is None and isinstance(table, EveryFixSending | FixedSending):
         return highest_rate_hz(table, gnss)
     return None
 
 
-def link_rate_hz(table: SendingTable, gnss: GnssTable) -> float:
+def link_rate_hz(table: SendingTable, gnss: GnssSettings) -> float:
     """Rate by which a link of a lower one holds messages back: the even one, or the highest."""
     return even_rate_hz(table, gnss) or highest_rate_hz(table, gnss)
 
 
-def usual_rate_hz(table: SendingTable, gnss: GnssTable, speed: float) -> float:
+def usual_rate_hz(table: SendingTable, gnss: GnssSettings, speed: float) -> float:
     """Messages a second at a constant speed (m/s), straight on.
 
     The lowest of a rate that changes but is not 0, the mean where intervals are drawn, the slowest
@@ -77,8 +77,8 @@ def usual_rate_hz(table: SendingTable, gnss: GnssTable, speed: float) -> float:
             whole = sum(i * s for i, s in zip(drawn.intervals, drawn.shares, strict=True))
             rate = SECOND * sum(drawn.shares) / whole
         case _:
-            rate = gnss.rate_hz if table.kind == "every_fix" else table.rate_hz
-    return min(rate, gnss.rate_hz, _controlled_rate_hz(table))
+            rate = gnss.rate if table.kind == "every_fix" else table.rate_hz
+    return min(rate, gnss.rate, _controlled_rate_hz(table))
 
 
 def _controlled_rate_hz(table: SendingTable) -> float:

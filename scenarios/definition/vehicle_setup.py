@@ -4,9 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from scenarios.definition.links import senders_to
-from scenarios.definition.receivers import own_deviation
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.sending import SendingTable
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import (
@@ -17,9 +15,9 @@ from scenarios.definition.schema.tables import (
     ScenarioTables,
     SteeringTable,
 )
-from vehicles.car.gnss import GnssNoise
 from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, Loading, VehicleParameters, loaded
+from vehicles.car.positioning.settings import GnssSettings
 from vehicles.driver.degradation.settings import DegradationSettings
 
 
@@ -45,7 +43,7 @@ class VehicleSetup:
     assumed_parameters: VehicleParameters
     controller: str
     steering: SteeringTable
-    gnss: GnssTable
+    gnss: GnssSettings
     sending: SendingTable
     imu: ImuTable
     imu_rate_hz: float
@@ -54,22 +52,6 @@ class VehicleSetup:
     def knows_itself(self) -> bool:
         """Whether its own state is exact, without the errors of sensors."""
         return self.steering.own_state == "exact"
-
-    @property
-    def gnss_noise(self) -> GnssNoise:
-        """White noise of its receiver."""
-        table = self.gnss
-        return GnssNoise(
-            position=table.position_noise_m,
-            heading=math.radians(table.heading_noise_deg),
-            speed=table.speed_noise_mps,
-            yaw_rate=table.yaw_rate_noise_radps,
-        )
-
-    @property
-    def stated_noise(self) -> GnssNoise:
-        """Noise that its receiver has at first, all errors of the position taken for white."""
-        return replace(self.gnss_noise, position=own_deviation(self.gnss))
 
     @property
     def imu_noise(self) -> InertialNoise:
@@ -118,7 +100,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         assumed_parameters=full if steering.knows_loading else empty,
         controller=CONTROLLERS.get(steering.controller, steering.controller),
         steering=steering,
-        gnss=overlay(tables.gnss, own and own.gnss),
+        gnss=overlay(tables.gnss, own and own.gnss).value,
         sending=sending,
         imu=imu,
         imu_rate_hz=imu.rate_hz or tables.control.rate_hz,

@@ -343,4 +343,4 @@ def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:
     setup = scenario.vehicle(name)
     if is_changed(scenario.tables.change, name):
         return None
-    return setup.gnss.rate_hz if sends_every_instant(setup.sending, setup.gnss) else None
+    return setup.gnss.rate if sends_every_instant(setup.sending, setup.gnss) else None

@@ -7,13 +7,14 @@ compass course.
 
 import math
 from collections import deque
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.car.positioning.fix_states import EVER, ForcedStates, ReceiverState
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.positioning.noise import GnssNoise
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, yaw_from_heading
 from vehicles.messages import NOTHING_TOLD, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
@@ -64,28 +65,7 @@ class Fix:
         self.accuracy = accuracy
 
 
-@dataclass(frozen=True, slots=True)
-class GnssNoise:
-    """Standard deviations of the white Gaussian noise (Section III-A names that of position).
-
-    position (m) per axis: 2 cm, the paper's RTK receiver. heading (rad) 0.1 deg, speed (m/s) and
-    yaw rate (rad/s) 0.1 deg/s: what makers of RTK-aided inertial units with two antennas and a
-    micromechanical gyroscope state for open sky.
-    """
-
-    position: float = 0.02
-    heading: float = math.radians(0.1)
-    speed: float = 0.03
-    yaw_rate: float = math.radians(0.1)
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{field.name} noise must be at least 0, not {value}")
-
-
-_State = tuple[list[float], ReceiverErrors | None, ForcedStates | None, bool, deque[Fix]]
+_State = tuple[list[float], ReceiverErrors | None, ForcedStates | None, deque[Fix]]
 
 
 class GnssReceiver:
@@ -95,8 +75,8 @@ class GnssReceiver:
 
     `random` belongs to this receiver alone: five normal numbers are drawn per measurement, in
     the order of measurements, whether it gives a fix or not. `errors` are those beside the white
-    `noise`, of which that of the position is then theirs; those of a `plain` receiver count only
-    while a fix state is forced upon it, by `force`.
+    `noise`, of which that of the position is then theirs; if their settings are plain they count
+    only while a fix state is forced upon the receiver, by `force`.
     """
 
     def __init__(
@@ -106,8 +86,6 @@ class GnssReceiver:
         start_at: int,
         random: Generator,
         errors: ReceiverErrors | None = None,
-        *,
-        plain: bool = False,
     ) -> None:
         if not (math.isfinite(rate_hz) and rate_hz > 0.0):
             raise ValueError(f"the measuring rate must be positive, not {rate_hz} Hz")
@@ -118,20 +96,23 @@ class GnssReceiver:
         self._forced: ForcedStates | None = None
         if errors is not None:
             self._forced = errors.states = ForcedStates(errors.states)
-        self._errors, self._plain = errors, plain
-        self._latency = errors.model.latency if errors else 0
+        self._take(errors)
         self._coming: deque[Fix] = deque()
 
     def __reduce__(self) -> "tuple[type[GnssReceiver], tuple[object, ...], _State]":
         """Let it be pickled, compiled too."""
         made_of = self._noise, self._cadence.rate_hz, self._cadence.start_at, self._random
-        errors = self._errors, self._forced, self._plain
-        return GnssReceiver, made_of, (self._drawn, *errors, self._coming)
+        return GnssReceiver, made_of, (self._drawn, self._errors, self._forced, self._coming)
 
     def __setstate__(self, state: "_State") -> None:
         """Go on as the one that was pickled."""
-        self._drawn, self._errors, self._forced, self._plain, self._coming = state
-        self._latency = self._errors.model.latency if self._errors else 0
+        self._drawn, errors, self._forced, self._coming = state
+        self._take(errors)
+
+    def _take(self, errors: ReceiverErrors | None) -> None:
+        self._errors = errors
+        self._plain = errors is None or errors.settings.is_plain
+        self._latency = errors.settings.latency if errors else 0
 
     def measure(self, body: Body, now: int) -> Fix | None:
         """Measure `body` if `now` (ns) is an instant of measurement; returns what is known then.

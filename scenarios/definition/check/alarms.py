@@ -63,11 +63,11 @@ def sampled_alarms(
     if unlike or not _is_even(source):
         return None
     limit_s = longest_silence_s(source, receiver)
-    phase_s = getattr(source.sending, "phase_s", 0.0) + source.gnss.latency_ms / 1000.0
+    phase_s = getattr(source.sending, "phase_s", 0.0) + source.gnss.latency / SECOND
     arrivals = [
         (number, phase_s + visible_at / SECOND) for number, visible_at in drive.arrivals(messages)
     ]
-    rates_hz = scenario.control_rate_hz, receiver.gnss.rate_hz
+    rates_hz = scenario.control_rate_hz, receiver.gnss.rate
     beyond_s = times_beyond_limit(arrivals, limit_s, rates_hz)
     length_s = messages / drive.rate_hz
     return Alarms(len(beyond_s) / length_s, float(beyond_s.sum()) / length_s)

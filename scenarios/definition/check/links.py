@@ -19,6 +19,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.channel.content import ContentTable, FalseTable
 from scenarios.definition.sending import even_rate_hz, link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
+from vehicles.schedule import MILLISECOND
 
 PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
 
@@ -126,7 +127,7 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
         burst_messages_mean=expected.burst_messages,
         latency_ms_mean=expected.latency_ms_mean,
         latency_ms_deviation=expected.latency_ms_deviation,
-        age_ms_mean=None if age_ms is None else age_ms + source.gnss.latency_ms,
+        age_ms_mean=None if age_ms is None else age_ms + source.gnss.latency / MILLISECOND,
         silence_s_max=longest_silence_s(source, setup),
         false_alarms_per_h=None,
     )

@@ -13,6 +13,7 @@ from scenarios.definition.sending import link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.driver.degradation.sources import LEAST_SAMPLES
 from vehicles.preview.trajectory import FitSettings
+from vehicles.schedule import MILLISECOND
 
 SLOWEST = 0.1
 """Speed (m/s) below which the preview is not checked."""
@@ -100,7 +101,7 @@ def _sight(
     loss = expected_channel(link, source_hz, gap, between).loss_ratio
     # Without a number, as in a tunnel: what is known of it where it carries anything at all.
     rate = min(sent, link.rate_hz or sent) * (1.0 - (link.loss_ratio if loss is None else loss))
-    late_ms = sender.gnss.latency_ms + usual_delay_ms(link)
+    late_ms = sender.gnss.latency / MILLISECOND + usual_delay_ms(link)
     age = late_ms / 1000.0 + (1.0 / rate if rate else float("inf"))
     reach = gap - speed * age
     preview = min(settings.ahead(speed), max(reach, 0.0))

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from math import hypot
 from typing import NamedTuple
 
-from scenarios.definition.receivers import lasting_deviation
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.vehicle_setup import VehicleSetup
 
@@ -56,5 +55,5 @@ def receiver_warnings(scenario: Scenario) -> Iterator[str]:
 
 def _lasting(setup: VehicleSetup) -> _Lasting:
     bias = setup.gnss.bias
-    east, north = (bias.east_m, bias.north_m) if bias else (0.0, 0.0)
-    return _Lasting(lasting_deviation(setup.gnss), east, north)
+    east, north = (bias.east, bias.north) if bias else (0.0, 0.0)
+    return _Lasting(setup.gnss.lasting_deviation, east, north)

@@ -20,6 +20,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.changes import SpeedChangeTable
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.path import PointsPath
+from scenarios.definition.schema.settings import table_with
 from scenarios.definition.schema.tables import ScenarioTables, SteeringTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import VehicleParameters
@@ -136,7 +137,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         gap_policy=tables.speed.gap.model_dump() if tables.speed.followers == "gap" else None,
         control_rate_hz=scenario.control_rate_hz,
         control={name: _steering(car.steering) for name, car in cars.items()},
-        gnss={name: car.gnss.model_dump() for name, car in cars.items()},
+        gnss={name: table_with(car.gnss).model_dump() for name, car in cars.items()},
         sending={name: car.sending.model_dump() for name, car in cars.items()},
         imu={name: _imu(car) for name, car in cars.items()},
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
@@ -287,7 +288,7 @@ def _replay_warnings(scenario: Scenario) -> Iterator[str]:
 
 def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:
     for name in scenario.vehicle_names:
-        rate = scenario.vehicle(name).gnss.rate_hz
+        rate = scenario.vehicle(name).gnss.rate
         if rate > USUAL_GNSS_RATE:
             yield f"{name} measures at {rate:g} Hz, receivers reach about {USUAL_GNSS_RATE:g} Hz"
 

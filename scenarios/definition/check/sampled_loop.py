@@ -46,8 +46,8 @@ def _loop(scenario: Scenario, setup: VehicleSetup) -> SampledLoop:
         gains=setup.gains,
         control_hz=scenario.control_rate_hz,
         imu_hz=None if setup.knows_itself else setup.imu_rate_hz,
-        gnss_hz=setup.gnss.rate_hz,
-        gnss=setup.stated_noise,
+        gnss_hz=setup.gnss.rate,
+        gnss=replace(setup.gnss.noise, position=setup.gnss.own_deviation),
         imu=setup.imu_noise,
     )
 

@@ -44,6 +44,18 @@ class SettingField:
         return self.setting.key(self.name)
 
     @property
+    def default_in_key(self) -> Any:
+        """Default as the key has it; None where there is none, too."""
+        return None if self.default is MISSING else _from_si(self, self.default)
+
+    @property
+    def classes(self) -> Mapping[str, type[Any]]:
+        """Settings classes of a table or of the entries of a list, by their `kind`."""
+        if self.setting.kinds is not None:
+            return self.setting.kinds
+        return {"": self.entry} if is_dataclass(self.entry) else {}  # type: ignore[dict-item]
+
+    @property
     def entry(self) -> Any:
         """Type of an entry of a list, else that of the field."""
         return get_args(self.kind)[0] if get_origin(self.kind) is tuple else self.kind
@@ -105,6 +117,16 @@ def table_with(value: S, kinds: Mapping[str, type] | None = None) -> SettingsTab
     table = table_of(type(value), words.get(type(value), ""))
     given = {key: _from_si(one, getattr(value, one.name)) for key, one in table.by_key.items()}
     return table.model_validate({key: one for key, one in given.items() if one is not None})
+
+
+def keys_with(settings: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Keys and values, as a file has them, of some fields of a settings class."""
+    found = {
+        one.key: _from_si(one, values[one.name])
+        for one in fields_of(settings)
+        if one.name in values
+    }
+    return {key: one.model_dump() if isinstance(one, Table) else one for key, one in found.items()}
 
 
 def fields_of(settings: type[Any]) -> Iterator[SettingField]:

@@ -137,7 +137,7 @@ class Witness:
         self._to = self._from + nanoseconds(cut.for_s)
         self._heard_at = inf
         degradation = scenario.tables.control.degradation.value
-        period = 1.0 / scenario.tables.gnss.rate_hz
+        period = 1.0 / scenario.tables.gnss.value.rate
         self._lost_after = nanoseconds(degradation.lost_after_silence(period))
         self._of: defaultdict[str, _Heard] = defaultdict(_Heard)
         stream.on_error(self._take_error)

@@ -15,10 +15,11 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import tomli_w
 
-from scenarios.definition.schema.gnss import DriftTable, GnssTable, StateErrorsTable
+from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.sending import CAM_SHARES
+from scenarios.definition.schema.settings import SettingsTable
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
@@ -37,6 +38,8 @@ from scenarios.definition.schema.tables import (
 from tests.made.channels.drawn_channels import LAWS, drawn_channel, drawn_spans
 from tests.made.channels.drawn_laws import inline
 from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.car.positioning.drift import Drift
+from vehicles.car.positioning.settings import StateErrors
 
 Raw = dict[str, Any]
 MOST_VEHICLES = 8
@@ -256,7 +259,7 @@ def _receiver(chance: Random, *leave_out: str) -> Raw:
     table = drawn_table(chance, GnssTable, (*apart, *leave_out))
     for key in ("drift", "common_drift"):
         if key in table:
-            table[key] |= drawn_table(chance, DriftTable, share=1.0)
+            table[key] |= drawn_table(chance, SettingsTable[Drift], share=1.0)
     if "drift" in table and chance.random() < 0.5:
         table["entry_jump_m"] = chance.uniform(0.0, 2.0)
     fix = table.get("fix", "float" if table.get("preset") == "rtk_float" else "fixed")
@@ -266,7 +269,7 @@ def _receiver(chance: Random, *leave_out: str) -> Raw:
         table["fix_states"] = chance.choice(
             [{"kind": "schedule", "entries": [entry]}, {"kind": "chain", "transitions": chain}]
         )
-        errors = drawn_table(chance, StateErrorsTable, ("entry_jump_m", "drift"))
+        errors = drawn_table(chance, SettingsTable[StateErrors], ("entry_jump_m", "drift"))
         _put(table, "while_single", errors)
     if chance.random() < 0.2:
         table["outages"] = [{"kind": "time", "from_s": 0.0, "to_s": chance.uniform(0.1, 1.0)}]

@@ -9,9 +9,10 @@ from tests.made.vehicles.driving import advance
 from tests.made.vehicles.exact_drives import PLANE, START
 from transport.links.laws.false_content import FalseContent, GhostVehicle
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver, from_message, to_message
+from vehicles.car.gnss import Fix, GnssReceiver, from_message, to_message
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.positioning.noise import GnssNoise
 from vehicles.driver.degradation.trust.gate import Belief, InnovationGate
 from vehicles.messages import GpsPose
 from vehicles.schedule import MILLISECOND, SECOND

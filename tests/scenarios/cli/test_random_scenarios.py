@@ -172,7 +172,7 @@ def latest(scenario: Scenario, pair: tuple[str, str], sent: dict[int, GpsPose]) 
     Where and whether others were lost does not matter: they are all taken to have come, in line
     with a queue that is full.
     """
-    asked, rate_hz = scenario.links[pair], scenario.vehicle(pair[0]).gnss.rate_hz
+    asked, rate_hz = scenario.links[pair], scenario.vehicle(pair[0]).gnss.rate
     link = link_of(asked, *pair, seed=scenario.seed, rate_hz=rate_hz)
     further_ms = asked.content.reorder_delay_ms if asked.content else 0.0
     if asked.queue is not None:

@@ -114,7 +114,7 @@ def test_a_chain_goes_over_folders_and_shipped_scenarios(tmp_path: Path) -> None
     scenario, base = load_scenario(top), load_scenario("lane_change")
     assert (scenario.name, scenario.tables.speed.set_mps) == ("top", 12.0)
     assert scenario.tables.path == base.tables.path
-    assert scenario.tables.gnss.position_noise_m == 0.0  # of paper_base
+    assert scenario.tables.gnss.value.position_noise == 0.0  # of paper_base
     assert scenario.tables.loading.rear_passengers == 2  # of paper_a
 
 

@@ -11,9 +11,10 @@ from pydantic import BaseModel, TypeAdapter
 
 from scenarios.definition.check.report import check
 from scenarios.definition.refusal import models_of
-from scenarios.definition.scenario import library, load_scenario, scenario_from_text, template
+from scenarios.definition.scenario import library, load_scenario, scenario_from_text
 from scenarios.definition.schema.path import PathTable
 from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.template import template
 from scenarios.definition.vehicle_setup import vehicle_setup
 from vehicles.car.parameters import LINCOLN_MKZ
 

@@ -24,7 +24,7 @@ def test_defaults_are_the_paper_s() -> None:
     scenario = scenario_from_text(STRAIGHT)
     assert scenario.vehicle_names == ("v1", "v2", "v3", "v4")
     assert scenario.route.gaps == (0.0, 15.0, 15.0, 15.0)
-    assert (scenario.control_rate_hz, scenario.vehicle("v2").gnss.rate_hz) == (50.0, 20.0)
+    assert (scenario.control_rate_hz, scenario.vehicle("v2").gnss.rate) == (50.0, 20.0)
     steering = scenario.vehicle("v3").steering
     gains = steering.gains
     assert (gains.lateral_rad_per_m, gains.heading_rad_per_rad, gains.yaw_rate_s) == (
@@ -97,8 +97,8 @@ position_noise_m = 0.5
     assert own.assumed_parameters == own.parameters
     assert other.parameters.mass == LINCOLN_MKZ.mass + 2 * 120.0
     assert other.assumed_parameters == DEFAULT_CAR
-    assert (own.gnss.position_noise_m, other.gnss.position_noise_m) == (0.5, 0.02)
-    assert own.gnss.rate_hz == 20.0
+    assert (own.gnss.position_noise, other.gnss.position_noise) == (0.5, 0.02)
+    assert own.gnss.rate == 20.0
 
 
 def test_the_most_specific_entry_about_a_link_wins_key_by_key() -> None:

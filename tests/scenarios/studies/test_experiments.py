@@ -48,7 +48,7 @@ def test_every_experiment_can_be_driven() -> None:
         for name in scenario.vehicle_names:
             setup = scenario.vehicle(name)
             assert (setup.steering.own_state == "exact") is exact, f"{key}: {name}"
-            assert (setup.gnss.position_noise_m == 0.0) is (key.seed is None), f"{key}: {name}"
+            assert (setup.gnss.position_noise == 0.0) is (key.seed is None), f"{key}: {name}"
         assert max(scenario.route.profile.speeds) == min(scenario.route.profile.speeds) or (
             run.scenario == "paper_variable_speed"
         ), f"{key}: slowed down in curves"
@@ -74,7 +74,7 @@ def test_the_cases_are_the_papers(case: str, speed: float, loads: list[tuple[int
         assert setup.controller.endswith(".FeedforwardFeedback")
         assert (setup.steering.alpha_ratio, setup.steering.fusion) == (0.5, "composite")
         assert tuple(setup.steering.gains.model_dump().values()) == NOMINAL_GAINS
-        assert setup.gnss.position_noise_m == 0.0
+        assert setup.gnss.position_noise == 0.0
 
 
 def test_variable_speed_reaches_30_and_field_drives_25() -> None:

@@ -5,16 +5,15 @@ import pytest
 from scipy import stats
 
 from vehicles.car.dynamics import Body
+from vehicles.car.positioning.error_term import ReceiverStart
 from vehicles.car.positioning.fix_states import (
     EVER,
-    BlindCircle,
     FixStates,
     ReceiverState,
-    RoadOutage,
     StateChain,
     StateSchedule,
-    TimeOutage,
 )
+from vehicles.car.positioning.outages import BlindCircle, RoadOutage, TimeOutage
 from vehicles.schedule import SECOND
 
 START = 1_700_000_000_000_000_000
@@ -90,14 +89,18 @@ def test_outages_cover_what_they_say() -> None:
     def car(driven: float = 0.0, east: float = 0.0, north: float = 0.0) -> Body:
         return Body(east=east, north=north, yaw=0.0, speed=20.0, distance=driven)
 
-    time = TimeOutage(START, START + SECOND)
-    assert [time.covers(car(), START + k) for k in (-1, 0, SECOND - 1, SECOND)] == [
+    def stream(_purpose: str) -> np.random.Generator:
+        return np.random.default_rng(1)
+
+    start = ReceiverStart(START, 30.0, stream, stream)  # it starts 30 m behind the lead
+    time = TimeOutage(0, SECOND)
+    assert [time.covers(car(), START + k, start) for k in (-1, 0, SECOND - 1, SECOND)] == [
         *(False, True, True, False)
     ]
-    road = RoadOutage(100.0, 200.0, behind=30.0)  # it starts 30 m behind the lead
-    assert [road.covers(car(way), START) for way in (129.0, 130.0, 229.0, 230.0)] == [
+    road = RoadOutage(100.0, 200.0)
+    assert [road.covers(car(way), START, start) for way in (129.0, 130.0, 229.0, 230.0)] == [
         *(False, True, True, False)
     ]
     circle = BlindCircle(10.0, -5.0, 3.0)
-    assert circle.covers(car(east=12.0, north=-5.0), START)
-    assert not circle.covers(car(east=12.5, north=-7.5), START)
+    assert circle.covers(car(east=12.0, north=-5.0), START, start)
+    assert not circle.covers(car(east=12.5, north=-7.5), START, start)

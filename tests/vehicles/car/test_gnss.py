@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver, from_message, to_message
+from vehicles.car.gnss import Fix, GnssReceiver, from_message, to_message
+from vehicles.car.positioning.noise import GnssNoise
 from vehicles.geometry.geodesy import LocalPlane, Origin, wrap_angle
 from vehicles.messages import GpsPose
 

@@ -1,6 +1,12 @@
-"""What is wrong with the positions of a receiver beside white noise.
+"""Errors of a receiver's positions.
 
-drift         errors that wander: the same path for whoever looks, at any rate
-fix_states    how a receiver knows its place from time to time, and where it is blind
-gnss_errors   all of it together
+noise         white noise
+drift         a Gauss–Markov process: the same path for whoever looks, at any rate
+error_term   what every other error has to be
+bias          a constant error
+common_drift  drift that all receivers have in common
+fix_states    states of the fix over time
+outages       times and places without a fix
+settings      all settings of a receiver: the registry of its errors
+gnss_errors   the errors over a run
 """

@@ -6,11 +6,14 @@ receivers that look at it at the same instant, in whatever process, see the same
 """
 
 import math
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from vehicles.schedule import MILLISECOND, SECOND
+from vehicles.setting import Setting
 
 GRID = 10 * MILLISECOND
 """Distance (ns) between two points of the path; receivers of cars measure at 20 Hz at most."""
@@ -18,6 +21,14 @@ BLOCK = 512
 """Points that are worked out at once."""
 SHORTEST = 0.1
 """Least time constant (s): below it the grid is too coarse."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """First-order Gauss–Markov drift: steady deviation per axis (m), and time constant (s)."""
+
+    deviation: Annotated[float, Setting("steady, per axis", "m", 0, 1000, example=0.016)]
+    time_constant: Annotated[float, Setting("of its decay", "s", SHORTEST, 100_000)] = 100.0
 
 
 class GaussMarkov:

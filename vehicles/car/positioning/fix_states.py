@@ -1,21 +1,21 @@
-"""How a receiver knows its place from time to time: by schedule, by chance, and where it is blind.
+"""Fix states of a receiver over time: by schedule or by chance.
 
 The states are those of the quality field of an NMEA 0183 GGA sentence: 4 fixed, 5 float, 1 single,
 0 none.
 """
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot
-from typing import Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
 from numpy.random import Generator
 
-from vehicles.car.dynamics import Body
-from vehicles.messages import FixState
+from vehicles.car.positioning.error_term import ReceiverStart
 from vehicles.schedule import nanoseconds
+from vehicles.setting import Problem, Setting, must_exceed
 
-ReceiverState = FixState | Literal["none"]
+ReceiverState = Literal["fixed", "float", "single", "none"]
 """With "none" a receiver gives no fix."""
 EVER = 2**63 - 1
 """An instant (ns) after every run: runs may begin up to the year 2200."""
@@ -125,50 +125,91 @@ class ForcedStates:
         return self._forced if self._forced is not None and self.is_forced(now) else own
 
 
-class Outage(Protocol):
-    """Where or when nothing is received, as in a tunnel: state 0 of NMEA 0183."""
+class FixStateLaw(ABC):
+    """Settings of how the fix state changes: each subclass is a kind of `[gnss.fix_states]`."""
 
-    def covers(self, body: Body, now: int) -> bool:
-        """Whether the car is blind there, at `now` (ns) (NMEA 0183)."""
-        ...
+    __slots__ = ()
 
+    @abstractmethod
+    def begin(self, first: ReceiverState, start: ReceiverStart) -> FixStates:
+        """States of a run that starts in the state `first`."""
 
-@dataclass(frozen=True, slots=True)
-class TimeOutage:
-    """Blind from an instant (ns) until before another one: state 0 of NMEA 0183."""
+    @abstractmethod
+    def states(self) -> set[ReceiverState]:
+        """States that it leads to."""
 
-    since: int
-    until: int
-
-    def covers(self, body: Body, now: int) -> bool:  # noqa: ARG002 - everywhere
-        """Whether it is that time (state 0 of NMEA 0183)."""
-        return self.since <= now < self.until
+    @abstractmethod
+    def problems(self, first: ReceiverState) -> Iterator[Problem]:
+        """Yield keys that contradict others."""
 
 
 @dataclass(frozen=True, slots=True)
-class RoadOutage:
-    """Blind on a stretch of road (m), by the way driven: state 0 of NMEA 0183.
+class StateEntry:
+    """The fix state from a time (s) after the start on."""
 
-    `behind` (m) is how far behind the zero of the stretch the car started.
-    """
-
-    begin: float
-    end: float
-    behind: float
-
-    def covers(self, body: Body, now: int) -> bool:  # noqa: ARG002 - at any time
-        """Whether the car is on that stretch (state 0 of NMEA 0183)."""
-        return self.begin <= body.distance - self.behind < self.end
+    at: Annotated[float, Setting("after the start", "s", 0, example=10.0)]
+    state: Annotated[ReceiverState, Setting("from then on", example="float")]
 
 
 @dataclass(frozen=True, slots=True)
-class BlindCircle:
-    """Blind within a circle of the plane (m): state 0 of NMEA 0183."""
+class ScheduledStates(FixStateLaw):
+    """Fix states by a list; before its first entry that of the receiver."""
 
-    east: float
-    north: float
-    radius: float
+    entries: Annotated[tuple[StateEntry, ...], Setting("in order of time", filled=True)]
 
-    def covers(self, body: Body, now: int) -> bool:  # noqa: ARG002 - at any time
-        """Whether the car is in that circle (state 0 of NMEA 0183)."""
-        return hypot(body.east - self.east, body.north - self.north) <= self.radius
+    def begin(self, first: ReceiverState, start: ReceiverStart) -> FixStates:
+        return StateSchedule(first, [(one.at, one.state) for one in self.entries], start.at)
+
+    def states(self) -> set[ReceiverState]:
+        return {one.state for one in self.entries}
+
+    def problems(self, first: ReceiverState) -> Iterator[Problem]:
+        at = -1.0
+        for index, one in enumerate(self.entries):
+            key = f"entries[{index}]"
+            yield from must_exceed(f"{key}.at_s", one.at, at, "the one before")
+            if one.state == first:
+                yield f"{key}.state", f'given "{one.state}", which it is already'
+            first, at = one.state, one.at
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """A transition of the fix state, after a time with an exponential law (mean in s)."""
+
+    state: Annotated[ReceiverState, Setting("left", example="fixed")]
+    to: Annotated[ReceiverState, Setting("entered", example="float")]
+    mean: Annotated[float, Setting("time in between", "s", 0.01, 1e9, example=890.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class ChainOfStates(FixStateLaw):
+    """Fix states by a Markov chain, drawn for each vehicle; it begins in that of the receiver."""
+
+    transitions: Annotated[tuple[Transition, ...], Setting("all that can occur", filled=True)]
+
+    def begin(self, first: ReceiverState, start: ReceiverStart) -> FixStates:
+        means: dict[ReceiverState, dict[ReceiverState, float]] = {}
+        for one in self.transitions:
+            means.setdefault(one.state, {})[one.to] = one.mean
+        return StateChain(first, means, start.at, start.own("states"))
+
+    def states(self) -> set[ReceiverState]:
+        return {one.to for one in self.transitions}
+
+    def problems(self, first: ReceiverState) -> Iterator[Problem]:  # noqa: ARG002
+        seen: set[tuple[ReceiverState, ReceiverState]] = set()
+        for index, one in enumerate(self.transitions):
+            key = f"transitions[{index}].to"
+            if one.state == one.to:
+                yield key, f'given "{one.to}", allowed another state than the one it leaves'
+            elif (one.state, one.to) in seen:
+                yield key, f'from "{one.state}" to "{one.to}" is given twice, allowed once'
+            seen.add((one.state, one.to))
+
+
+FIX_STATES: Mapping[str, type[FixStateLaw]] = {
+    "schedule": ScheduledStates,
+    "chain": ChainOfStates,
+}
+"""Laws of the fix state by the `kind` of their table."""

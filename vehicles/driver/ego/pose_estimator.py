@@ -19,9 +19,10 @@ from typing import Final
 
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss import Fix, GnssNoise
+from vehicles.car.gnss import Fix
 from vehicles.car.imu import InertialNoise, Motion
 from vehicles.car.parameters import VehicleParameters
+from vehicles.car.positioning.noise import GnssNoise
 from vehicles.driver.ego.covariance import AcrossCovariance, AlongCovariance
 from vehicles.driver.ego.own_state import Pose
 from vehicles.geometry.geodesy import wrap_angle

@@ -1,7 +1,6 @@
 """Makes who drives a vehicle: its software, or a human."""
 
 from scenarios.definition.channel.build import usual_delay_ms
-from scenarios.definition.receivers import assumed_deviation
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.sending import (
     link_rate_hz,
@@ -122,7 +121,7 @@ class DriverBuilder:
         start = Fix(0, now, *place, body.speed, body.yaw_rate)
         estimator = PoseEstimator(
             setup.assumed_parameters,
-            setup.gnss_noise,
+            gnss.noise,
             setup.imu_noise,
             setup.imu_rate_hz,
             by_accuracy=True,
@@ -131,9 +130,9 @@ class DriverBuilder:
         if gnss.is_punctual and now == aboard.start_at:
             return estimator
         estimator.correct(start)
-        if not gnss.latency_ms:
+        if not gnss.latency:
             return estimator
-        return LatePoseEstimator(estimator, round(gnss.latency_ms * MILLISECOND))
+        return LatePoseEstimator(estimator, gnss.latency)
 
     def _controller(self) -> LateralController:
         setup = self._setup
@@ -167,7 +166,7 @@ class DriverBuilder:
         """
         steering = self._setup.steering
         receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
-        noise = max(FitSettings().position_noise, *map(assumed_deviation, receivers))
+        noise = max(FitSettings().position_noise, *(one.assumed_deviation for one in receivers))
         return FitSettings(
             preview_time=steering.preview_s,
             tolerance=max(steering.tolerance_m, 5.0 * noise),
@@ -183,7 +182,7 @@ class DriverBuilder:
         return Beliefs(
             {
                 name: InnovationGate(
-                    self._scenario.vehicle(name).gnss_noise,
+                    self._scenario.vehicle(name).gnss.noise,
                     gate=asked.gate,
                     heading_gate=asked.heading_gate,
                     settle=asked.probation,
@@ -245,7 +244,8 @@ class DriverBuilder:
     def _usual_delay(self, sender: str) -> float:
         """Time (s) that most messages of `sender` take at most, from the measurement on."""
         link = self._scenario.links[sender, self._name]
-        return (self._scenario.vehicle(sender).gnss.latency_ms + usual_delay_ms(link)) / 1000.0
+        latency_ms = self._scenario.vehicle(sender).gnss.latency / MILLISECOND
+        return (latency_ms + usual_delay_ms(link)) / 1000.0
 
     def _usual_period(self, sender: str) -> float:
         """Time (s) between messages of `sender` to expect, by its sending and its link."""

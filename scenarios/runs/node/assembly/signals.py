@@ -8,13 +8,13 @@ from itertools import takewhile
 import numpy as np
 from numpy.random import Generator
 
-from scenarios.definition.receivers import receiver_errors
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.sending import CamSending, DccTable, FixedSending
 from scenarios.definition.sending import shares_of
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.gnss import GnssReceiver
-from vehicles.car.positioning.gnss_errors import Streams
+from vehicles.car.positioning.error_term import ReceiverStart, Streams
+from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.car.sending import (
     CooperativeAwareness,
     DrawnIntervals,
@@ -40,18 +40,14 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
     A stream for its white noise, which does not depend on the number of vehicles, and one for each
     of its other errors, so that none changes another.
     """
-    random = white_noise(scenario.seed, setup.place)
-    errors = receiver_errors(
-        setup.gnss,
+    gnss, random = setup.gnss, white_noise(scenario.seed, setup.place)
+    start = ReceiverStart(
         start_at,
         behind=sum(scenario.route.gaps[: setup.place + 1]),
         own=_streams(scenario.seed, setup.place),
         shared=_streams(scenario.seed, EVERYBODY),
     )
-    gnss = setup.gnss
-    return GnssReceiver(
-        setup.gnss_noise, gnss.rate_hz, start_at, random, errors, plain=gnss.is_plain
-    )
+    return GnssReceiver(gnss.noise, gnss.rate, start_at, random, ReceiverErrors(gnss, start))
 
 
 def white_noise(seed: int, place: int) -> Generator:
@@ -74,9 +70,8 @@ def instants_besides(
     Intervals that are drawn have none: what is due then waits for the next tick.
     """
     found: list[Iterator[int]] = []
-    if setup.gnss.latency_ms:
-        known_at = start_at + round(setup.gnss.latency_ms * MILLISECOND)
-        found.append(instants(known_at, end_at, setup.gnss.rate_hz))
+    if setup.gnss.latency:
+        found.append(instants(start_at + setup.gnss.latency, end_at, setup.gnss.rate))
     table = setup.sending
     if table.kind == "profile":
         profile = [(point.at_s, point.rate_hz) for point in table.profile]

@@ -65,7 +65,7 @@ class VehicleBuilder:
         self._links: list[IncomingLink] = []
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
-        rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate_hz]
+        rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate]
         if not self._setup.knows_itself:
             rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
         self.rates_hz = tuple(dict.fromkeys(rates_hz))

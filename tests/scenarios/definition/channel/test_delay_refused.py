@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import scenario_from_text, template
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.template import template
 from tests.made.scenarios.messages import STRAIGHT
 
 DELAY, OUTAGE = "links.delay", "links.outages[0]"

@@ -8,7 +8,8 @@ from pydantic import TypeAdapter
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import scenario_from_text, template
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.template import template
 from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.effect import Effect, Passage

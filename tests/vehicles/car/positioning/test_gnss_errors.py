@@ -1,7 +1,6 @@
 """What is wrong with positions: common to all or own, by state, rounded, late, and what is said."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import blake2b
 from itertools import pairwise
@@ -11,22 +10,16 @@ import pytest
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver
-from vehicles.car.positioning.fix_states import (
-    FixStates,
-    Outage,
-    ReceiverState,
-    StateSchedule,
-    TimeOutage,
-)
-from vehicles.car.positioning.gnss_errors import (
-    Bias,
-    ErrorModel,
-    ReceiverErrors,
-    StateErrors,
-    Streams,
-    Wander,
-)
+from vehicles.car.gnss import Fix, GnssReceiver
+from vehicles.car.positioning.bias import Bias
+from vehicles.car.positioning.common_drift import CommonDrift
+from vehicles.car.positioning.drift import Drift
+from vehicles.car.positioning.error_term import ReceiverStart, Streams
+from vehicles.car.positioning.fix_states import ReceiverState, ScheduledStates, StateEntry
+from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.positioning.noise import GnssNoise
+from vehicles.car.positioning.outages import TimeOutage
+from vehicles.car.positioning.settings import GnssSettings, StateErrors
 from vehicles.schedule import MILLISECOND, SECOND, instants
 
 START = 1_700_000_000_000_000_000
@@ -44,18 +37,27 @@ def streams(place: int) -> Streams:
     return stream
 
 
-def model(fixed: StateErrors = QUIET, floating: StateErrors = QUIET) -> ErrorModel:
-    return ErrorModel(states={"fixed": fixed, "float": floating, "single": QUIET})
+def model(fixed: StateErrors = QUIET, floating: StateErrors = QUIET) -> GnssSettings:
+    return GnssSettings(
+        fixed.position_noise,
+        fixed.drift,
+        fixed.entry_jump,
+        fixed.accuracy,
+        while_float=floating,
+        while_single=QUIET,
+    )
 
 
-def errors(
-    made: ErrorModel,
-    place: int = 1,
-    states: FixStates | None = None,
-    outages: Sequence[Outage] = (),
-) -> ReceiverErrors:
-    states = states or StateSchedule("fixed", (), START)
-    return ReceiverErrors(made, states, outages, START, streams(place), streams(EVERYBODY))
+def scheduled(*entries: tuple[float, ReceiverState]) -> ScheduledStates:
+    return ScheduledStates(tuple(StateEntry(at, state) for at, state in entries))
+
+
+def started(place: int = 1) -> ReceiverStart:
+    return ReceiverStart(START, 0.0, streams(place), streams(EVERYBODY))
+
+
+def errors(made: GnssSettings, place: int = 1) -> ReceiverErrors:
+    return ReceiverErrors(made, started(place))
 
 
 def fixes(
@@ -77,7 +79,7 @@ def off(fix: Fix) -> tuple[float, float]:
 
 def test_what_is_common_cancels_between_vehicles() -> None:
     """At equal instants, also for a receiver of another rate: to the bit, so far below 1e-9 m."""
-    common = replace(model(), common=Wander(3.0, 50.0))
+    common = replace(model(), common_drift=CommonDrift(3.0, 50.0))
     here = {fix.measured_at: off(fix) for fix in fixes(errors(common, 1), 30.0)}
     there = {fix.measured_at: off(fix) for fix in fixes(errors(common, 2), 30.0)}
     rare = {fix.measured_at: off(fix) for fix in fixes(errors(common, 3), 30.0, rate_hz=4.0)}
@@ -86,12 +88,12 @@ def test_what_is_common_cancels_between_vehicles() -> None:
     assert max(map(math.hypot, *zip(*here.values(), strict=True))) > 1.0
     first, second = errors(common, 1), errors(common, 2)
     for now in instants(START, START + 60 * SECOND, 20.0):
-        assert first.common_at(now) == second.common_at(now)
+        assert first.at(BODY, now) == second.at(BODY, now)
 
 
 def test_own_errors_stay_their_own_beside_what_is_common() -> None:
-    own = model(StateErrors(0.0, Wander(0.2, 20.0)))
-    both = replace(own, common=Wander(3.0, 50.0))
+    own = model(StateErrors(0.0, Drift(0.2, 20.0)))
+    both = replace(own, common_drift=CommonDrift(3.0, 50.0))
     apart = [
         np.subtract(off(one), off(other))
         for one, other in zip(fixes(errors(own, 1), 20.0), fixes(errors(own, 2), 20.0), strict=True)
@@ -128,7 +130,7 @@ def test_a_bias_is_constant_and_partly_drawn() -> None:
 
 
 def test_positions_are_rounded() -> None:
-    rounded = replace(model(StateErrors(0.3)), quantum=0.25)
+    rounded = replace(model(StateErrors(0.3)), quantisation=0.25)
     for fix in fixes(errors(rounded), 5.0):
         assert (fix.east / 0.25).is_integer()
         assert (fix.north / 0.25).is_integer()
@@ -147,17 +149,13 @@ def test_a_fix_is_known_after_its_latency() -> None:
 
 def test_entry_jumps_are_bounded_and_fade() -> None:
     """Whenever float is entered the drift starts within half a metre, also after an outage."""
-    floating = StateErrors(0.0, Wander(2.0, 10.0), entry_jump=0.5)
+    floating = StateErrors(0.0, Drift(2.0, 10.0), entry_jump=0.5)
     entries: list[tuple[float, ReceiverState]] = []
     for k in range(60):
         entries += [(20.0 * k + 5.0, "float"), (20.0 * k + 18.0, "fixed")]
-    tunnels = [
-        TimeOutage(START + s * SECOND, START + (s + 1) * SECOND) for s in range(10, 1200, 20)
-    ]
-    made = errors(
-        model(floating=floating), 1, StateSchedule("fixed", entries, START), tuple(tunnels)
-    )
-    found = fixes(made, 1200.0, rate_hz=4.0)
+    tunnels = tuple(TimeOutage(s * SECOND, (s + 1) * SECOND) for s in range(10, 1200, 20))
+    made = replace(model(floating=floating), fix_states=scheduled(*entries), outages=tunnels)
+    found = fixes(errors(made), 1200.0, rate_hz=4.0)
     jumps, later = [], []
     for before, fix in pairwise(found):
         if fix.state != "float":
@@ -170,45 +168,43 @@ def test_entry_jumps_are_bounded_and_fade() -> None:
     assert max(jumps) <= 0.5 + 1e-12
     assert max(jumps) > 0.4
     assert max(later) > 2.0
-    assert not [fix for fix in found if any(t.covers(BODY, fix.measured_at) for t in tunnels)]
+    assert not [
+        fix for fix in found if any(t.covers(BODY, fix.measured_at, started()) for t in tunnels)
+    ]
 
 
 def test_a_receiver_that_is_on_for_long_does_not_jump_at_the_start() -> None:
-    floating = StateErrors(0.0, Wander(2.0, 10.0), entry_jump=0.01)
-    schedule = StateSchedule("float", (), START)
-    firsts = [
-        math.hypot(*off(fixes(errors(model(floating=floating), place, schedule), 0.04)[0]))
-        for place in range(20)
-    ]
+    floating = StateErrors(0.0, Drift(2.0, 10.0), entry_jump=0.01)
+    made = replace(model(floating), fix="float")
+    firsts = [math.hypot(*off(fixes(errors(made, place), 0.04)[0])) for place in range(20)]
     assert max(firsts) > 1.0
 
 
 def test_the_accuracy_is_the_deviation_or_a_part_of_it() -> None:
-    honest = StateErrors(0.3, Wander(0.4, 10.0))
+    honest = StateErrors(0.3, Drift(0.4, 10.0))
     lying = replace(honest, accuracy=0.05)
-    schedule = [(1.0, "float")]
-    made = model(honest, lying)
-    found = fixes(errors(made, 1, StateSchedule("fixed", schedule, START)), 2.0)  # type: ignore[arg-type]
+    made = replace(model(honest, lying), fix_states=scheduled((1.0, "float")))
+    found = fixes(errors(made), 2.0)
     assert {(fix.state, round(fix.accuracy, 12)) for fix in found} == {
         ("fixed", 0.5),
         ("float", 0.025),
     }
-    whole = replace(made, common=Wander(1.2, 10.0))
+    whole = replace(made, common_drift=CommonDrift(1.2, 10.0))
     assert whole.deviation("fixed") == pytest.approx(1.3)
     assert whole.deviation("fixed", shared=False) == pytest.approx(0.5)
 
 
 @pytest.mark.campaign(150, 2000)
 def test_the_stated_deviation_is_what_errors_scatter_by(campaign: int) -> None:
-    made = replace(model(StateErrors(0.3, Wander(0.4, 10.0))), bias=Bias(0.5), quantum=1.0)
+    made = replace(model(StateErrors(0.3, Drift(0.4, 10.0))), bias=Bias(0.5), quantisation=1.0)
     each = [off(fixes(errors(made, place), 0.04, seed=place)[0]) for place in range(campaign)]
     size = 2 * campaign
     assert np.std(each) == pytest.approx(made.deviation("fixed"), rel=5.0 / math.sqrt(2.0 * size))
 
 
-def forced_between(found: ReceiverErrors, state: ReceiverState, *, plain: bool) -> list[Fix | None]:
+def forced_between(found: ReceiverErrors, state: ReceiverState) -> list[Fix | None]:
     """Three seconds of a receiver upon which a state is forced for the second one."""
-    gnss = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1), found, plain=plain)
+    gnss = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1), found)
     gnss.force(state, START + SECOND, START + 2 * SECOND)
     return [gnss.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
 
@@ -218,7 +214,7 @@ def test_a_plain_receiver_is_itself_again_after_a_forced_state(state: ReceiverSt
     plain = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1))
     usual = [plain.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
     poor = model(StateErrors(0.02), StateErrors(0.4))
-    found = forced_between(errors(poor), state, plain=True)
+    found = forced_between(errors(poor), state)
     assert found[:20] == usual[:20]
     assert found[40:] == usual[40:]
     for fix, before in zip(found[20:40], usual[20:40], strict=True):
@@ -232,8 +228,8 @@ def test_a_plain_receiver_is_itself_again_after_a_forced_state(state: ReceiverSt
 
 
 def test_a_law_of_states_goes_on_unseen_while_another_one_is_forced() -> None:
-    law = StateSchedule("fixed", [(0.5, "float"), (1.5, "single"), (2.5, "fixed")], START)
-    found = forced_between(errors(model(), states=law), "fixed", plain=False)
+    law = scheduled((0.5, "float"), (1.5, "single"), (2.5, "fixed"))
+    found = forced_between(errors(replace(model(), fix_states=law)), "fixed")
     states = [fix.state for fix in found if fix is not None]
     assert (
         states

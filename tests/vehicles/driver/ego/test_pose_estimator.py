@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.gnss import Fix, GnssNoise, GnssReceiver
+from vehicles.car.gnss import Fix, GnssReceiver
 from vehicles.car.imu import InertialNoise, InertialSensor, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, VehicleParameters, loaded
+from vehicles.car.positioning.noise import GnssNoise
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.ego.pose_estimator import JUMPS_BELIEVED, PoseEstimator
 from vehicles.geometry.geodesy import wrap_angle

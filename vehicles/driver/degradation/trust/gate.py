@@ -11,7 +11,8 @@ from itertools import pairwise
 from math import hypot, isfinite, sqrt
 from typing import Literal, NamedTuple
 
-from vehicles.car.gnss import Fix, GnssNoise
+from vehicles.car.gnss import Fix
+from vehicles.car.positioning.noise import GnssNoise
 from vehicles.driver.degradation.trust.innovation import (
     CORNERING,
     LEAST_DEVIATION,

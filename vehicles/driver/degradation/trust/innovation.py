@@ -11,7 +11,8 @@ from functools import lru_cache
 from math import cos, remainder, sin, sqrt, tau
 from typing import NamedTuple
 
-from vehicles.car.gnss import Fix, GnssNoise
+from vehicles.car.gnss import Fix
+from vehicles.car.positioning.noise import GnssNoise
 from vehicles.schedule import SECOND
 
 BRAKING = 8.0

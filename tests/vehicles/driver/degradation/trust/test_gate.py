@@ -33,14 +33,17 @@ from transport.links.laws.false_content import (
     Shift,
 )
 from vehicles.car.dynamics import Actuation
-from vehicles.car.gnss import Fix, GnssNoise
+from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.car.positioning.fix_states import StateSchedule
-from vehicles.car.positioning.gnss_errors import ErrorModel, ReceiverErrors, StateErrors, Wander
+from vehicles.car.positioning.drift import Drift
+from vehicles.car.positioning.error_term import ReceiverStart
+from vehicles.car.positioning.fix_states import ScheduledStates, StateEntry
+from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.positioning.noise import GnssNoise
+from vehicles.car.positioning.settings import GnssSettings, StateErrors
 from vehicles.driver.degradation.trust.beliefs import Beliefs
 from vehicles.driver.degradation.trust.gate import InnovationGate
 from vehicles.driver.degradation.trust.innovation import CORNERING, innovation
-from vehicles.messages import FixState
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 BEGIN, END = 4.0, 7.0
@@ -277,17 +280,18 @@ def test_no_source_is_locked_out_whatever_it_said_before(
 @pytest.mark.parametrize("truth", [1.0, 0.05])
 def test_a_receiver_that_loses_its_fix_is_believed_or_said_to_jump(truth: float) -> None:
     """Jumps of up to half a metre into "float": within an honest accuracy, beyond a false one."""
-    states: dict[FixState, StateErrors] = {
-        "fixed": StateErrors(0.006, Wander(0.016, 100.0)),
-        "float": StateErrors(0.0, Wander(0.19, 100.0), entry_jump=0.5, accuracy=truth),
-    }
+    settings = GnssSettings(
+        0.006,
+        Drift(0.016, 100.0),
+        fix_states=ScheduledStates((StateEntry(4.0, "float"), StateEntry(7.0, "fixed"))),
+        while_float=StateErrors(0.0, Drift(0.19, 100.0), entry_jump=0.5, accuracy=truth),
+    )
     for seed in range(10):
 
         def stream(purpose: str, seed: int = seed) -> np.random.Generator:
             return np.random.default_rng([seed, len(purpose), ord(purpose[-1])])
 
-        schedule = StateSchedule("fixed", ((4.0, "float"), (7.0, "fixed")), START)
-        errors = ReceiverErrors(ErrorModel(states=states), schedule, (), START, stream, stream)
+        errors = ReceiverErrors(settings, ReceiverStart(START, 0.0, stream, stream))
         all_of = judged(
             told(steadily(20.0, 0.003), seconds=12.0, noise=GnssNoise(0.006), errors=errors)
         )

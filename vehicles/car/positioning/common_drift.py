@@ -1,0 +1,41 @@
+"""Drift that all receivers have in common."""
+
+from dataclasses import dataclass
+
+from vehicles.car.dynamics import Body
+from vehicles.car.positioning.drift import Drift, GaussMarkov
+from vehicles.car.positioning.error_term import ErrorCourse, ErrorTerm, ReceiverStart
+
+
+@dataclass(frozen=True, slots=True)
+class CommonDrift(Drift, ErrorTerm):
+    """Drift of all receivers alike (satellites, atmosphere), a Gauss–Markov process.
+
+    Distances between vehicles stay as they are.
+    """
+
+    shared = True
+
+    @property
+    def variance(self) -> float:
+        return self.deviation**2
+
+    def begin(self, start: ReceiverStart) -> ErrorCourse:
+        return Scaled(
+            self.deviation, GaussMarkov(self.time_constant, start.at, start.shared("drift"))
+        )
+
+    def describe(self) -> str:
+        return f"common drift {self.deviation:g} m over {self.time_constant:g} s"
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A Gauss–Markov path times a deviation (m)."""
+
+    deviation: float
+    path: GaussMarkov
+
+    def at(self, body: Body, now: int) -> tuple[float, float]:  # noqa: ARG002
+        east, north = self.path.at(now)
+        return self.deviation * east, self.deviation * north

@@ -1,0 +1,80 @@
+"""Times and places without a fix, as in a tunnel: state 0 of NMEA 0183."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import hypot
+from typing import Annotated
+
+from vehicles.car.dynamics import Body
+from vehicles.car.positioning.error_term import ReceiverStart
+from vehicles.schedule import SECOND
+from vehicles.setting import Problem, Setting, must_exceed
+
+ANYWHERE = 1_000_000
+"""Largest coordinate and distance driven (m) in scenario files."""
+
+
+class FixOutage(ABC):
+    """Where or when a receiver gives no fix."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def covers(self, body: Body, now: int, start: ReceiverStart) -> bool:
+        """Whether a receiver that started at `start` gives no fix at `now` (ns) in `body`."""
+
+    def problems(self) -> Iterator[Problem]:
+        """Yield keys that contradict others."""
+        yield from ()
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOutage(FixOutage):
+    """No fix from a time after the start until another (ns)."""
+
+    begin: Annotated[int, Setting("after the start", "s", 0, 86_400, name="from", example=20.0)]
+    end: Annotated[int, Setting("", "s", 0, 86_400, name="to", example=25.0)]
+
+    def covers(self, body: Body, now: int, start: ReceiverStart) -> bool:  # noqa: ARG002
+        return self.begin <= now - start.at < self.end
+
+    def problems(self) -> Iterator[Problem]:
+        yield from must_exceed("to_s", self.end / SECOND, self.begin / SECOND)
+
+
+@dataclass(frozen=True, slots=True)
+class RoadOutage(FixOutage):
+    """No fix on a stretch of road, in distance driven (m) from where the lead starts.
+
+    Laps count on.
+    """
+
+    begin: Annotated[float, Setting("", "m", -ANYWHERE, ANYWHERE, name="from", example=300.0)]
+    end: Annotated[float, Setting("", "m", -ANYWHERE, ANYWHERE, name="to", example=400.0)]
+
+    def covers(self, body: Body, now: int, start: ReceiverStart) -> bool:  # noqa: ARG002
+        return self.begin <= body.distance - start.behind < self.end
+
+    def problems(self) -> Iterator[Problem]:
+        yield from must_exceed("to_m", self.end, self.begin)
+
+
+@dataclass(frozen=True, slots=True)
+class BlindCircle(FixOutage):
+    """No fix within a circle of the plane (m)."""
+
+    east: Annotated[float, Setting("", "m", -ANYWHERE, ANYWHERE, example=500.0)]
+    north: Annotated[float, Setting("", "m", -ANYWHERE, ANYWHERE, example=0.0)]
+    radius: Annotated[float, Setting("", "m", above=0, most=ANYWHERE, example=40.0)]
+
+    def covers(self, body: Body, now: int, start: ReceiverStart) -> bool:  # noqa: ARG002
+        return hypot(body.east - self.east, body.north - self.north) <= self.radius
+
+
+OUTAGES: Mapping[str, type[FixOutage]] = {
+    "time": TimeOutage,
+    "road": RoadOutage,
+    "circle": BlindCircle,
+}
+"""Outages by the `kind` of their entry."""
