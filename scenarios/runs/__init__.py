@@ -10,6 +10,5 @@ watchers     who watches a run, and waits while the log has to catch up
 run_folder   the folder of a run, taken by one at a time
 run_log      the two files of a run
 log_file     how its log begins
-cores        how many there are
 stop         why and how a process has to stop; exit codes
 """

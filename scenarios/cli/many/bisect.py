@@ -93,7 +93,7 @@ def bisect(
             click.echo,
             out=out,
             files=(PICTURE, TWIN),
-            asked=question.asked(),
+            identity=question.identity(),
         ) as engine:
             found = boundary_of(question, engine)
             write_answer(question, found, out)

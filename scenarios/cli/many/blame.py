@@ -93,7 +93,7 @@ def blame(
             click.echo,
             out=out,
             files=(report.PICTURE, report.TWIN, report.SMALLEST),
-            asked=study.asked_of_blame(file, asked, figure, most_runs),
+            identity=study.identity_of_blame(file, asked, figure, most_runs),
         ) as engine:
             found = study.blame(file, asked, figure, engine, most_runs=most_runs)
             written = report.write_report(found, out)

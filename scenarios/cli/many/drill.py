@@ -71,10 +71,10 @@ def drill(
 
     from scenarios.definition.scenario import drills, load_scenario
     from scenarios.studies.drills.drill import (
-        asked_of_drills,
         carry_out_drills,
         drill_rows,
         drill_variants,
+        identity_of_drills,
     )
     from scenarios.studies.drills.files import TWIN, machine_readable, write_junit
     from scenarios.studies.engine.engine import study_engine
@@ -97,7 +97,7 @@ def drill(
             _say,
             out=out,
             files=(TWIN,),
-            asked=asked_of_drills(variants),
+            identity=identity_of_drills(variants),
         ) as engine:
             if clock == "wall":
                 runs = _as_processes(variants, out)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from scenarios.studies.many.risk.estimated import Risk, RiskQuestion
+    from scenarios.studies.many.risk import Risk, RiskQuestion
 
 
 @click.command(
@@ -77,7 +77,7 @@ def risk(
 
     from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.many.limit import parsed_limit
-    from scenarios.studies.many.risk.estimated import TWIN, RiskQuestion, risk_of, write_risk
+    from scenarios.studies.many.risk import TWIN, RiskQuestion, risk_of, write_risk
 
     with clear_errors():
         question = RiskQuestion(
@@ -91,7 +91,7 @@ def risk(
             click.echo,
             out=out,
             files=(TWIN,),
-            asked=question.asked(),
+            identity=question.identity(),
         ) as engine:
             found = risk_of(question, engine)
             write_risk(question, found, out)
@@ -124,7 +124,7 @@ def print_risk(question: "RiskQuestion", found: "Risk", console: "Console") -> N
 
 def remarks(question: "RiskQuestion", found: "Risk") -> list[str]:
     """What else there is to say of the estimate."""
-    from scenarios.studies.many.risk.estimated import NO_COMMAND, command_of
+    from scenarios.studies.many.risk import NO_COMMAND, command_of
 
     if found.method == "counting":
         command = command_of(question, found)

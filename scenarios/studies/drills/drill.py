@@ -12,7 +12,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import LimitFigure, RunSummary
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
-from scenarios.studies.many.variant import Variant, asked_of_runs
+from scenarios.studies.many.variant import Variant, identity_of
 
 RUN = "run"
 """In place of a limit: the run itself, which failed for another reason."""
@@ -84,12 +84,12 @@ def drill_variants(
     ]
 
 
-def asked_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
+def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
     """All that the results of drills depend on, by the words of the command line."""
-    first = asked_of_runs(variants[0])
+    first = identity_of(variants[0])
     return first | {
         "SCENARIO": list(dict.fromkeys(one.name for one in variants)),
-        "its content": list(dict.fromkeys(asked_of_runs(one)["its content"] for one in variants)),
+        "its content": list(dict.fromkeys(identity_of(one)["its content"] for one in variants)),
         "--seeds": [one.seed for one in variants],
     }
 

@@ -30,10 +30,10 @@ Entry = dict[str, Any]
 class RunJournal:
     """The journal of one folder, open for writing; `entries` are those that it held, by job."""
 
-    def __init__(self, path: Path, file: IO[bytes], asked: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, file: IO[bytes], identity: Mapping[str, Any]) -> None:
         self._path = path
         self._file = file
-        self._question = crc32(json.dumps(asked, sort_keys=True).encode())
+        self._question = crc32(json.dumps(identity, sort_keys=True).encode())
         self.entries: dict[str, Entry] = {}
 
     def add(self, key: str, entry: Entry) -> Entry:
@@ -52,9 +52,9 @@ class RunJournal:
         self.entries[content["run"]] = content["entry"]
         return True
 
-    def begin(self, asked: Mapping[str, Any]) -> None:
+    def begin(self, identity: Mapping[str, Any]) -> None:
         """Write the question."""
-        self._file.write(_sealed({"schema": SCHEMA, "asked": asked}))
+        self._file.write(_sealed({"schema": SCHEMA, "identity": identity}))
         self._file.flush()
 
     def remove(self) -> None:
@@ -64,16 +64,16 @@ class RunJournal:
 
 @contextmanager
 def open_journal(
-    folder: Path, asked: Mapping[str, Any], say: Callable[[str], None]
+    folder: Path, identity: Mapping[str, Any], report: Callable[[str], None]
 ) -> Iterator[RunJournal]:
     """Open the journal of `folder`, a new one or that of the very same question.
 
-    A damaged line is reported to `say`, and its job is done again. Raises ScenarioError if the
+    A damaged line is reported to `report`, and its job is done again. Raises ScenarioError if the
     journal holds the answers to another question, or if another process writes it.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / JOURNAL
-    wanted = json.loads(json.dumps(dict(asked)))  # as it comes back from the file
+    wanted = json.loads(json.dumps(dict(identity)))  # as it comes back from the file
     with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "rb+") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -81,7 +81,7 @@ def open_journal(
             why = f"another command writes into this folder; {ELSEWHERE}"
             raise ScenarioError([f"{folder}: {why}"]) from error
         journal = RunJournal(path, file, wanted)
-        _read(journal, file, path, wanted, say)
+        _read(journal, file, path, wanted, report)
         yield journal
 
 
@@ -90,26 +90,28 @@ def _read(
     file: IO[bytes],
     path: Path,
     wanted: Mapping[str, Any],
-    say: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> None:
     """Read all lines; leaves the file without damage, and at its end."""
     content = file.read()
     *lines, torn = content.split(b"\n")
+    if len(lines) == 1:  # a question without answers: this one takes its place
+        lines, torn = [], content
     file.truncate(len(content) - len(torn))
     damaged, begins, has_question = [], 0, False
     for number, line in enumerate(lines, start=1):
         header = _opened(line)
-        if header is not None and "asked" in header:
+        if header is not None and "identity" in header:
             _refuse_other(path, header, wanted)
             has_question = True
         elif line.strip() and not journal.take(line):
             _refuse_other_version(path, line)
             damaged.append((number, begins, len(line)))
         begins += len(line) + 1
-    if damaged and not has_question and len(lines) > 1 and not journal.entries:
+    if damaged and not has_question and not journal.entries:
         raise ScenarioError([f"{path}, line 1: damaged; {ELSEWHERE}"])
     for number, at, length in damaged:
-        say(f"{path}, line {number}: damaged; what it held is computed again")
+        report(f"{path}, line {number}: damaged; what it held is computed again")
         file.seek(at)
         file.write(b" " * length)
     file.seek(0, os.SEEK_END)
@@ -154,7 +156,7 @@ def _refuse_other(path: Path, header: Mapping[str, Any], wanted: Mapping[str, An
     if header["schema"] != SCHEMA:
         why = f"given {header['schema']}, allowed {SCHEMA}; {ELSEWHERE}"
         raise ScenarioError([f"{path}: schema: {why}"])
-    before = header["asked"]
+    before = header["identity"]
     names = [name for name in {**wanted, **before} if before.get(name) != wanted.get(name)]
     if names:
         differs = "; ".join(

@@ -5,7 +5,8 @@ limit       what a run must hold: a lane, a gap, an error, no collision
 watched     a run that is watched for one limit, and ends when it is broken
 statistics  intervals of confidence of shares and means
 boundary/   `convoy bisect`: from which value of a key on a limit is broken
-risk/       `convoy risk`: how probable it is that one run breaks a limit
+splitting   rare events by adaptive multilevel splitting, of any paths and of runs
+risk        `convoy risk`: how probable it is that one run breaks a limit
 sweeps/     `convoy sweep`: many values of some keys
 blame/      `convoy blame`: which losses of a recorded run were to blame
 """

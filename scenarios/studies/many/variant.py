@@ -57,7 +57,7 @@ def variants_of(
     return [Variant(text=text, name=name, overrides=tuple(overrides), seed=seed) for seed in seeds]
 
 
-def asked_of_runs(variant: Variant, **options: Any) -> dict[str, Any]:
+def identity_of(variant: Variant, **options: Any) -> dict[str, Any]:
     """All that the results of a study of `variant` depend on, by the words of the command line."""
     return {
         "SCENARIO": variant.name,

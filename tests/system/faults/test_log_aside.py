@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from scenarios.runs.cores import cores
+from scenarios.studies.engine.fleet import cores
 from tests.system.logs import Run, assert_sound
 from tests.system.processes import until
 

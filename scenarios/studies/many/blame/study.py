@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from scenarios.runs.cores import cores
 from scenarios.studies.engine.engine import Engine
+from scenarios.studies.engine.fleet import cores
 from scenarios.studies.engine.stamp import stamp_of_this_process
 from scenarios.studies.many.blame.imposed import LossFree, loss_free
 from scenarios.studies.many.blame.losses import Burst, RecordedRun, bursts_of, read_run
@@ -118,7 +118,9 @@ def _check_same(trials: Trials, run: RecordedRun) -> None:
     )
 
 
-def asked_of_blame(log: Path, limit: Limit, figure: FigureName, most_runs: int) -> dict[str, Any]:
+def identity_of_blame(
+    log: Path, limit: Limit, figure: FigureName, most_runs: int
+) -> dict[str, Any]:
     """All that the answer depends on, by the words of the command line; raises LogError."""
     try:
         with log.open("rb") as file:

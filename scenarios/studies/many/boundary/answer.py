@@ -19,7 +19,7 @@ from scenarios.studies.many.boundary.curve import (
     bracket,
 )
 from scenarios.studies.many.limit import Limit
-from scenarios.studies.many.variant import Variant, asked_of_runs
+from scenarios.studies.many.variant import Variant, identity_of
 
 MOST_VALUES = 100_000
 
@@ -58,11 +58,11 @@ class BoundaryQuestion:
             seed=seed,
         )
 
-    def asked(self) -> dict[str, Any]:
+    def identity(self) -> dict[str, Any]:
         """All that the answer depends on, by the words of the command line."""
         span = [self.low, self.high]
         options = {"key": self.key, "limit": str(self.limit), "range": span, "to": self.to}
-        return asked_of_runs(self.variant, **options, seeds=self.seeds, share=self.share)
+        return identity_of(self.variant, **options, seeds=self.seeds, share=self.share)
 
     def check(self) -> None:
         """Raise ScenarioError for what cannot be sought, or is refused at one of the ends."""

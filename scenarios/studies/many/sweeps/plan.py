@@ -11,7 +11,7 @@ from scenarios.studies.engine.job import Job
 from scenarios.studies.many.limit import Limit, parsed_limit
 from scenarios.studies.many.sweeps.axis import SweepAxis, cells, parsed_axes
 from scenarios.studies.many.sweeps.figure import AskedFigure, parsed_figure
-from scenarios.studies.many.variant import Variant, asked_of_runs, variants_of
+from scenarios.studies.many.variant import Variant, identity_of, variants_of
 
 DEFAULT_FIGURE = "cross_track_error_m_max"
 MOST_RUNS = 100_000
@@ -59,9 +59,9 @@ class SweepPlan:
             for variant in self.variants(cell)
         ]
 
-    def asked(self) -> dict[str, Any]:
+    def identity(self) -> dict[str, Any]:
         """All that its results depend on, by the words of the command line."""
-        return asked_of_runs(
+        return identity_of(
             Variant(text=self.text, name=self.name, overrides=self.sets),
             vary=[f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
             seeds=self.seeds,

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from scenarios.studies.engine.engine import Engine, Outcome, study_engine
+from scenarios.studies.engine.driver import Outcome
+from scenarios.studies.engine.engine import Engine, study_engine
 from scenarios.studies.engine.fleet import OpenFleet
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.sweeps.plan import SweepPlan
@@ -31,7 +32,7 @@ def carry_out_sweep(
     """
     files = (CELLS, RUNS, TWIN, HEAT_MAP, SEEDS, *PARQUET)
     with study_engine(
-        fleet, say, out=out, files=files, asked=plan.asked(), keep_journal=True
+        fleet, say, out=out, files=files, identity=plan.identity(), keep_journal=True
     ) as engine:
         table = table_of(plan, _entries(plan, engine))
         contents = tables_of(table, parquet=parquet) | (drawn(table, say) if pictures else {})
@@ -43,7 +44,9 @@ def _entries(plan: SweepPlan, engine: Engine) -> dict[str, dict[str, Any]]:
     jobs = plan.jobs()
     known = engine.known(jobs)
     if known:
-        engine.say(f"{known} of {plan.runs} runs are there already, {plan.runs - known} are left")
+        engine.report(
+            f"{known} of {plan.runs} runs are there already, {plan.runs - known} are left"
+        )
     engine.progress.total = plan.runs
     return {outcome.key: _entry(outcome) for outcome in engine.outcomes(jobs)}
 

@@ -209,7 +209,7 @@ def _share(broken: Sequence[bool]) -> LimitShare:
 def machine_readable(table: SweepTable) -> dict[str, object]:
     """Give what was asked, and each cell with its runs, as JSON has it."""
     cells = [_cell_content(table, cell) for cell in table.cells]
-    return {"schema": SCHEMA, "asked": table.plan.asked(), "cells": cells}
+    return {"schema": SCHEMA, "asked": table.plan.identity(), "cells": cells}
 
 
 def _cell_content(table: SweepTable, cell: SweptCell) -> dict[str, object]:

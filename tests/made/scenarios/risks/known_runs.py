@@ -11,7 +11,7 @@ from math import inf
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.virtual.convoy import Branch
 from scenarios.studies.many.limit import parsed_limit
-from scenarios.studies.many.risk.splitting import BranchedRun
+from scenarios.studies.many.splitting import BranchedRun
 from scenarios.studies.many.variant import Variant
 from scenarios.studies.many.watched import NearRecord, Watched, watched
 from transport.links.link import keyed_draw, redrawn

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine import engine
+from scenarios.studies.engine import driver
 from scenarios.studies.engine.fleet import fleet_of
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.journal import JOURNAL
@@ -61,7 +61,7 @@ def test_the_tables_are_those_of_this_process(cluster: Any, tmp_path: Path) -> N
 def test_a_worker_process_that_is_killed_costs_time_only(
     case: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.studies.engine.engine.SAY_EVERY_S", 0.0)
+    monkeypatch.setattr("scenarios.studies.engine.engine.REPORT_EVERY_S", 0.0)
     plan = small_plan(seeds=8)
     driven_here(plan, tmp_path / "here")
     kill_after = 1 + 5 * case
@@ -82,7 +82,7 @@ def test_a_worker_with_other_programs_is_refused(
     cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = replace(stamp_of_this_process(), numpy="0.1")
-    monkeypatch.setattr(engine, "stamp_of_this_process", lambda: other)
+    monkeypatch.setattr(driver, "stamp_of_this_process", lambda: other)
     with (
         fleet_of(scheduler=cluster.scheduler_address) as fleet,
         pytest.raises(
@@ -90,7 +90,7 @@ def test_a_worker_with_other_programs_is_refused(
             match=r"^a worker has other programs: numpy is \S+ there and 0.1 here; in",
         ) as error,
     ):
-        list(engine.JobDriver([Job(key="1", work=os.getpid)], fleet).outcomes())
+        list(driver.JobDriver([Job(key="1", work=os.getpid)], fleet).outcomes())
     assert len(error.value.lines) == 1
 
 

@@ -14,15 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.engine import (
-    BATCH_S,
-    DEADLY,
-    MOST_DEATHS,
-    JobDriver,
-    Pace,
-    Progress,
-    study_engine,
-)
+from scenarios.studies.engine.driver import BATCH_S, DEADLY, MOST_DEATHS, JobDriver, Pace
+from scenarios.studies.engine.engine import Progress, study_engine
 from scenarios.studies.engine.fleet import Fleet, ThisProcess, fleet_of
 from scenarios.studies.engine.job import Job, JobAnswer, Work
 from tests.made.many.engines import engine_here
@@ -175,7 +168,7 @@ def test_a_study_goes_on_after_its_driver_was_killed(tmp_path: Path) -> None:
     def study(killed_after: int) -> list[list[float]]:
         results = list[list[float]]()
         with study_engine(
-            partial(fleet_of, 0), print, out=out, files=["result.json"], asked={"--seeds": 5}
+            partial(fleet_of, 0), print, out=out, files=["result.json"], identity={"--seeds": 5}
         ) as engine:
             for job in jobs_of({k: partial(count, k) for k in range(5)}):
                 results += engine.results([job])

@@ -77,11 +77,18 @@ def test_of_two_lines_of_one_run_the_later_counts(tmp_path: Path) -> None:
 def test_another_question_is_refused_with_what_differs(
     asked: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
-    with open_journal(tmp_path, ASKED):
-        pass
+    with open_journal(tmp_path, ASKED) as journal:
+        journal.add("0/1", {})
     before = (tmp_path / JOURNAL).read_bytes()
     assert said in refused(tmp_path, ASKED | asked)
     assert (tmp_path / JOURNAL).read_bytes() == before
+
+
+def test_a_question_without_answers_gives_way_to_another(tmp_path: Path) -> None:
+    for asked in (ASKED, {"--seeds": 9}):
+        with open_journal(tmp_path, asked) as journal:
+            assert not journal.entries
+        assert (tmp_path / JOURNAL).read_bytes().count(b"\n") == 1
 
 
 def test_a_second_writer_is_refused(tmp_path: Path) -> None:
@@ -179,5 +186,5 @@ def test_answers_to_a_lost_question_are_not_overwritten(tmp_path: Path) -> None:
 
 
 def test_the_journal_of_another_version_is_refused(tmp_path: Path) -> None:
-    (tmp_path / JOURNAL).write_text('{"schema":"convoy.journal/0","asked":{}}\n')
+    (tmp_path / JOURNAL).write_text('{"schema":"convoy.journal/0"}\n{"run":"0/1"}\n')
     assert "schema: given convoy.journal/0" in refused(tmp_path, ASKED)

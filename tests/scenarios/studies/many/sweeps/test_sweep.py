@@ -87,7 +87,7 @@ def test_a_run_that_raises_stands_in_its_cell(tmp_path: Path) -> None:
 
 def test_a_run_whose_worker_died_is_tried_again_next_time(whole: Path, tmp_path: Path) -> None:
     (tmp_path / JOURNAL).write_bytes((whole / JOURNAL).read_bytes())
-    with open_journal(tmp_path, small_plan().asked(), print) as journal:
+    with open_journal(tmp_path, small_plan().identity(), print) as journal:
         for key in list(journal.entries)[1:3]:
             journal.add(key, {"error": "died", "given_up": True})
     driven_here(small_plan(), tmp_path)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scenarios.studies.many.limit import parsed_limit
-from scenarios.studies.many.risk.estimated import RiskQuestion, risk_of
-from scenarios.studies.many.risk.splitting import Splitting, gone_on, repeated, split
+from scenarios.studies.many.risk import RiskQuestion, risk_of
+from scenarios.studies.many.splitting import Splitting, gone_on, repeated, split
 from scenarios.studies.many.statistics import Mean, mean_of
 from scenarios.studies.many.watched import watched
 from tests.made.many.engines import engine_here

@@ -7,7 +7,7 @@ from statistics import fmean, stdev
 import numpy as np
 import pytest
 
-from scenarios.studies.many.risk.splitting import split
+from scenarios.studies.many.splitting import split
 
 
 @dataclass(frozen=True)

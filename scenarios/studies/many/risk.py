@@ -11,9 +11,9 @@ from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.limit import Limit
-from scenarios.studies.many.risk.splitting import RiskEstimate, Splitting, repeated
+from scenarios.studies.many.splitting import RiskEstimate, Splitting, repeated
 from scenarios.studies.many.statistics import clopper_pearson, mean_of
-from scenarios.studies.many.variant import Variant, asked_of_runs
+from scenarios.studies.many.variant import Variant, identity_of
 from scenarios.studies.many.watched import Measure
 
 Method = Literal["counting", "splitting", "auto"]
@@ -44,9 +44,9 @@ class RiskQuestion:
     most_runs: int = 2000
     paths: int = 50
 
-    def asked(self) -> dict[str, Any]:
+    def identity(self) -> dict[str, Any]:
         """All that the answer depends on, by the words of the command line."""
-        return asked_of_runs(
+        return identity_of(
             self.variant,
             limit=str(self.limit),
             method=self.method,
@@ -92,7 +92,7 @@ def risk_of(question: RiskQuestion, engine: Engine) -> Risk:
         return found
     if len(found.broken) >= FEW:
         return _count(question, most, engine, found)
-    engine.say(f"{len(found.broken)} of {begun} runs broke the limit: splitting from here on")
+    engine.report(f"{len(found.broken)} of {begun} runs broke the limit: splitting from here on")
     return _split(question, begun, engine)
 
 
@@ -114,7 +114,7 @@ def _count(question: RiskQuestion, most: int, engine: Engine, before: Risk | Non
         broken += [one.seed for one, is_broken in zip(variants, broke, strict=True) if is_broken]
         done = until
         risk = _by_counting(broken, done)
-        engine.say(f"{len(broken)} of {done} runs broke the limit")
+        engine.report(f"{len(broken)} of {done} runs broke the limit")
         if done == most or risk.relative_half_width <= question.to:
             return risk
 
@@ -158,7 +158,7 @@ def _split(question: RiskQuestion, begun: int, engine: Engine) -> Risk:
         ]
         found += [RiskEstimate(**fields) for fields in engine.results(jobs)]
         risk = _by_splitting(found, begun)
-        engine.say(f"{len(found)} repetitions, {risk.runs} runs: {risk.probability:.3g}")
+        engine.report(f"{len(found)} repetitions, {risk.runs} runs: {risk.probability:.3g}")
         used = risk.runs - begun
         if risk.relative_half_width <= question.to or used * (1 + ROUND / len(found)) > most:
             return risk

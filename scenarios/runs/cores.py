@@ -1,8 +1,0 @@
-"""Cores of this machine."""
-
-import os
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0))
