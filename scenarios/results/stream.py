@@ -13,7 +13,13 @@ from scenarios.definition.schema.tables import EventsTable
 from scenarios.results.events.bodies import BodySize, body_of
 from scenarios.results.events.encounters import Encounters, Episode, EventKind, TrueGap
 from scenarios.results.events.lane import LaneWatch, TakeExcess
-from scenarios.results.events.watches import PathWatch, SlideWatch, StopWatch, TrustWatch
+from scenarios.results.events.watches import (
+    PathWatch,
+    SlideWatch,
+    StopWatch,
+    TrackingWatch,
+    TrustWatch,
+)
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.messages import Message, RunStart, Tracking, TruePose
@@ -46,10 +52,12 @@ class FigureStream:
         self._path = CrossTrackError(self._lead, road_yaw)
         self._lane: LaneWatch | None = None
         self._encounters: Encounters | None = None
-        self._paths_lost = PathWatch(self._rules.path_lost_s)
         self._slides = SlideWatch()
-        self._stops = StopWatch()
-        self._distrusts = TrustWatch(list(sizes))
+        self._watches: tuple[TrackingWatch, ...] = (
+            PathWatch(self._rules.path_lost_s),
+            StopWatch(),
+            TrustWatch(list(sizes)),
+        )
         self._on_error: list[TakeError] = []
         self._on_gap: list[TakeGap] = []
         self._on_excess: list[TakeExcess] = []
@@ -127,36 +135,34 @@ class FigureStream:
         if self._first_at is None or at < self._first_at:
             self._first_at = at
         self._places[name] = (pose.east_m, pose.north_m)
-        feet = self._feet(pose)
         lane, encounters = self._lane, self._encounters
-        if pose.friction_ratio >= SLIDING_SHARE or lane is not None or encounters is not None:
-            self._find_events(pose, feet)
+        feet: list[CrossTrack] = []
+        if self._on_error or (lane is not None and name == self._lead):
+            feet = self._path.add(pose)
+            if feet:
+                self._pass_errors(feet)
+        body = body_of(pose, self._sizes[name])
+        if encounters is not None and (met := encounters.add(pose, body)):
+            self._pass_on(met)
+        if pose.friction_ratio >= SLIDING_SHARE:
+            self._pass_on(self._slides.add(pose))
+        if lane is not None and (departed := lane.add(pose, body, feet)):
+            self._pass_on(departed)
         if self._on_gap:
-            for gap in self._gaps_of[name]:
-                if gap.now_at_ns == at:
-                    for take in self._on_gap:
-                        take(gap)
+            self._pass_gaps(name, at)
 
-    def _feet(self, pose: TruePose) -> list[CrossTrack]:
-        """Foot points that are known by a pose; the true errors among them are passed on."""
-        if pose.vehicle == self._lead:
-            feet = self._path.add(pose) if self._on_error or self._lane is not None else []
-        else:
-            feet = self._path.add(pose) if self._on_error else []
+    def _pass_errors(self, feet: Iterable[CrossTrack]) -> None:
+        """Pass on the true errors among foot points, some of which are those of corners."""
         for foot in feet:
             if foot.vehicle in self._sizes:
                 for take in self._on_error:
                     take(foot)
-        return feet
 
-    def _find_events(self, pose: TruePose, feet: Sequence[CrossTrack]) -> None:
-        body = body_of(pose, self._sizes[pose.vehicle])
-        if self._encounters is not None:
-            self._pass_on(self._encounters.add(pose, body))
-        if pose.friction_ratio >= SLIDING_SHARE:
-            self._pass_on(self._slides.add(pose))
-        if self._lane is not None:
-            self._pass_on(self._lane.add(pose, body, feet))
+    def _pass_gaps(self, name: str, at: int) -> None:
+        for gap in self._gaps_of[name]:
+            if gap.now_at_ns == at:
+                for take in self._on_gap:
+                    take(gap)
 
     def _pass_on(self, episodes: Iterable[Episode]) -> None:
         for episode in episodes:
@@ -168,9 +174,9 @@ class FigureStream:
         if tracking.vehicle == self._lead:
             return
         place = self._places.get(tracking.vehicle, (0.0, 0.0))
-        self._pass_on(self._paths_lost.add(tracking, place))
-        self._pass_on(self._stops.add(tracking, place))
-        self._pass_on(self._distrusts.add(tracking, place))
+        for watch in self._watches:
+            if found := watch.add(tracking, place):
+                self._pass_on(found)
 
     def finish(self) -> None:
         """Pass on the events that had not ended when the run did."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from math import isfinite
+from typing import Protocol
 
 from scenarios.results.events.encounters import Episode
 from vehicles.messages import Tracking, TruePose
@@ -14,6 +15,14 @@ LOST_MODES = frozenset({"coast", "stop", "straight"})
 UNRECORDED_NS = SECOND // 2
 """Between two tracking messages so far apart nobody knows what a vehicle steered along; the
 slowest control runs at 5 Hz."""
+
+
+class TrackingWatch(Protocol):
+    """Finds events of followers in what they steer along."""
+
+    def add(self, tracking: Tracking, place: tuple[float, float] = ...) -> Iterable[Episode]:
+        """Take the tracking of one instant at a place (m); yields each event as it begins."""
+        ...
 
 
 class PathWatch:
