@@ -14,9 +14,9 @@ from scenarios.results.channel.account import LinkSummary
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent, road_known
 from scenarios.results.holes import hole_lines
-from scenarios.results.reaction import NO_REACTION
 from scenarios.results.summary import RunSummary
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.vehicles.figures import VehicleSummary
+from scenarios.results.vehicles.reaction import NO_REACTION
 
 MOST_EVENTS = 40
 MOST_HOLES = 10

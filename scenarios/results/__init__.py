@@ -2,9 +2,7 @@
 
 stream            values derived from the messages once, for all who need them
 metrics           figures gathered message by message
-vehicle_figures   figures of one vehicle, as they are gathered and as the summary lists them
-reaction          what one follower did when messages failed
-accumulators      running extremes and means of signals
+vehicles/         figures of single vehicles
 channel/          what links did, against what was requested
 degradation/      what followers had to do by an instant
 events/           all that must not pass unseen: collisions, lane departures, paths lost, stops
@@ -14,7 +12,6 @@ limits            which limits of the scenario were broken
 files             names of the files of a run
 versions          versions of the packages that ran it
 summary           the typed summary, its JSON, and the documentation of its fields
-field_docs        docstrings of fields
 summing_up        figures put together as a summary, and its file
 log_summary       summary and scenario from a log alone
 drives            what each vehicle drove, as arrays

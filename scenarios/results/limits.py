@@ -8,7 +8,7 @@ from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import LimitFigure
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.vehicles.figures import VehicleSummary
 from vehicles.messages import Message, TruePose
 
 COUNTED: dict[str, EventKind] = {

@@ -19,7 +19,7 @@ from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.run_event import EventLog
 from scenarios.results.holes import RecordHole, expected_poses, holes_of
 from scenarios.results.stream import FigureStream
-from scenarios.results.vehicle_figures import VehicleFigures, VehicleSummary
+from scenarios.results.vehicles.figures import VehicleFigures, VehicleSummary
 from transport.topics import TOPIC_OF
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range

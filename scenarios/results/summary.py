@@ -4,10 +4,14 @@
 the fields document them, see `documented_fields`.
 """
 
+import ast
 import json
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
+from inspect import getsource
+from itertools import pairwise
 from math import isfinite, nan
+from textwrap import dedent
 from types import NoneType
 from typing import Any, Literal, get_args
 
@@ -16,10 +20,9 @@ from pydantic import TypeAdapter, ValidationError
 from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.events.run_event import RunEvent
-from scenarios.results.field_docs import field_docs
 from scenarios.results.holes import RecordHole
-from scenarios.results.reaction import ReactionSummary
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.vehicles.figures import VehicleSummary
+from scenarios.results.vehicles.reaction import ReactionSummary
 from scenarios.results.versions import installed_versions
 
 SCHEMA = "convoy.summary/1"
@@ -164,6 +167,22 @@ def documented_fields() -> dict[str, dict[str, str]]:
     version = identity.pop("versions")
     of_run = identity | dict.fromkeys(installed_versions(), version) | field_docs(RunSummary)
     return {"summary.json": of_run} | {key: field_docs(kind) for key, kind in ENTRIES.items()}
+
+
+def field_docs(kind: type) -> dict[str, str]:
+    """Map the fields of a dataclass to their docstrings, each in one line.
+
+    Fields without a docstring are left out. `kind` must not be compiled.
+    """
+    (definition,) = ast.parse(dedent(getsource(kind))).body
+    if not isinstance(definition, ast.ClassDef):
+        raise TypeError(f"{kind!r} is no class")
+    docs = {}
+    for statement, following in pairwise(definition.body):
+        match statement, following:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(text))):
+                docs[name] = " ".join(text.split())
+    return docs
 
 
 _FIGURES = TypeAdapter(RunSummary)

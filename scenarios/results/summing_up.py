@@ -9,7 +9,7 @@ from scenarios.results.files import SUMMARY_NAME
 from scenarios.results.limits import limit_figures, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, to_json
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.vehicles.figures import VehicleSummary
 from transport.log.records import LogError
 from vehicles.schedule import SECOND, nanoseconds
 

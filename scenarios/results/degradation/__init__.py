@@ -1,5 +1,4 @@
-"""What followers did about messages that did not come, or that could not be true.
+"""What followers had to do by an instant.
 
-deadlines  what they had to have done by an instant
-reaction   modes, recoveries, stops and metres driven blind of one follower
+deadlines  limits of modes, sources and recoveries, watched message by message
 """

@@ -14,7 +14,7 @@ from scenarios.definition.schema.limits import (
     RecoveryLimit,
     SourceLimit,
 )
-from scenarios.results.reaction import is_degraded
+from scenarios.results.vehicles.reaction import is_degraded
 from vehicles.messages import Tracking
 from vehicles.schedule import SECOND, nanoseconds
 

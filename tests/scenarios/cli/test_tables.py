@@ -12,8 +12,8 @@ from scenarios.results.channel.alarms import AlarmSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
-from scenarios.results.reaction import ReactionSummary
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary
+from scenarios.results.vehicles.reaction import ReactionSummary
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 
 EVENTS = (

@@ -16,7 +16,7 @@ from scenarios.results.holes import (
 )
 from scenarios.results.metrics import Metrics
 from scenarios.results.summing_up import silent_links
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.vehicles.figures import VehicleSummary
 from tests.made.scenarios.messages import START, at, gps, health, start, truth
 from transport.message_numbers import MessageNumbers
 from vehicles.messages import GpsPose, Message

@@ -9,9 +9,9 @@ from scenarios.results.degradation.deadlines import DeadlineFigure
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.limits import broken_limits, collision_ends_run, limit_figures, why_failed
 from scenarios.results.metrics import Metrics
-from scenarios.results.reaction import ReactionSummary
 from scenarios.results.summary import LimitFigure
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.vehicles.figures import VehicleSummary
+from scenarios.results.vehicles.reaction import ReactionSummary
 from tests.made.scenarios.messages import start, truth
 
 EVENTS = (

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.accumulators import Extremes
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.metrics import Metrics
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.vehicles.accumulators import Extremes
+from scenarios.results.vehicles.figures import VehicleSummary
 from tests.made.scenarios.messages import gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Change, Message, TruePose
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.results.reaction import (
+from scenarios.results.vehicles.reaction import (
     MOST_BEHIND,
     NO_REACTION,
     Reaction,

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Literal
 
-from scenarios.results.accumulators import Extremes, SelfEstimateErrors, TyreFigures
 from scenarios.results.events.encounters import TrueGap
 from scenarios.results.holes import EdgeInstants, RecordHole
-from scenarios.results.reaction import NO_REACTION, Reaction, ReactionSummary
+from scenarios.results.vehicles.accumulators import Extremes, SelfEstimateErrors, TyreFigures
+from scenarios.results.vehicles.reaction import NO_REACTION, Reaction, ReactionSummary
 from transport.message_numbers import MOST_RANGES, MessageNumbers
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import GpsPose, Health, Tracking, TruePose
