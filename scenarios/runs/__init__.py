@@ -9,6 +9,5 @@ recorder     every message into log, figures and picture
 watchers     who watches a run, and waits while the log has to catch up
 run_folder   the folder of a run, taken by one at a time
 run_log      the two files of a run
-log_file     how its log begins
 stop         why and how a process has to stop; exit codes
 """

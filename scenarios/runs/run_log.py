@@ -13,12 +13,14 @@ from scenarios.results.holes import hole_lines
 from scenarios.results.limits import LimitWatch, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import write_foxglove_layout
+from scenarios.results.stream import sizes_of
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
 from scenarios.results.summing_up import METADATA_NAME, silent_links, summarise, write_summary
-from scenarios.runs.log_file import log_writer
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
 from transport.log.records import LogError
+from transport.log.scene import Scene
+from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import nanoseconds
 
@@ -26,6 +28,13 @@ MOST_HOLE_LINES = 20
 """Holes with a line of their own in the log; the summary has them all."""
 MOST_LINK_LINES = 100
 """Links with a line of their own, likewise."""
+
+
+def scene_of(scenario: Scenario) -> Scene:
+    """Cars, lead's path and lane of `scenario`, as its log describes them."""
+    path = scenario.route.path
+    lane = scenario.tables.events.lane_width_m
+    return Scene(sizes_of(scenario), (path.east.tolist(), path.north.tolist()), lane)
 
 
 class RunLog:
@@ -51,7 +60,10 @@ class RunLog:
         self._folder = folder
         self._replayed = replayed
         self._identity = RunIdentity.here(scenario, clock, run_id)
-        self._writer = log_writer(scenario, folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        self._writer = LogWriter(
+            folder / LOG_NAME, scene=scene_of(scenario), rates_hz=scenario.tables.log.rates_hz
+        )
         write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())

@@ -32,9 +32,7 @@ LOOK_EVERY_S = 1.0
 CONNECT_S = 10.0
 PAUSES_S = (0.0, 0.05, 0.5)
 """Before each further attempt to start a worker: the process it is forked from may not be up."""
-IMPORTED = tuple(
-    f"scenarios.runs.{name}" for name in ("log_file", "virtual.logged", "virtual.unlogged")
-)
+IMPORTED = tuple(f"scenarios.runs.virtual.{name}" for name in ("logged", "unlogged"))
 """What workers run is imported once for all of them."""
 
 

@@ -12,7 +12,7 @@ from scenarios.results.pictures.layouts import (
     rerun_layout,
     write_foxglove_layout,
 )
-from scenarios.runs.log_file import scene_of
+from scenarios.runs.run_log import scene_of
 
 SCENARIO = load_scenario("lane_change")
 
