@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import NamedTuple, cast
+from typing import Final, NamedTuple, cast
 
 from transport.codec import RefusedMessageError, decode, encode
 from transport.links.gate import GPS, HORIZON_NS, PoseGate
@@ -26,9 +26,10 @@ from transport.links.laws.false_content import (
 from transport.links.link import Link, Verdict, combine
 from vehicles.messages import GpsPose
 
-COPY, GHOST = 1, 2
+COPY: Final = 1
+GHOST: Final = 2
 """What comes of a message besides itself: its copy, and from this number on its ghosts."""
-FRAMES_SINCE = 2**60
+FRAMES_SINCE: Final = 2**60
 """Instant (ns, the year 2006) of the run's start in frames whose bits are flipped: so that what a
 flipped bit makes of an instant does not depend on the day, nor does the length of the frame."""
 _sent_at = attrgetter("sent_at_ns")

@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from functools import lru_cache
 from operator import attrgetter
-from typing import cast
+from typing import Final, cast
 
 from transport.codec import RefusedMessageError, decode
 from transport.reasons import REASONS
@@ -18,20 +18,20 @@ from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
 GPS = TOPICS["gps"]
-LONGEST_POSE_BYTES = 512
+LONGEST_POSE_BYTES: Final = 512
 """A pose with a name of 400 letters still fits."""
-READ_LAST = 64
+READ_LAST: Final = 64
 """So many poses are not read again: in virtual time all receivers of one are in one process."""
-HORIZON_NS = 60 * SECOND
+HORIZON_NS: Final = 60 * SECOND
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
 a vehicle whose process was suspended receives, when it resumes, what was sent meanwhile."""
 
 MISDATED = ("past", "future")
 """Reasons that blame the clock of the sender or of the receiver, when there are many."""
-MANY = 100
+MANY: Final = 100
 """So many are said; then ten times as many, and so on."""
 
-_ROUNDING = 0.001
+_ROUNDING: Final = 0.001
 """Periods; instants are rounded to nanoseconds."""
 _LIMITS = {
     "latitude_deg": (-90.0, 90.0),

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from threading import Lock
+from typing import Final
 
 from transport.codec import RefusedMessageError, decode
 from transport.links.arrival import COPY, ContentStage
@@ -18,9 +19,9 @@ from transport.reasons import counts_as_late
 from transport.topics import key
 from vehicles.messages import GpsPose, LinkVerdict
 
-QUEUE = 4096
+QUEUE: Final = 4096
 """Messages that wait at most for a tick to take them; the oldest go first."""
-WINDOW = 8192
+WINDOW: Final = 8192
 """Numbers this far behind a sender's newest are refused, so that memory is bounded."""
 
 

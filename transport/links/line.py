@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from heapq import heappop, heappush
+from typing import Final
 
 from transport.links.laws.effect import Passage
 from transport.links.laws.stage import Carried
@@ -61,4 +62,4 @@ def judge_stream(link: Link, stream: Iterable[Passage]) -> list[Verdict]:
     return [verdict for _, verdict in sorted(settled, key=lambda one: one[0].seq)]
 
 
-_EVER = 2**63 - 1
+_EVER: Final = 2**63 - 1

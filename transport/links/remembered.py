@@ -2,12 +2,13 @@
 
 from array import array
 from bisect import bisect_right
+from typing import Final
 
 from transport.links.laws.effect import Whereabouts
 
-PLACES = 4096
+PLACES: Final = 4096
 """Ticks of which the receiver remembers where it was, for messages that came late: a minute."""
-FORGOTTEN = PLACES // 8
+FORGOTTEN: Final = PLACES // 8
 """Number of them that are forgotten at once."""
 
 

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 from vehicles.messages import GpsPose
 
-MILLION = 1_000_000
+MILLION: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)

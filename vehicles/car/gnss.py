@@ -8,6 +8,7 @@ compass course.
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Final
 
 from numpy.random import Generator
 
@@ -19,7 +20,7 @@ from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, 
 from vehicles.messages import NOTHING_TOLD, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 
-BLOCK = 64
+BLOCK: Final = 64
 """Measurements whose noise is drawn at once; the numbers are the same whatever the block."""
 
 

@@ -6,13 +6,14 @@ car: it is not broadcast.
 
 import math
 from dataclasses import dataclass, fields
+from typing import Final
 
 from numpy.random import PCG64, Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.schedule import Cadence
 
-BLOCK = 64
+BLOCK: Final = 64
 """Readings whose noise is drawn at once; the numbers are the same whatever the block."""
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import accumulate
 from math import degrees, hypot
-from typing import Protocol
+from typing import Final, Protocol
 
 from numpy.random import Generator
 
@@ -21,17 +21,20 @@ from vehicles.car.gnss import Fix
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, nanoseconds
 
-LONG_AGO = -(2**62)
+LONG_AGO: Final = -(2**62)
 """An instant (ns) before every run."""
-ROUNDING = 1000
+ROUNDING: Final = 1000
 """Instants are rounded to 1 ns: a span may be shorter than asked for by so much (ns)."""
 
-HEADING, POSITION, SPEED = 4.0, 4.0, 0.5
+HEADING: Final = 4.0
+POSITION: Final = 4.0
+SPEED: Final = 0.5
 """A change of more than so many degrees, metres, or m/s since the last message asks for another
 (EN 302 637-2)."""
-SHORTEST, LONGEST = 100 * MILLISECOND, 1000 * MILLISECOND
+SHORTEST: Final = 100 * MILLISECOND
+LONGEST: Final = 1000 * MILLISECOND
 """Least and greatest interval (ns) of cooperative awareness messages (EN 302 637-2)."""
-REPEATS = 3
+REPEATS: Final = 3
 """So many messages keep the interval after which the last change asked for one (EN 302 637-2)."""
 
 BUSY = (0.0, 0.30, 0.40, 0.50, 0.60)
@@ -39,7 +42,7 @@ BUSY = (0.0, 0.30, 0.40, 0.50, 0.60)
 QUIET = tuple(span * MILLISECOND for span in (100, 200, 400, 500, 1000))
 """Least time (ns) between two messages in each of them (TS 102 687)."""
 
-FARTHEST = 3.0
+FARTHEST: Final = 3.0
 """Jitter of drawn intervals is normal, cut at so many standard deviations."""
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from math import nan
+from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, from_message
@@ -30,10 +31,10 @@ from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit, FitSettings, Fusion, fuse
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
-REFIT_AFTER = 50 * MILLISECOND
+REFIT_AFTER: Final = 50 * MILLISECOND
 """Without new poses the trajectory is fitted again this often (ns), so that a source that stopped
 sending is noticed."""
-JUST_BEGUN = 3
+JUST_BEGUN: Final = 3
 """So many samples heard at most, behind a straight bridge from the own place, make no bend: that
 they leave its line may be noise of the one that the bridge ends at."""
 

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 from math import cos, hypot, inf, sin
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
 
-ROUNDING_M = 1e-6
+ROUNDING_M: Final = 1e-6
 """Far more than rounding changes a distance, far less than anyone asks about."""
 
 
@@ -41,6 +41,26 @@ class CarBody:
     half_width: float
     speed_east: float
     speed_north: float
+
+    def __init__(  # noqa: PLR0917 - its fields
+        self,
+        east: float,
+        north: float,
+        along_east: float,
+        along_north: float,
+        half_length: float,
+        half_width: float,
+        speed_east: float,
+        speed_north: float,
+    ) -> None:
+        self.east = east
+        self.north = north
+        self.along_east = along_east
+        self.along_north = along_north
+        self.half_length = half_length
+        self.half_width = half_width
+        self.speed_east = speed_east
+        self.speed_north = speed_north
 
     @property
     def reach(self) -> float:

@@ -7,7 +7,7 @@ The states are those of the quality field of an NMEA 0183 GGA sentence: 4 fixed,
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Final, Literal, Protocol
 
 from numpy.random import Generator
 
@@ -17,7 +17,7 @@ from vehicles.setting import Problem, Setting, must_exceed
 
 ReceiverState = Literal["fixed", "float", "single", "none"]
 """With "none" a receiver gives no fix."""
-EVER = 2**63 - 1
+EVER: Final = 2**63 - 1
 """An instant (ns) after every run: runs may begin up to the year 2200."""
 
 

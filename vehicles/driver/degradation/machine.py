@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from math import isnan
-from typing import Protocol
+from typing import Final, Protocol
 
 from vehicles.driver.degradation.pair import SourcePair
 from vehicles.driver.degradation.settings import DegradationSettings
@@ -14,9 +14,9 @@ from vehicles.schedule import SECOND
 
 SLOWING: tuple[Mode, ...] = ("coast", "stop")
 """In these modes nobody tells the road ahead, and a follower that degrades slows down."""
-FALLEN_BACK = 5.0
+FALLEN_BACK: Final = 5.0
 """Who fell back because all it heard was of road behind it follows again with so much (m) ahead."""
-NOTHING_HEARD = "nothing heard yet"
+NOTHING_HEARD: Final = "nothing heard yet"
 
 
 class Modes(Protocol):

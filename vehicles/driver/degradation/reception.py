@@ -5,13 +5,13 @@ SI units; instants in ns.
 
 from collections import deque
 from math import nan
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from vehicles.schedule import SECOND
 
-RECENT = SECOND
+RECENT: Final = SECOND
 """What came within this time (ns) is counted, and tells the period."""
-USUAL_TIME = 10.0
+USUAL_TIME: Final = 10.0
 """Time (s) over which the usual share is a mean, once so much has been seen."""
 
 

@@ -2,15 +2,16 @@
 
 from dataclasses import dataclass, replace
 from math import sqrt
+from typing import Final
 
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.schedule import SECOND
 
-LATERAL = 2.0
+LATERAL: Final = 2.0
 """Lateral acceleration (m/s²) that the way back may take."""
-SHORTEST = 10.0
+SHORTEST: Final = 10.0
 """Shortest way back (m)."""
-SLOWEST = 8.0
+SLOWEST: Final = 8.0
 """A car that is slower (m/s) will soon be as fast as this again."""
 
 

@@ -1,6 +1,7 @@
 """Thresholds of degradation, and the ways of braking; SI units."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Literal
 
 from vehicles.setting import Setting
@@ -30,6 +31,12 @@ class Braking:
 
     deceleration: float
     jerk: float
+
+
+@lru_cache(maxsize=64)
+def _braking(deceleration: float, jerk: float) -> Braking:
+    """Construct each once: a guard reads them several times per tick."""
+    return Braking(deceleration, jerk)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,15 +119,15 @@ class DegradationSettings:
 
     @property
     def comfortable(self) -> Braking:
-        return Braking(self.comfortable_deceleration, self.comfortable_jerk)
+        return _braking(self.comfortable_deceleration, self.comfortable_jerk)
 
     @property
     def firm(self) -> Braking:
-        return Braking(self.firm_deceleration, self.firm_jerk)
+        return _braking(self.firm_deceleration, self.firm_jerk)
 
     @property
     def hardest(self) -> Braking:
-        return Braking(self.hardest_deceleration, self.hardest_jerk)
+        return _braking(self.hardest_deceleration, self.hardest_jerk)
 
     def lost_after_silence(self, period: float) -> float:
         """Silence (s) after which a source of such a `period` (s) is lost."""

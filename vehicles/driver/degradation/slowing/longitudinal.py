@@ -84,6 +84,11 @@ class _Sample:
     speed: float
     age: float
 
+    def __init__(self, gap: float, speed: float, age: float) -> None:
+        self.gap = gap
+        self.speed = speed
+        self.age = age
+
 
 @dataclass(slots=True)
 class _Instant:
@@ -96,6 +101,24 @@ class _Instant:
     situation: Situation
     asked: SpeedCommand
     hardest: Braking
+
+    def __init__(  # noqa: PLR0917 - its fields
+        self,
+        now: int,
+        span: float,
+        pose: Pose,
+        ahead: VehiclesAhead,
+        situation: Situation,
+        asked: SpeedCommand,
+        hardest: Braking,
+    ) -> None:
+        self.now = now
+        self.span = span
+        self.pose = pose
+        self.ahead = ahead
+        self.situation = situation
+        self.asked = asked
+        self.hardest = hardest
 
 
 class SpeedGuard:

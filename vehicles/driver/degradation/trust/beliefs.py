@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.trust.gate import Belief, Distrust, InnovationGate
 from vehicles.schedule import SECOND
 
-QUIET = SECOND
+QUIET: Final = SECOND
 """So long (ns) after the last refused pose a source is said to be believed again."""
 
 

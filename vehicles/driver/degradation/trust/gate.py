@@ -9,7 +9,7 @@ the time, or one that comes to a new place and stays.
 from collections import Counter, deque
 from itertools import pairwise
 from math import hypot, isfinite, sqrt
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from vehicles.car.gnss import Fix
 from vehicles.car.positioning.noise import GnssNoise
@@ -36,33 +36,33 @@ ghost           two tracks under one name; this pose is not of the one that is b
 over-confident  believed, but its places scatter more than it says
 """
 
-WINDOW = 32
+WINDOW: Final = 32
 """So many poses tell whether a source is over-confident."""
-MOST_SQUARE = 15.0
+MOST_SQUARE: Final = 15.0
 """A squared innovation counts so much at most, so that two or three jumps are not taken for it."""
-TELLING = 95.0
+TELLING: Final = 95.0
 """Sum of the window beyond which it is. An honest one's is 36.3 with a deviation of 7.8, nearly
 chi-squared (of 43 degrees of freedom after scaling), which is beyond 90 as rarely as a normal
 number beyond 5 deviations (Wilson and Hilferty, 1931)."""
-QUIETING = 60.0
+QUIETING: Final = 60.0
 """Below it is not over-confident any more: 3 deviations."""
-HONEST_THIRD = 0.41
+HONEST_THIRD: Final = 0.41
 """A third of an honest source's squared innovations, the smaller one of those against the two poses
 before, lie below. So do a third of two tracks', if one is honest."""
-LEAST_INFLATION = 1.5
+LEAST_INFLATION: Final = 1.5
 """With less no source is over-confident; a ghost's poses may be as far off as they like."""
-MOST_INFLATION = 30.0
+MOST_INFLATION: Final = 30.0
 """Beyond this it is not noise any more: one solver stated a twentieth of its true deviation."""
-HEADINGS = 3
+HEADINGS: Final = 3
 """So many headings in a row beyond their gate, against each of the two level ones before: by chance
 once in 2e7 poses, where the car's own turning does not make it rarer still."""
-RESTART_POSES = 3
+RESTART_POSES: Final = 3
 """A new place is believed after so many poses at least, as by the trace that they are added to."""
-LATELY = 12
+LATELY: Final = 12
 """Of so many poses heard last ..."""
-RETURNS = 2
+RETURNS: Final = 2
 """... the first of the believed ones after a refused one come so often: they are a ghost's."""
-FORGOTTEN = 3 * SECOND
+FORGOTTEN: Final = 3 * SECOND
 """Poses that were refused longer ago than this (ns) say nothing of a new one."""
 
 

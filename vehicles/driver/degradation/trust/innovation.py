@@ -9,27 +9,27 @@ an acceleration of at most A no car is further from there than A T² / 4.
 
 from functools import lru_cache
 from math import cos, remainder, sin, sqrt, tau
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from vehicles.car.gnss import Fix
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.schedule import SECOND
 
-BRAKING = 8.0
+BRAKING: Final = 8.0
 """Acceleration along the road (m/s²) beyond which no car drives or brakes."""
-CORNERING = 9.0
+CORNERING: Final = 9.0
 """Acceleration across the road (m/s²) beyond which none corners: what dry tyres carry."""
-TURNING_UP = 8.0
+TURNING_UP: Final = 8.0
 """Yaw acceleration (rad/s²) of a car whose one axle alone uses all its friction, rounded up."""
-SLIP_ARM = 1.5
+SLIP_ARM: Final = 1.5
 """Lateral speed over yaw rate (m) at walking pace: from the rear axle to the antenna."""
-SLIP_ARM_GROWTH = 0.002
+SLIP_ARM_GROWTH: Final = 0.002
 """What tyres that slip add to it (s²/m), times the squared speed: the steady-state model's."""
-BASE = SECOND
+BASE: Final = SECOND
 """Over so long (ns) the way told is held against the speeds told."""
-LEAST_DEVIATION = 0.01
+LEAST_DEVIATION: Final = 0.01
 """No receiver of a car is taken to know its place better (m)."""
-MOST_DEVIATION = 5.0
+MOST_DEVIATION: Final = 5.0
 """None is taken to know it worse (m): else a pose that says so would pass whatever it tells."""
 
 
