@@ -18,7 +18,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.refusal import models_of
 from scenarios.definition.schema.links import LinkTable
-from scenarios.studies.channel.costs import drives
+from scenarios.studies.channel import cost_drives
 from scenarios.studies.cuts import campaign
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.keys import BASE
@@ -118,10 +118,10 @@ def shorter(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(campaign, "CUT_AT_S", (3.0, 5.0))
     monkeypatch.setattr(campaign, "LONG_S", 4.0)
     few = replace(
-        drives.QUICK, gaps_m=(8.0,), loss_ratios=(0.0, 0.6), bursts_messages=(1.25,),
+        cost_drives.QUICK, gaps_m=(8.0,), loss_ratios=(0.0, 0.6), bursts_messages=(1.25,),
         map_seeds=1, burst_seeds=1,
     )  # fmt: skip
-    monkeypatch.setattr(drives, "QUICK", few)
+    monkeypatch.setattr(cost_drives, "QUICK", few)
 
 
 def is_for_a_process(arguments: Sequence[str], before: Sequence[str]) -> bool:

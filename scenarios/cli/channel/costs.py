@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from scenarios.studies.channel.costs.drives import Cost
+    from scenarios.studies.channel.cost_drives import Cost
 
 
 @click.command(
@@ -37,8 +37,8 @@ def figure(*, quick: bool, out: Path) -> None:
         require("channel figure", "studies", "matplotlib", "scipy")
     from rich.console import Console
 
-    from scenarios.studies.channel.costs.drives import QUICK, Plan, lane_margin_m
-    from scenarios.studies.channel.costs.figure import PICTURE, TWIN, channel_figure
+    from scenarios.studies.channel.cost_drives import QUICK, Plan, lane_margin_m
+    from scenarios.studies.channel.cost_report import PICTURE, TWIN, channel_figure
 
     with clear_errors():
         costs = channel_figure(QUICK if quick else Plan(), out, click.echo)

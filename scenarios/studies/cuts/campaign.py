@@ -1,4 +1,4 @@
-"""Many cuts, the same ones with each reaction, and what to say of them."""
+"""Many cuts, the same ones with each reaction, and their figures."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass

@@ -1,4 +1,4 @@
-"""One cut of all messages in a double lane change, and what is to be known of it."""
+"""One cut of all messages in a double lane change, and the figures of its followers."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -21,7 +21,7 @@ LATERAL_ACCELERATION = 1.8
 AFTERWARDS_S = 20.0
 """A run goes on for so long after the messages are back."""
 SETTLED_S = 5.0
-"""At the convoy's speed, the way that a follower has to come to the path that it hears of."""
+"""Time at the convoy's speed that a follower has to reach the path that it receives again."""
 STANDING = 0.05
 """A car that is slower than this (m/s) stands."""
 UNDER_WAY = 0.5

@@ -21,7 +21,7 @@ UNMEASURED = "was not measured: nobody had such a figure, or the run ended befor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillRun:
-    """What came of a drill with one seed; `other_reason` is why it failed besides its limits.
+    """The result of a drill with one seed; `other_reason` is why it failed besides its limits.
 
     `drill` is how the user called it, `command` repeats the run; it took `took_s`.
     """
@@ -119,7 +119,7 @@ def _fields(variant: Variant) -> dict[str, Any]:
 
 
 def drill_run(variant: Variant, summary: RunSummary, took_s: float) -> DrillRun:
-    """What the summary of a run says of its limits."""
+    """The result of a run from its summary."""
     return DrillRun(
         drill=variant.name,
         seed=variant.seed,

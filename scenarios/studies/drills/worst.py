@@ -17,7 +17,7 @@ from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.variant import Variant
 
 PEAKS = 3
-"""So many of the worst instants are looked at closer, for the highest peak may be narrow."""
+"""The worst instants that are searched more closely: the highest peak may be narrow."""
 EARLIEST_S = 1.0
 """By default no burst is earlier: a convoy has formed by then."""
 FINEST_S = 0.001
@@ -144,7 +144,7 @@ class WorstSearch:
     `word` names the figure, "error_m" (the largest true error) or "gap_m" (the smallest true gap).
     An instant is as bad as its mean over `seeds` runs, from the seed of `base` on: with one seed
     alone an instant may be the worst for what the noise is there. All instants share the seeds.
-    `base` has so many `changes` of its own.
+    `changes` is the number of changes that `base` has itself.
     """
 
     base: Variant

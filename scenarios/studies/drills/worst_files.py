@@ -15,7 +15,7 @@ from scenarios.studies.engine.results import refuse_existing, write_file
 
 SCHEMA = "convoy.worst/1"
 MARGIN = 1.5
-"""The limit written is so many times as wide as the figure found."""
+"""The limit written is this many times as wide as the figure found."""
 LIMITS = {"error_m": "cross_track_error_m_max", "gap_m": "true_gap_m_min"}
 
 

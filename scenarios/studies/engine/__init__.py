@@ -2,7 +2,7 @@
 
 job      one piece of work, and a batch of them on a worker
 stamp    the versions of a worker's programs: results of different ones are not mixed
-fleet    who does the work: this process, a pool of processes, a dask scheduler's workers
+fleet    the workers: this process, a pool of processes, or those of a dask scheduler
 driver   hands out the jobs in batches and survives the workers
 journal  results as they come, in a file that outlives the driver
 results  files of a study: tables, JSON, pictures, each written whole

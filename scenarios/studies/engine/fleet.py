@@ -1,4 +1,4 @@
-"""Who does the work: this process, a pool of processes, or the workers of a dask scheduler.
+"""The workers: this process, a pool of processes, or those of a dask scheduler.
 
 All are executors of `concurrent.futures`; a fleet adds how much to hand out at once, and which
 exceptions of a batch mean that its worker died.
@@ -28,7 +28,7 @@ Result = TypeVar("Result")
 QUEUED = 2
 """Batches for each thread of a remote worker: while one comes back, the next is there already."""
 LOOK_EVERY_S = 1.0
-"""Interval between two looks at a scheduler's workers, who come and go."""
+"""Interval between two looks at a scheduler's workers, which come and go."""
 CONNECT_S = 10.0
 PAUSES_S = (0.0, 0.05, 0.5)
 """Before each further attempt to start a worker: the process it is forked from may not be up."""
@@ -41,7 +41,7 @@ class Fleet:
     """An executor, and how many batches it should have at a time.
 
     `died` are exceptions of a batch that mean that its worker died; after `gave_up` it was tried
-    on other workers as well, who died too.
+    on other workers as well, which died too.
     """
 
     executor: Executor

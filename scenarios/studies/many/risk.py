@@ -23,14 +23,14 @@ NO_COMMAND = (
     "a branched run is no scenario, so no command repeats it: risk.json has its seed and branches"
 )
 FIRST_RUNS, FEW = 200, 5
-"""Where fewer of the first runs break the limit, counting on is the longer way."""
+"""Where fewer of the first runs break the limit, counting would take longer."""
 ROUND = 10
 """Repetitions between two looks at how certain the mean is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RiskQuestion:
-    """What is asked: `limit` of one run of `variant`, until the interval is narrow enough.
+    """The question: `limit` of one run of `variant`, until the interval is narrow enough.
 
     `to` is half of the interval's width over the estimate; no more than `most_runs` are begun, but
     for what a repetition needs to end. Repetitions follow `paths` runs at a time.
@@ -59,7 +59,7 @@ class RiskQuestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Risk:
-    """The probability with its interval of 95 %, and what it was worked out from.
+    """The probability with its interval of 95 %, and the runs behind it.
 
     By counting, `broken` are the seeds that broke the limit; by splitting, `repetitions` are the
     independent estimates whose mean it is.

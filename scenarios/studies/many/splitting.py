@@ -108,7 +108,7 @@ def _seed(random: Generator) -> int:
 
 @dataclass(frozen=True, slots=True)
 class BranchedRun:
-    """One run: its seed, its branches in order of time, and what was seen of it."""
+    """One run: its seed, its branches in order of time, and its nearness to the limit."""
 
     seed: int
     branches: tuple[Branch, ...]
@@ -116,7 +116,7 @@ class BranchedRun:
 
     @property
     def severity(self) -> float:
-        """How near it came to the limit, inf if it broke it."""
+        """Nearness to the limit, inf if it was broken."""
         return self.watched.severity
 
 

@@ -1,4 +1,4 @@
-"""A recorded run as a scenario that loses exactly the messages that one says, and no others.
+"""A recorded run as a scenario that loses exactly the messages of a list, and no others.
 
 Delays, order and content stay as they are drawn, for draws are keyed by the message. Where what
 became of a message also hung on others, in a queue, or on changes of its link, its recorded delay

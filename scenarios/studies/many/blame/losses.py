@@ -1,4 +1,4 @@
-"""What was lost in a recorded run: bursts of each link, and what else its log says of messages."""
+"""The losses of a recorded run: bursts of each link, and the fates of all messages in its log."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -32,10 +32,10 @@ Losses = frozenset[LostMessage]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fate:
-    """What became of a message: when it was sent, and its delay from then on (ns).
+    """The fate of a message: when it was sent, and its delay from then on (ns).
 
     `reason` is the word by which it was dropped, nothing if it was not. A dropped one has the delay
-    that it would have had. `is_lost` says that it can be given back: not what the link's own rate
+    that it would have had. `is_lost`: it can be restored. Not what the link's own rate
     left out, nor what is lost by its content where the receiver has no frame check.
     """
 
@@ -51,7 +51,7 @@ class RecordedRun:
 
     `fates` are the verdicts of each link by the message's number, `sent` when each sender sent
     which number. `truth` are the true poses (east, north, m) of each vehicle by their instants;
-    `told` is what its figures are made of, in the order of the log.
+    `messages` are those that its figures are made of, in the order of the log.
     """
 
     log: Path
@@ -61,10 +61,10 @@ class RecordedRun:
     fates: dict[LinkEnds, dict[int, Fate]] = field(default_factory=lambda: defaultdict(dict))
     sent: dict[str, dict[int, int]] = field(default_factory=lambda: defaultdict(dict))
     truth: dict[tuple[str, int], tuple[float, float]] = field(default_factory=dict)
-    told: list[Message] = field(default_factory=list)
+    messages: list[Message] = field(default_factory=list)
 
     def lost(self, until: int) -> tuple[LostMessage, ...]:
-        """All that was lost and would have been heard by an instant, in order of time."""
+        """All lost messages that would have been received by an instant, in order of time."""
         return tuple(
             sorted(
                 LostMessage(fate.sent_at, link, number)
@@ -74,7 +74,7 @@ class RecordedRun:
             )
         )
 
-    def _can_be_given_back(self, link: LinkEnds, reason: str) -> bool:
+    def _can_be_restored(self, link: LinkEnds, reason: str) -> bool:
         content = self.scenario.links[link].content
         if reason == "corrupted" and content is not None and not content.frame_check:
             return False
@@ -92,20 +92,20 @@ class RecordedRun:
                     sent_at=message.sent_at_ns - self.start_at,
                     delay=message.visible_at_ns - message.sent_at_ns,
                     reason=message.reason,
-                    is_lost=self._can_be_given_back(link, message.reason),
+                    is_lost=self._can_be_restored(link, message.reason),
                 )
             case GpsPose():
                 self.sent[message.vehicle][message.seq] = message.sent_at_ns - self.start_at
             case TruePose():
                 at = message.true_at_ns - self.start_at
                 self.truth[message.vehicle, at] = message.east_m, message.north_m
-                self.told.append(message)
+                self.messages.append(message)
             case Tracking():
-                self.told.append(message)
+                self.messages.append(message)
 
 
 def read_run(log: Path) -> RecordedRun:
-    """Read what a log says of poses and their fates; raises LogError, of a log that is not whole.
+    """Read poses and their fates from a log; raises LogError if it is not whole.
 
     Also where there is nothing to blame: no losses, or vehicles that move as they were recorded.
     """

@@ -25,7 +25,7 @@ EVER = 2**63
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlameQuestion:
-    """What is to be known of runs: by which figure and limit, and until when (ns)."""
+    """By which figure and limit runs are compared, and until when (ns)."""
 
     figure: FigureName
     limit: Limit
@@ -107,7 +107,7 @@ class RerunWatch:
             self._worst = badness, vehicle, after
 
     def answer(self, *, whole: bool = False) -> BlameAnswer:
-        """What it came to; `whole` with the series."""
+        """The answer so far; `whole` with the series."""
         self._stream.finish()
         badness, vehicle, at = self._worst
         return BlameAnswer(
@@ -120,11 +120,11 @@ class RerunWatch:
 
 
 def answer_of(
-    scenario: Scenario, question: BlameQuestion, start_at: int, told: Iterable[Message]
+    scenario: Scenario, question: BlameQuestion, start_at: int, messages: Iterable[Message]
 ) -> BlameAnswer:
-    """What a run that is over came to, by its messages."""
+    """The answer of a run that is over, from its messages."""
     watch = RerunWatch(scenario, question, start_at)
-    for message in told:
+    for message in messages:
         watch.listen(start_at, message)
     return watch.answer(whole=True)
 

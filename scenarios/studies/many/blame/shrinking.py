@@ -41,7 +41,7 @@ def ddmin(
     enough: Callable[[], bool] = lambda: False,
     chunks: int = 2,
 ) -> Smallest[Item]:
-    """Leave out as many of `items`, with all of which the test fails, as it goes on failing.
+    """Leave out items while the test, which fails with all of them, goes on failing.
 
     Chunks are left out one after another, each half as long as those before once none can be, down
     to single items; `chunks` is how many there are at first. When it is `enough` the set found so
@@ -83,7 +83,7 @@ def trimmed(
     first_that_fails: FirstThatFails[Item],
     enough: Callable[[], bool] = lambda: False,
 ) -> tuple[Item, ...]:
-    """Cut off as many of `items` as it goes on failing without, at the end and at the beginning.
+    """Cut off items at the end and at the beginning while the test goes on failing.
 
     By bisection, two cuts at once: for causes that follow one another, of which it finds where they
     end in a few tests. What is left fails whatever they are.
@@ -117,7 +117,7 @@ def _joined(parts: Sequence[tuple[Item, ...]]) -> tuple[Item, ...]:
 
 
 def split(items: tuple[Item, ...], chunks: int) -> list[tuple[Item, ...]]:
-    """Split into so many chunks, none empty, of lengths that differ by one at most."""
+    """Split into `chunks` parts, none empty, of lengths that differ by one at most."""
     size = len(items)
     edges = [size * k // chunks for k in range(chunks + 1)]
     return [items[a:b] for a, b in pairwise(edges)]

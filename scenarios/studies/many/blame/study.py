@@ -25,10 +25,10 @@ MOST_RUNS = 400
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blame:
-    """What was found: of the recorded run, of one without any loss, of bursts and the smallest set.
+    """The result: the recorded run, one without any loss, the bursts, and the smallest set.
 
     `mended` is the run with the costliest row given back. `smallest` is None where the limit was
-    not broken or is broken without any loss, as `unshrunk` says.
+    not broken or is broken without any loss; then `unshrunk` is the reason.
     """
 
     run: RecordedRun
@@ -49,14 +49,14 @@ class Blame:
 def blame(
     log: Path, limit: Limit, figure: FigureName, engine: Engine, *, most_runs: int = MOST_RUNS
 ) -> Blame:
-    """Find what was to blame for the worst figure of a log, and for the breach of `limit`.
+    """Find the losses that caused the worst figure of a log and the breach of `limit`.
 
     Compares the run with itself, ranks its losses, and shrinks them. Raises LogError, also if the
     losses of the log do not lead to what it holds.
     """
     run = read_run(log)
     question = BlameQuestion(figure=figure, limit=limit)
-    recorded = answer_of(run.scenario, question, run.start_at, run.told)
+    recorded = answer_of(run.scenario, question, run.start_at, run.messages)
     if not recorded.vehicle:
         raise LogError(f"{log}: holds no {figure} of a follower to blame losses for")
     breach_at = recorded.broken_at or 0

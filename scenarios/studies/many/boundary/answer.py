@@ -1,4 +1,4 @@
-"""`convoy bisect`: what is asked, the runs that answer it, and the answer."""
+"""`convoy bisect`: the question, its jobs, and the answer."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ MOST_VALUES = 100_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundaryQuestion:
-    """Asks for which value of `key` a `share` of the runs breaks `limit`.
+    """For which value of `key` a `share` of the runs breaks `limit`.
 
     `variant` is the run with neither the key nor a seed of its own; the value is sought from `low`
     to `high`, to within `to` on either side, with the seeds from 1 to `seeds`.
@@ -165,16 +165,16 @@ def _answer(question: BoundaryQuestion, curve: ShareCurve, found: Bracket) -> Bo
 
 def _no_boundary(question: BoundaryQuestion, curve: ShareCurve) -> str:
     points = [curve.point(number) for number in curve.visited]
-    said = ", ".join(f"{one.broken} of {one.runs} at {one.value:g}" for one in points)
+    found = ", ".join(f"{one.broken} of {one.runs} at {one.value:g}" for one in points)
     side = "broken" if curve.is_beyond(0) else "held"
     return (
         f"{question.key}: {question.limit} is {side} at both ends of --range "
-        f"{question.low:g}:{question.high:g} and between, so there is no boundary: {said} break it"
+        f"{question.low:g}:{question.high:g} and between, so there is no boundary: {found} break it"
     )
 
 
 def _value_at(text: str, key: str) -> object:
-    """What a scenario says under a key with dots; None if it says nothing."""
+    """Value of a scenario under a key with dots; None if it has none."""
     here: Any = tomllib.loads(text)
     for part in key.split("."):
         here = here.get(part) if isinstance(here, dict) else None

@@ -18,12 +18,12 @@ FIRST_LOOK = 8
 """Seeds with which a value is tried first: if all of them agree, the interval of Wilson is below
 or above one half."""
 COARSE = 4
-"""Parts of the range at whose ends is looked first; then at those of twice as many."""
+"""Parts of the range whose ends are tried first; then those of twice as many parts."""
 
 Place = tuple[int, int]
 """Number of a value, and a seed."""
 Try = Callable[[Sequence[Place]], Mapping[Place, bool]]
-"""Tells of each place whether the run with that value and that seed breaks the limit."""
+"""Returns for each place whether the run with that value and that seed breaks the limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class ShareCurve:
         self._broke: defaultdict[int, dict[int, bool]] = defaultdict(dict)
 
     def look(self, numbers: Sequence[int], seeds: int | None = None) -> None:
-        """Try these values with the first so many of the seeds, or all, unless that was done."""
+        """Try these values with the first `seeds` seeds, or all, unless that was done."""
         places = [
             (number, seed)
             for number in numbers
@@ -69,11 +69,11 @@ class ShareCurve:
 
     @property
     def runs(self) -> int:
-        """How many runs that took."""
+        """Number of runs so far."""
         return sum(map(len, self._broke.values()))
 
     def point(self, number: int) -> SharePoint:
-        """What is known at a value."""
+        """Counts and interval at a value."""
         broke = self._broke[number]
         runs, broken = len(broke), sum(broke.values())
         low, high = wilson(broken, runs)
@@ -96,7 +96,7 @@ class ShareCurve:
         return point.broken >= max(1, ceil(self.share * point.runs - 1e-9))
 
     def is_settled(self, number: int) -> bool:
-        """Whether more seeds could hardly change that: all were tried, or the interval says so."""
+        """Whether more seeds could hardly change that, by the interval or as all were tried."""
         point = self.point(number)
         if self.is_complete(number):
             return True
@@ -127,7 +127,7 @@ class ShareCurve:
 
 
 class NoBoundaryError(Exception):
-    """The share is on the same side wherever it was looked for."""
+    """The share is on the same side at all values tried."""
 
 
 @dataclass(frozen=True, slots=True)

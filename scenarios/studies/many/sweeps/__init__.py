@@ -2,8 +2,8 @@
 
 axis       a key and the values that it takes
 figure     a figure of a run's summary, by its name
-plan       which runs are asked for, and what of each
-sweep      the runs, with a journal; the files that come of them
+plan       the runs of a sweep, and the figures and limits of each
+sweep      the runs, with a journal, and the files
 table      what the runs of each cell show together
 pictures   heat maps, lines with bands, distributions over seeds
 """

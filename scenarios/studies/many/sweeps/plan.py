@@ -1,4 +1,4 @@
-"""Which runs a sweep has, and what is asked of each."""
+"""The runs of a sweep, and the figures and limits of each."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ MOST_RUNS = 100_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepPlan:
-    """A scenario, the keys that vary, the seeds 1 to `seeds`, and what is asked of each run.
+    """A scenario, the keys that vary, the seeds 1 to `seeds`, the figures and limits.
 
     Seed k is the same noise in every cell, as draws are keyed by it. `text` is the scenario without
     overrides, `sets` are those that all runs have.
@@ -52,7 +52,7 @@ class SweepPlan:
         return [
             Job(
                 key=run_key(place, variant.seed),
-                work=partial(asked_of, variant, self.figures, self.limits),
+                work=partial(figures_of, variant, self.figures, self.limits),
                 command=variant.command,
             )
             for place, cell in enumerate(self.cells)
@@ -75,7 +75,7 @@ def run_key(cell: int, seed: int) -> str:
     return f"{cell}/{seed}"
 
 
-def asked_of(
+def figures_of(
     variant: Variant, figures: Sequence[AskedFigure], limits: Sequence[Limit]
 ) -> dict[str, Any]:
     """Drive a run; what is kept of it, in the order of the figures and limits."""
@@ -118,8 +118,8 @@ def planned(
     if plan.runs > MOST_RUNS:
         raise ScenarioError([f"{name}: given {plan.runs} runs, allowed {MOST_RUNS}"])
     vehicles = max(_vehicles(plan), key=len)
-    asked = dict.fromkeys(figures or [DEFAULT_FIGURE])
-    return replace(plan, figures=tuple(parsed_figure(text, vehicles) for text in asked))
+    names = dict.fromkeys(figures or [DEFAULT_FIGURE])
+    return replace(plan, figures=tuple(parsed_figure(text, vehicles) for text in names))
 
 
 def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:

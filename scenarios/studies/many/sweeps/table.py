@@ -1,4 +1,4 @@
-"""What the runs of each cell of a sweep say together. It depends on what the runs gave alone."""
+"""The results of a sweep by cell: spreads of figures and shares of broken limits."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ SCHEMA = "convoy.sweep/1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweptRun:
-    """One run: what it gave, or the error that it raised."""
+    """One run: its results, or the error that it raised."""
 
     values: tuple[str, ...]
     seed: int
@@ -31,7 +31,7 @@ class SweptRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSpread:
-    """A figure over the seeds of a cell, of as many runs as know it; None without any."""
+    """A figure over the seeds of a cell, of the `known` runs that have it; None without any."""
 
     known: int
     median: float | None = None
@@ -207,7 +207,7 @@ def _share(broken: Sequence[bool]) -> LimitShare:
 
 
 def machine_readable(table: SweepTable) -> dict[str, object]:
-    """Give what was asked, and each cell with its runs, as JSON has it."""
+    """The question, and each cell with its runs, as JSON has it."""
     cells = [_cell_content(table, cell) for cell in table.cells]
     return {"schema": SCHEMA, "asked": table.plan.identity(), "cells": cells}
 

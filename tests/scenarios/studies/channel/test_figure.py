@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from scenarios.cli.main import cli
 from scenarios.definition.errors import ScenarioError
 from scenarios.runs.virtual.unlogged import drive_trial
-from scenarios.studies.channel.costs import drives
-from scenarios.studies.channel.costs.drives import (
+from scenarios.studies.channel import cost_drives
+from scenarios.studies.channel.cost_drives import (
     BURST_LOSS_RATIO,
     QUICK,
     Channel,
@@ -19,7 +19,7 @@ from scenarios.studies.channel.costs.drives import (
     Plan,
     lane_margin_m,
 )
-from scenarios.studies.channel.costs.figure import PICTURE, TWIN, channel_figure
+from scenarios.studies.channel.cost_report import PICTURE, TWIN, channel_figure
 from transport.links.laws.loss.gilbert_elliott import GilbertElliott
 
 PNG = b"\x89PNG"
@@ -82,9 +82,9 @@ def test_the_command_takes_few_drives_if_it_is_to_be_quick(
     few = sum(len(QUICK.seeds(channel)) for channel in QUICK.channels)
     assert few < 0.05 * sum(len(Plan().seeds(channel)) for channel in Plan().channels)
     monkeypatch.setattr(
-        drives, "QUICK", replace(SMALL, loss_ratios=(0.6,), bursts_messages=(16.0,))
+        cost_drives, "QUICK", replace(SMALL, loss_ratios=(0.6,), bursts_messages=(16.0,))
     )
-    monkeypatch.setattr(drives, "Plan", lambda: pytest.fail("the whole figure"))
+    monkeypatch.setattr(cost_drives, "Plan", lambda: pytest.fail("the whole figure"))
     arguments = ["channel", "figure", "--quick", "--out", str(tmp_path / "quick")]
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 0, result.output

@@ -51,7 +51,7 @@ def test_the_worst_figure_and_the_breach_are_those_of_the_summary(
     worst = max(errors) if figure == "error" else min(gaps)
     for limit in (Limit("lane"), Limit(f"{figure}_m", worst - 0.001), Limit(f"{figure}_m", worst)):
         question = BlameQuestion(figure=figure, limit=limit)
-        answer = answer_of(run.scenario, question, run.start_at, run.told)
+        answer = answer_of(run.scenario, question, run.start_at, run.messages)
         assert answer.figure_m == worst
         assert (answer.broken_at is not None) == limit.broken_by(summary_of(log))
 

@@ -58,6 +58,21 @@ def test_cut_anywhere_and_resumed_the_tables_are_the_same(
         assert (tmp_path / JOURNAL).read_bytes().count(b"\n") == journal.count(b"\n")
 
 
+@pytest.mark.campaign(12, 200)
+def test_flipped_bits_of_a_journal_give_the_same_tables(
+    whole: Path, campaign: int, tmp_path: Path
+) -> None:
+    journal = (whole / JOURNAL).read_bytes()
+    noise = random.Random(12)
+    for _ in range(campaign):
+        place = noise.randrange(len(journal))
+        damaged = bytearray(journal)
+        damaged[place] ^= 1 << noise.randrange(8)
+        (tmp_path / JOURNAL).write_bytes(damaged)
+        driven_here(small_plan(), tmp_path)
+        assert tables(tmp_path) == tables(whole), place
+
+
 @contextmanager
 def three_threads() -> Iterator[Fleet]:
     with ThreadPoolExecutor(3) as pool:
