@@ -18,7 +18,7 @@ from setuptools import Extension, setup
 NEEDS = ["mypy[mypyc]==2.4.1", "numpy>=2.0"]
 """The compiler whose bits were compared, and the types of arrays."""
 MODULES = {
-    "vehicles": "schedule",
+    "vehicles": "received_pose schedule",
     "vehicles/geometry": "arc_spline driven_path geodesy interpolation path path_point"
     " trajectory_points",
     "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined laying outliers polyline"
@@ -27,13 +27,11 @@ MODULES = {
     " path_keeping sending tyres",
     "vehicles/car/positioning": "noise",
     "vehicles/driver": "command_limit decision follower leader speed",
-    "vehicles/driver/degradation": "machine meant_path pair probation reception rejoining"
-    " situation sources",
-    "vehicles/driver/degradation/slowing": "announced lateness longitudinal stopping waiting",
-    "vehicles/driver/degradation/trust": "beliefs gate innovation",
+    "vehicles/driver/degradation": "innovation innovation_gate meant_path modes reception"
+    " situation source sources speed_guard stopping trust",
     "vehicles/driver/ego": "covariance late_fixes own_state pose_estimator",
     "transport": "clock codec message_numbers telemetry thinning",
-    "transport/links": "arrival gate inbox line link remembered",
+    "transport/links": "arrival gate inbox line link places",
     "transport/log": "writer",
     "scenarios/results": "deviations metrics stream",
     "scenarios/results/channel": "tally",

@@ -15,6 +15,7 @@ from time import process_time
 
 import numpy as np
 
+from tests.made.transport.received_poses import received
 from tests.made.vehicles.arc_courses import course, shaken, window
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.driver.ego.own_state import Pose
@@ -71,7 +72,7 @@ def trace_of(count: int) -> Trace:
     """A straight trace at 30 m/s and 20 Hz."""
     trace = Trace()
     for k in range(count):
-        trace.add((k + 1) * 50_000_000, 1.5 * k, 0.0, 0.0, 30.0)
+        trace.add(received((k + 1) * 50_000_000, 1.5 * k, 0.0, 0.0, 30.0))
     return trace
 
 

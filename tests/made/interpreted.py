@@ -4,7 +4,7 @@ import inspect
 
 import pytest
 
-from vehicles.driver.degradation.pair import SourcePair
+from vehicles.driver.degradation.sources import SourcePair
 
 interpreted_only = pytest.mark.skipif(
     not inspect.isfunction(SourcePair.stops_at),

@@ -5,6 +5,6 @@ link        the verdict of one link on one message
 arrival     what the channel makes of a message's content: copies, wrong bits, falsehoods
 line        what a link's messages do to one another
 gate        which poses can be true at all
-remembered  the places that the receiver passed
+places      the places that the receiver passed
 inbox       what one vehicle receives, tick by tick
 """

@@ -1,6 +1,6 @@
-"""What comes out of a link whose channel alters or copies messages, once they are visible.
+"""Messages on a link, and what its channel makes of their content once they are visible.
 
-A link's verdict is worked out when a message comes off the bus, what is said here when it becomes
+A link's verdict is worked out when a message comes off the bus, its content when it becomes
 visible: by then all that was sent earlier has come as well, in whatever order. So what false
 content repeats is the same on every clock, as long as the wire stays below the link's least delay.
 """
@@ -8,7 +8,7 @@ content repeats is the same on every clock, as long as the wire stays below the 
 from bisect import bisect_right, insort
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Final, NamedTuple, cast
 
@@ -25,6 +25,7 @@ from transport.links.laws.false_content import (
 )
 from transport.links.link import Link, Verdict, combine
 from vehicles.messages import GpsPose
+from vehicles.received_pose import ReceivedPose
 
 COPY: Final = 1
 GHOST: Final = 2
@@ -35,25 +36,29 @@ flipped bit makes of an instant does not depend on the day, nor does the length 
 _sent_at = attrgetter("sent_at_ns")
 
 
+@dataclass(slots=True, eq=False)
+class Transmission:
+    """One message on its way over a link, from its arrival off the bus until it is handed over.
+
+    `sent` is the pose as it was sent, `pose` what the receiver reads, in which `content` names what
+    is false; `copies` is the number of copies that the channel makes of it besides.
+    """
+
+    sent: ReceivedPose
+    passage: Passage
+    verdict: Verdict
+    late: bool
+    pose: ReceivedPose
+    content: str = ""
+    copies: int = 0
+
+
 class Further(NamedTuple):
     """A further pose that comes of a message, from instant `at` (ns) on; `nth` is COPY or GHOST."""
 
     at: int
     nth: int
-    pose: GpsPose
-
-
-class Arrival(NamedTuple):
-    """What a receiver makes of a message: the verdict, the pose it is told, and what is false.
-
-    `further` comes later, of which `copies` are copies of the message.
-    """
-
-    verdict: Verdict
-    pose: GpsPose
-    content: str
-    copies: int
-    further: list[Further]
+    pose: ReceivedPose
 
 
 class Memory:
@@ -91,7 +96,7 @@ class Memory:
 class ContentStage:
     """What becomes of the messages of a link behind its verdict: copies, wrong bits, false content.
 
-    Wrong bits come first and false content on top, in its order; copies are of what then is told.
+    Wrong bits come first and false content on top, in its order; copies are of the result.
     `filters` says whether the receiver refuses a copy by its number.
     """
 
@@ -104,76 +109,82 @@ class ContentStage:
     memory: Memory = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Know how much is to be remembered."""
+        """Make the memory that the false content needs."""
         frozen = [one.span.from_at - 1 for one in self.false if isinstance(one, FrozenContent)]
         ages = [one.age for one in self.false if isinstance(one, ReplayedContent)]
         object.__setattr__(self, "memory", Memory(frozen, max(ages, default=0)))
 
-    def arrive(self, judged: Verdict, sent: GpsPose, passage: Passage) -> Arrival:
-        """Work out what the receiver makes of a message that has become visible.
+    def arrive(self, one: Transmission) -> list[Further]:
+        """Work out what the receiver reads of a message that has become visible.
 
-        What its frame check or its gate refuses is dropped as "corrupted", with the gate's word as
-        content, if it was that.
+        A message refused by the frame check or the gate is dropped as "corrupted", with the gate's
+        word as content, if it was that. Returns what comes of it besides.
         """
+        judged, sent, passage = one.verdict, one.sent.message, one.passage
         if judged.outcome == "dropped":
-            return Arrival(judged, sent, "", 0, [])
+            return []
         try:
-            read = self._read(sent, passage)
+            read = self._read(one.sent, passage)
             if read is None:
-                return Arrival(_corrupted(judged), sent, "", 0, [])
-            pose, kinds = self._with_false_content(sent, read)
+                one.verdict = _corrupted(judged)
+                return []
+            one.pose, kinds = self._with_false_content(one.sent, read)
         except RefusedMessageError as refusal:
-            return Arrival(_corrupted(judged), sent, refusal.reason, 0, [])
-        copies = self._copies(judged, pose, passage)
-        further = [*copies, *self._ghosts(judged, sent)]
-        return Arrival(judged, pose, "+".join(kinds), len(copies), further)
+            one.verdict, one.content = _corrupted(judged), refusal.reason
+            return []
+        copies = self._copies(judged, one.pose, passage)
+        one.content, one.copies = "+".join(kinds), len(copies)
+        return [*copies, *self._ghosts(judged, sent)]
 
-    def _read(self, sent: GpsPose, passage: Passage) -> GpsPose | None:
+    def _read(self, sent: ReceivedPose, passage: Passage) -> ReceivedPose | None:
         """The pose that the receiver reads, `sent` if no bit is wrong; None by its frame check.
 
-        Raises RefusedMessageError if its gate refuses what the bits say.
+        Raises RefusedMessageError if its gate refuses the bits.
         """
         errors, draw, seq = self.bit_errors, self.link.draw, passage.seq
         if errors is None or not (count := errors.flips(draw, seq, passage.size)):
             return sent
-        frame = encode(put_off(sent, FRAMES_SINCE - self.gate.start_at))
+        frame = encode(put_off(sent.message, FRAMES_SINCE - self.gate.start_at))
         came = flipped(frame, flip_places(draw, seq, count, 8 * len(frame)))
         if errors.is_noticed(frame, came):
             return None
         read = cast("GpsPose", decode(GPS, came, exact=True))
-        return self._checked(put_off(read, self.gate.start_at - FRAMES_SINCE), sent)
+        return self._checked(put_off(read, self.gate.start_at - FRAMES_SINCE), sent.message)
 
-    def _with_false_content(self, sent: GpsPose, read: GpsPose) -> tuple[GpsPose, list[str]]:
-        """The pose that is told, and the kinds of what is false in it."""
+    def _with_false_content(
+        self, sent: ReceivedPose, read: ReceivedPose
+    ) -> tuple[ReceivedPose, list[str]]:
+        """The pose that the receiver reads, and the kinds of what is false in it."""
         pose, kinds = read, [] if read is sent else ["corrupted"]
+        sent_at = sent.message.sent_at_ns
 
         def recall(until: int) -> GpsPose | None:
-            # A wrong bit can put the instant of `read` off: what was sent after the message itself
-            # has come, or not yet, as the wire pleases.
-            return self.memory.newest(min(until, sent.sent_at_ns))
+            # A wrong bit can put the instant of `read` off: whether messages sent after this one
+            # have come depends on the wire.
+            return self.memory.newest(min(until, sent_at))
 
         for one in self.false:
-            if sent.sent_at_ns in one.span:
-                told = one.tell(pose, self.gate.plane, recall)
+            if sent_at in one.span:
+                told = one.tell(pose.message, self.gate.plane, recall)
                 if told is not None:
-                    pose = self._checked(told, sent)
+                    pose = self._checked(told, sent.message)
                     kinds.append(one.kind)
         return pose, kinds
 
-    def _checked(self, pose: GpsPose, sent: GpsPose) -> GpsPose:
+    def _checked(self, message: GpsPose, sent: GpsPose) -> ReceivedPose:
         # By an instant of the message, not of the tick, which the wire may put off.
-        self.gate.check(pose, sent.sent_at_ns)
-        return pose
+        return self.gate.check(message, sent.sent_at_ns)
 
-    def _copies(self, judged: Verdict, pose: GpsPose, passage: Passage) -> list[Further]:
+    def _copies(self, judged: Verdict, pose: ReceivedPose, passage: Passage) -> list[Further]:
         law, draw = self.duplication, self.link.draw
         if law is None or not law.copies(draw, passage.seq):
             return []
+        copy = replace(pose)
         if law.delay is not None:
-            return [Further(judged.visible_at + law.delay, COPY, pose)]
+            return [Further(judged.visible_at + law.delay, COPY, copy)]
         effects = self.link.effects_at(passage.sent_at)
         own = combine(effects, draw_of_copy(draw), passage)
-        return [Further(max(judged.visible_at, own.visible_at), COPY, pose)]
+        return [Further(max(judged.visible_at, own.visible_at), COPY, copy)]
 
     def _ghosts(self, judged: Verdict, sent: GpsPose) -> list[Further]:
         ghosts = [
@@ -183,7 +194,7 @@ class ContentStage:
         ]
         further = []
         for nth, one in enumerate(ghosts, GHOST):
-            with suppress(RefusedMessageError):  # there is nobody beyond the plane
+            with suppress(RefusedMessageError):  # no vehicle is beyond the plane
                 beside = self._checked(one.beside(sent, self.gate.plane), sent)
                 further.append(Further(judged.visible_at + one.after, nth, beside))
         return further

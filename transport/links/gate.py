@@ -1,7 +1,8 @@
-"""Which received poses can be true: everything else is refused before it can do harm.
+"""The wire gate: which messages can be poses of a run at all. Everything else is refused.
 
 One gate for all receivers. Vehicles read poses off the wire through it, the recorder checks with it
-what it has decoded for the log.
+what it has decoded for the log. It judges stamps, coordinates and speeds of a message by itself;
+whether a pose contradicts earlier ones is judged by the follower (`driver.degradation.trust`).
 """
 
 from collections import Counter
@@ -15,13 +16,14 @@ from transport.reasons import REASONS
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose
+from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND
 
 GPS = TOPICS["gps"]
 LONGEST_POSE_BYTES: Final = 512
 """A pose with a name of 400 letters still fits."""
 READ_LAST: Final = 64
-"""So many poses are not read again: in virtual time all receivers of one are in one process."""
+"""Poses that are not read again: in virtual time all receivers of one are in one process."""
 HORIZON_NS: Final = 60 * SECOND
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
 a vehicle whose process was suspended receives, when it resumes, what was sent meanwhile."""
@@ -29,7 +31,7 @@ a vehicle whose process was suspended receives, when it resumes, what was sent m
 MISDATED = ("past", "future")
 """Reasons that blame the clock of the sender or of the receiver, when there are many."""
 MANY: Final = 100
-"""So many are said; then ten times as many, and so on."""
+"""Number that is reported first; then ten times as many, and so on."""
 
 _ROUNDING: Final = 0.001
 """Periods; instants are rounded to nanoseconds."""
@@ -47,13 +49,13 @@ _numbers = attrgetter(*_LIMITS)
 
 @lru_cache(maxsize=READ_LAST)
 def _read(data: bytes) -> tuple[GpsPose, str]:
-    """Pose that these bytes are, and which of its numbers no vehicle measures, if there is one."""
+    """Message of these bytes, and which of its numbers no vehicle measures, if there is one."""
     pose = cast("GpsPose", decode(GPS, data, exact=True))
     return pose, _absurd(pose)
 
 
 def _absurd(pose: GpsPose) -> str:
-    """Say which number no vehicle measures; empty if all can be."""
+    """Name the number that no vehicle measures; empty if all can be."""
     for (name, (least, most)), value in zip(_LIMITS.items(), _numbers(pose), strict=True):
         if not least <= value <= most:  # so that NaN is refused too
             return f"{name} is {value}, from {least} to {most}"
@@ -62,7 +64,7 @@ def _absurd(pose: GpsPose) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseGate:
-    """What is known beforehand of a sender's poses: whose they are, since when and how often.
+    """The limits of one sender's poses: its name, its start, its rate, the reach of its plane.
 
     `start_at` (ns) is the run's first instant, `rate_hz` the rate at which the sender sends at
     most, `plane` the scenario's, within reach of which the convoy drives. `oldest_ns` is how long
@@ -77,29 +79,32 @@ class PoseGate:
     oldest_ns: int = HORIZON_NS
     clock_error_ns: int = 0
 
-    def admit(self, data: bytes, now: int) -> GpsPose:
+    def admit(self, data: bytes, now: int) -> ReceivedPose:
         """Read a pose that came under the sender's key, at a tick of instant `now` (ns).
 
         Raises RefusedMessageError with a word of the table of reasons.
         """
         if len(data) > LONGEST_POSE_BYTES:
             raise RefusedMessageError("oversized", f"more than {LONGEST_POSE_BYTES} bytes")
-        pose, absurd = _read(data)
-        self._check(pose, absurd, now)
-        return pose
+        message, absurd = _read(data)
+        return self._checked(message, absurd, now)
 
-    def check(self, pose: GpsPose, now: int) -> None:
+    def check(self, message: GpsPose, now: int) -> ReceivedPose:
         """Check a pose that came under the sender's key; raises RefusedMessageError as `admit`."""
-        self._check(pose, _absurd(pose), now)
+        return self._checked(message, _absurd(message), now)
 
-    def _check(self, pose: GpsPose, absurd: str, now: int) -> None:
-        if pose.vehicle != self.sender:
-            raise RefusedMessageError("foreign", f"{pose.vehicle!r} in the name of {self.sender}")
+    def _checked(self, message: GpsPose, absurd: str, now: int) -> ReceivedPose:
+        if message.vehicle != self.sender:
+            text = f"{message.vehicle!r} in the name of {self.sender}"
+            raise RefusedMessageError("foreign", text)
         if absurd:
             raise RefusedMessageError("absurd", absurd)
-        self._check_schedule(pose, now)
-        if not self.plane.reaches(pose.latitude_deg, pose.longitude_deg, pose.altitude_m):
-            raise RefusedMessageError("far", f"{pose.latitude_deg}, {pose.longitude_deg} deg")
+        self._check_schedule(message, now)
+        try:
+            return receive(message, self.plane, now)
+        except ValueError:
+            text = f"{message.latitude_deg}, {message.longitude_deg} deg"
+            raise RefusedMessageError("far", text) from None
 
     def _check_schedule(self, pose: GpsPose, now: int) -> None:
         off, measured, sent = self.clock_error_ns, pose.measured_at_ns, pose.sent_at_ns
@@ -120,7 +125,7 @@ class MisdatedCount:
     """Messages that one receiver refused for their stamps, by sender and reason."""
 
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
-    said: Counter[tuple[str, str]] = field(default_factory=Counter)
+    reported: Counter[tuple[str, str]] = field(default_factory=Counter)
 
     def count(self, sender: str, reason: str) -> str | None:
         """Count a refused message; returns a line whenever these are many, or again ten times so.
@@ -131,8 +136,8 @@ class MisdatedCount:
             return None
         key = sender, reason
         self.counts[key] += 1
-        if self.counts[key] < (10 * self.said[key] or MANY):
+        if self.counts[key] < (10 * self.reported[key] or MANY):
             return None
-        self.said[key] = count = self.counts[key]
+        self.reported[key] = count = self.counts[key]
         meaning = REASONS[reason].meaning
         return f"{count} messages of {sender} refused as {reason}, {meaning}: do the clocks agree?"

@@ -8,16 +8,17 @@ from threading import Lock
 from typing import Final
 
 from transport.codec import RefusedMessageError, decode
-from transport.links.arrival import COPY, ContentStage
+from transport.links.arrival import COPY, ContentStage, Transmission
 from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
 from transport.links.laws.effect import NOWHERE, Passage, Whereabouts
 from transport.links.line import Line
-from transport.links.link import Link, Verdict
-from transport.links.remembered import PlacesPassed
+from transport.links.link import Link
+from transport.links.places import PlacesPassed
 from transport.message_numbers import MessageNumbers
 from transport.reasons import counts_as_late
 from transport.topics import key
 from vehicles.messages import GpsPose, LinkVerdict
+from vehicles.received_pose import ReceivedPose
 
 QUEUE: Final = 4096
 """Messages that wait at most for a tick to take them; the oldest go first."""
@@ -29,12 +30,10 @@ WINDOW: Final = 8192
 class IncomingLink:
     """The link from one sender, its gate, and what became of its messages so far.
 
-    `content` is what the channel makes of messages themselves, where it is asked for any of it.
-    `line` holds messages that depend on one another until their fate is known; `held` are their
-    poses, by number, and whether they came late.
-    `numbers` are those that came, lost or not.
-    `delivered`, `dropped` (by reason) and `late` count verdicts put out; a late message is among
-    the delivered or the dropped as well.
+    `content` is what the channel makes of messages themselves, if anything is configured. `line`
+    holds messages that depend on one another until their fate is known; `held` are they by number.
+    `numbers` are those that came, lost or not. `delivered`, `dropped` (by reason) and `late` count
+    verdicts put out; a late message is among the delivered or the dropped as well.
     """
 
     link: Link
@@ -44,7 +43,7 @@ class IncomingLink:
     dropped: Counter[str] = field(default_factory=Counter)
     late: int = 0
     line: Line | None = field(init=False)
-    held: dict[int, tuple[GpsPose, bool]] = field(default_factory=dict)
+    held: dict[int, Transmission] = field(default_factory=dict)
     numbers: MessageNumbers = field(default_factory=lambda: MessageNumbers(window=WINDOW))
 
     def __post_init__(self) -> None:
@@ -114,7 +113,7 @@ class Inbox:
         """Begin at `now` (ns), with nothing heard over `links` so far."""
         self.links = {one.link.sender: one for one in links}
         self._lined = [(name, one) for name, one in self.links.items() if one.line is not None]
-        self._waiting: list[tuple[int, str, int, int, Verdict, GpsPose, Passage, bool]] = []
+        self._waiting: list[tuple[int, str, int, int, Transmission | ReceivedPose]] = []
         self._heard_from = now
         self._taken_until = now - 1
 
@@ -169,10 +168,10 @@ class Inbox:
 
     @property
     def _late_on_links(self) -> int:
-        held = (late for link in self.links.values() for _, late in link.held.values())
-        waiting = (late for *_, late in self._waiting)
-        links = sum([link.late for link in self.links.values()])
-        return self._before.late + links + sum(held) + sum(waiting)
+        held = [one.late for link in self.links.values() for one in link.held.values()]
+        waiting = [one.late for *_, one in self._waiting if isinstance(one, Transmission)]
+        links = [link.late for link in self.links.values()]
+        return self._before.late + sum(links) + sum(held) + sum(waiting)
 
     @property
     def rejected(self) -> Counter[str]:
@@ -191,7 +190,7 @@ class Inbox:
         with self._lock:
             self._overflow += 1
 
-    def take(self, now: int, here: Whereabouts = NOWHERE) -> list[GpsPose]:
+    def take(self, now: int, here: Whereabouts = NOWHERE) -> list[ReceivedPose]:
         """Return the poses that have become visible by the tick at `now` (ns).
 
         They come in the order (visible_at, sender, seq). Instants must not go back. A verdict is
@@ -241,91 +240,84 @@ class Inbox:
             raise RefusedMessageError("unknown", f"{self.receiver} does not listen to {sender_key}")
         link = self.links[sender]
         pose = link.gate.admit(data, now)
-        if pose.sent_at_ns < self._heard_from:  # while nobody listened
+        message = pose.message
+        if message.sent_at_ns < self._heard_from:  # while the vehicle did not receive
             return
-        link.number(pose.seq)
-        passage = self._passage(pose, len(data))
+        link.number(message.seq)
+        antenna = Whereabouts(message.true_east_m, message.true_north_m, message.true_driven_m)
+        here = self._places.at(message.sent_at_ns)
+        passage = Passage(message.seq, message.sent_at_ns, len(data), antenna, here)
         judged = link.link.judge(passage)
         if link.content is not None:
-            link.content.memory.note(pose)
+            link.content.memory.note(message)
         late = judged.visible_at <= self._taken_until
+        one = Transmission(pose, passage, judged, late, pose)
         if link.line is not None:
-            late = late or link.line.is_missed(passage, self._taken_until)
+            one.late = late or link.line.is_missed(passage, self._taken_until)
             if not link.line.has_passed(passage):
                 link.line.join(passage, judged)
-                link.held[pose.seq] = pose, late
+                link.held[message.seq] = one
                 return
-        self._wait(sender, judged, pose, passage, late=late)
+        heappush(self._waiting, (judged.visible_at, sender, message.seq, 0, one))
 
     def _settle(self, sender: str, link: IncomingLink, now: int) -> None:
         """Let those of a line wait for their instant whose verdict is known now."""
         for passage, judged in link.line.settle(now) if link.line else ():
-            pose, late = link.held.pop(passage.seq)
-            self._wait(sender, judged, pose, passage, late=late)
+            one = link.held.pop(passage.seq)
+            one.verdict = judged
+            heappush(self._waiting, (judged.visible_at, sender, passage.seq, 0, one))
 
-    def _wait(
-        self, sender: str, judged: Verdict, pose: GpsPose, passage: Passage, *, late: bool
-    ) -> None:
-        entry = judged.visible_at, sender, pose.seq, 0, judged, pose, passage, late
-        heappush(self._waiting, entry)
-
-    def _passage(self, pose: GpsPose, size: int) -> Passage:
-        sender = Whereabouts(pose.true_east_m, pose.true_north_m, pose.true_driven_m)
-        return Passage(pose.seq, pose.sent_at_ns, size, sender, self._places.at(pose.sent_at_ns))
-
-    def _hand_over(self, now: int) -> list[GpsPose]:
-        delivered: list[GpsPose] = []
+    def _hand_over(self, now: int) -> list[ReceivedPose]:
+        delivered: list[ReceivedPose] = []
         while self._waiting and self._waiting[0][0] <= now:
-            _, sender, seq, nth, judged, pose, passage, late = heappop(self._waiting)
+            _, sender, seq, nth, one = heappop(self._waiting)
             link = self.links[sender]
-            if nth:
-                delivered += self._further(link, seq, nth, pose)
+            if not isinstance(one, Transmission):
+                if nth != COPY or self._takes_copy(link, seq):
+                    one.received_at = now
+                    delivered.append(one)
                 continue
-            told, content, copies = pose, "", 0
             if link.content is not None:
-                judged, told, content, copies, further = link.content.arrive(judged, pose, passage)
-                for one in further:
-                    entry = one.at, sender, seq, one.nth, judged, one.pose, passage, False
-                    heappush(self._waiting, entry)
-            link.late += late
-            if judged.outcome == "delivered":
+                for further in link.content.arrive(one):
+                    heappush(self._waiting, (further.at, sender, seq, further.nth, further.pose))
+            link.late += one.late
+            if one.verdict.outcome == "delivered":
                 link.delivered += 1
-                delivered.append(told)
+                one.pose.received_at = now
+                delivered.append(one.pose)
             else:
-                link.dropped[judged.reason] += 1
-            self._verdicts.append(
-                self._message(judged, pose, now, late=late, copies=copies, content=content)
-            )
+                link.dropped[one.verdict.reason] += 1
+            self._verdicts.append(self._verdict_on(one, now))
         return delivered
 
-    def _further(self, link: IncomingLink, seq: int, nth: int, pose: GpsPose) -> list[GpsPose]:
-        """Hand over what the channel made of message `seq` besides, unless its number tells it."""
-        if nth == COPY and link.content is not None and link.content.filters:
+    def _takes_copy(self, link: IncomingLink, seq: int) -> bool:
+        """Whether the receiver uses a copy that the channel made of message `seq`."""
+        if link.content is not None and link.content.filters:
             try:
                 link.number(seq)
             except RefusedMessageError as refusal:
                 self._refused[refusal.reason] += 1
-                return []
-        return [pose]
+                return False
+        return True
 
-    def _message(
-        self, judged: Verdict, pose: GpsPose, now: int, *, late: bool, copies: int, content: str
-    ) -> LinkVerdict:
+    def _verdict_on(self, one: Transmission, now: int) -> LinkVerdict:
+        """The message about what the link did to a pose, of what was sent."""
         seq, self._verdict_seq = self._verdict_seq, self._verdict_seq + 1
+        sent, judged = one.sent.message, one.verdict
         return LinkVerdict(
             vehicle=self.receiver,
             seq=seq,
-            sender=pose.vehicle,
-            pose_seq=pose.seq,
-            measured_at_ns=pose.measured_at_ns,
+            sender=sent.vehicle,
+            pose_seq=sent.seq,
+            measured_at_ns=sent.measured_at_ns,
             outcome=judged.outcome,
             reason=judged.reason,
             visible_at_ns=judged.visible_at,
             heard_at_ns=now,
-            late=late,
-            sent_at_ns=pose.sent_at_ns,
-            copies=copies,
-            content=content,
+            late=one.late,
+            sent_at_ns=sent.sent_at_ns,
+            copies=one.copies,
+            content=one.content,
         )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from vehicles.messages import GpsPose
+from vehicles.received_pose import ReceivedPose
 
 MILLION: Final = 1_000_000
 
@@ -31,13 +31,13 @@ class VehicleClock:
         """Return what it reads (ns) at the true instant `at` (ns)."""
         return at + self.error(at)
 
-    def judged(self, now: int, poses: Sequence[GpsPose]) -> Sequence[GpsPose]:
+    def judged(self, now: int, poses: Sequence[ReceivedPose]) -> Sequence[ReceivedPose]:
         """Poses received at `now` (ns) with their stamps as old as they seem by this clock.
 
-        Whoever compares a stamp with a reading of this clock is wrong by its error; as much as if
-        the clock were right and the stamp were earlier by that.
+        A stamp compared with a reading of this clock is wrong by the clock's error, as if the clock
+        were right and the stamp earlier by that.
         """
         error = self.error(now)
         if not error:
             return poses
-        return [replace(pose, measured_at_ns=pose.measured_at_ns - error) for pose in poses]
+        return [replace(pose, measured_at=pose.measured_at - error) for pose in poses]

@@ -1,4 +1,4 @@
-"""The receiver that measures the car, and its measurements to and from messages.
+"""The receiver that measures the car, and its measurements as messages.
 
 A receiver of the kind used for automated driving: RTK positions aided by an inertial unit, at a
 fixed rate. Inside, a fix is in the east-north plane with yaw; on the wire it is WGS84 with a
@@ -16,7 +16,7 @@ from vehicles.car.dynamics import Body
 from vehicles.car.positioning.fix_states import EVER, ForcedStates, ReceiverState
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.car.positioning.noise import GnssNoise
-from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle, yaw_from_heading
+from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle
 from vehicles.messages import NOTHING_TOLD, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 
@@ -225,23 +225,4 @@ def to_message(
         true_east_m=true_place[0],
         true_north_m=true_place[1],
         true_driven_m=true_place[2],
-    )
-
-
-def from_message(pose: GpsPose, plane: LocalPlane) -> Fix:
-    """Take a WGS84 fix off the wire, which has passed the gate of its receiver.
-
-    WGS84 to the plane and compass course to yaw. Raises ValueError beyond the plane's reach.
-    """
-    east, north = plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)
-    return Fix(
-        pose.seq,
-        pose.measured_at_ns,
-        east,
-        north,
-        yaw_from_heading(pose.heading_deg),
-        pose.speed_mps,
-        pose.yaw_rate_radps,
-        pose.fix,
-        pose.position_accuracy_m,
     )

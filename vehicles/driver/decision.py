@@ -15,11 +15,11 @@ from vehicles.messages import (
     Announcement,
     Command,
     CompositeTrajectory,
-    GpsPose,
     Mode,
     Tracking,
 )
 from vehicles.preview.trajectory import Fit
+from vehicles.received_pose import ReceivedPose
 
 
 @dataclass(slots=True, kw_only=True)
@@ -180,7 +180,11 @@ class Driver(Protocol):
     """
 
     def step(
-        self, now: int, fix: Fix | None, motion: Motion | Body | None, received: Sequence[GpsPose]
+        self,
+        now: int,
+        fix: Fix | None,
+        motion: Motion | Body | None,
+        received: Sequence[ReceivedPose],
     ) -> Decision:
         """Decide (Fig. 1) at `now` (ns) from what the own sensors measured and the received poses.
 

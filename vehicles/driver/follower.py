@@ -1,42 +1,47 @@
-"""A follower fuses the poses received from lead and predecessor and steers along the result."""
+"""A follower fuses the poses received from lead and predecessor and steers along the result.
+
+A tick in order: the own state is updated, each received pose is judged and taken to its source
+(`sources`), the trajectory is fitted again if poses came (`_fit`), the sources' freshness gives the
+mode (`modes`), the errors against the trajectory give the steering (`_steer`), and the vehicles
+ahead give the speed (`speed_guard`).
+"""
 
 from collections.abc import Mapping, Sequence
 from math import nan
 from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.gnss import Fix, from_message
+from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.baselines import ModesByReach, without_hearing
-from vehicles.driver.degradation.machine import SLOWING, ModeMachine, Modes
+from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.degradation.meant_path import path_offset
-from vehicles.driver.degradation.pair import SourcePair
-from vehicles.driver.degradation.rejoining import Rejoining
+from vehicles.driver.degradation.modes import ModeMachine, Modes, ModesByReach, without_sources
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
-from vehicles.driver.degradation.sources import Source
-from vehicles.driver.degradation.trust.beliefs import Beliefs
+from vehicles.driver.degradation.situation import SLOWING, Situation
+from vehicles.driver.degradation.source import Source
+from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.speed_guard import SpeedGuard
+from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.speed import VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
-from vehicles.driver.tracking import TrackingErrors, WayBehind, track
-from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import GpsPose, Mode
+from vehicles.driver.tracking import Rejoining, TrackingErrors, WayBehind, track
+from vehicles.messages import Mode
 from vehicles.preview.curve_fit import TELLING
 from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit, FitSettings, Fusion, fuse
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
 REFIT_AFTER: Final = 50 * MILLISECOND
 """Without new poses the trajectory is fitted again this often (ns), so that a source that stopped
 sending is noticed."""
 JUST_BEGUN: Final = 3
-"""So many samples heard at most, behind a straight bridge from the own place, make no bend: that
-they leave its line may be noise of the one that the bridge ends at."""
+"""Up to this number of samples behind a straight bridge from the own place make no bend: that they
+leave its line may be noise of the one that the bridge ends at."""
 
 
 class Follower:
@@ -53,7 +58,6 @@ class Follower:
         controller: LateralController,
         speed_guard: SpeedGuard,
         control: Cadence,
-        plane: LocalPlane,
         lead: str,
         predecessor: str,
         periods: Mapping[str, float],
@@ -64,7 +68,7 @@ class Follower:
         degradation: DegradationSettings,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
-        beliefs: Beliefs | None = None,
+        gates: Mapping[str, InnovationGate] | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
@@ -72,14 +76,13 @@ class Follower:
         takes to come, as far as they are known; left out, none is.
         `limit` is that of the steering command, `load` watches how heavily the car is laden, if
         there are such.
-        `beliefs` say which received poses are used; left out, all are.
+        `gates` judge the poses of the sources by their names; without one only jumps are refused.
         """
         self._own_state = own_state
         self._controller = controller
         self._speed_guard = speed_guard
         self._control = control
         self._rate_hz, self._period = control.rate_hz, 1.0 / control.rate_hz
-        self._plane = plane
         self._alpha = alpha
         # The first follower's predecessor is the lead: one source, whatever the fusion.
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
@@ -88,9 +91,16 @@ class Follower:
         self._wary, self._straight = settings.wary(), settings.straight()
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
-        self._beliefs = beliefs or Beliefs()
+        self._remarks: list[str] = []
+        delays, gates = delays or {}, gates or {}
         named = {
-            name: Source(name, periods[name], degradation, (delays or {}).get(name, 0.0))
+            name: Source(
+                name,
+                periods[name],
+                degradation,
+                delays.get(name, 0.0),
+                Trust(name, gates.get(name), self._remarks),
+            )
             for name in (lead, predecessor)
         }
         self._sources = SourcePair(named[lead], named[predecessor], fusion, degradation)
@@ -114,7 +124,7 @@ class Follower:
         now: int,
         fix: Fix | None,
         motion: Motion | Body | None,
-        received: Sequence[GpsPose],
+        received: Sequence[ReceivedPose],
     ) -> Decision:
         """Decide at `now` (ns); between control instants the last decision is held.
 
@@ -122,8 +132,8 @@ class Follower:
         """
         self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
-        for message in received:
-            self._receive(now, message)
+        for pose in received:
+            self._receive(now, pose)
         if self._decision is not None and not self._control.due(now):
             self._decision = self._decision.held()
         else:
@@ -132,41 +142,40 @@ class Follower:
             self._decision.path_offset = path_offset(self._along[0][1], fix) if self._along else nan
         return self._decision
 
-    def _receive(self, now: int, message: GpsPose) -> None:
-        fix = from_message(message, self._plane)
-        belief = self._beliefs.judge(now, message.vehicle, fix)
-        source = self._sources.hear(now, fix, message, belief)
-        if not source.trace.joined:
-            pose = self._own_state.at(now)
-            source.trace.bridge(pose.east, pose.north)
+    def _receive(self, now: int, pose: ReceivedPose) -> None:
+        trace = self._sources.receive(pose).trace
+        if not trace.joined:
+            own = self._own_state.at(now)
+            trace.bridge(own.east, own.north)
         self._refit.due_at = now
 
     def _decide(self, now: int, pose: Pose) -> Decision:
-        last = self._decision
+        last, sources = self._decision, self._sources
         refit = self._refit.is_due(now)
         if refit:
             self._fit(now, pose)
         acceleration = last.actuation.acceleration if last else 0.0
-        situation = self._sources.look(now, pose, acceleration, anew=refit)
+        situation = sources.look(now, pose, acceleration, refit=refit)
         self._mode, reason = self._modes.decide(
-            now,
-            self._sources,
-            situation,
-            pose.speed,
-            fitted=self._fitted,
-            has_path=bool(self._along),
+            now, sources, situation, pose.speed, fitted=self._fitted, has_path=bool(self._along)
         )
-        self._sources.steer_along(self._mode, self._period)
-        errors, asked = self._steer(now, pose)
-        kept = last.steering if last else asked
-        asked = without_hearing(self._reaction, self._mode, asked, kept)
-        steering = self._limit.held_back(asked)
+        sources.steer_along(self._mode, self._period)
+        errors, wanted = self._steer(now, pose)
+        if self._mode == "coast":
+            kept = last.steering if last else wanted
+            wanted = without_sources(self._reaction, self._mode, wanted, kept)
+        steering = self._limit.held_back(wanted)
         ahead = self._vehicles_ahead(now, pose, errors)
         self._load.commanded(steering.steering)
-        situation.predecessor_weight = self._sources.alpha(self._alpha)
+        situation.predecessor_weight = sources.alpha(self._alpha)
         situation.hazard = self._mode == "stop" or self._rejoining.under_way
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
-        situation.stops_at = self._sources.stops_at(self._mode, self._speed_guard.brakes_at)
+        situation.stops_at = sources.stops_at(self._mode, self._speed_guard.brakes_at)
+        self._remark_stop(situation)
+        remarks: tuple[str, ...] = ()
+        if self._remarks:
+            remarks = tuple(self._remarks)
+            self._remarks.clear()
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
@@ -177,18 +186,17 @@ class Follower:
             target_speed=speed.target_speed,
             gap=ahead.gap,
             situation=situation,
-            remarks=self._beliefs.remarks() + self._brakes_with(situation),
+            remarks=remarks,
         )
 
-    def _brakes_with(self, situation: Situation) -> tuple[str, ...]:
-        """A line for the log when it begins to stop behind a predecessor that announced to."""
+    def _remark_stop(self, situation: Situation) -> None:
+        """Add a line for the log when it begins to stop behind a predecessor that announced to."""
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
-        if before or not self._stops_behind:
-            return ()
-        name, seen = self._sources.predecessor.name, situation.predecessor
-        return (
-            f"brakes with {name}, which was to brake by now and was heard {seen.silence:.2f} s ago",
-        )
+        if self._stops_behind and not before:
+            name, silence = self._sources.predecessor.name, situation.predecessor.silence
+            self._remarks.append(
+                f"brakes with {name}, which was to brake by now and was heard {silence:.2f} s ago"
+            )
 
     def _fit(self, now: int, pose: Pose) -> None:
         """Fit the received samples; without enough of them keep the last trajectory."""
@@ -203,19 +211,19 @@ class Follower:
             alpha=self._sources.alpha(self._alpha),
             settings=self._settings_for(windows),
         )
-        if slowing and along and not self._fitted:  # heard again, after driving on without a path
-            self._rejoining.want()
+        if slowing and along and not self._fitted:  # received again, after driving without a path
+            self._rejoining.begin()
         self._fitted = bool(along)
         self._along = along or self._along
         self._gap, self._gap_at = self._measured_gap(now, pose), now
 
     def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
-        """Settings of the fit: what samples tell of noise and bends if some are mere guesses."""
+        """Settings of the fit: fewer conclusions from samples if some are mere guesses."""
         if not self._sources.have_guesses(windows):
             return self._settings
-        heard = self._sources.heard(windows)
-        if heard < TELLING:
-            return self._wary if heard > JUST_BEGUN else self._straight
+        received = self._sources.received(windows)
+        if received < TELLING:
+            return self._wary if received > JUST_BEGUN else self._straight
         return self._stated_noise
 
     def _steer(self, now: int, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
@@ -226,8 +234,8 @@ class Follower:
         self._driven += pose.speed / self._rate_hz
         if len(self._along) == 1:
             errors = self._track(self._along[0][1], pose)
-            aimed = self._rejoining.from_there(now, errors, pose.speed)
-            return errors, self._controller.steer(aimed, pose.speed)
+            corrected = self._rejoining.from_there(now, errors, pose.speed)
+            return errors, self._controller.steer(corrected, pose.speed)
         tracked = [(share, self._track(fit, pose)) for share, fit in self._along]
         return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
 

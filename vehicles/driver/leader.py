@@ -1,28 +1,144 @@
-"""The lead drives its own path with the steering law of the followers."""
+"""The lead: it drives its own path, and slows down while a follower is lost, if configured."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import inf, sqrt
+from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.slowing.waiting import ConvoyWatch, WaitingProfile
+from vehicles.driver.degradation.settings import Braking, DegradationSettings
+from vehicles.driver.degradation.situation import SLOWING
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
-from vehicles.driver.speed import SpeedLaw, VehiclesAhead
+from vehicles.driver.speed import (
+    ProfileSpeed,
+    SpeedCommand,
+    SpeedLaw,
+    SpeedProfile,
+    VehiclesAhead,
+    profile_correction,
+)
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path import Path
-from vehicles.messages import GpsPose
-from vehicles.schedule import Cadence
+from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND, Cadence
+
+WAITING_SHARE: Final = 0.5
+"""Share of its set speed at which a lead waits: slow enough to be caught up with on any road where
+the convoy drives on, and no standstill that nobody needs."""
+
+SLOWEST: Final = 1.0
+"""Below this speed (m/s) the pace changes no faster than it would here."""
+
+
+class ConvoyWatch:
+    """Which followers are lost or announce trouble, so that the lead `waits`, and the `reason`.
+
+    A follower that is silent for longer than a source may be is lost, counted from the start on;
+    the lead waits until nothing was wrong for the probation.
+    """
+
+    def __init__(
+        self, settings: DegradationSettings, periods: Mapping[str, float], start_at: int
+    ) -> None:
+        """`periods` (s) between the messages of each follower; the run starts at `start_at`."""
+        self._allowed = {
+            name: settings.lost_after_silence(period) for name, period in periods.items()
+        }
+        self._probation = settings.probation
+        self._received_at = dict.fromkeys(periods, start_at)
+        self._measured_at = dict.fromkeys(periods, -1)
+        self._troubled: dict[str, str] = {}
+        self._wrong_at: int | None = None
+        self.waits = False
+        self.reason = ""
+
+    def observe(self, now: int, received: Sequence[ReceivedPose]) -> None:
+        """Take the poses received by `now` (ns)."""
+        for pose in received:
+            self._receive(pose)
+        wrong = [why for name in self._received_at if (why := self._wrong(now, name))]
+        if wrong:
+            self._wrong_at, self.waits = now, True
+            self.reason = f"waits for {', '.join(wrong)}"
+        if self._wrong_at is None or now - self._wrong_at > self._probation * SECOND:
+            self.waits, self.reason = False, ""
+
+    def _receive(self, pose: ReceivedPose) -> None:
+        message = pose.message
+        name = message.vehicle
+        if pose.measured_at <= self._measured_at.get(name, inf):
+            return  # an older one that was overtaken, or no follower's
+        self._received_at[name], self._measured_at[name] = pose.received_at, pose.measured_at
+        self._troubled.pop(name, None)
+        if message.hazard or message.mode in SLOWING:
+            self._troubled[name] = message.mode
+
+    def _wrong(self, now: int, name: str) -> str | None:
+        silence = (now - self._received_at[name]) / SECOND
+        if silence > self._allowed[name]:
+            return f"{name}, unheard for {silence:.1f} s"
+        return f"{name}, in {self._troubled[name]}" if name in self._troubled else None
+
+
+class WaitingProfile(ProfileSpeed):
+    """Drives a speed profile, slower while the lead `waits` for a follower.
+
+    Its time then passes more slowly, so the lead is everywhere at most as fast as the profile is
+    there, in bends too. While it does not wait it is `ProfileSpeed` to the bit.
+    """
+
+    def __init__(
+        self, profile: SpeedProfile, start_at: int, period: float, braking: Braking
+    ) -> None:
+        """Hold each command for `period` (s); slow down and speed up as `braking` brakes."""
+        super().__init__(profile, start_at, period)
+        self._braking = braking
+        self._pace = 1.0
+        self._change = 0.0
+        self._behind = 0.0
+        self._at = start_at
+        self.waits = False
+
+    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
+        """Mean acceleration over the coming period, plus a mild correction, as Section V-C.3."""
+        self._behind += (1.0 - self._pace) * (now - self._at) / SECOND
+        self._at = now
+        seconds = (now - self._start_at) / SECOND - self._behind
+        speed = self._pace * self._profile.at(seconds)[0]
+        after = seconds + self._pace * self._period
+        self._change_pace(self._profile.at(seconds)[0])
+        next_speed = self._pace * self._profile.at(after)[0]
+        wanted = (next_speed - speed) / self._period
+        return SpeedCommand(wanted + profile_correction(speed, pose.speed), next_speed)
+
+    def _change_pace(self, speed: float) -> None:
+        """Move the pace on by a period: towards its aim at the configured deceleration and jerk."""
+        aim = WAITING_SHARE if self.waits else 1.0
+        if self._pace == aim and not self._change:
+            return
+        full, braking = max(speed, SLOWEST), self._braking
+        left = (aim - self._pace) * full
+        # No faster than can be ended at this jerk when the aim is reached.
+        fastest = min(braking.deceleration, sqrt(2.0 * braking.jerk * abs(left)))
+        wanted = fastest if left > 0.0 else -fastest
+        step = braking.jerk * self._period
+        self._change = min(max(wanted, self._change - step), self._change + step)
+        pace = self._pace + self._change * self._period / full
+        if abs(left) <= abs(self._change) * self._period or (aim - pace) * left <= 0.0:
+            pace, self._change = aim, 0.0
+        self._pace = min(max(pace, WAITING_SHARE), 1.0)
 
 
 class Leader:
     """Tracks a path from a given station (m) on (Section V-C, Fig. 8).
 
-    It receives nothing, or what its followers say where it waits for them.
+    It receives nothing, or the poses of its followers where it waits for them.
     """
 
     def __init__(
@@ -40,8 +156,8 @@ class Leader:
     ) -> None:
         """`station` is the arc length at which the lead starts; `limit` that of its steering.
 
-        `load` watches how heavily it is laden, if anything does; `waiting` are who watches over
-        the followers, and the speed law that is told, where it waits for them.
+        `load` watches how heavily it is laden, if anything does; `waiting` are the watch over its
+        followers and the speed law that it slows down, where the lead waits for them.
         """
         self._own_state = own_state
         self._controller = controller
@@ -60,7 +176,7 @@ class Leader:
         now: int,
         fix: Fix | None,
         motion: Motion | Body | None,
-        received: Sequence[GpsPose],
+        received: Sequence[ReceivedPose],
     ) -> Decision:
         """Decide at `now` (ns); between control instants the last decision is held.
 
@@ -70,8 +186,8 @@ class Leader:
         self._own_state.update(now, fix, motion)
         if self._waiting is not None:
             watch, law = self._waiting
-            self._reason = watch.observe(now, received)
-            law.waits = bool(self._reason)
+            watch.observe(now, received)
+            self._reason, law.waits = watch.reason, watch.waits
         if self._decision is not None and not self._control.due(now):
             return self._decision.held()
         pose = self._own_state.at(now)

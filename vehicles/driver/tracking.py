@@ -1,21 +1,30 @@
 """Errors of a car against the trajectory it steers along (paper, "Computation of Feedback Errors").
 
+A car that has left its path while it received nothing comes back without a jerk (`Rejoining`).
+
 The paper's `e_lat = R − distance` holds on left turns only, and its `y = mx + c` fails for roads
 that run north; the signed form of `ArcSpline.project` holds for both turns and every heading.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from math import ceil
+from dataclasses import dataclass, field, replace
+from math import ceil, sqrt
 from typing import Protocol
 
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.geometry.geodesy import wrap_angle
+from vehicles.schedule import SECOND
 
 SPACING = 0.1
 """Distance (m) between the places at which the curvature of the way behind is kept."""
 PLACES = 256
 """So many of the last places are kept at least: 26 m."""
+REJOINING_LATERAL = 2.0
+"""Lateral acceleration (m/s²) that the return to a path may take."""
+SHORTEST_RETURN = 10.0
+"""Shortest return to a path (m)."""
+SLOWEST_RETURN = 8.0
+"""A slower car (m/s) will soon be as fast as this again."""
 
 
 class PoseLike(Protocol):
@@ -161,3 +170,66 @@ def track(spline: ArcSpline, pose: PoseLike) -> TrackingErrors:
         path=spline,
         station=foot.station,
     )
+
+
+@dataclass(slots=True)
+class _Return:
+    """A return to a path: its first lateral error (m) and heading error (rad), its length (m)."""
+
+    lateral: float
+    heading: float
+    length: float
+
+    def at(self, driven: float) -> tuple[float, float]:
+        """Lateral (m) and heading error (rad) after `driven` (m): cubic, level at its end."""
+        u = driven / self.length
+        rest = 1.0 - u
+        level, slope = (1.0 + 2.0 * u) * rest * rest, u * rest * rest
+        lateral = self.lateral * level + self.heading * self.length * slope
+        bent = -6.0 * u * rest * self.lateral / self.length
+        return lateral, bent + self.heading * rest * (1.0 - 3.0 * u)
+
+
+class Rejoining:
+    """Takes the car from where it is to a path that is received again.
+
+    A steering law would turn its wheels by all that the error asks for, at once. So the error to
+    be corrected is that from a cubic (Hermite) which leads from the car's place and heading to the
+    path, as long as it needs to be for a mild lateral acceleration.
+    """
+
+    def __init__(self) -> None:
+        self._return: _Return | None = None
+        self._driven = 0.0
+        self._last_at = 0
+        self._wanted = False
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the car is still returning."""
+        return self._wanted or self._return is not None
+
+    def begin(self) -> None:
+        """Begin at the next errors: the path has become another one."""
+        self._wanted = True
+
+    def from_there(self, now: int, errors: TrackingErrors, speed: float) -> TrackingErrors:
+        """Errors from the return at `now` (ns) and `speed` (m/s), or as they are (Hermite)."""
+        span, self._last_at = (now - self._last_at) / SECOND, now
+        if self._wanted:
+            self._return, self._driven, self._wanted = _return_to(errors, speed), 0.0, False
+        elif self._return is not None:
+            self._driven += speed * span
+        if self._return is None or self._driven >= self._return.length:
+            self._return = None
+            return errors
+        lateral, heading = self._return.at(self._driven)
+        return replace(errors, lateral=errors.lateral - lateral, heading=errors.heading - heading)
+
+
+def _return_to(errors: TrackingErrors, speed: float) -> _Return:
+    """The shortest cubic whose curvature, at most 6 e / D² + 4 θ / D, is mild at this speed."""
+    most = REJOINING_LATERAL / max(speed, SLOWEST_RETURN) ** 2
+    slope, bend = 4.0 * abs(errors.heading), 6.0 * abs(errors.lateral)
+    length = (slope + sqrt(slope * slope + 4.0 * most * bend)) / (2.0 * most)
+    return _Return(errors.lateral, errors.heading, max(length, SHORTEST_RETURN))

@@ -1,15 +1,20 @@
-"""Samples of a source, their window around the ego, and the constants of a trace."""
+"""The window of samples around the ego, the constants of a trace, and how far a car can come."""
 
 from dataclasses import dataclass
 from math import hypot
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 Floats = NDArray[np.float64]
+REACH_RATIO: Final = 1.5
+REACH_MARGIN: Final = 3.0
+"""A place is beyond reach if it is further away than this ratio times what its speed allows, plus
+this margin (m)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,8 +23,6 @@ class TraceSettings:
 
     A sample is kept if it is at least `spacing` further along than the one before: a stopped source
     repeats a place, and a fix may lie behind another.
-    A fix is a jump if it lies further from the newest one than `jump_ratio` (1) times what its
-    speed allows plus `jump_margin`; `restart_after` consistent ones in a row are a new place.
     The ego's station moves per call at most `back` backwards, and forwards at most `margin` plus
     `reach_ratio` (1) times the distance the ego moved, never more than `reach`. Samples further
     behind than `memory` are dropped, and never more than `capacity` are held. A window holds at
@@ -30,9 +33,6 @@ class TraceSettings:
     """
 
     spacing: float = 0.2
-    jump_margin: float = 3.0
-    jump_ratio: float = 1.5
-    restart_after: int = 3
     back: float = 2.0
     margin: float = 2.0
     reach: float = 10.0
@@ -46,19 +46,6 @@ class TraceSettings:
     hole: float = 5.0
 
 
-class Sample(NamedTuple):
-    """One received fix: instant (ns), world position (m), yaw (rad), speed (m/s).
-
-    (x_i, y_i) of Section III-A, with heading and speed, which are communicated as well (Section I).
-    """
-
-    measured_at: int
-    east: float
-    north: float
-    yaw: float
-    speed: float
-
-
 class Window(NamedTuple):
     """Samples around the ego in order of travel, arrays of one length (Section III-A, Fig. 3).
 
@@ -70,9 +57,13 @@ class Window(NamedTuple):
     station: Floats
 
 
-def plausible(one: Sample, other: Sample, settings: TraceSettings) -> bool:
+def reachable(one: ReceivedPose, other: ReceivedPose) -> bool:
     """Whether a car could have been at both places at their instants."""
-    span = abs(other.measured_at - one.measured_at) / SECOND
-    reach = settings.jump_ratio * max(abs(one.speed), abs(other.speed)) * span
     distance = hypot(other.east - one.east, other.north - one.north)
-    return distance <= reach + settings.jump_margin
+    span = abs(other.measured_at - one.measured_at)
+    return within_reach(distance, span, max(abs(one.speed), abs(other.speed)))
+
+
+def within_reach(distance: float, span: int, speed: float) -> bool:
+    """Whether a car comes `distance` (m) far within `span` (ns) at `speed` (m/s) or little more."""
+    return distance <= REACH_RATIO * speed * (span / SECOND) + REACH_MARGIN

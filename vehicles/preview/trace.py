@@ -7,45 +7,48 @@ crossing of a figure of eight, an earlier or later lap) is therefore never consi
 
 from bisect import bisect_left, bisect_right
 from itertools import pairwise
-from math import atan2, ceil, cos, hypot, inf, isfinite, nan, sin
-from typing import Final
+from math import atan2, ceil, cos, hypot, inf, nan, sin
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from vehicles.geometry.bridges import UnbridgedError, curve_between
-from vehicles.preview.polyline import Polyline, step
-from vehicles.preview.samples import Sample, TraceSettings, Window, plausible
+from vehicles.preview.polyline import Point, Polyline, step
+from vehicles.preview.samples import TraceSettings, Window, reachable, within_reach
+from vehicles.received_pose import ReceivedPose
 
-__all__ = ["Sample", "Trace", "TraceSettings", "Window"]
+__all__ = ["Trace", "TraceSettings", "Window"]
 
 BRIDGE_AT: Final = -1
 """Instant of bridge points: before any sample."""
 MOST_GUESSED: Final = 500
-"""So many points are put into a hole at most."""
+"""Points that are put into a hole at most."""
 MOST_HOLES: Final = 8
-"""So many holes are remembered, for late samples that belong there."""
+"""Holes that are remembered, for late samples that belong there."""
 FORGET_CHUNK: Final = 64
-"""Samples behind the ego are dropped so many at a time."""
+"""Samples behind the ego that are dropped at once."""
+
+
+class _Hole(NamedTuple):
+    """A bridged gap in a trace: the point before it, the speed (m/s) and instant (ns) after it."""
+
+    before: Point
+    speed: float
+    end: int
 
 
 class Trace:
     """The samples of one source, received and stored as in Section III-A.
 
-    `newest` is the newest sample taken as true, `heard` how many were since the start. Counted are
-    `repeated` samples (no further along: a stopped source, a message that came twice), `rejected`
-    ones (jumps, not finite), `late` ones (out of order, kept or not) and `restarts` at a new place.
+    Poses are judged before they come here: of each the trace decides whether it continues the line,
+    belongs between two of its points, or begins another line out of reach of this one. `newest` is
+    the newest pose, `heard` the number of samples since the line began.
     """
 
     def __init__(self, settings: TraceSettings | None = None) -> None:
-        """Start empty."""
         self.settings = settings or TraceSettings()
-        self.newest: Sample | None = None
+        self.newest: ReceivedPose | None = None
         self.heard = 0
-        self.repeated = 0
-        self.rejected = 0
-        self.late = 0
-        self.restarts = 0
-        self._suspects: list[Sample] = []
         self._line = Polyline()
         self._first_yaw = 0.0
         self._forgotten_at = BRIDGE_AT
@@ -53,91 +56,68 @@ class Trace:
         self._here: float | None = None
         self._located: tuple[float, float] | None = None
         self._changed = False
-        self._holes: list[tuple[Sample, int]] = []
+        self._holes: list[_Hole] = []
 
     def __len__(self) -> int:
         """Points held, bridge included."""
         return len(self._line)
 
-    @property
-    def newest_at(self) -> int | None:
-        """Time stamp (ns; Section III-B) of the newest sample taken as true; None without any."""
-        return None if self.newest is None else self.newest.measured_at
+    def add(self, pose: ReceivedPose, *, after_hole: bool = False) -> None:
+        """Take a pose to its place in the order of travel (Section III-A).
 
-    def add(
-        self,
-        measured_at: int,
-        east: float,
-        north: float,
-        yaw: float,
-        speed: float,
-        *,
-        after_hole: bool = False,
-    ) -> None:
-        """Take one fix of the source (ns, m, m, rad, m/s) to its place in the order of travel.
-
-        What is received is stored, as in Section III-A; what no car can have driven is refused. If
-        it comes `after_hole`, a curve from both sides bridges what was not heard.
+        If it comes `after_hole`, a curve bridges what was not received.
         """
-        sample = Sample(measured_at, east, north, yaw, speed)
-        if not isfinite(east + north + yaw + speed):
-            self.rejected += 1
-        elif self.newest is None:
-            self._start(sample)
-        elif measured_at <= self.newest.measured_at:
-            self.late += 1
-            self._insert(sample)
-        elif not plausible(self.newest, sample, self.settings):
-            self.rejected += 1
-            self._suspect(sample)
+        newest = self.newest
+        if newest is None:
+            self._start(pose)
+        elif pose.measured_at <= newest.measured_at:
+            self._insert(pose)
+        elif not reachable(newest, pose):
+            self._start(pose)
         else:
-            self._suspects.clear()
+            point = (pose.measured_at, pose.east, pose.north, pose.yaw)
             if after_hole:
-                self._fill(sample)
-            self.newest = sample
+                self._fill(point, pose.speed)
+            self.newest = pose
             self.heard += 1
-            on = step(self._line.point(-1), sample[:4])
-            if on < self.settings.spacing:
-                self.repeated += 1
-            else:
-                self._line.append(sample[:4], on)
+            line = self._line
+            on = step(line.point(-1), point)
+            if on >= self.settings.spacing:  # else it stands, or the message came twice
+                line.append(point, on)
                 self._changed = True
-                if len(self._line) > self.settings.capacity:
+                if len(line.at) > self.settings.capacity:
                     self._forget()
 
-    def pass_over(
-        self, measured_at: int, east: float, north: float, yaw: float, speed: float
-    ) -> None:
-        """Know where the source is by a fix (ns, m, m, rad, m/s), but take its way for no path.
+    def pass_over(self, pose: ReceivedPose) -> None:
+        """Note where the source is, but do not take its path for one to follow.
 
         Preview data of Section III-A are those of a source that keeps to the path.
         """
-        sample = Sample(measured_at, east, north, yaw, speed)
         newest = self.newest
-        if newest is None or measured_at <= newest.measured_at:
+        if newest is None or pose.measured_at <= newest.measured_at:
             return
-        if plausible(newest, sample, self.settings):
-            self.newest = sample
+        if reachable(newest, pose):
+            self.newest = pose
 
-    def _start(self, sample: Sample) -> None:
-        """Start anew at `sample`; what was held before is dropped."""
-        self.newest = sample
+    def _start(self, pose: ReceivedPose) -> None:
+        """Begin the line at a pose; what was held before is dropped."""
+        self.newest = pose
         self.heard = 1
         self._line = Polyline()
-        self._line.append(sample[:4], 0.0)
-        self._first_yaw = sample.yaw
+        self._line.append((pose.measured_at, pose.east, pose.north, pose.yaw), 0.0)
+        self._first_yaw = pose.yaw
         self._forgotten_at = BRIDGE_AT
         self._bridged_from = None
         self._here = None
         self._holes.clear()
 
-    def _fill(self, after: Sample) -> None:
-        """Put points in front of a sample, by a cubic with the places and headings of both sides.
+    def _fill(self, after: Point, speed: float) -> None:
+        """Put points in front of a point, by a cubic with the places and headings of both sides.
 
         They are about a bridge's spacing apart, and their instants lie evenly between.
         """
-        before = Sample(*self._line.point(-1), after.speed)
-        length = hypot(after.east - before.east, after.north - before.north)
+        before = self._line.point(-1)
+        length = hypot(after[1] - before[1], after[2] - before[2])
         if length < self.settings.hole:
             return
         spacing = max(self.settings.bridge_spacing, length / MOST_GUESSED)
@@ -146,94 +126,76 @@ class Trace:
         except UnbridgedError:  # a straight line it is
             return
         count = points.shape[1]
-        span = after.measured_at - before.measured_at
-        ends = [*points.T.tolist(), [after.east, after.north]]
+        span = after[0] - before[0]
+        ends = [*points.T.tolist(), [after[1], after[2]]]
         for k, ((east, north), (next_east, next_north)) in enumerate(pairwise(ends)):
             yaw = atan2(next_north - north, next_east - east)
-            point = (before.measured_at + span * (k + 1) // (count + 1), east, north, yaw)
+            point = (before[0] + span * (k + 1) // (count + 1), east, north, yaw)
             last = self._line.point(-1)
             self._line.append(point, hypot(east - last[1], north - last[2]))
-        self._holes = [*self._holes[1 - MOST_HOLES :], (before, after.measured_at)]
+        self._holes = [*self._holes[1 - MOST_HOLES :], _Hole(before, speed, after[0])]
 
-    def _insert_in_hole(self, sample: Sample) -> None:
-        """Put a late sample into a hole: what was guessed there is guessed anew on both sides."""
-        hole = next(h for h in self._holes if h[0].measured_at < sample.measured_at < h[1])
-        before, end = hole
-        line = self._line
-        first, last = bisect_right(line.at, before.measured_at), bisect_left(line.at, end)
-        if not 0 < first < last < len(line) or not plausible(before, sample, self.settings):
-            self.rejected += 1
+    def _insert_in_hole(self, hole: _Hole, point: Point, speed: float) -> None:
+        """Put a late sample into a hole: both sides of it are bridged again."""
+        line, before = self._line, hole.before
+        first, last = bisect_right(line.at, before[0]), bisect_left(line.at, hole.end)
+        if not 0 < first < last < len(line.at) or not _fits(before, point, max(hole.speed, speed)):
             return
         self._holes.remove(hole)
         station, tail = line.station[last], line.cut(last)
         line.cut(first)
-        self._append(sample)
-        self._append(Sample(*tail[0], sample.speed))
+        self._append(point, speed)
+        self._append(tail[0], speed)
         shift = line.station[-1] - station
-        for point in tail[1:]:
-            line.append(point, step(line.point(-1), point))
+        for one in tail[1:]:
+            line.append(one, step(line.point(-1), one))
         if self._here is not None and self._here > station:
             self._here += shift
         self._changed = True
 
-    def _append(self, sample: Sample) -> None:
+    def _append(self, point: Point, speed: float) -> None:
         """Add a sample at the end of the line, with what lies between if that is long."""
-        self._fill(sample)
-        on = step(self._line.point(-1), sample[:4])
-        self._line.append(sample[:4], max(on, self.settings.spacing))
+        self._fill(point, speed)
+        on = step(self._line.point(-1), point)
+        self._line.append(point, max(on, self.settings.spacing))
 
-    def _suspect(self, sample: Sample) -> None:
-        """Keep a jump apart; several consistent ones are the new place of the source."""
-        if self._suspects and not plausible(self._suspects[-1], sample, self.settings):
-            self._suspects.clear()
-        self._suspects.append(sample)
-        if len(self._suspects) < self.settings.restart_after:
-            return
-        agreed, self._suspects = sorted(self._suspects), []
-        self.restarts += 1
-        self.rejected -= len(agreed)
-        self._start(agreed[0])
-        for one in agreed[1:]:
-            self.add(*one)
-
-    def _insert(self, sample: Sample) -> None:
+    def _insert(self, pose: ReceivedPose) -> None:
         """Put a late sample at its place, if that place is still held and it fits there."""
-        line = self._line
-        if sample.measured_at <= self._forgotten_at:
+        line, at = self._line, pose.measured_at
+        point = (at, pose.east, pose.north, pose.yaw)
+        if at <= self._forgotten_at:
             return
-        if any(hole[0].measured_at < sample.measured_at < hole[1] for hole in self._holes):
-            self._insert_in_hole(sample)
+        hole = next((one for one in self._holes if one.before[0] < at < one.end), None)
+        if hole is not None:
+            self._insert_in_hole(hole, point, pose.speed)
             return
-        place = bisect_left(line.at, sample.measured_at)
+        place = bisect_left(line.at, at)
         steps = [0.0, 0.0]
         for side, k in enumerate((place - 1, place)):
-            if not 0 <= k < len(line) or line.at[k] == BRIDGE_AT:
+            if not 0 <= k < len(line.at) or line.at[k] == BRIDGE_AT:
                 continue
-            beside = Sample(*line.point(k), sample.speed)
-            if not plausible(beside, sample, self.settings):
-                self.rejected += 1
+            beside = line.point(k)
+            if not _fits(beside, point, pose.speed):
                 return
-            pair = (sample[:4], line.point(k)) if side else (line.point(k), sample[:4])
-            steps[side] = step(*pair)
+            steps[side] = step(point, beside) if side else step(beside, point)
             if steps[side] < self.settings.spacing:
-                self.repeated += 1
                 return
         self._changed = True
         self.heard += 1
         if place == 0 or line.at[place - 1] == BRIDGE_AT:
-            self._begin_earlier(sample, place)
+            self._begin_earlier(point, place)
             return
         before = line.station[place - 1]
-        shift = line.insert(place, sample[:4], *steps)
+        shift = line.insert(place, point, *steps)
         if self._here is not None and self._here > before:
             self._here += shift
 
-    def _begin_earlier(self, sample: Sample, place: int) -> None:
+    def _begin_earlier(self, point: Point, place: int) -> None:
         """Start the trace with a late sample older than the first received one."""
         start, self._bridged_from = self._bridged_from, None
         self._line.drop(place)
-        self._line.prepend([sample[:4]])
-        self._first_yaw = sample.yaw
+        self._line.prepend([point])
+        self._first_yaw = point[3]
         self._here = None
         if start is not None:
             self.bridge(*start)
@@ -277,8 +239,8 @@ class Trace:
             return window
         stations = window.station + self._here
         keep = np.ones(len(stations), dtype=np.bool_)
-        for before, end in self._holes:
-            low, high = self._station_at(before.measured_at), self._station_at(end)
+        for hole in self._holes:
+            low, high = self._station_at(hole.before[0]), self._station_at(hole.end)
             keep &= (stations < low + 1e-6) | (stations > high - 1e-6)
         return Window(*(values[keep] for values in window))
 
@@ -386,3 +348,9 @@ class Trace:
         """Drop the oldest points."""
         self._forgotten_at = max(self._forgotten_at, self._line.at[FORGET_CHUNK - 1])
         self._line.drop(FORGET_CHUNK)
+
+
+def _fits(one: Point, other: Point, speed: float) -> bool:
+    """Whether a car at `speed` (m/s) can have been at both points."""
+    distance = hypot(other[1] - one[1], other[2] - one[2])
+    return within_reach(distance, abs(other[0] - one[0]), abs(speed))

@@ -11,7 +11,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
-from vehicles.driver.degradation.sources import LEAST_SAMPLES
+from vehicles.driver.degradation.source import LEAST_SAMPLES
 from vehicles.preview.trajectory import FitSettings
 from vehicles.schedule import MILLISECOND
 

@@ -15,9 +15,9 @@ from scenarios.runs.virtual.step_order import Stepper
 from transport.clock import Tick
 from transport.log.reader import LogReader
 from transport.log.records import LogError
-from vehicles.car.gnss import from_message
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose
+from vehicles.received_pose import receive
 from vehicles.schedule import SECOND, nanoseconds
 
 SEARCHED = 150.0
@@ -117,7 +117,7 @@ def head_start(
     `place` (east, north, m) is where the vehicle behind it will start, beside the first part of
     the recorded drive or behind it. 0 if that begins further ahead than `gap` already.
     """
-    fixes = [from_message(pose, plane) for pose in recorded.poses]
+    fixes = [receive(pose, plane, pose.sent_at_ns) for pose in recorded.poses]
     first = fixes[0]
     stations = [0.0]
     for before, after in pairwise(fixes):

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from vehicles.car.gnss import Fix
-from vehicles.driver.degradation.trust.gate import Belief, InnovationGate
+from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.steering import SteeringCommand
+from vehicles.received_pose import ReceivedPose
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ def _wheels_straight(
     return replace(asked, steering=0.0, feedforward=0.0, feedback=0.0)
 
 
-def _believe(_gate: InnovationGate, _now: int, fix: Fix) -> Belief:
-    return Belief(True, "", fix.accuracy)
+def _trust(_gate: InnovationGate, _pose: ReceivedPose) -> str:
+    return ""
 
 
 def _wheels_askew(
@@ -40,16 +40,16 @@ def _wheels_askew(
     return replace(asked, steering=asked.steering + 0.035)
 
 
-WHEELS_STRAIGHT = Fault("vehicles.driver.follower.without_hearing", _wheels_straight)
+WHEELS_STRAIGHT = Fault("vehicles.driver.follower.without_sources", _wheels_straight)
 """Who hears nobody lets go of the wheel."""
-WHEELS_ASKEW = Fault("vehicles.driver.follower.without_hearing", _wheels_askew)
+WHEELS_ASKEW = Fault("vehicles.driver.follower.without_sources", _wheels_askew)
 """Who hears nobody steers two degrees to the left of what it wants."""
-BELIEVES_ALL = Fault("vehicles.driver.degradation.trust.gate.InnovationGate.judge", _believe)
-"""Whatever is heard is believed."""
+BELIEVES_ALL = Fault("vehicles.driver.degradation.innovation_gate.InnovationGate.judge", _trust)
+"""Every pose is trusted."""
 ALL_EXACT = Fault("vehicles.driver.ego.pose_estimator._Model.position", lambda *_: 0.01)
 """The car takes each of its fixes for exact to the centimetre."""
 NEEDS_MANY = Fault(
-    "vehicles.driver.degradation.sources.reaches_ahead",
+    "vehicles.driver.degradation.source.reaches_ahead",
     lambda window: len(window.station) >= 60,
 )
 """A trajectory is made of three seconds of messages, or not at all."""

@@ -7,9 +7,11 @@ from scenarios.definition.channel.content import content_stage
 from scenarios.definition.schema.links import LinkTable
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
+from transport.links.laws.effect import NOWHERE, Whereabouts
 from transport.links.laws.law import LinkSetting
 from transport.links.link import Link
 from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.messages import GpsPose
 
 
 def link(
@@ -44,3 +46,8 @@ def inbox(
         gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rates[sender], plane=plane)
         links.append(IncomingLink(one, gate, content_stage(table.content, one, gate)))
     return Inbox(receiver, links, start_at=start_at)
+
+
+def taken(inbox: Inbox, now: int, here: Whereabouts = NOWHERE) -> list[GpsPose]:
+    """The messages that an inbox hands over at the tick at `now` (ns)."""
+    return [pose.message for pose in inbox.take(now, here)]

@@ -14,6 +14,7 @@ from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.path import Path
 from vehicles.geometry.path_point import PathPoint
 from vehicles.messages import GpsPose
+from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND, Cadence, instant
 
 START = 1_790_000_000 * SECOND
@@ -57,7 +58,7 @@ def drive(
     driver: Driver,
     body: Body,
     seconds: float,
-    hear: Callable[[int], Sequence[GpsPose]] = lambda _: (),
+    hear: Callable[[int], Sequence[ReceivedPose]] = lambda _: (),
     *,
     control_hz: float = CONTROL_HZ,
     fix: Callable[[Body, int], Fix | None] = measured,
@@ -116,5 +117,7 @@ class Source:
             self._next += 1
 
 
-def hearing(*sources: Source) -> Callable[[int], list[GpsPose]]:
-    return lambda now: [pose for source in sources for pose in source.messages_by(now)]
+def hearing(*sources: Source) -> Callable[[int], list[ReceivedPose]]:
+    return lambda now: [
+        receive(message, PLANE, now) for source in sources for message in source.messages_by(now)
+    ]

@@ -9,7 +9,7 @@ from transport.codec import RefusedMessageError
 from transport.links.gate import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.slowing.longitudinal import GuardedCar, SpeedGuard
+from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.speed import GapLimits, GapPolicy, ProfileSpeed, SpeedLaw, SpeedProfile
@@ -17,6 +17,7 @@ from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.messages import GpsPose
 from vehicles.preview.trajectory import FitSettings, Fusion
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import Cadence
 
 FUSIONS: list[Fusion] = ["composite", "predecessor", "blend"]
@@ -56,7 +57,6 @@ def follower(
             ),
         ),
         control=Cadence(START, CONTROL_HZ),
-        plane=PLANE,
         lead=lead,
         predecessor=predecessor,
         periods={lead: 1.0 / GNSS_HZ, predecessor: 1.0 / GNSS_HZ},
@@ -89,15 +89,14 @@ def modes(steps: Sequence[Step]) -> list[tuple[str, float]]:
     return found
 
 
-def believed(poses: Iterable[GpsPose], now: int) -> list[GpsPose]:
-    """Those poses that pass the gates of the follower's inbox at `now` (ns)."""
-    return [pose for pose in poses if _passes(pose, now)]
+def believed(poses: Iterable[GpsPose], now: int) -> list[ReceivedPose]:
+    """The poses that pass the gates of the follower's inbox at `now` (ns)."""
+    return [pose for one in poses if (pose := _admitted(one, now)) is not None]
 
 
-def _passes(pose: GpsPose, now: int) -> bool:
-    gate = PoseGate(sender=pose.vehicle, start_at=START, rate_hz=100.0, plane=PLANE)
+def _admitted(message: GpsPose, now: int) -> ReceivedPose | None:
+    gate = PoseGate(sender=message.vehicle, start_at=START, rate_hz=100.0, plane=PLANE)
     try:
-        gate.check(pose, now)
+        return gate.check(message, now)
     except RefusedMessageError:
-        return False
-    return True
+        return None

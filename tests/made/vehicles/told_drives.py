@@ -2,21 +2,25 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
+from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.driving import advance
 from tests.made.vehicles.exact_drives import PLANE, START
 from transport.links.laws.false_content import FalseContent, GhostVehicle
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.gnss import Fix, GnssReceiver, from_message, to_message
+from vehicles.car.gnss import Fix, GnssReceiver, to_message
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.car.positioning.noise import GnssNoise
-from vehicles.driver.degradation.trust.gate import Belief, InnovationGate
+from vehicles.driver.degradation.innovation_gate import REFUSED, Distrust, InnovationGate
 from vehicles.messages import GpsPose
+from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import MILLISECOND, SECOND
 
+_Pose = TypeVar("_Pose", Fix, ReceivedPose)
 TICK_S = 0.01
 LATENCY = 20 * MILLISECOND
 Command = Callable[[float, Body], Actuation]
@@ -83,25 +87,29 @@ def pose_of(fix: Fix) -> GpsPose:
     )
 
 
-def falsified(fixes: Sequence[Fix], false: FalseContent) -> list[Fix]:
-    """What is heard of honest fixes over a link with one kind of false content."""
+def falsified(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
+    """What is received of honest fixes over a link with one kind of false content."""
     poses = [pose_of(fix) for fix in fixes]
 
     def recall(until: int) -> GpsPose | None:
         return next((pose for pose in reversed(poses) if pose.sent_at_ns <= until), None)
 
-    heard: list[Fix] = []
+    heard: list[ReceivedPose] = []
     for pose in poses:
         acts = pose.sent_at_ns in false.span
         one = false.tell(pose, PLANE, recall) if acts else None
-        heard.append(from_message(one or pose, PLANE))
+        heard.append(_received(one or pose))
         if acts and isinstance(false, GhostVehicle):
-            heard.append(from_message(false.beside(pose, PLANE), PLANE))
+            heard.append(_received(false.beside(pose, PLANE)))
     return heard
 
 
-def thinned(fixes: Iterable[Fix], share: float, seed: int) -> list[Fix]:
-    """Those of the fixes that are not lost: a share, drawn."""
+def _received(message: GpsPose) -> ReceivedPose:
+    return receive(message, PLANE, message.measured_at_ns + LATENCY)
+
+
+def thinned(fixes: Iterable[_Pose], share: float, seed: int) -> list[_Pose]:
+    """The fixes that are not lost: a share, drawn."""
     random = np.random.default_rng(seed)
     return [fix for fix in fixes if random.random() < share]
 
@@ -110,19 +118,31 @@ def thinned(fixes: Iterable[Fix], share: float, seed: int) -> list[Fix]:
 class Judged:
     """A pose and what was made of it."""
 
-    fix: Fix
-    verdict: Belief
+    pose: ReceivedPose
+    reason: Distrust
+    deviation: float
 
     @property
     def seconds(self) -> float:
-        return (self.fix.measured_at - START) / SECOND
+        return (self.pose.measured_at - START) / SECOND
+
+    @property
+    def refused(self) -> bool:
+        return self.reason in REFUSED
 
 
-def judged(fixes: Iterable[Fix], gate: InnovationGate | None = None) -> list[Judged]:
-    """All verdicts on what is heard."""
+def judged(fixes: Iterable[Fix | ReceivedPose], gate: InnovationGate | None = None) -> list[Judged]:
+    """All verdicts on what is received."""
     gate = gate or InnovationGate()
-    return [Judged(fix, gate.judge(fix.measured_at + LATENCY, fix)) for fix in fixes]
+    all_of = []
+    for one in fixes:
+        pose = one
+        if isinstance(pose, Fix):
+            pose = received_fix(pose, received_at=pose.measured_at + LATENCY)
+        reason = gate.judge(pose)
+        all_of.append(Judged(pose, reason, gate.deviation(pose)))
+    return all_of
 
 
 def refused(all_of: Iterable[Judged]) -> list[Judged]:
-    return [one for one in all_of if not one.verdict.believed]
+    return [one for one in all_of if one.refused]

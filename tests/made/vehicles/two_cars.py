@@ -4,7 +4,7 @@ from math import inf, nan
 
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
-from vehicles.driver.degradation.slowing.longitudinal import GuardedCar, SpeedGuard
+from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     GapKeeping,

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.links import LinkTable
 from tests.made.scenarios.messages import MS, START, gps
 from tests.made.transport.links import inbox as inbox_of
+from tests.made.transport.links import taken
 from transport.codec import encode
-from transport.links.arrival import ContentStage, Memory
+from transport.links.arrival import ContentStage, Memory, Transmission
 from transport.links.inbox import Inbox
 from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import Passage
@@ -75,7 +76,7 @@ def run(
         while pending and pending[0][0] <= now:
             one = pending.pop(0)[1]
             inbox.on_bytes(key(one.vehicle, TOPICS["gps"]), encode(one))
-        heard += [(now, pose) for pose in inbox.take(now)]
+        heard += [(now, pose) for pose in taken(inbox, now)]
         verdicts += inbox.verdicts()
     return heard, verdicts
 
@@ -274,14 +275,16 @@ def test_no_flipped_bits_do_harm(
     one = sent(90)[-1]
     hit.memory.note(one)
     judged = Verdict("delivered", "", one.sent_at_ns + 20 * MS)
-    arrival = hit.arrive(judged, one, Passage(one.seq, one.sent_at_ns, SIZE))
+    pose = stage.gate.check(one, one.sent_at_ns)
+    arrival = Transmission(pose, Passage(one.seq, one.sent_at_ns, SIZE), judged, False, pose)
+    further = hit.arrive(arrival)
     if arrival.verdict.outcome == "delivered":
-        stage.gate.check(arrival.pose, one.sent_at_ns)
+        stage.gate.check(arrival.pose.message, one.sent_at_ns)
         assert "corrupted" in arrival.content
     else:
         assert arrival.verdict == Verdict("dropped", "corrupted", judged.visible_at)
         assert arrival.content
-        assert not arrival.further
+        assert not further
 
 
 # ---- False content

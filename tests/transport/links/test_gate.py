@@ -29,7 +29,7 @@ def refusal(pose: GpsPose, now: int = START, gate: PoseGate = GATE) -> str:
 
 
 def test_a_pose_of_its_sender_passes() -> None:
-    assert GATE.admit(encode(gps("v1", 0)), START) == gps("v1", 0)
+    assert GATE.admit(encode(gps("v1", 0)), START).message == gps("v1", 0)
 
 
 @pytest.mark.parametrize(

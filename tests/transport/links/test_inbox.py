@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import link as link_of
+from tests.made.transport.links import taken
 from transport.clock import ticks
 from transport.codec import RefusedMessageError, encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
@@ -70,20 +71,20 @@ def send(inbox: Inbox, *poses: GpsPose) -> None:
 def test_a_message_is_heard_at_the_first_tick_from_its_visible_instant_on() -> None:
     inbox = ear()
     send(inbox, pose(0))
-    assert inbox.take(START) == []
-    assert inbox.take(START + 19_999_999) == []
-    assert inbox.take(START + 20_000_000) == [pose(0)]
-    assert inbox.take(START + 40 * MS) == []
+    assert taken(inbox, START) == []
+    assert taken(inbox, START + 19_999_999) == []
+    assert taken(inbox, START + 20_000_000) == [pose(0)]
+    assert taken(inbox, START + 40 * MS) == []
     assert (inbox.heard, inbox.dropped, inbox.late) == (1, 0, 0)
 
 
 def test_an_early_arrival_waits_and_a_late_one_is_heard_at_once() -> None:
     inbox = ear()
     send(inbox, pose(1))
-    assert inbox.take(START + 60 * MS) == []
+    assert taken(inbox, START + 60 * MS) == []
     send(inbox, pose(0))
-    assert inbox.take(START + 62 * MS) == [pose(0)]
-    assert inbox.take(START + 80 * MS) == [pose(1)]
+    assert taken(inbox, START + 62 * MS) == [pose(0)]
+    assert taken(inbox, START + 80 * MS) == [pose(1)]
     assert inbox.late == 1
     assert [(v.pose_seq, v.late, v.heard_at_ns) for v in inbox.verdicts()] == [
         (0, True, START + 62 * MS),
@@ -95,9 +96,9 @@ def test_late_means_that_a_tick_went_without_it() -> None:
     # visible at 20 ms; the tick at 20 ms has been, so whatever comes after it is late.
     on_time, too_late = ear(), ear()
     for inbox, last in ((on_time, 19_999_999), (too_late, 20_000_000)):
-        inbox.take(START + last)
+        taken(inbox, START + last)
         send(inbox, pose(0))
-        assert inbox.take(START + 40 * MS) == [pose(0)]
+        assert taken(inbox, START + 40 * MS) == [pose(0)]
     assert (on_time.late, too_late.late) == (0, 1)
 
 
@@ -105,7 +106,7 @@ def test_messages_come_in_the_order_of_visibility_then_sender_then_number() -> N
     same = LinkTable(latency_ms=20.0)
     inbox = ear({"lead": same, "follower_1": same})
     send(inbox, pose(1), pose(1, "follower_1"), pose(0), pose(0, "follower_1"))
-    assert inbox.take(START + 100 * MS) == [
+    assert taken(inbox, START + 100 * MS) == [
         pose(0, "follower_1"),
         pose(0),
         pose(1, "follower_1"),
@@ -119,7 +120,7 @@ def test_verdicts_say_what_became_of_each_message() -> None:
     heard, verdicts = [], []
     for tick in ticks(START, START + SECOND, 50.0, RATE_HZ):
         send(inbox, *(pose(k) for k in range(20) if pose(k).measured_at_ns == tick.at))
-        heard += inbox.take(tick.at)
+        heard += taken(inbox, tick.at)
         verdicts += inbox.verdicts()
     assert [v.seq for v in verdicts] == list(range(20))
     assert [v.pose_seq for v in verdicts if v.outcome == "delivered"] == [p.seq for p in heard]
@@ -156,7 +157,7 @@ def run(
     for tick in ticks(START, START + 2 * SECOND, 50.0, RATE_HZ):
         while pending and pending[0][0] <= tick.at:
             send(inbox, pending.pop(0)[1])
-        heard += inbox.take(tick.at)
+        heard += taken(inbox, tick.at)
         verdicts += inbox.verdicts()
     assert not inbox.rejected
     return heard, verdicts
@@ -179,7 +180,7 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(random: Random,
 def test_what_is_heard_does_not_depend_on_the_order_of_arrival(order: list[int]) -> None:
     inbox = ear({"lead": LinkTable(loss_ratio=0.3)})
     send(inbox, *(pose(k) for k in order))
-    assert [p.seq for p in inbox.take(START + SECOND)] == [1, 3, 4, 6, 7, 11]
+    assert [p.seq for p in taken(inbox, START + SECOND)] == [1, 3, 4, 6, 7, 11]
 
 
 def test_what_never_arrives_does_not_shift_the_others() -> None:
@@ -187,16 +188,16 @@ def test_what_never_arrives_does_not_shift_the_others() -> None:
     whole, holed = ear(rule), ear(rule)
     send(whole, *(pose(k) for k in range(200)))
     send(holed, *(pose(k) for k in range(0, 200, 3)))
-    all_heard = {p.seq for p in whole.take(START + 20 * SECOND)}
-    assert {p.seq for p in holed.take(START + 20 * SECOND)} == all_heard & set(range(0, 200, 3))
+    all_heard = {p.seq for p in taken(whole, START + 20 * SECOND)}
+    assert {p.seq for p in taken(holed, START + 20 * SECOND)} == all_heard & set(range(0, 200, 3))
 
 
 def test_a_repeated_message_is_heard_once() -> None:
     inbox = ear()
     send(inbox, pose(0), pose(0))
-    assert inbox.take(START + 100 * MS) == [pose(0)]
+    assert taken(inbox, START + 100 * MS) == [pose(0)]
     send(inbox, pose(0))
-    assert inbox.take(START + 200 * MS) == []
+    assert taken(inbox, START + 200 * MS) == []
     assert inbox.rejected == {"duplicate": 2}
 
 
@@ -253,7 +254,7 @@ def test_what_cannot_be_true_is_counted_and_not_heard(data: bytes, reason: str) 
     send(inbox, pose(0))
     inbox.on_bytes("convoy/lead/gps", data)
     send(inbox, pose(1))
-    assert inbox.take(START + 100 * MS) == [pose(0), pose(1)]
+    assert taken(inbox, START + 100 * MS) == [pose(0), pose(1)]
     assert sum(inbox.rejected.values()) == 1
     assert set(inbox.rejected) == {reason}
     assert len(inbox.verdicts()) == 2
@@ -264,14 +265,14 @@ def test_no_bytes_do_harm(data: bytes) -> None:
     inbox = ear()
     inbox.on_bytes("convoy/lead/gps", data)
     send(inbox, pose(0))
-    assert inbox.take(START + 100 * MS) == [pose(0)]
+    assert taken(inbox, START + 100 * MS) == [pose(0)]
     assert sum(inbox.rejected.values()) == 1
 
 
 def test_a_stranger_is_not_heard() -> None:
     inbox = ear()
     send(inbox, pose(0, "ghost"))
-    assert inbox.take(START + 100 * MS) == []
+    assert taken(inbox, START + 100 * MS) == []
     assert inbox.rejected == {"unknown": 1}
 
 
@@ -279,11 +280,11 @@ def test_rejections_are_told_once() -> None:
     inbox = ear()
     inbox.on_bytes("convoy/lead/gps", b"")
     send(inbox, pose(0), pose(0))
-    inbox.take(START)
+    taken(inbox, START)
     assert inbox.rejections() == [("duplicate", 1), ("garbage", 1)]
     assert inbox.rejections() == []
     inbox.on_bytes("convoy/lead/gps", b"")
-    inbox.take(START)
+    taken(inbox, START)
     assert inbox.rejections() == [("garbage", 1)]
     assert inbox.rejected == {"garbage": 2, "duplicate": 1}
 
@@ -291,9 +292,9 @@ def test_rejections_are_told_once() -> None:
 def test_a_message_from_long_ago_is_not_of_now() -> None:
     inbox = ear()
     send(inbox, pose(0))
-    assert inbox.take(START + HORIZON_NS) == [pose(0)]
+    assert taken(inbox, START + HORIZON_NS) == [pose(0)]
     send(inbox, pose(1))
-    assert inbox.take(START + HORIZON_NS + 51 * MS) == []
+    assert taken(inbox, START + HORIZON_NS + 51 * MS) == []
     assert inbox.rejected == {"past": 1}
     assert inbox.late == 1  # too late to be of any use
 
@@ -305,7 +306,7 @@ def test_a_vehicle_that_was_held_up_loses_nothing() -> None:
     send(inbox, *everything)
     heard = []
     for tick in ticks(START, START + 11 * SECOND, 50.0):
-        heard += inbox.take(tick.at)
+        heard += taken(inbox, tick.at)
     assert heard == everything
     assert inbox.late == 0
 
@@ -316,7 +317,7 @@ def test_too_many_at_once_push_the_oldest_out() -> None:
     for _ in range(3):
         inbox.on_bytes("convoy/lead/gps", b"flood")
     send(inbox, *(pose(k) for k in range(QUEUE)))
-    heard = inbox.take(START + 60 * SECOND - 1)
+    heard = taken(inbox, START + 60 * SECOND - 1)
     assert inbox.rejected["overflow"] == more - QUEUE
     assert inbox.rejected["garbage"] == 0
     assert ("overflow", 3) in inbox.rejections()
@@ -334,10 +335,10 @@ def test_messages_may_come_while_others_are_taken() -> None:
     thread.start()
     now, heard = START, list[GpsPose]()
     while thread.is_alive():
-        heard += inbox.take(now)
+        heard += taken(inbox, now)
     thread.join()
-    heard += inbox.take(START + 50 * SECOND)
-    heard += inbox.take(START + 100 * SECOND)
+    heard += taken(inbox, START + 50 * SECOND)
+    heard += taken(inbox, START + 100 * SECOND)
     assert len(heard) + inbox.rejected.total() == total
 
 
@@ -348,7 +349,7 @@ def test_each_sender_has_its_own_schedule() -> None:
     for sender, rate_hz in rates.items():
         for k in range(8):
             send(inbox, sent(pose(k, sender), instant(START, k, rate_hz)))
-    heard = inbox.take(START + SECOND)
+    heard = taken(inbox, START + SECOND)
     assert [p.seq for p in heard if p.vehicle == "lead"] == [0, 4]
     assert [p.seq for p in heard if p.vehicle == "follower_1"] == [0, 2, 4, 6]
 
@@ -358,7 +359,7 @@ def test_no_rounding_puts_a_number_ahead_of_its_schedule(rate_hz: float, k: int)
     now = instant(START, k, rate_hz)
     inbox = inbox_of("f2", {"lead": LinkTable()}, start_at=START, rate_hz=rate_hz)
     send(inbox, sent(pose(k), now))
-    assert len(inbox.take(now + 20 * MS)) == 1
+    assert len(taken(inbox, now + 20 * MS)) == 1
 
 
 def test_the_keys_to_listen_to() -> None:
@@ -376,7 +377,7 @@ def feed(box: Inbox, *poses: GpsPose) -> None:
 def test_what_was_sent_while_nobody_listened_is_not_heard() -> None:
     box = ear()
     feed(box, pose(0), pose(1))
-    assert [one.seq for one in box.take(START + 100 * MS)] == [0, 1]
+    assert [one.seq for one in taken(box, START + 100 * MS)] == [0, 1]
     feed(box, pose(2), pose(3))
     box.let_go(START + 150 * MS, NOWHERE)  # of which the fourth was sent right then
     feed(box, pose(4), pose(6))  # and this tick is late: one was sent after it
@@ -384,7 +385,7 @@ def test_what_was_sent_while_nobody_listened_is_not_heard() -> None:
     links = inbox_of("follower_2", {"lead": LinkTable(latency_ms=20.0)}, start_at=START).links
     box.listen_anew(links.values(), START + 260 * MS)
     feed(box, pose(5), pose(7))  # of which the first was sent before
-    assert [one.seq for one in box.take(START + 400 * MS)] == [6, 7]
+    assert [one.seq for one in taken(box, START + 400 * MS)] == [6, 7]
     assert box.heard == 4
     assert [one.seq for one in box.verdicts()] == [0, 1, 2, 3]
     assert not box.rejected
@@ -393,25 +394,25 @@ def test_what_was_sent_while_nobody_listened_is_not_heard() -> None:
 
 def test_what_comes_while_control_stalls_is_heard_afterwards_and_not_late() -> None:
     box = ear()
-    box.take(START)
+    taken(box, START)
     for seq in range(5):
         feed(box, pose(seq))
         box.pass_by(START + seq * 50 * MS, NOWHERE)
-    assert [one.seq for one in box.take(START + 300 * MS)] == [0, 1, 2, 3, 4]
+    assert [one.seq for one in taken(box, START + 300 * MS)] == [0, 1, 2, 3, 4]
     assert box.late == 0
 
 
 def test_an_inbox_goes_on_from_the_counts_of_another() -> None:
     box = ear({"lead": LinkTable(latency_ms=20.0, loss_ratio=1.0)})
     feed(box, pose(0), pose(1), pose(1))
-    box.take(START + 100 * MS)
+    taken(box, START + 100 * MS)
     other = inbox_of("follower_2", {"lead": LinkTable()}, start_at=START)
     other = Inbox("follower_2", other.links.values(), start_at=START, before=box.counts)
     assert (other.dropped, other.heard, other.late) == (2, 0, 0)
     assert other.rejected == box.rejected == {"duplicate": 1}
     assert other.rejections() == []
     feed(other, pose(2))
-    other.take(START + 200 * MS)
+    taken(other, START + 200 * MS)
     assert [one.seq for one in other.verdicts()] == [2]
     assert other.heard == 1
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import link as link_of
+from tests.made.transport.links import taken
 from transport.clock import ticks
 from transport.codec import encode
 from transport.links.inbox import Inbox
@@ -77,7 +78,7 @@ def run(
     for tick in ticks(START, START + 5 * SECOND, 50.0, RATE_HZ):
         while pending and pending[0][0] <= tick.at:
             send(inbox, pending.pop(0)[1])
-        heard += inbox.take(tick.at)
+        heard += taken(inbox, tick.at)
         verdicts += inbox.verdicts()
     assert not inbox.rejected
     return heard, verdicts, inbox
@@ -155,12 +156,12 @@ def test_a_straggler_goes_by_itself_and_counts_as_late() -> None:
     inbox = ear("in order")
     send(inbox, pose(0))
     send(inbox, pose(2))
-    inbox.take(START + 100 * MS)
-    inbox.take(START + 2 * SECOND)  # number 2 is through
+    taken(inbox, START + 100 * MS)
+    taken(inbox, START + 2 * SECOND)  # number 2 is through
     before = inbox.verdicts()
     assert [(v.pose_seq, v.late) for v in before] == [(0, False), (2, False)]
     send(inbox, pose(1))
-    inbox.take(START + 3 * SECOND)
+    taken(inbox, START + 3 * SECOND)
     (late,) = inbox.verdicts()
     assert (late.pose_seq, late.late) == (1, True)
     assert inbox.late == 1
@@ -170,7 +171,7 @@ def test_memory_stays_bounded() -> None:
     inbox = ear("both")
     for k in range(3000):
         send(inbox, pose(k))
-        inbox.take(pose(k).sent_at_ns)
+        taken(inbox, pose(k).sent_at_ns)
     (link,) = inbox.links.values()
     assert link.line is not None
     assert len(link.held) <= 2 + QUEUE_REACH

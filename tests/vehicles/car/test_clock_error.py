@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made.scenarios.messages import gps
+from tests.made.transport.received_poses import received
 from vehicles.car.clock_error import VehicleClock
 
 START = 1_700_000_000_000_000_000
@@ -27,13 +27,12 @@ def test_an_age_is_the_difference_of_two_clocks(
 ) -> None:
     sender, receiver = VehicleClock(START, theirs), VehicleClock(START, mine, drift)
     measured_at, now = START + since, START + since + 70_000_000
-    pose = gps("v1", 0)
-    pose.measured_at_ns = sender.stamped(measured_at)
+    pose = received(sender.stamped(measured_at), 0.0, 0.0)
     (judged,) = receiver.judged(now, [pose])
-    assert now - judged.measured_at_ns == receiver.stamped(now) - sender.stamped(measured_at)
-    assert judged.sent_at_ns == pose.sent_at_ns
+    assert now - judged.measured_at == receiver.stamped(now) - sender.stamped(measured_at)
+    assert judged.message == pose.message
 
 
 def test_a_true_clock_leaves_all_as_it_is() -> None:
-    poses = [gps("v1", 0)]
+    poses = [received(START, 0.0, 0.0)]
     assert VehicleClock(START).judged(START, poses) is poses

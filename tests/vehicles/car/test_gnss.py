@@ -7,10 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss import Fix, GnssReceiver, from_message, to_message
+from vehicles.car.gnss import Fix, GnssReceiver, to_message
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.geometry.geodesy import LocalPlane, Origin, wrap_angle
 from vehicles.messages import GpsPose
+from vehicles.received_pose import receive
 
 START = 1_700_000_000_123_456_789
 BODY = Body(120.0, -45.0, 2.5, 20.0, 0.1, 0.05, 0.01, 0.0, 300.0)
@@ -99,10 +100,11 @@ def test_over_the_wire_and_back(
     message = as_message(fix)
     assert message.vehicle == "v1"
     assert 0.0 <= message.heading_deg < 360.0
-    back = from_message(message, PLANE)
+    back = receive(message, PLANE, START + 1)
     assert math.hypot(back.east - east, back.north - north) < 1e-6
     assert abs(wrap_angle(back.yaw - yaw)) < 1e-9
-    assert replace(back, east=east, north=north, yaw=yaw) == fix
+    assert (back.speed, back.yaw_rate, back.accuracy) == (speed, yaw_rate, fix.accuracy)
+    assert (back.message, back.measured_at, back.received_at) == (message, START, START + 1)
 
 
 def test_wire_carries_a_compass_course() -> None:
@@ -116,7 +118,7 @@ def test_wire_carries_a_compass_course() -> None:
 def test_poses_far_from_the_plane_are_refused(altitude_m: float) -> None:
     message = as_message(Fix(3, START, 10.0, 20.0, 0.0, 5.0, 0.0))
     with pytest.raises(ValueError, match="further than"):
-        from_message(replace(message, altitude_m=altitude_m), PLANE)
+        receive(replace(message, altitude_m=altitude_m), PLANE, START)
 
 
 def test_impossible_receivers_are_refused() -> None:

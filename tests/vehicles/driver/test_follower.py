@@ -35,8 +35,8 @@ from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision
 from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
 from vehicles.geometry.path import Path, Segment, path_from_segments
-from vehicles.messages import GpsPose
 from vehicles.preview.trajectory import Fusion
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
 
 HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
@@ -189,7 +189,11 @@ def test_a_blend_steers_by_the_weighted_mean_of_what_each_source_asks(alpha: flo
 
     class Three:
         def step(
-            self, now: int, fix: Fix | None, motion: Motion | Body | None, heard: Sequence[GpsPose]
+            self,
+            now: int,
+            fix: Fix | None,
+            motion: Motion | Body | None,
+            heard: Sequence[ReceivedPose],
         ) -> Decision:
             nonlocal compared
             decision, lead, predecessor = (

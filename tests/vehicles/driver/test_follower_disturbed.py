@@ -38,6 +38,7 @@ from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose
 from vehicles.preview.trajectory import Fusion
+from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND, instant
 
 
@@ -50,10 +51,10 @@ def hearing_jumps(who: str, numbers: Container[int], far: float, towards: float)
     """Drive with messages of `who` that lie `far` m off, in the world's direction `towards`."""
     usually = hearing(lead_of(BEND), predecessor_of(BEND))
 
-    def hear(now: int) -> list[GpsPose]:
+    def hear(now: int) -> list[ReceivedPose]:
         return [
             displaced(pose, far * math.cos(towards), far * math.sin(towards))
-            if pose.vehicle == who and pose.seq in numbers
+            if pose.message.vehicle == who and pose.message.seq in numbers
             else pose
             for pose in usually(now)
         ]
@@ -94,10 +95,8 @@ def test_sources_with_poor_receivers_are_followed_within_their_noise() -> None:
     assert max(map(abs, lateral(STRAIGHT, steps))) < 0.5
 
 
-def displaced(pose: GpsPose, to_east: float, to_north: float) -> GpsPose:
-    east, north = PLANE.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)
-    latitude, longitude, altitude = PLANE.to_geodetic(east + to_east, north + to_north)
-    return replace(pose, latitude_deg=latitude, longitude_deg=longitude, altitude_m=altitude)
+def displaced(pose: ReceivedPose, to_east: float, to_north: float) -> ReceivedPose:
+    return replace(pose, east=pose.east + to_east, north=pose.north + to_north)
 
 
 def apart(one: Body, other: Body) -> float:
@@ -132,10 +131,14 @@ def test_messages_out_of_order_hardly_move_the_car() -> None:
     """Pairs come swapped: 100 ms late at most, which costs nothing 15 m ahead."""
     sources = [lead_of(BEND), predecessor_of(BEND)]
 
-    def hear(now: int) -> list[GpsPose]:
+    def hear(now: int) -> list[ReceivedPose]:
         if (now - START) % (SECOND // 10):
             return []
-        return [pose for source in sources for pose in reversed(list(source.messages_by(now)))]
+        return [
+            receive(message, PLANE, now)
+            for source in sources
+            for message in reversed(list(source.messages_by(now)))
+        ]
 
     steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
     assert max(map(abs, lateral(BEND, steps))) < 0.05
@@ -160,9 +163,10 @@ def test_a_pose_that_no_vehicle_of_the_convoy_can_send_is_passed_over(
 ) -> None:
     usually = hearing(lead_of(BEND), predecessor_of(BEND))
 
-    def hear(now: int) -> list[GpsPose]:
-        told = [pose if pose.seq % 10 else replace(pose, **wrong) for pose in usually(now)]  # type: ignore[arg-type]
-        return believed(told, now)
+    def hear(now: int) -> list[ReceivedPose]:
+        messages = [pose.message for pose in usually(now)]
+        sent = [one if one.seq % 10 else replace(one, **wrong) for one in messages]  # type: ignore[arg-type]
+        return believed(sent, now)
 
     steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
     assert max(map(abs, lateral(BEND, steps))) < 0.05

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.made.transport.received_poses import received
 from tests.made.vehicles.arc_courses import course
 from tests.made.vehicles.driving import advance
 from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
@@ -42,7 +43,7 @@ def test_a_car_follows_the_leg_that_was_driven(name: str) -> None:
     for k in range(int((length - gap - 3.0) / speed * 20.0)):  # per fix of 20 Hz, at 40 Hz control
         east, north, yaw = place(gap + speed * 0.05 * k)
         noise = 0.02 * random.standard_normal(2)
-        trace.add((k + 1) * TICK, east + noise[0], north + noise[1], yaw, speed)
+        trace.add(received((k + 1) * TICK, east + noise[0], north + noise[1], yaw, speed))
         trace.bridge(body.east, body.north)
         seen = trace.window(body.east, body.north, settings.behind(speed), settings.ahead(speed))
         fit = fit_composite(seen, None, alpha=0.5, settings=settings) or fit

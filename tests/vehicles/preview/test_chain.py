@@ -7,6 +7,7 @@ passed on, so it grows to twice the first one's. Here nothing steers: whatever g
 import numpy as np
 import pytest
 
+from tests.made.transport.received_poses import received
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
@@ -45,7 +46,7 @@ def trace_of(drive: Drive) -> Trace:
     """What is received of a car that was measured so, all of it."""
     trace = Trace()
     for k, (east, north, yaw) in enumerate(drive):
-        trace.add(round((k + 1) * STEP_S * SECOND), east, north, yaw, SPEED)
+        trace.add(received(round((k + 1) * STEP_S * SECOND), east, north, yaw, SPEED))
     return trace
 
 

@@ -1,16 +1,16 @@
-"""The lead's path, as one who hears only the vehicle ahead can know it: by how far off that is.
+"""The lead's path, for a follower that receives the vehicle ahead alone.
 
-A vehicle that follows the way driven by the one ahead repeats its errors and adds its own: the
-error grows along the convoy, although each one believes itself on the path (Section V-D.1). So each
-follower tells how far its place lies beside the lead's path, and who hears it alone puts that place
-back on the path.
+A vehicle that follows the path driven by the one ahead repeats its errors and adds its own: the
+error grows along the convoy, although each estimates itself on the path (Section V-D.1). So each
+follower announces how far its place lies beside the lead's path, and a follower that receives it
+alone puts that place back on the path.
 
-What it tells is measured from the samples of the lead themselves, or from such as were put back,
-not from the curve fitted to them: a curve that rounds off bends would do so again for each vehicle.
-And it is measured of the fix that it sends, so that the fix's own error is put back, too. A place
-put back lies on the line between two that were told of the lead's path, so the error of no vehicle
-is handed on, neither that of its law nor that of its receiver, and the noise of the lead's places
-is not added to: between two of variance s², it is at most s².
+The announced offset is measured from the samples of the lead themselves, or from samples that were
+put back, not from the curve fitted to them: a curve that rounds off bends would do so again for
+each vehicle. And it is measured of the fix that is sent, so that the fix's own error is put back,
+too. A place put back lies on the line between two of the lead's path, so the error of no vehicle is
+handed on, neither that of its law nor that of its receiver, and the noise of the lead's places does
+not grow: between two of variance s², it is at most s².
 """
 
 from array import array
@@ -24,54 +24,54 @@ from vehicles.car.gnss import Fix
 from vehicles.messages import Mode
 from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 FURTHEST: Final = 1.75
-"""Offsets beyond this (m), half of a lane, are not believed."""
+"""Offsets beyond this (m), half of a lane, count as none."""
 STEEPEST: Final = 0.2
-"""So many metres an offset may change by for each metre driven: a car askew by 11 degrees."""
+"""Change of an offset (m) for each metre driven, at most: a car askew by 11 degrees."""
 DEVIATIONS: Final = 7.0
-"""By so many standard deviations of a fix it may change besides: 5 of the difference of two."""
+"""Further change, in standard deviations of a fix: 5 of the difference of two."""
 SPACING: Final = 0.2
-"""A source that has moved less than this (m) tells nothing new, as for its trace."""
+"""A source that has moved less than this (m) adds nothing, as to its trace."""
 MOST: Final = 4096
 FORGOTTEN: Final = 1024
-"""So many offsets are kept, and so many forgotten at once."""
+"""Number of offsets that are kept at most, and that are forgotten at once."""
 
 
 class MeantPath:
-    """Where the path is beside the places that a source told.
+    """Where the path is beside the places of a source.
 
     Of each its instant (ns), and in turn east and north (m), yaw (rad) and how far left of the path
     it lies (m).
     """
 
     def __init__(self) -> None:
-        """Start without any."""
         self._instants = array("q")
         self._numbers = array("d")
 
-    def tell(self, fix: Fix, offset: float) -> None:
-        """Take that a place lies `offset` (m, left positive) beside the path (Section III-B).
+    def note(self, pose: ReceivedPose, offset: float) -> None:
+        """Note that a pose lies `offset` (m, left positive) beside the path (Section III-B).
 
-        One who tells none, or one that cannot be, is taken for being on the path. From one place to
-        the next the offset changes no faster than a car can drive aside, whatever is told.
+        Without an offset, or with an impossible one, it counts as on the path. From one pose to the
+        next the offset changes no faster than a car can drive aside, whatever is announced.
         """
         instants, numbers = self._instants, self._numbers
-        place = bisect_left(instants, fix.measured_at)
+        place = bisect_left(instants, pose.measured_at)
         if not abs(offset) <= FURTHEST:  # NaN neither
             offset = 0.0
-        if place < len(instants) and instants[place] == fix.measured_at:
+        if place < len(instants) and instants[place] == pose.measured_at:
             return
         if place:
             east, north, _, before = numbers[4 * place - 4 : 4 * place]
-            moved = hypot(fix.east - east, fix.north - north)
+            moved = hypot(pose.east - east, pose.north - north)
             if moved < SPACING:
                 return
-            most = STEEPEST * moved + DEVIATIONS * abs(fix.accuracy)
+            most = STEEPEST * moved + DEVIATIONS * abs(pose.accuracy)
             offset = min(max(offset, before - most), before + most)
-        instants.insert(place, fix.measured_at)
-        numbers[4 * place : 4 * place] = array("d", (fix.east, fix.north, fix.yaw, offset))
+        instants.insert(place, pose.measured_at)
+        numbers[4 * place : 4 * place] = array("d", (pose.east, pose.north, pose.yaw, offset))
         if len(instants) > MOST:
             del instants[:FORGOTTEN]
             del numbers[: 4 * FORGOTTEN]

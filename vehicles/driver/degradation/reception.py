@@ -1,31 +1,41 @@
-"""What has come of a source of late: how often it sends, how much of it arrives, for how long not.
+"""How a source has been received of late: period, share, age, and probation after a loss.
 
 SI units; instants in ns.
 """
 
 from collections import deque
-from math import nan
+from math import exp, isnan, nan
 from typing import Final, NamedTuple
 
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.situation import LOST, SourceFreshness
 from vehicles.schedule import SECOND
 
 RECENT: Final = SECOND
-"""What came within this time (ns) is counted, and tells the period."""
+"""Time (ns) over which arrivals are counted and the period is learned."""
 USUAL_TIME: Final = 10.0
-"""Time (s) over which the usual share is a mean, once so much has been seen."""
+"""Time (s) over which the usual share is a mean, once that much has been counted."""
+CLOSING_RATE: Final = 0.1
+"""A gap that was opened closes again at this share of the own speed; while it is wide, faster:"""
+CLOSING_TIME: Final = 3.0
+"""a time constant (s), so that a car that stood for a minute does not stay behind for ten."""
+USUAL_SHARE: Final = 0.05
+"""Weight of a new message in the usual age of messages at reception."""
 
 
-class _Received(NamedTuple):
-    heard_at: int
+class _Arrival(NamedTuple):
+    received_at: int
     measured_at: int
     seq: int
 
 
 class Reception:
-    """The messages of one source as they came (beyond the paper, whose messages always come).
+    """The messages of one source as they arrived in the last second.
 
     The period at which they are expected is what lies between two in the sender's own time, over
-    what lies between their numbers, so that what is lost on the way does not stretch it.
+    what lies between their numbers, so that losses on the way do not stretch it. The numbers held
+    here are those of the arrivals from which this follows; which numbers ever came is the inbox's
+    to know.
     """
 
     def __init__(self, period: float) -> None:
@@ -33,9 +43,9 @@ class Reception:
         self._least_period = period
         self.period = period
         self.usual_share = nan
-        self._recent: deque[_Received] = deque()
+        self._recent: deque[_Arrival] = deque()
         self._highest = -1
-        self._heard_at: deque[int] = deque()
+        self._received_at: deque[int] = deque()
         self._first_at = 0
         self._newest_at: int | None = None
         self._newest_measured_at = 0
@@ -43,34 +53,35 @@ class Reception:
         self._counted = 0.0
 
     def add(self, now: int, measured_at: int, seq: int) -> bool:
-        """Take in a message heard at `now`; returns whether it is the newest by its time stamp.
+        """Take in a message received at `now`; returns whether it is the newest by its time stamp.
 
-        One that came before, by its number, does not count.
+        One that repeats the number of a recent one does not count.
         """
         if seq > self._highest:
             self._highest = seq
         elif seq in [one.seq for one in self._recent]:
             return False
-        arrival = _Received(now, measured_at, seq)
-        self._heard_at.append(now)
+        recent, arrival = self._recent, _Arrival(now, measured_at, seq)
+        self._received_at.append(now)
         if self._newest_at is None:
             self._first_at = self._counted_until = now
         elif measured_at <= self._newest_measured_at:
-            self._recent.insert(max(len(self._recent) - 1, 0), arrival)
+            recent.insert(max(len(recent) - 1, 0), arrival)
             return False
         self._newest_at, self._newest_measured_at = now, measured_at
-        self._recent.append(arrival)
-        self._drop_old(now)
+        recent.append(arrival)
+        while len(recent) > 2 and recent[0].received_at <= now - RECENT:
+            recent.popleft()
         self._learn_period()
         return True
 
     def forget(self) -> None:
-        """Forget what came: what lies on both sides of a long silence is no period."""
+        """Forget what came: the time across a long silence is no period."""
         self._recent.clear()
-        self._heard_at.clear()
+        self._received_at.clear()
 
     def silence(self, now: int) -> float:
-        """Time (s) since a newer message was heard, NaN before the first.
+        """Time (s) since a newer message was received, NaN before the first.
 
         Not since it was measured: a latency is no silence.
         """
@@ -83,7 +94,8 @@ class Reception:
         """
         if self._newest_at is None:
             return nan
-        share = self._came(now) / self._expected(now)
+        came, expected = self._counts(now)
+        share = came / expected
         return 1.0 if share > 1.0 else share
 
     def delivers(self, now: int, share: float) -> bool:
@@ -91,7 +103,8 @@ class Reception:
 
         But for one message, which may have come just before or just after.
         """
-        return self._came(now) + 1 >= share * self.usual_share * self._expected(now)
+        came, expected = self._counts(now)
+        return came + 1 >= share * self.usual_share * expected
 
     def count_share(self, now: int, share: float) -> None:
         """Let the `share` of the last second count for the usual one."""
@@ -105,25 +118,17 @@ class Reception:
         self.usual_share = before + (share - before) * span / self._counted
 
     def pause_count(self, now: int) -> None:
-        """Let the time until `now` not count for the usual share."""
+        """Leave the time until `now` out of the usual share."""
         self._counted_until = now
 
-    def _came(self, now: int) -> int:
-        """Messages of the last second; those before it are not asked for any more."""
-        since, heard_at = now - RECENT, self._heard_at
-        while heard_at and heard_at[0] <= since:
-            heard_at.popleft()
-        return len(heard_at)
-
-    def _expected(self, now: int) -> float:
-        since = now - self._first_at
-        expected = (RECENT if since > RECENT else since) / SECOND / self.period
-        return 1.0 if expected < 1.0 else expected
-
-    def _drop_old(self, now: int) -> None:
-        """Keep what came of late, at least two messages."""
-        while len(self._recent) > 2 and self._recent[0].heard_at <= now - RECENT:
-            self._recent.popleft()
+    def _counts(self, now: int) -> tuple[int, float]:
+        """Messages of the last second that came, and that were expected."""
+        since, received_at = now - RECENT, self._received_at
+        while received_at and received_at[0] <= since:
+            received_at.popleft()
+        span = now - self._first_at
+        expected = (RECENT if span > RECENT else span) / SECOND / self.period
+        return len(received_at), 1.0 if expected < 1.0 else expected
 
     def _learn_period(self) -> None:
         first, last = self._recent[0], self._recent[-1]
@@ -131,8 +136,104 @@ class Reception:
         if numbers > 0:
             spacing = (last.measured_at - first.measured_at) / SECOND / numbers
             self.period = max(spacing, self._least_period)
-        elif numbers < 0:  # the sender began anew
+        elif numbers < 0:  # the sender has restarted
             self._recent.clear()
             self._recent.append(last)
-            self._heard_at.clear()
-            self._heard_at.append(last.heard_at)
+            self._received_at.clear()
+            self._received_at.append(last.received_at)
+
+
+class Probation:
+    """Time that a source which came back has to behave before it is relied on again.
+
+    It doubles with each relapse and halves after each time without one, as PX4's estimator EKF2
+    does with its sensors: the time grows while failing and shrinks while passing.
+    """
+
+    def __init__(self, settings: DegradationSettings) -> None:
+        self._settings = settings
+        self._next = settings.probation
+        self._trusted_at: int | None = None
+        self._began_at = 0
+        self.length = settings.probation
+
+    def fail(self, now: int) -> None:
+        """Count that the source was lost or refused at `now` (ns)."""
+        settings = self._settings
+        if self._trusted_at is not None:
+            healthy = (now - self._trusted_at) / SECOND
+            halvings = min(int(healthy / settings.forgiven_after), 64)
+            self._next = max(self._next * 0.5**halvings, settings.probation)
+            self._trusted_at = None
+        self.length = self._next
+        self._next = min(2.0 * self.length, max(settings.probation_max, settings.probation))
+
+    def begin(self, now: int) -> None:
+        """Begin at `now` (ns), when the source is received again."""
+        self._began_at = now
+
+    def served(self, now: int) -> float:
+        """Time (s) of it that has passed at `now` (ns)."""
+        return (now - self._began_at) / SECOND
+
+    def end(self, now: int) -> None:
+        """Rely on the source again from `now` (ns) on."""
+        self._trusted_at = now
+
+
+class AgeWatch:
+    """How much older than usual the newest sample of the predecessor is, and was lately.
+
+    Until the first message, the predecessor is where it was at the start.
+    """
+
+    def __init__(self, settings: DegradationSettings, period: float) -> None:
+        """`period` (s) is the time between messages until it is learned."""
+        self._settings = settings
+        self._period = period
+        self._usual = 0.0
+        self._measured_at: int | None = None
+        self._late_at: int | None = None
+        self._peak, self._peak_at = 0.0, 0
+
+    @property
+    def usual(self) -> float:
+        """Largest age (s) to be expected: that at reception, and a period."""
+        return self._usual + self._period
+
+    def observe(self, now: int, age: float, source: SourceFreshness) -> None:
+        """Take the age (s) of the newest sample at `now` (ns)."""
+        settings = self._settings
+        if not isnan(source.period):
+            self._period = source.period
+        measured_at = now - round(age * SECOND)
+        if not isnan(source.age) and measured_at != self._measured_at:
+            first = self._measured_at is None
+            self._measured_at = measured_at
+            self._usual = age if first else self._usual + USUAL_SHARE * (age - self._usual)
+        if source.status in LOST or age > self._usual + settings.late_periods * self._period:
+            self._late_at = now
+            growth = max(age - self.usual, 0.0)
+            if growth >= self.growth(now):
+                self._peak, self._peak_at = growth, now
+
+    def is_longest(self, now: int) -> bool:
+        """Whether the newest sample at `now` (ns) is late, and older than it was lately."""
+        return self._peak_at == now
+
+    def is_awake(self, now: int) -> bool:
+        """Whether messages are late at `now` (ns), or were within the probation."""
+        if self._late_at is None:
+            return False
+        return now - self._late_at <= self._settings.probation * SECOND
+
+    def growth(self, now: int) -> float:
+        """Age beyond the usual (s): the largest lately, which fades.
+
+        A gap that followed the present age would pump.
+        """
+        if not self._peak:
+            return 0.0
+        since = (now - self._peak_at) / SECOND - self._settings.probation
+        since = max(since, 0.0)
+        return max(self._peak * exp(-since / CLOSING_TIME) - CLOSING_RATE * since, 0.0)

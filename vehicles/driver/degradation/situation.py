@@ -5,6 +5,11 @@ from math import nan
 
 from vehicles.messages import Mode, SourceStatus
 
+LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")
+"""Statuses of a source that is silent for too long, or whose poses are refused."""
+SLOWING: tuple[Mode, ...] = ("coast", "stop")
+"""Modes without known road ahead, in which a follower that degrades slows down."""
+
 
 @dataclass(slots=True)
 class SourceFreshness:
@@ -57,8 +62,8 @@ class SourceFreshness:
 
     @property
     def is_lost(self) -> bool:
-        """Whether it is silent for too long, or what it says is not believed."""
-        return self.status in ("lost", "distrusted")
+        """Whether it is silent for too long, or its poses are refused."""
+        return self.status in LOST
 
 
 @dataclass(slots=True)

@@ -1,266 +1,195 @@
-"""One source of a follower: its trace, how fresh it is, and what is made of it."""
+"""The sources of a follower: lead and predecessor, which are one for the first follower."""
 
+from collections.abc import Iterable, Mapping
 from math import isnan, nan
-from typing import Final
 
-from vehicles.car.gnss import Fix
-from vehicles.driver.degradation.meant_path import MeantPath
-from vehicles.driver.degradation.probation import Probation
-from vehicles.driver.degradation.reception import RECENT, Reception
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.situation import SourceFreshness
-from vehicles.driver.degradation.trust.gate import Belief
-from vehicles.messages import GpsPose, SourceStatus
-from vehicles.preview.trace import Trace, Window
+from vehicles.driver.degradation.meant_path import MeantPath, MeantShare
+from vehicles.driver.degradation.settings import Braking, DegradationSettings
+from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.source import RELIED_ON, Source, reaches_ahead
+from vehicles.driver.degradation.stopping import stopping_distance
+from vehicles.driver.ego.own_state import Pose
+from vehicles.messages import Mode
+from vehicles.preview.trace import Window
+from vehicles.preview.trajectory import FitSettings, Fusion
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-RELIED_ON = ("fresh", "late")
-"""A source of such a status is steered along and counted on."""
-MISSED_AFTER: Final = 1.5
-"""A message is overdue after so many times what usually lies between two that come."""
-LEAST_SHARE: Final = 0.05
-"""A source is expected to deliver this share of its messages at least."""
-LEAST_SAMPLES: Final = 3
-"""Fewer samples of a source than these determine no trajectory."""
+HOPED_FOR = ("unheard", *RELIED_ON)
+"""Statuses of a source that a trajectory may yet be made of."""
 
 
-def is_astray(message: GpsPose) -> bool:
-    """Whether a vehicle says that it may not be on the path: it warns, or hears nobody itself.
+class SourcePair:
+    """Lead and predecessor (Section III-A), and which of them make the trajectory.
 
-    Beyond the paper, whose vehicles always know the path.
-    """
-    return message.hazard or message.mode in ("coast", "stop")
-
-
-class Source:
-    """A vehicle that a follower hears: what it told, how long ago, and whether to rely on it.
-
-    Beyond the paper, whose sources always come through. Its status: unheard, fresh, late when some
-    messages are overdue, lost after a longer silence, distrusted while what it says is refused, on
-    probation once it is heard and believed again. Its `weight` in the trajectory is 1 as long as it
-    is fresh; from when it is late it fades with the path that is left of it, and comes back slowly,
-    so that no sample comes or goes at once. One that `may_stray` is followed only while it does not
-    say so: there is another one, whose path is meant.
+    `used` are those, by the mode of a follower that steers along one alone; `relied` are those of
+    them that were relied on at the last look.
     """
 
     def __init__(
-        self, name: str, period: float, settings: DegradationSettings, delay: float = 0.0
+        self, lead: Source, predecessor: Source, fusion: Fusion, settings: DegradationSettings
     ) -> None:
-        """`period` (s) is that between messages, `delay` (s) how long one takes to come.
-
-        Both as far as they are known beforehand; the delay counts for the first one alone.
-        """
-        self.name = name
-        self.trace = Trace()
-        self.meant: MeantPath | None = None
-        self.weight = 1.0
-        self.usable = False
-        self.reaches = False
-        self.refusal = ""
-        self.may_stray = False
-        self._strayed = False
-        self.probation = Probation(settings)
+        """`lead` and `predecessor` are one object for the first follower, whatever the fusion."""
+        self.lead = lead
+        self.predecessor = predecessor
+        self.all = {one.name: one for one in (lead, predecessor)}
+        self.used: dict[Mode, Source] = {}
+        self.relied: dict[Mode, Source] = {}
+        if fusion != "predecessor" or lead is predecessor:
+            self.used["lead"] = lead
+        if lead is not predecessor:
+            self.used["predecessor"] = predecessor
+            predecessor.may_stray = len(self.used) > 1 and settings.reaction == "degrade"
+        wanted = predecessor.may_stray and settings.predecessor_path == "meant"
+        if wanted:
+            predecessor.meant = MeantPath()
+        self._meant = MeantShare(settings.probation, wanted=wanted)
         self._settings = settings
-        self._reception = Reception(period)
-        self._degrades = settings.reaction == "degrade"
-        self._refused_at: int | None = None
-        self._now = SourceFreshness()
-        self._period = period
-        self._delay = round(delay * SECOND)
-        self._due_from: int | None = None
-        self._waited = 0.0
-        self._known = nan
-        self._known_of_all = 0.0
+        self._looked_at = 0
+        self._alone_at = 0
 
-    @property
-    def status(self) -> SourceStatus:
-        """What is made of it."""
-        return self._now.status
+    def receive(self, pose: ReceivedPose) -> Source:
+        """Take a pose to its source, which is returned (Section III-A)."""
+        source = self.all[pose.message.vehicle]
+        source.receive(pose)
+        return source
 
-    @property
-    def known(self) -> float:
-        """How far its path is known ahead of the car (m), when last looked at; NaN before."""
-        return self._now.known
+    def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[Mode, Window]:
+        """Samples around the ego of sources that reach ahead of it (preview data, Section III-A).
 
-    @property
-    def relied_on(self) -> bool:
-        """Whether it is heard as it should be, and a trajectory was made of it before."""
-        return self.usable and self._now.status in RELIED_ON
-
-    @property
-    def freshness(self) -> SourceFreshness:
-        """How fresh it was when last looked at."""
-        seen = self._now
-        return SourceFreshness(
-            seen.status,
-            seen.age,
-            seen.silence,
-            seen.period,
-            seen.share,
-            seen.known,
-            seen.mode,
-            seen.hazard,
-            seen.acceleration,
-            seen.lost_at,
-            seen.stops_at,
-        )
-
-    @property
-    def lost_at(self) -> int:
-        """When it is lost (ns) unless it is heard again, as of the last look."""
-        return self._now.lost_at
-
-    @property
-    def stops_at(self) -> int:
-        """When it begins to stop (ns), as it announced last, or 0."""
-        return self._now.stops_at
-
-    @property
-    def runs_out(self) -> bool:
-        """Whether it tells no more of the road: it is late or astray."""
-        return self._now.status == "late" or self._strayed
-
-    @property
-    def is_missed(self) -> bool:
-        """Whether a message of it is overdue, long before it counts as late."""
-        if self._now.status == "unheard":
-            return self._waited > MISSED_AFTER * self._period
-        share = self._reception.usual_share
-        usual = self._now.period / (LEAST_SHARE if share < LEAST_SHARE else share)
-        return self._now.silence > MISSED_AFTER * usual
-
-    @property
-    def never_came(self) -> bool:
-        """Whether it was never heard in the time in which others are lost."""
-        after = self._settings.lost_after_silence(self._period)
-        return self._now.status == "unheard" and self._waited > after
-
-    def hear(self, now: int, fix: Fix, message: GpsPose, belief: Belief) -> None:
-        """Take a message heard at `now` (ns) to its trace, if it is believed (Section III-A)."""
-        newest = self.trace.newest_at is None or fix.measured_at > self.trace.newest_at
-        if not belief.believed:
-            self._refused_at, self.refusal = now, belief.reason
-            return
-        lost = newest and self._now.is_lost
-        place = fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed
-        if self.may_stray and is_astray(message) and self.trace.newest is not None:
-            self._strayed = True
-            self.trace.pass_over(*place)
-        else:
-            # Baselines know no holes: what they hear after a silence is one more sample to them.
-            hole = (lost and self._degrades) or (newest and self._strayed)
-            self._strayed &= not newest
-            self.trace.add(*place, after_hole=hole)
-            if self.meant is not None:
-                self.meant.tell(fix, message.path_offset_m)
-        if lost:
-            self._reception.forget()
-        if newest and self.trace.newest_at != fix.measured_at:
-            self._refused_at, self.refusal = now, "a jump"
-        elif self._reception.add(now, fix.measured_at, message.seq):
-            self._heard_anew(now, message)
-
-    def _heard_anew(self, now: int, message: GpsPose) -> None:
-        seen = self._now
-        seen.mode, seen.hazard = message.mode, message.hazard
-        seen.acceleration = message.acceleration_mps2
-        seen.stops_at = message.stops_at_ns
-        if seen.status == "unheard":
-            seen.status = "fresh"
-        elif seen.is_lost:
-            self.probation.begin(now)
-            seen.status = "probation"
-
-    def window(self, east: float, north: float, behind: float, ahead: float) -> Window | None:
-        """Samples around the ego at (east, north), None if they do not reach ahead of it.
-
-        The preview data of Section III-A, from `behind` to `ahead` (m).
+        While the known path `runs_out`, more of it behind makes up for what is missing ahead, so
+        that the curve is no less certain where it has to be held.
         """
-        window = self.trace.window(east, north, behind, ahead)
-        self.reaches = reaches_ahead(window)
-        self.usable |= self.reaches
-        return window if self.reaches else None
+        behind, ahead = settings.behind(pose.speed), settings.ahead(pose.speed)
+        windows: dict[Mode, Window] = {}
+        for mode, source in self.used.items():
+            known = source.freshness.known
+            known = 0.0 if isnan(known) else known
+            more = min(max(ahead - known, 0.0), ahead) if runs_out else 0.0
+            window = source.window(pose.east, pose.north, behind + more, ahead)
+            if window is not None:
+                windows[mode] = window
+        return self._as_meant(self._without_guesses(windows, behind))
 
-    def locate(self, east: float, north: float) -> None:
-        """Measure how far its path is known ahead of the ego at (east, north)."""
-        self._known = self.trace.known(east, north)
+    def have_guesses(self, windows: Mapping[Mode, Window]) -> bool:
+        """Whether some of the samples cut out last bridge what was never received."""
+        return any(self.used[mode].trace.has_guesses(one) for mode, one in windows.items())
 
-    def look(self, now: int, driven: float, span: float) -> None:
-        """Judge it at a control instant `now` (ns), `span` (s) and `driven` (m) after the last.
+    def received(self, windows: Mapping[Mode, Window]) -> int:
+        """Number of samples of these sources since their traces began (Section III-A)."""
+        return sum([self.used[mode].trace.heard for mode in windows])
 
-        By silence, not by age, so that a latency alone makes nobody lost.
+    def _as_meant(self, windows: dict[Mode, Window]) -> dict[Mode, Window]:
+        """Bring the predecessor's samples to the path that it meant, while it alone is followed."""
+        window, source = windows.get("predecessor"), self.predecessor
+        if window is not None and source.meant is not None and self._meant.now > 0.0:
+            instants = source.trace.instants(window)
+            windows["predecessor"] = source.meant.of(window, instants, self._meant.now)
+        return windows
+
+    def _without_guesses(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
+        """Leave out what bridges holes where a source that counts has the path beside the car.
+
+        That is up to `behind` (m) in front of it and behind it: inside of a longer hole a bridge is
+        the better guess. Where none behind count, as by the paper's own rules, only the path ahead
+        is needed.
         """
-        seen, reception, at = self._now, self._reception, self.trace.newest_at
-        self._known -= driven
-        seen.known = self._known
-        if at is None:
-            self._wait(now)
-            return
-        seen.age = (now - at) / SECOND
-        seen.silence = reception.silence(now)
-        seen.period = reception.period
-        seen.share = reception.share(now)
-        self._judge(now)
-        if self._degrades:
-            self._weigh(span)
+        told: dict[Mode, Window] = {}
+        bridged = False
+        for mode, window in windows.items():
+            told[mode] = self.used[mode].trace.told(window)
+            bridged = bridged or told[mode] is not window
+        if not bridged:  # the usual case
+            return windows
+        told = {mode: window for mode, window in told.items() if reaches_ahead(window)}
+        if behind == 0.0:
+            return told or windows
+        for mode, window in told.items():
+            passed = int(window.station.searchsorted(0.0, "right"))
+            beside = window.station[max(passed - 1, 0) : passed + 1].tolist()
+            if self.used[mode].weight and -behind <= beside[0] <= 0.0 <= beside[-1] <= behind:
+                return told
+        return windows
 
-    def _wait(self, now: int) -> None:
-        """Wait for its first message, as long as for any later one."""
-        if self._due_from is None:
-            self._due_from = now + self._delay
-        self._waited = (now - self._due_from) / SECOND
-        after = self._settings.lost_after_silence(self._period)
-        self._now.lost_at = self._due_from + round(after * SECOND)
+    def steer_along(self, mode: Mode, span: float) -> None:
+        """Steer along `mode` for `span` (s), which may bring in the path that was meant.
 
-    def _judge(self, now: int) -> None:
-        """Lost and distrusted at once, relied on again only after probation."""
-        seen, settings = self._now, self._settings
-        late = seen.silence > settings.late_periods * seen.period
-        after = settings.lost_after_silence(seen.period)
-        seen.lost_at = now + round((after - seen.silence) * SECOND)
-        refused = self._refused_at is not None and (now - self._refused_at) / SECOND <= after
-        if (late and refused) or seen.silence > after:
-            if not seen.is_lost:
-                self.probation.fail(now)
-            seen.status = "distrusted" if refused else "lost"
-            self._reception.pause_count(now)
-            return
-        if seen.status == "probation":
-            self._serve(now)
-        else:
-            self._reception.count_share(now, seen.share)
-        if seen.status != "probation":
-            seen.status = "late" if late else "fresh"
+        Beyond the paper, whose followers without lead data follow the way driven (Section V-D.1).
+        """
+        self._meant.go_on(mode, span)
 
-    def _serve(self, now: int) -> None:
-        """Let it come back; what it usually delivers may be less by now, so that it always can."""
-        served = self.probation.served(now)
-        if served * SECOND < RECENT:
-            self._reception.pause_count(now)
-        else:
-            self._reception.count_share(now, self._now.share)
-        share = self._settings.trusted_share
-        if served >= self.probation.length and self._reception.delivers(now, share):
-            self.probation.end(now)
-            self._now.status = "fresh"
+    def alpha(self, alpha: float) -> float:
+        """Weight of the predecessor, α of eq. (5), by what is left of both sources' weights."""
+        lead, ahead = self.lead.weight, self.predecessor.weight
+        if lead == ahead or lead + ahead == 0.0:
+            return alpha
+        total = (1.0 - alpha) * lead + alpha * ahead
+        return alpha * ahead / total if total > 0.0 else alpha
 
-    def _weigh(self, span: float) -> None:
-        """Let the weight fade with the known path, and come back over the probation."""
-        seen = self._now
-        if seen.status in ("fresh", "probation"):
-            self._known_of_all = 0.0
-            if self.weight != 1.0:
-                self.weight = min(self.weight + span / self.probation.length, 1.0)
-            return
-        if isnan(seen.known) or seen.known <= 0.0:
-            self.weight = 0.0
-            return
-        if not self._known_of_all and self.weight > 0.0:
-            self._known_of_all = seen.known / self.weight
-        if self._known_of_all:
-            self.weight = min(self.weight, seen.known / self._known_of_all)
+    def look(self, now: int, pose: Pose, acceleration: float, *, refit: bool) -> Situation:
+        """Judge all sources at a control instant `now` (ns), after `acceleration` (m/s²) was asked.
+
+        How far the path is known is measured at a `refit`, and follows from the speed otherwise.
+        """
+        span = (now - self._looked_at) / SECOND if self._looked_at else 0.0
+        self._looked_at = now
+        settings, speed = self._settings, pose.speed
+        driven = 0.0 if refit else speed * span
+        for source in self.all.values():
+            if refit:
+                source.locate(pose.east, pose.north)
+            source.look(now, driven, span)
+        known = nan
+        self.relied = {}
+        for mode, source in self.used.items():
+            seen = source.freshness
+            if seen.status != "distrusted" and (isnan(known) or seen.known > known):
+                known = seen.known
+            if source.usable and seen.status in RELIED_ON:
+                self.relied[mode] = source
+        comfortable = _stop(speed, acceleration, settings.comfortable)
+        firm = _stop(speed, acceleration, settings.firm)
+        blind = _stop(speed, acceleration, settings.hardest, period=span) - known
+        blind = 0.0 if blind < 0.0 else blind
+        lead, predecessor = self.lead.freshness, self.predecessor.freshness
+        return Situation(lead, predecessor, known, comfortable, firm, blind)
+
+    @property
+    def run_out(self) -> bool:
+        """Whether none that is relied on extends the known path any further."""
+        return all(one.runs_out for one in self.relied.values())
+
+    def stops_at(self, mode: Mode, brakes_at: int) -> int:
+        """Instant (ns) from which a car that steers along `mode` stops, unless it receives more.
+
+        0 if nothing requires it. That is when the last source that it relies on, or waits for, is
+        lost, as soon as a message of each is overdue; or when its guard has to brake behind the
+        predecessor (`brakes_at`, 0 for not); and not later than the predecessor's, behind which it
+        stops too.
+        """
+        if self._settings.reaction != "degrade":
+            return 0
+        hopes: Iterable[Source] = self.relied.values()
+        if not self.relied:
+            hopes = [one for one in self.used.values() if one.status in HOPED_FOR]
+        lost_at, misses_all = 0, mode != "coast"
+        for one in hopes:
+            lost_at = max(lost_at, one.freshness.lost_at)
+            misses_all = misses_all and one.is_missed
+        self._alone_at = lost_at or self._alone_at
+        earliest = self._alone_at if misses_all else 0
+        for at in (brakes_at, self.predecessor.freshness.stops_at):
+            if at and (at < earliest or not earliest):
+                earliest = at
+        return earliest
 
 
-def reaches_ahead(window: Window) -> bool:
-    """Whether samples determine a trajectory and reach ahead of the ego (Section III-A)."""
-    return len(window.station) >= LEAST_SAMPLES and window.station.item(-1) >= 0.0
+def _stop(speed: float, acceleration: float, braking: Braking, period: float = 0.0) -> float:
+    """Braking distance (m); a car that brakes harder already would not release the brake first.
+
+    Commands that are held for a `period` (s) are on average half a period ahead of the ramp of the
+    jerk: at 30 m/s and 50 Hz that is 0.3 m.
+    """
+    sooner = acceleration - 0.5 * braking.jerk * period
+    hardest = -braking.deceleration
+    return stopping_distance(speed, hardest if hardest > sooner else sooner, braking)

@@ -11,19 +11,17 @@ from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
-from vehicles.driver.degradation.slowing.longitudinal import GuardedCar, SpeedGuard
-from vehicles.driver.degradation.slowing.waiting import ConvoyWatch, WaitingProfile
-from vehicles.driver.degradation.trust.beliefs import Beliefs
-from vehicles.driver.degradation.trust.gate import InnovationGate
+from vehicles.driver.degradation.innovation_gate import InnovationGate
+from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
 from vehicles.driver.ego.own_state import KnownState, OwnState
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.ego.slip_estimator import Assuming, LoadWatch, SlipEstimator
 from vehicles.driver.follower import Follower
-from vehicles.driver.leader import Leader
+from vehicles.driver.leader import ConvoyWatch, Leader, WaitingProfile
 from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
-from vehicles.geometry.geodesy import LocalPlane, wrap_angle
+from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.trajectory import FitSettings
 from vehicles.schedule import MILLISECOND
 
@@ -39,7 +37,6 @@ class DriverBuilder:
         self._name = name
         self._scenario = scenario
         self._setup = scenario.vehicle(name)
-        self._plane = LocalPlane(scenario.origin)
         self._route = scenario.route
 
     def software(self, now: int, aboard: Aboard) -> tuple[Driver, ProfileSpeed | None]:
@@ -93,7 +90,6 @@ class DriverBuilder:
             controller=controller,
             speed_guard=self._speed_guard(speed_law, setup.predecessor),
             control=control,
-            plane=self._plane,
             lead=setup.lead,
             predecessor=setup.predecessor,
             periods={sender: self._least_period(sender) for sender in setup.senders},
@@ -104,7 +100,7 @@ class DriverBuilder:
             degradation=setup.degradation,
             limit=self._command_limit(aboard.car),
             load=load,
-            beliefs=self._beliefs(),
+            gates=self._gates(),
         )
 
     def _own_state(self, now: int, aboard: Aboard) -> OwnState:
@@ -174,22 +170,20 @@ class DriverBuilder:
             trajectory=steering.trajectory,
         )
 
-    def _beliefs(self) -> Beliefs:
-        """Gates for the sources; the baselines of degradation believe everything, as they did."""
+    def _gates(self) -> dict[str, InnovationGate]:
+        """Gates of the sources; the baselines of degradation have none."""
         asked = self._setup.degradation
         if asked.reaction != "degrade":
-            return Beliefs()
-        return Beliefs(
-            {
-                name: InnovationGate(
-                    self._scenario.vehicle(name).gnss.noise,
-                    gate=asked.gate,
-                    heading_gate=asked.heading_gate,
-                    settle=asked.probation,
-                )
-                for name in self._setup.senders
-            }
-        )
+            return {}
+        return {
+            name: InnovationGate(
+                self._scenario.vehicle(name).gnss.noise,
+                gate=asked.gate,
+                heading_gate=asked.heading_gate,
+                settle=asked.probation,
+            )
+            for name in self._setup.senders
+        }
 
     @property
     def _drives_a_profile(self) -> bool:

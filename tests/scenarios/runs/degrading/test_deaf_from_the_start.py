@@ -9,8 +9,8 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged import run_unlogged
 from tests.made.convoys.speed_runs import Driven, drive
 from tests.made.interpreted import interpreted_only
-from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
-from vehicles.driver.degradation.sources import Source
+from vehicles.driver.degradation.source import Source
+from vehicles.driver.degradation.speed_guard import SpeedGuard
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 

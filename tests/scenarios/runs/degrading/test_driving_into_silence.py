@@ -7,8 +7,8 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged import run_unlogged
 from tests.made.convoys.speed_runs import drive
 from tests.made.interpreted import interpreted_only
-from vehicles.driver.degradation.pair import SourcePair
-from vehicles.driver.degradation.slowing.longitudinal import SpeedGuard
+from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.speed_guard import SpeedGuard
 
 LENGTH_M = 4.93
 LANE_M = 3.6

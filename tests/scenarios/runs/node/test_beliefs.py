@@ -11,7 +11,6 @@ from scenarios.runs.virtual.drive import drive
 from tests.made.scenarios.shipped import driven_to_its_end
 from transport.codec import encode
 from transport.log.reader import LogReader
-from vehicles.driver.degradation.trust.beliefs import Beliefs
 from vehicles.messages import Command, LogText, Message
 from vehicles.schedule import SECOND
 
@@ -62,7 +61,7 @@ def test_no_source_of_a_shipped_scenario_is_distrusted(case: int) -> None:
 def test_the_gate_leaves_commands_as_they_are(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario(name, ["duration_s=12", THREE])
     _, commands = driven(scenario)
-    monkeypatch.setattr(DriverBuilder, "_beliefs", lambda _builder: Beliefs())
+    monkeypatch.setattr(DriverBuilder, "_gates", lambda _builder: {})
     assert commands
     assert driven(scenario)[1] == commands
 

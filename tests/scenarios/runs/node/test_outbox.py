@@ -17,7 +17,7 @@ from transport.codec import decode, encode
 from transport.links.inbox import Inbox
 from transport.topics import TOPIC_OF, TOPICS, Topic, key
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.gnss import Fix, from_message
+from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import tyre_use
 from vehicles.driver.decision import Decision
@@ -37,6 +37,7 @@ from vehicles.messages import (
     TruePose,
 )
 from vehicles.preview.trajectory import Fit
+from vehicles.received_pose import receive
 from vehicles.schedule import SECOND
 
 PLANE = LocalPlane(Origin(30.638, -96.481, 80.0))
@@ -126,8 +127,8 @@ def test_a_tick_tells_fix_truth_and_decision() -> None:
     outbox(bus).publish(at(0.1), BODY, FIX, DECISION)
     pose = bus.of(GpsPose)[0]
     assert isinstance(pose, GpsPose)
-    back = from_message(pose, PLANE)
-    assert (back.seq, back.measured_at, back.speed) == (0, FIX.measured_at, FIX.speed)
+    back = receive(pose, PLANE, at(0.1))
+    assert (back.message.seq, back.measured_at, back.speed) == (0, FIX.measured_at, FIX.speed)
     assert abs(back.east - FIX.east) + abs(back.north - FIX.north) < 1e-6
     assert bus.of(TruePose) == [
         TruePose(

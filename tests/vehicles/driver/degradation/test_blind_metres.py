@@ -3,19 +3,16 @@
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tests.made.vehicles.exact_drives import PLANE, START
-from vehicles.car.gnss import Fix, to_message
-from vehicles.driver.degradation.pair import SourcePair
+from tests.made.transport.received_poses import received
+from tests.made.vehicles.exact_drives import START
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.degradation.sources import Source
-from vehicles.driver.degradation.trust.gate import Belief
+from vehicles.driver.degradation.source import Source
+from vehicles.driver.degradation.sources import SourcePair
 from vehicles.driver.ego.own_state import Pose
-from vehicles.messages import NOTHING_TOLD
 from vehicles.schedule import SECOND, nanoseconds
 
 KNOWN = 5.0
-BELIEVED = Belief(believed=True, reason="", deviation=0.02)
 
 
 def situation(speed: float, acceleration: float, period: float) -> Situation:
@@ -24,15 +21,10 @@ def situation(speed: float, acceleration: float, period: float) -> Situation:
     lead = Source("v1", 0.05, settings)
     pair = SourcePair(lead, lead, "composite", settings)
     for seq, east in enumerate((-KNOWN, 0.0, KNOWN)):
-        fix = Fix(seq, START + seq, east, 0.0, 0.0, speed, 0.0)
-        place = (east, 0.0, 0.0)
-        message = to_message(
-            fix, "v1", PLANE, seq=seq, sent_at=START, true_place=place, told=NOTHING_TOLD
-        )
-        pair.hear(START + seq, fix, message, BELIEVED)
+        pair.receive(received(START + seq, east, 0.0, 0.0, speed, seq=seq))
     pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
-    pair.look(START + SECOND, pose, acceleration, anew=True)
-    return pair.look(START + SECOND + nanoseconds(period), pose, acceleration, anew=True)
+    pair.look(START + SECOND, pose, acceleration, refit=True)
+    return pair.look(START + SECOND + nanoseconds(period), pose, acceleration, refit=True)
 
 
 def driven(speed: float, acceleration: float, period: float) -> float:

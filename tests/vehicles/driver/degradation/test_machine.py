@@ -16,7 +16,7 @@ from tests.made.vehicles.followers import (
     predecessor_of,
 )
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.slowing.stopping import needed_deceleration, stopping_distance
+from vehicles.driver.degradation.stopping import needed_deceleration, stopping_distance
 from vehicles.messages import Mode
 
 DEGRADE = DegradationSettings()

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.transport.received_poses import received, received_fix
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.meant_path import (
     DEVIATIONS,
@@ -53,7 +54,7 @@ def window_of(fixes: Sequence[Fix]) -> Window:
 def put_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.0) -> Window:
     meant = MeantPath()
     for fix, offset in zip(fixes, offsets, strict=True):
-        meant.tell(fix, offset)
+        meant.note(received_fix(fix), offset)
     return meant.of(window_of(fixes), [one.measured_at for one in fixes], share)
 
 
@@ -146,7 +147,7 @@ def test_no_vehicle_adds_to_the_error_of_the_lead_s_places(seed: int) -> None:
             fix = fix_beside(path, 1, off, spacing=driven)
             fix.measured_at = k * PERIOD
             fit = fit_of(moved(window, driven - window.station.item(0)))
-            meant.tell(fix, path_offset(fit, fix))
+            meant.note(received_fix(fix), path_offset(fit, fix))
             fixes.append(fix)
         window = meant.of(window_of(fixes), [one.measured_at for one in fixes], 1.0)
         feet = [
@@ -183,8 +184,8 @@ def test_who_tells_no_offset_or_an_impossible_one_is_on_the_path(untold: float) 
 
 def test_between_what_was_told_it_is_interpolated_and_beyond_it_is_held() -> None:
     path, meant = road("straight", 0.0), MeantPath()
-    meant.tell(fix_beside(path, 4, 0.0), 0.2)
-    meant.tell(fix_beside(path, 8, 0.0), -0.2)
+    meant.note(received_fix(fix_beside(path, 4, 0.0)), 0.2)
+    meant.note(received_fix(fix_beside(path, 8, 0.0)), -0.2)
     fixes = [fix_beside(path, k, 0.0) for k in (0, 4, 5, 6, 8, 12)]
     instants = [-1, *(one.measured_at for one in fixes[1:])]  # a bridge has no instant
     window = meant.of(window_of(fixes), instants, 1.0)
@@ -197,7 +198,7 @@ def test_the_order_in_which_they_come_does_not_matter(order: list[int]) -> None:
     offsets = [0.1 + 0.02 * math.sin(k) for k in range(12)]
     meant = MeantPath()
     for k in (*order, *order):  # each comes twice
-        meant.tell(fixes[k], offsets[k])
+        meant.note(received_fix(fixes[k]), offsets[k])
     instants = [one.measured_at for one in fixes]
     window, wanted = meant.of(window_of(fixes), instants, 1.0), put_back(fixes, offsets)
     assert np.array_equal(window.east, wanted.east)
@@ -208,11 +209,11 @@ def test_a_car_that_stands_is_not_remembered_for_ever() -> None:
     path, meant = road("straight", 0.0), MeantPath()
     driven = [fix_beside(path, k, 0.0) for k in range(3)]
     for fix in driven:
-        meant.tell(fix, 0.1)
+        meant.note(received_fix(fix), 0.1)
     for seq in range(3, 9000):
         stands = fix_beside(path, 2, 0.0)
         stands.measured_at = seq * PERIOD
-        meant.tell(stands, 0.1 + 0.01 * math.sin(seq))
+        meant.note(received_fix(stands), 0.1 + 0.01 * math.sin(seq))
     window = meant.of(window_of(driven), [one.measured_at for one in driven], 1.0)
     assert window.north + 50.0 == pytest.approx([-0.1] * 3)
 
@@ -221,7 +222,7 @@ def test_a_trace_knows_the_instants_of_a_window() -> None:
     path, trace = road("left", 1.0), Trace()
     fixes = [fix_beside(path, k, 0.0) for k in range(50)]
     for one in fixes:
-        trace.add(one.measured_at, one.east, one.north, one.yaw, one.speed)
+        trace.add(received(one.measured_at, one.east, one.north, one.yaw, one.speed))
     for here in (3.2, 11.7, 25.0):
         place = path.at(here)
         window = trace.window(place.east, place.north, 5.0, 9.0)
@@ -256,7 +257,7 @@ def test_what_is_remembered_takes_little_memory_however_long_the_drive() -> None
         meant = MeantPath()
         before, _ = tracemalloc.get_traced_memory()
         for seq in range(3 * MOST):
-            meant.tell(Fix(seq, seq * PERIOD, float(seq), 0.0, 0.0, 20.0, 0.0), 0.001 * (seq % 7))
+            meant.note(received(seq * PERIOD, float(seq), 0.0, 0.0, 20.0), 0.001 * (seq % 7))
         after, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

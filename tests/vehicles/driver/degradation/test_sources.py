@@ -8,18 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.made.vehicles.exact_drives import GNSS_HZ, PLANE, START
-from vehicles.car.gnss import Fix, to_message
+from tests.made.transport.received_poses import received
+from tests.made.vehicles.exact_drives import GNSS_HZ, START
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.sources import Source
-from vehicles.driver.degradation.trust.gate import Belief
+from vehicles.driver.degradation.source import Source
 from vehicles.messages import SourceStatus
 from vehicles.schedule import SECOND, instant
 
 TICK = SECOND // 50
 SPEED, GAP = 20.0, 15.0
 DEGRADE = DegradationSettings()
-BELIEVED = Belief(believed=True, reason="", deviation=0.02)
 
 
 @dataclass(frozen=True)
@@ -48,10 +46,7 @@ def watched(
         while (at := instant(START, sent, GNSS_HZ)) + latency <= now:
             if comes(sent):
                 east = GAP + SPEED * (at - START) / SECOND
-                fix = Fix(sent, at, east, 0.0, 0.0, SPEED, 0.0)
-                place = (east, 0.0, 0.0)
-                message = to_message(fix, "v1", PLANE, seq=sent, sent_at=at, true_place=place)
-                source.hear(now, fix, message, BELIEVED)
+                source.receive(received(at, east, 0.0, 0.0, SPEED, seq=sent, received_at=now))
             sent += 1
         source.locate(own_speed * tick / 50, 0.0)
         source.look(now, 0.0, TICK / SECOND)
@@ -162,7 +157,7 @@ def test_a_first_message_is_waited_for_as_long_as_any_other(period: float, delay
         now, waited = START + tick * TICK, tick / 50 - delay
         source.look(now, 0.0, TICK / SECOND)
         assert source.status == "unheard"
-        assert source.lost_at == pytest.approx(START + (delay + after) * SECOND, abs=2)
+        assert source.freshness.lost_at == pytest.approx(START + (delay + after) * SECOND, abs=2)
         if abs(waited - after) > 1e-6:
             assert source.never_came == (waited > after)
         if abs(waited - 1.5 * period) > 1e-6:

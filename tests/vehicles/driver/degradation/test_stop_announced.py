@@ -6,19 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made.vehicles.exact_drives import PLANE, START
-from vehicles.car.gnss import Fix, to_message
-from vehicles.driver.degradation.pair import SourcePair
+from tests.made.transport.received_poses import received
+from tests.made.vehicles.exact_drives import START
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.sources import Source
-from vehicles.driver.degradation.trust.gate import Belief
+from vehicles.driver.degradation.source import Source
+from vehicles.driver.degradation.sources import SourcePair
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import Announcement, Mode
 from vehicles.schedule import MILLISECOND, SECOND
 
 TICK, PERIOD, LATENCY, SPEED = 20 * MILLISECOND, 50 * MILLISECOND, 20 * MILLISECOND, 20.0
 LOST_AFTER, OVERDUE = 500 * MILLISECOND, 75 * MILLISECOND
-BELIEVED = Belief(believed=True, reason="", deviation=0.02)
 
 
 class Heard:
@@ -52,7 +50,7 @@ class Heard:
                 sent += PERIOD
             for source in self.sources:
                 source.usable = True
-            self.pair.look(now, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, anew=True)
+            self.pair.look(now, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, refit=True)
             yield now, self.pair.stops_at(mode, self.brakes_at)
 
     def _hear(self, now: int, sent: int) -> None:
@@ -61,16 +59,18 @@ class Heard:
                 continue
             east, seq = gap + SPEED * (sent - START) / SECOND, (sent - START) // PERIOD
             told = Announcement(stops_at_ns=self.told if source.name == "v2" else 0)
-            message = to_message(
-                Fix(seq, sent, east, 0.0, 0.0, SPEED, 0.0),
-                source.name,
-                PLANE,
+            pose = received(
+                sent,
+                east,
+                0.0,
+                0.0,
+                SPEED,
                 seq=seq,
-                sent_at=sent,
-                true_place=(east, 0.0, 0.0),
-                told=told,
+                vehicle=source.name,
+                received_at=now,
+                announced=told,
             )
-            source.hear(now, Fix(seq, sent, east, 0.0, 0.0, SPEED, 0.0), message, BELIEVED)
+            source.receive(pose)
             self.last[source.name] = now
 
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.slowing.stopping import (
+from vehicles.driver.degradation.stopping import (
     friction_left,
     needed_deceleration,
     stopping_distance,

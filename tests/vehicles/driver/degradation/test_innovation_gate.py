@@ -10,9 +10,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import stats
 
+from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.exact_drives import START
 from tests.made.vehicles.told_drives import (
-    LATENCY,
     Judged,
     falsified,
     judged,
@@ -41,9 +41,8 @@ from vehicles.car.positioning.fix_states import ScheduledStates, StateEntry
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.car.positioning.settings import GnssSettings, StateErrors
-from vehicles.driver.degradation.trust.beliefs import Beliefs
-from vehicles.driver.degradation.trust.gate import InnovationGate
-from vehicles.driver.degradation.trust.innovation import CORNERING, innovation
+from vehicles.driver.degradation.innovation import CORNERING, innovation
+from vehicles.driver.degradation.innovation_gate import REFUSED, InnovationGate
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 BEGIN, END = 4.0, 7.0
@@ -57,7 +56,7 @@ def first_refused(all_of: list[Judged]) -> float:
 
 
 def reasons(all_of: list[Judged]) -> set[str]:
-    return {str(one.verdict.reason) for one in all_of} - {""}
+    return {str(one.reason) for one in all_of} - {""}
 
 
 # ---- What honest sources do
@@ -70,7 +69,10 @@ def test_squared_innovations_of_an_honest_drive_are_chi_squared(
 ) -> None:
     fixes = told(steadily(15.0, curvature), seconds=100.0, speed=15.0, noise=GnssNoise(noise))
     pairs = zip(fixes[0::2], fixes[1::2], strict=False)  # pairs without a common pose
-    squares = [innovation(one, other, GnssNoise()).square() for one, other in pairs]
+    squares = [
+        innovation(received_fix(one), received_fix(other), GnssNoise()).square
+        for one, other in pairs
+    ]
     assert len(squares) == 1000
     assert stats.kstest(squares, stats.chi2(2).cdf).pvalue > 0.01
 
@@ -97,7 +99,7 @@ def test_no_car_is_beyond_three_deviations_of_what_it_may_do(
     after = Fix(
         1, START + nanoseconds(span), east.real, east.imag, yaw, abs(velocity), 0.0, accuracy=0.0
     )
-    one = innovation(before, after, GnssNoise(0.0, 0.0, 0.0, 0.0))
+    one = innovation(received_fix(before), received_fix(after), GnssNoise(0.0, 0.0, 0.0, 0.0))
     assert math.hypot(one.east, one.north) <= CORNERING * span * span / 4.0 + 1e-6
     assert one.deviations() <= 3.0 + 1e-6
 
@@ -108,7 +110,7 @@ def test_the_most_a_car_may_do_is_reached() -> None:
     way = 10.0 * span + CORNERING * span * span / 4.0
     before = Fix(0, START, 0.0, 0.0, 0.0, 10.0, 0.0)
     after = Fix(1, START + nanoseconds(span), way, 0.0, 0.0, 10.0, 0.0)
-    one = innovation(before, after, GnssNoise())
+    one = innovation(received_fix(before), received_fix(after), GnssNoise())
     assert 2.9 < one.deviations() < 3.0
 
 
@@ -142,7 +144,7 @@ def test_no_honest_source_is_distrusted(
     all_of = judged(thinned(fixes, share, seed), InnovationGate(noise))
     assert not refused(all_of)
     assert not reasons(all_of)
-    assert all(one.verdict.deviation == one.fix.accuracy for one in all_of)
+    assert all(one.deviation == one.pose.accuracy for one in all_of)
 
 
 def test_thirty_thousand_honest_poses_pass() -> None:
@@ -190,8 +192,8 @@ def test_what_comes_late_is_believed_if_it_is_true_and_changes_nothing(
     gate = InnovationGate()
     judged(fixes[:50], gate)
     false = replace(fixes[48], east=fixes[48].east + 5.0)
-    assert not gate.judge(fixes[49].measured_at, false).believed
-    assert all(one.verdict.believed for one in judged(fixes[50:], gate))
+    assert gate.judge(received_fix(false, received_at=fixes[49].measured_at)) in REFUSED
+    assert all(not one.refused for one in judged(fixes[50:], gate))
 
 
 # ---- How soon what is false is found, named, and over
@@ -219,13 +221,13 @@ def test_each_falsehood_is_found_named_and_over(
     all_of = judged(falsified(fixes, false))
     assert 0.0 <= first_refused(all_of) <= found + 1e-9
     assert name in reasons(all_of)
-    assert all(one.verdict.believed for one in all_of if one.seconds >= END + back)
+    assert all(not one.refused for one in all_of if one.seconds >= END + back)
 
 
 def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
     fixes = told(wildly(5, lateral=5.0, braking=4.0), seconds=12.0)
     all_of = judged(falsified(fixes, FrozenContent(SPELL)))
-    assert {one.fix.seq for one in refused(all_of)} == set(range(80, 140))
+    assert {one.pose.message.seq for one in refused(all_of)} == set(range(80, 140))
     assert reasons(all_of) == {"frozen"}
 
 
@@ -235,7 +237,7 @@ def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float)
     all_of = judged(falsified(fixes, FrozenContent(SPELL)))
     assert first_refused(all_of) <= within
     assert "frozen" in reasons(all_of)
-    assert all(one.verdict.believed for one in all_of if one.seconds >= END)
+    assert all(not one.refused for one in all_of if one.seconds >= END)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.4])
@@ -245,7 +247,7 @@ def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
     heard = thinned(falsified(fixes, ghost), share, 1)
     true_at = {fix.measured_at for fix in fixes}
     for one in judged(heard):
-        assert one.verdict.believed == (one.fix.measured_at in true_at)
+        assert one.refused != (one.pose.measured_at in true_at)
 
 
 def test_a_new_place_is_believed_once_it_has_agreed_with_itself_for_the_time_asked() -> None:
@@ -274,7 +276,7 @@ def test_no_source_is_locked_out_whatever_it_said_before(
         return replace(fix, east=fix.east + off[0], north=fix.north + off[1], speed=speed)
 
     heard = [spoilt(fix) if fix.seq < 80 and random.random() < share else fix for fix in fixes]
-    assert all(one.verdict.believed for one in judged(heard) if one.seconds >= 5.2)
+    assert all(not one.refused for one in judged(heard) if one.seconds >= 5.2)
 
 
 @pytest.mark.parametrize("truth", [1.0, 0.05])
@@ -297,7 +299,7 @@ def test_a_receiver_that_loses_its_fix_is_believed_or_said_to_jump(truth: float)
         )
         assert reasons(all_of) <= (set() if truth == 1.0 else {"jumping"})
         assert all(
-            one.verdict.believed
+            not one.refused
             for one in all_of
             if not (BEGIN <= one.seconds < BEGIN + 1.0 or END <= one.seconds < END + 1.0)
         )
@@ -311,10 +313,10 @@ def test_a_source_that_scatters_more_than_it_says_is_over_confident(
         noise = GnssNoise(position=0.3)
         fixes = told(steadily(20.0, 0.005), seconds=15.0, noise=noise, seed=seed)
         all_of = judged([replace(fix, accuracy=0.3 / factor) for fix in fixes])
-        found = [one for one in all_of if one.verdict.reason == "over-confident"]
+        found = [one for one in all_of if one.reason == "over-confident"]
         assert found[0].seconds < within
-        later = [one.verdict for one in all_of if one.seconds > within]
-        assert sum(one.believed for one in later) > 0.98 * len(later)
+        later = [one for one in all_of if one.seconds > within]
+        assert sum(not one.refused for one in later) > 0.98 * len(later)
         assert np.median([one.deviation for one in later]) == pytest.approx(0.3, rel=0.3)
 
 
@@ -339,8 +341,8 @@ def test_what_no_car_does_is_impossible(wrong: Callable[[Fix], Fix]) -> None:
     fixes = told(steadily(20.0), seconds=6.0)
     gate = InnovationGate()
     judged(fixes[:80], gate)
-    assert gate.judge(fixes[80].measured_at + LATENCY, wrong(fixes[80])).reason == "impossible"
-    assert gate.judge(fixes[81].measured_at + LATENCY, fixes[81]).believed
+    assert gate.judge(received_fix(wrong(fixes[80]))) == "impossible"
+    assert gate.judge(received_fix(fixes[81])) == ""
     assert gate.refused.total() == 1
 
 
@@ -364,7 +366,7 @@ def test_a_heading_that_turns_without_the_car_is_refused() -> None:
     gate = InnovationGate()
     judged(fixes[:80], gate)
     turned = replace(fixes[80], yaw=fixes[80].yaw + 0.3)
-    assert not gate.judge(turned.measured_at, turned).believed
+    assert gate.judge(received_fix(turned)) in REFUSED
 
 
 def test_three_headings_in_a_row_beyond_their_gate_are_refused_and_two_are_not() -> None:
@@ -373,7 +375,9 @@ def test_three_headings_in_a_row_beyond_their_gate_are_refused_and_two_are_not()
     off = 4.0 * math.sqrt(2.0) * math.radians(0.1)
     turned = [replace(fix, yaw=off) for fix in still]
     assert not refused(judged(still[:2] + turned[2:4] + still[4:]))
-    assert [one.fix.seq for one in refused(judged(still[:2] + turned[2:5] + still[5:]))] == [4]
+    assert [
+        one.pose.message.seq for one in refused(judged(still[:2] + turned[2:5] + still[5:]))
+    ] == [4]
 
 
 def test_headings_that_scatter_as_assumed_are_believed() -> None:
@@ -383,7 +387,7 @@ def test_headings_that_scatter_as_assumed_are_believed() -> None:
     gate = InnovationGate(noise)
     for k, yaw in enumerate(yaws.tolist()):
         fix = Fix(k, START + 50 * MILLISECOND * k, 0.0, 0.0, yaw, 0.0, 0.0)
-        assert gate.judge(fix.measured_at, fix).believed
+        assert gate.judge(received_fix(fix)) == ""
 
 
 def test_no_accuracy_is_too_bad_to_be_judged() -> None:
@@ -399,26 +403,3 @@ def test_a_lead_that_brakes_fully_to_a_standstill_is_believed() -> None:
             seconds=12.0, speed=30.0, rate_hz=rate_hz,
         )  # fmt: skip
         assert not reasons(judged(fixes))
-
-
-# ---- What is said
-
-
-def test_lines_say_once_what_is_not_believed_and_when_it_is_again() -> None:
-    beliefs = Beliefs({"v1": InnovationGate()})
-    fixes = told(steadily(15.0), seconds=12.0, speed=15.0)
-    heard = falsified(fixes, FrozenContent(SPELL))
-    said: list[str] = []
-    for fix in heard:
-        now = fix.measured_at + LATENCY
-        frozen = BEGIN <= (fix.measured_at - START) / SECOND < END
-        assert beliefs.judge(now, "v1", fix).believed is not frozen
-        said += beliefs.remarks()
-    assert said == ["v1 not believed: frozen", "v1 believed again; 60 poses refused"]
-
-
-def test_without_gates_everything_is_believed() -> None:
-    beliefs = Beliefs()
-    for fix in falsified(told(steadily(15.0), seconds=12.0), FrozenContent(SPELL)):
-        assert beliefs.judge(fix.measured_at, "v1", fix).believed
-    assert beliefs.remarks() == ()

@@ -1,6 +1,6 @@
-"""How far a car goes until it stands, and how hard it has to brake for a distance; SI units.
+"""Braking distances, the deceleration that a distance requires, and announced stops; SI units.
 
-Accelerations are signed, decelerations positive.
+Accelerations are signed, decelerations positive; instants in ns.
 """
 
 import math
@@ -8,6 +8,8 @@ from typing import Final
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.settings import Braking
+from vehicles.driver.degradation.situation import LOST, SourceFreshness
+from vehicles.schedule import SECOND
 
 HARDEST: Final = 100.0
 """No deceleration (m/s²) beyond this is looked for; tyres end at a tenth of it."""
@@ -79,3 +81,43 @@ def friction_left(friction: float, lateral: float) -> float:
     limit = friction * GRAVITY
     left = limit * limit - lateral * lateral
     return 0.0 if left < 0.0 else math.sqrt(left)
+
+
+class AnnouncedStop:
+    """Whether the predecessor is assumed to stop as hard as it can, and where.
+
+    Else cars that drive into silence one after the other would begin to brake one after the other
+    at one and the same place, and all come to stand there.
+    """
+
+    def __init__(self, hardest: Braking) -> None:
+        self._hardest = hardest
+        self._received_at = 0
+
+    def is_expected(self, now: int, predecessor: SourceFreshness) -> bool:
+        """Whether it stops at `now`, as it announced, until its poses show what it does instead.
+
+        While it is received, until its brakes have gripped: from then on they can be followed.
+        """
+        stops_at = predecessor.stops_at
+        if not stops_at or now < stops_at:
+            self._received_at = 0
+            return False
+        since = (now - stops_at) / SECOND
+        status = predecessor.status
+        if predecessor.age >= since or status in LOST or status == "late":
+            return True
+        self._received_at = self._received_at or now
+        hardest = self._hardest
+        return now - self._received_at <= hardest.deceleration / hardest.jerk * SECOND
+
+    def distance(self, now: int, speed: float, predecessor: SourceFreshness) -> float:
+        """Distance (m) that it covers from its newest sample on, at `speed` (m/s) then.
+
+        It drives on at that speed until the announced instant, or brakes already.
+        """
+        free = (predecessor.stops_at - now) / SECOND + predecessor.age
+        if free > 0.0:
+            return speed * free + stopping_distance(speed, 0.0, self._hardest)
+        braked = min(max(predecessor.acceleration, -self._hardest.deceleration), 0.0)
+        return stopping_distance(speed, braked, self._hardest)

@@ -1,6 +1,6 @@
-"""How fast a follower goes while it does not hear as usual; SI units.
+"""Speed of a follower while messages fail; SI units.
 
-As long as it does, its speed law decides, and nothing here changes a bit of that.
+As long as they come as usual its speed law decides, and nothing here changes a bit of that.
 """
 
 from dataclasses import dataclass, replace
@@ -8,11 +8,11 @@ from math import inf, isfinite, isnan, nan
 from typing import Final
 
 from vehicles.car.tyres import GRAVITY
+from vehicles.driver.degradation.reception import AgeWatch
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.degradation.slowing.announced import AnnouncedStop
-from vehicles.driver.degradation.slowing.lateness import AgeWatch
-from vehicles.driver.degradation.slowing.stopping import (
+from vehicles.driver.degradation.situation import LOST, SLOWING, Situation
+from vehicles.driver.degradation.stopping import (
+    AnnouncedStop,
     friction_left,
     needed_deceleration,
     stopping_distance,
@@ -41,7 +41,7 @@ HEADWAY_RATE: Final = 0.5
 at once, and the last one of eight falls back at seven times that speed."""
 
 LEAD_FORGOTTEN: Final = 1.0
-"""Time constant (s) with which the speed of a lead that is not heard becomes the predecessor's."""
+"""Time constant (s) with which the speed of a lead that is lost becomes the predecessor's."""
 
 FALLEN_BEHIND: Final = 1.0
 """A predecessor slower than the common speed by more than this (m/s) does not drive it."""
@@ -77,63 +77,38 @@ class GuardedCar:
 
 
 @dataclass(slots=True)
-class _Sample:
-    """Arc length from here (m), speed (m/s) and age (s) of the predecessor's newest sample."""
-
-    gap: float
-    speed: float
-    age: float
-
-    def __init__(self, gap: float, speed: float, age: float) -> None:
-        self.gap = gap
-        self.speed = speed
-        self.age = age
-
-
-@dataclass(slots=True)
 class _Instant:
-    """A control instant (ns), the time since the last one (s), and what is known at it."""
+    """A control instant (ns), the time since the last one (s), and what is known at it.
+
+    `gap` (m, arc length from here), `speed` (m/s) and `age` (s) are those of the predecessor's
+    newest sample.
+    """
 
     now: int
     span: float
     pose: Pose
     ahead: VehiclesAhead
     situation: Situation
-    asked: SpeedCommand
+    wanted: SpeedCommand
     hardest: Braking
-
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        now: int,
-        span: float,
-        pose: Pose,
-        ahead: VehiclesAhead,
-        situation: Situation,
-        asked: SpeedCommand,
-        hardest: Braking,
-    ) -> None:
-        self.now = now
-        self.span = span
-        self.pose = pose
-        self.ahead = ahead
-        self.situation = situation
-        self.asked = asked
-        self.hardest = hardest
+    gap: float
+    speed: float
+    age: float
 
 
 class SpeedGuard:
-    """Decides the speed of a follower that does not hear as usual; otherwise its speed law does.
+    """Decides the speed of a follower while messages fail; otherwise its speed law does.
 
-    Beyond the paper, whose followers drive the profile whatever they hear. It brakes within the
-    known road where nobody is heard; it opens the gap while the predecessor is heard late or the
-    lead not at all; it keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS);
-    and it catches up. It `stops_behind` a predecessor that is taken to stop, as that announced, if
-    this takes more than comfortable braking. `brakes_at` (ns) is when it has to brake hard itself
-    unless the predecessor is heard, 0 if it will not.
+    Beyond the paper, whose followers drive the profile whatever they receive. It brakes within the
+    known road where no source is received; it opens the gap while the predecessor is late or the
+    lead is lost; it keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS); and
+    it catches up. It `stops_behind` a predecessor that is assumed to stop as it announced, if this
+    takes more than comfortable braking. `brakes_at` (ns) is when it has to brake hard itself unless
+    the predecessor is received, 0 if it will not.
     """
 
     def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
-        """`law` decides as long as all is heard as usual."""
+        """`law` decides as long as all messages come as usual."""
         self._law = law
         self._keeps_gap = isinstance(law, GapKeeping)
         self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
@@ -160,43 +135,40 @@ class SpeedGuard:
     def command(
         self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
     ) -> SpeedCommand:
-        """Command at `now` (ns) while the car steers along `mode`; see the class.
-
-        To be called once at every control instant.
-        """
-        asked = self._law.command(now, pose, ahead)
+        """Command at `now` (ns) while the car steers along `mode`, once per control instant."""
+        usual = self._law.command(now, pose, ahead)
         span = self._advance(now, pose)
         if not self._degrades:
-            return asked
+            return usual
         self.stops_behind = False
-        tick = _Instant(now, span, pose, ahead, situation, asked, self._hardest(pose))
-        predecessor = situation.predecessor
-        seen = self._predecessor(tick)
-        self._ages.observe(now, seen.age, predecessor)
-        warned = predecessor.hazard or predecessor.mode in ("coast", "stop")
+        predecessor, hardest = situation.predecessor, self._hardest(pose)
+        sample = self._sample(now, ahead, predecessor.age)
+        tick = _Instant(now, span, pose, ahead, situation, usual, hardest, *sample)
+        self._ages.observe(now, tick.age, predecessor)
+        warned = predecessor.hazard or predecessor.mode in SLOWING
         warned = warned or 0 < predecessor.stops_at <= now
-        blind = mode in ("coast", "stop")
+        blind = mode in SLOWING
         expects_stop = self._announced.is_expected(now, predecessor)
         awake = blind or warned or self._ages.is_awake(now)
         self._follow_or_not(tick, awake=awake)
-        reserve, opening = self._reserve(tick, seen), self._opening(tick)
-        alone = self._headway > 0.0 or situation.lead.is_lost
+        reserve, opening = self._reserve(tick), self._opening(tick)
+        alone = self._headway > 0.0 or situation.lead.status in LOST
         if not (awake or self._following or self._held or opening or alone):
             self._lead_speed = ahead.lead_speed
             self._promised = reserve >= 0.0
             self.brakes_at = 0
-            self._last = asked.acceleration
-            return asked
+            self._last = usual.acceleration
+            return usual
         self._promised = self._promised or reserve >= 0.0
-        self.brakes_at = self._brakes_at(tick, seen, reserve)
-        # Who hears nobody stops within the known road, however wide the gap should be.
+        self.brakes_at = self._brakes_at(tick, reserve)
+        # Without any source it stops within the known road, however wide the gap should be.
         free = wanted = self._kept_gap(tick, 0.0 if blind else opening)
         if warned and ahead.gap < self._car.policy.desired(pose.speed) + self._car.length:
             wanted = min(wanted, predecessor.acceleration)
         if awake:
             wanted = min(wanted, self._guarded(tick, reserve))
         if expects_stop:
-            wanted = min(wanted, self._stopping_behind(tick, seen))
+            wanted = min(wanted, self._stopping_behind(tick))
         self.stops_behind = expects_stop and wanted < -self._settings.comfortable.deceleration
         if blind:
             wanted = min(wanted, self._stopping(tick, firmly=mode == "stop"))
@@ -211,17 +183,16 @@ class SpeedGuard:
         self._driven += pose.speed * span
         return span
 
-    def _predecessor(self, tick: _Instant) -> _Sample:
-        """Where and how fast it was at its newest sample, as seen from here, and how old that is.
+    def _sample(self, now: int, ahead: VehiclesAhead, age: float) -> tuple[float, float, float]:
+        """Gap (m), speed (m/s) and age (s) of the predecessor's newest sample, seen from here.
 
         Before the first message it is where it was at the start, as fast as the car itself then.
         """
-        ahead, age = tick.ahead, tick.situation.predecessor.age
         if isnan(ahead.gap) or isnan(age):
-            age = (tick.now - (self._first_at or 0)) / SECOND
-            return _Sample(self._car.initial_gap - self._driven, self._first_speed, age)
+            age = (now - (self._first_at or 0)) / SECOND
+            return self._car.initial_gap - self._driven, self._first_speed, age
         speed = ahead.predecessor_speed
-        return _Sample(ahead.gap - speed * age, 0.0 if speed < 0.0 else speed, age)
+        return ahead.gap - speed * age, 0.0 if speed < 0.0 else speed, age
 
     def _hardest(self, pose: Pose) -> Braking:
         """Hardest braking (m/s², m/s³) beside the lateral acceleration, by the friction circle."""
@@ -231,14 +202,15 @@ class SpeedGuard:
             return hardest
         return replace(hardest, deceleration=max(min(hardest.deceleration, left), 0.1))
 
-    def _reserve(self, tick: _Instant, seen: _Sample) -> float:
+    def _reserve(self, tick: _Instant) -> float:
         """Distance (m) left if both brake as hard as they can, it since its newest sample (RSS)."""
-        harder, told = self._settings.hardest.deceleration, tick.situation.predecessor.acceleration
-        if -told > harder:
-            harder = -told
+        harder = self._settings.hardest.deceleration
+        announced = -tick.situation.predecessor.acceleration
+        if announced > harder:
+            harder = announced
         if harder > self._friction:
             harder = self._friction
-        stands_at = seen.gap + seen.speed**2 / (2.0 * harder)
+        stands_at = tick.gap + tick.speed**2 / (2.0 * harder)
         own = stopping_distance(tick.pose.speed, self._last, tick.hardest)
         return stands_at - self._car.length - GUARD_MARGIN - own
 
@@ -246,8 +218,8 @@ class SpeedGuard:
         """Largest acceleration (m/s²) that keeps the safe distance of RSS.
 
         It approaches the hardest braking while the reserve (m) is used up, so that the last instant
-        to brake is never passed. A convoy that was closer already, with all it heard, opens gently,
-        so that those behind can follow; but not who has waited in vain for a first message.
+        to brake is never passed. A convoy that was closer already, with all it received, opens
+        gently, so that those behind can follow; not so after waiting in vain for a first message.
         """
         time = reserve / max(tick.pose.speed, 0.1)
         if time >= GUARD_TIME:
@@ -256,19 +228,19 @@ class SpeedGuard:
         most, jerk = tick.hardest.deceleration, tick.hardest.jerk
         if tick.pose.speed < STANDING:
             most = self._settings.comfortable.deceleration
-        elif not self._promised and not self._never_heard(tick):
+        elif not self._promised and not self._never_received(tick):
             most = min(most, self._settings.comfortable.deceleration)
             jerk = self._settings.comfortable.jerk
         return max(-share * most, self._last - jerk * tick.span)
 
-    def _brakes_at(self, tick: _Instant, seen: _Sample, reserve: float) -> int:
-        """When the guard has to brake hard (ns) unless the predecessor is heard, or 0.
+    def _brakes_at(self, tick: _Instant, reserve: float) -> int:
+        """When the guard has to brake hard (ns) unless the predecessor is received, or 0.
 
-        Only a silence that is longer than all lately is worth telling: for others the gap was
-        opened. Where the safe distance was never kept, it brakes comfortably.
+        Only a silence that is longer than all lately is announced: for others the gap was opened.
+        Where the safe distance was never kept, it brakes comfortably.
         """
-        if tick.now - round(seen.age * SECOND) < self.brakes_at <= tick.now:
-            return self.brakes_at  # it does, and has heard nothing newer
+        if tick.now - round(tick.age * SECOND) < self.brakes_at <= tick.now:
+            return self.brakes_at  # it does, and has received nothing newer
         predecessor = tick.situation.predecessor
         waits = predecessor.status == "unheard"
         if not ((self._promised or waits) and self._ages.is_longest(tick.now)):
@@ -278,8 +250,8 @@ class SpeedGuard:
         needed = tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
         return max(needed, predecessor.lost_at) if waits else needed
 
-    def _never_heard(self, tick: _Instant) -> bool:
-        """Whether the predecessor was never heard in the time in which it would be lost."""
+    def _never_received(self, tick: _Instant) -> bool:
+        """Whether the predecessor was never received in the time in which it would be lost."""
         predecessor = tick.situation.predecessor
         return predecessor.status == "unheard" and 0 < predecessor.lost_at <= tick.now
 
@@ -296,11 +268,10 @@ class SpeedGuard:
         most = min(needed, braking.deceleration, hardest.deceleration)
         return max(-most, self._last - braking.jerk * tick.span)
 
-    def _stopping_behind(self, tick: _Instant, seen: _Sample) -> float:
+    def _stopping_behind(self, tick: _Instant) -> float:
         """Mildest braking (m/s²) to stand behind a predecessor that stops as it announced."""
-        told = tick.situation.predecessor
-        way = self._announced.way(tick.now, seen.speed, told)
-        left = seen.gap + way - self._car.length - GUARD_MARGIN
+        distance = self._announced.distance(tick.now, tick.speed, tick.situation.predecessor)
+        left = tick.gap + distance - self._car.length - GUARD_MARGIN
         hardest = tick.hardest
         needed = needed_deceleration(tick.pose.speed, left, self._last, hardest.jerk)
         return max(-min(needed, hardest.deceleration), self._last - hardest.jerk * tick.span)
@@ -320,12 +291,12 @@ class SpeedGuard:
         return max(speed * growth, needed - policy.desired(speed), 0.0)
 
     def _without_lead(self, tick: _Instant) -> VehiclesAhead:
-        """Let the lead's speed count less while it is not heard, and the headway grow instead.
+        """Let the lead's speed count less while it is lost, and the headway grow instead.
 
         Step by step to the headway that is stable without it (Swaroop and Hedrick, 1996).
         """
         ahead, speed = tick.ahead, tick.pose.speed
-        lost = tick.situation.lead.is_lost and (self._keeps_gap or self._following)
+        lost = tick.situation.lead.status in LOST and (self._keeps_gap or self._following)
         missing = max(STABLE_HEADWAY - self._car.policy.headway, 0.0) if lost else 0.0
         step = HEADWAY_RATE / max(speed, 1.0) * tick.span
         self._headway = min(max(missing, self._headway - step), self._headway + step)
@@ -349,9 +320,9 @@ class SpeedGuard:
         """
         ahead = self._without_lead(tick)
         if isnan(ahead.gap) or not (self._keeps_gap or self._following):
-            return tick.asked.acceleration
+            return tick.wanted.acceleration
         if opening or self._following:
-            # A lead that goes on while the predecessor falls back must not draw anybody closer.
+            # A lead that goes on while the predecessor falls back must not draw the car closer.
             slower = min(ahead.lead_speed, ahead.predecessor_speed)
             ahead = ahead.seen_as(gap=ahead.gap, lead_speed=slower)
         usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
@@ -368,7 +339,7 @@ class SpeedGuard:
         gap = tick.ahead.gap
         if self._keeps_gap or isnan(gap):
             return
-        common = tick.asked.target_speed
+        common = tick.wanted.target_speed
         initial = self._car.initial_gap
         slower = tick.ahead.predecessor_speed < common - FALLEN_BEHIND
         apart = slower or gap < initial - CLOSER
@@ -387,16 +358,16 @@ class SpeedGuard:
             self._following = False
 
     def _released(self, tick: _Instant, wanted: float, free: float) -> SpeedCommand:
-        """Let go of the brake, and return to the law, no faster than the jerk allows."""
-        settings, asked = self._settings, tick.asked
+        """Release the brake, and return to the law, no faster than the jerk allows."""
+        settings, usual = self._settings, tick.wanted
         jerk = settings.hardest.jerk if self._last < 0.0 else settings.firm.jerk
         upper = self._last + jerk * tick.span
-        held = wanted < free or free != asked.acceleration
+        held = wanted < free or free != usual.acceleration
         if (held or self._held) and wanted > upper:
             wanted, held = upper, True
         # Friction goes before the jerk, but the law may brake as it would without loss.
-        wanted = max(wanted, min(-tick.hardest.deceleration, asked.acceleration))
+        wanted = max(wanted, min(-tick.hardest.deceleration, usual.acceleration))
         self._held, self._last = held, wanted
-        if wanted == asked.acceleration:
-            return asked
-        return SpeedCommand(wanted, min(asked.target_speed, tick.pose.speed))
+        if wanted == usual.acceleration:
+            return usual
+        return SpeedCommand(wanted, min(usual.target_speed, tick.pose.speed))

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.exact_drives import START
-from vehicles.driver.degradation.rejoining import LATERAL, Rejoining
-from vehicles.driver.tracking import TrackingErrors
+from vehicles.driver.tracking import REJOINING_LATERAL, Rejoining, TrackingErrors
 from vehicles.schedule import SECOND
 
 TICK = SECOND // 50
@@ -16,7 +15,7 @@ def way(lateral: float, heading: float, speed: float) -> list[tuple[float, float
     """Where (m) and how (rad) a car that keeps to its way back is to its path, tick by tick."""
     rejoining, now = Rejoining(), START
     rejoining.from_there(now, TrackingErrors(0.0, 0.0, 0.0, 0.0), speed)
-    rejoining.want()
+    rejoining.begin()
     beginning = TrackingErrors(lateral, heading, 0.0, 0.0)
     found = []
     for _ in range(5000):
@@ -46,5 +45,5 @@ def test_it_begins_at_the_car_ends_on_the_path_and_bends_mildly(
         slope = (found[k + 1][0] - found[k - 1][0]) / (2 * step)
         assert slope == pytest.approx(found[k][1], abs=0.01)
         curvature = (found[k + 1][1] - found[k - 1][1]) / (2 * step)
-        assert abs(curvature) * speed**2 <= 1.1 * LATERAL + 0.1
+        assert abs(curvature) * speed**2 <= 1.1 * REJOINING_LATERAL + 0.1
     assert math.isfinite(sum(map(sum, found)))

@@ -1,12 +1,16 @@
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
+from tests.made.transport.received_poses import received
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.slowing.waiting import WAITING_SHARE, ConvoyWatch, WaitingProfile
 from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.leader import WAITING_SHARE, ConvoyWatch, WaitingProfile
 from vehicles.driver.speed import ProfileSpeed, SpeedProfile, VehiclesAhead
-from vehicles.messages import GpsPose, Mode
+from vehicles.messages import Announcement, Mode
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND
 
 TICK = 20 * MILLISECOND
@@ -14,33 +18,22 @@ SETTINGS = DegradationSettings()
 PROFILE = SpeedProfile((0.0, 10.0, 20.0, 30.0), (20.0, 20.0, 8.0, 24.0))
 
 
-def pose_of(vehicle: str, at: int, mode: Mode = "composite", *, hazard: bool = False) -> GpsPose:
-    return GpsPose(
-        vehicle=vehicle,
-        seq=at // TICK,
-        measured_at_ns=at,
-        latitude_deg=0.0,
-        longitude_deg=0.0,
-        altitude_m=0.0,
-        heading_deg=0.0,
-        speed_mps=10.0,
-        yaw_rate_radps=0.0,
-        sent_at_ns=at,
-        fix="fixed",
-        position_accuracy_m=0.02,
-        true_east_m=0.0,
-        true_north_m=0.0,
-        true_driven_m=0.0,
-        mode=mode,
-        hazard=hazard,
-        acceleration_mps2=0.0,
-        path_offset_m=0.0,
-        stops_at_ns=0,
-    )
+def pose_of(
+    vehicle: str, at: int, mode: Mode = "composite", *, hazard: bool = False
+) -> ReceivedPose:
+    announced = Announcement(mode=mode, hazard=hazard)
+    return received(at, 0.0, 0.0, 0.0, 10.0, vehicle=vehicle, announced=announced)
 
 
 def watch() -> ConvoyWatch:
     return ConvoyWatch(SETTINGS, {"v2": 0.05, "v3": 0.05}, 0)
+
+
+def reason(one: ConvoyWatch, now: int, poses: Sequence[ReceivedPose]) -> str:
+    """Why the lead waits once it has received these poses."""
+    one.observe(now, [replace(pose, received_at=now) for pose in poses])
+    assert one.waits == bool(one.reason)
+    return one.reason
 
 
 def waited(silent_from: float, silent_to: float, until: float) -> list[tuple[float, str]]:
@@ -50,7 +43,7 @@ def waited(silent_from: float, silent_to: float, until: float) -> list[tuple[flo
         heard = [pose_of("v2", now)]
         if not silent_from <= now / SECOND < silent_to:
             heard.append(pose_of("v3", now))
-        why = one.observe(now, heard)
+        why = reason(one, now, heard)
         if bool(why) != bool(before):
             found.append((now / SECOND, why))
         before = why
@@ -74,16 +67,16 @@ def test_short_silence_is_no_loss_and_one_never_heard_is_lost_soon() -> None:
 @pytest.mark.parametrize(("mode", "hazard"), [("coast", False), ("stop", True), ("lead", True)])
 def test_one_that_says_that_it_degrades_is_waited_for(mode: Mode, hazard: bool) -> None:
     one = watch()
-    assert one.observe(0, [pose_of("v2", 0), pose_of("v3", 0)]) == ""
-    told = one.observe(TICK, [pose_of("v2", TICK, mode, hazard=hazard)])
+    assert reason(one, 0, [pose_of("v2", 0), pose_of("v3", 0)]) == ""
+    told = reason(one, TICK, [pose_of("v2", TICK, mode, hazard=hazard)])
     assert told == f"waits for v2, in {mode}"
     later = 2 * TICK
-    assert one.observe(later, [pose_of("v2", TICK // 2)]) != ""  # overtaken: it says nothing new
+    assert reason(one, later, [pose_of("v2", TICK // 2)]) != ""  # overtaken: it says nothing new
     soon, after = later + round(0.9 * SECOND), later + round(1.1 * SECOND)
     for now in range(later + TICK, after, TICK):
-        found = one.observe(now, [pose_of("v2", now), pose_of("v3", now)])
+        found = reason(one, now, [pose_of("v2", now), pose_of("v3", now)])
         assert found or now > soon
-    assert one.observe(after, [pose_of("v2", after), pose_of("v3", after)]) == ""
+    assert reason(one, after, [pose_of("v2", after), pose_of("v3", after)]) == ""
 
 
 def driven(waits: tuple[float, float], until: float) -> list[tuple[float, float, float]]:

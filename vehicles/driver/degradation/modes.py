@@ -1,22 +1,23 @@
 """Which of its sources a follower steers along, and when it slows down and stops: its mode."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import isnan
 from typing import Final, Protocol
 
-from vehicles.driver.degradation.pair import SourcePair
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.degradation.slowing.stopping import needed_deceleration
-from vehicles.driver.degradation.sources import RELIED_ON, Source
+from vehicles.driver.degradation.settings import DegradationSettings, Reaction
+from vehicles.driver.degradation.situation import LOST, SLOWING, Situation
+from vehicles.driver.degradation.source import RELIED_ON, Source
+from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.stopping import needed_deceleration
+from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
-SLOWING: tuple[Mode, ...] = ("coast", "stop")
-"""In these modes nobody tells the road ahead, and a follower that degrades slows down."""
 FALLEN_BACK: Final = 5.0
-"""Who fell back because all it heard was of road behind it follows again with so much (m) ahead."""
+"""A follower that fell back, because all poses lay behind it, follows again with this (m) ahead."""
 NOTHING_HEARD: Final = "nothing heard yet"
+NO_TRAJECTORY: Final = "no trajectory through what is heard"
 
 
 class Modes(Protocol):
@@ -43,12 +44,12 @@ class Modes(Protocol):
 class ModeMachine:
     """Composite → lead or predecessor → coast → stop, and back.
 
-    Steered along is who is relied on. Who hears nobody coasts as long as a stop within the known
-    path needs no more than comfortable braking, and stops otherwise, until somebody is relied on
-    again; who has waited in vain for a first message stops, too. Who hears somebody, but only of
-    road behind the car, coasts until enough lies ahead. A source is given up at once and relied on
-    again only after its probation (`Source`), and a mode that was the worse one is left for a
-    better one only after as long, so that none is entered twice within one.
+    The car steers along the sources that it relies on. Without any it coasts as long as a stop
+    within the known path needs no more than comfortable braking, and stops otherwise, until a
+    source is relied on again; after waiting in vain for a first message it stops, too. If sources
+    are received, but all their road lies behind the car, it coasts until enough lies ahead. A
+    source is given up at once and relied on again only after its probation (`Source`), and a worse
+    mode is left for a better one only after as long, so that none is entered twice within one.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
@@ -72,18 +73,15 @@ class ModeMachine:
     ) -> tuple[Mode, str]:
         """Mode at a control instant `now` (ns) at `speed` (m/s), and why.
 
-        Why is what is missing, and when the mode changes who is relied on anew.
+        Why: what is missing, and when the mode changes which sources are relied on again.
         """
-        by_mode = {mode: one for mode, one in pair.used.items() if one.relied_on}
-        relied = list(by_mode.values())
+        relied = list(pair.relied.values())
         soon = (now - self._worse_at) / SECOND < self._dwell
-        has_way = not self._is_outrun(now, pair, situation)
-        mode = self._next(
-            pair, list(by_mode), situation, speed, has_path=has_path, has_way=has_way, soon=soon
-        )
+        outrun = self._is_outrun(now, pair, situation)
+        mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
         why = ""
         if len(relied) < len(pair.used):
-            why = _missing(one for one in pair.used.values() if one not in relied)
+            why = ", ".join([_matter(one) for one in pair.used.values() if one not in relied])
         if mode == "straight":
             why = why if has_path else NOTHING_HEARD
         elif mode in SLOWING:
@@ -92,7 +90,7 @@ class ModeMachine:
             if mode in SLOWING or self._mode == "composite":
                 self._worse_at = now
             goes_on = self._mode in SLOWING and mode not in SLOWING
-            back = [self._anew(one) for one in relied if goes_on or one not in self._relied]
+            back = [self._again(one) for one in relied if goes_on or one not in self._relied]
             why = "; ".join(filter(None, [*back, why]))
         if relied != self._relied:
             self._trusted |= {one.name for one in relied}
@@ -100,9 +98,9 @@ class ModeMachine:
         return mode, why
 
     def _is_outrun(self, now: int, pair: SourcePair, situation: Situation) -> bool:
-        """Whether all that is heard has for long been told of road that lies behind the car.
+        """Whether all received road has for long been behind the car.
 
-        So it is where a gap takes less time to drive than a message takes to come: the car never
+        That is so where a gap takes less time to drive than a message takes to come: the car never
         knows where to drive, unless it falls back.
         """
         enough = FALLEN_BACK if self._mode in SLOWING else 0.0
@@ -119,32 +117,29 @@ class ModeMachine:
     def _next(
         self,
         pair: SourcePair,
-        relied: list[Mode],
         situation: Situation,
         speed: float,
         *,
         has_path: bool,
-        has_way: bool,
+        outrun: bool,
         soon: bool,
     ) -> Mode:
         """The mode that follows; to a better one not too `soon` after one to a worse."""
-        if relied and has_path and has_way and not (soon and self._mode in SLOWING):
+        relied, slows = list(pair.relied), self._mode in SLOWING
+        if relied and has_path and not outrun and not (soon and slows):
             if len(relied) == 1 or (soon and self._mode in relied):
                 return self._mode if self._mode in relied else relied[0]
             return "composite"
-        used = pair.used.values()
-        given_up = any(one.status in ("lost", "distrusted", "probation") for one in used)
-        given_up = given_up or all(one.never_came for one in used)
-        if self._mode not in SLOWING and has_way and (relied or not given_up):
-            return "straight"  # nobody was heard yet, or nothing came of it
+        if not slows and not outrun and (relied or not _given_up(pair.used.values())):
+            return "straight"  # no source was received yet, or no trajectory came of it
         known = 0.0 if isnan(situation.known) else situation.known
-        if not has_way:  # those ahead are heard, so that there is no need to stop: it falls back
+        if outrun:  # the vehicles ahead are received, so that it need not stop: it falls back
             return "coast"
         if self._mode == "stop" or needed_deceleration(speed, known) > self._comfortable:
             return "stop"
         return "coast"
 
-    def _anew(self, source: Source) -> str:
+    def _again(self, source: Source) -> str:
         seen = source.freshness
         how = "heard"
         if source.name in self._trusted and source not in self._relied:
@@ -152,9 +147,58 @@ class ModeMachine:
         return f"{source.name} {how}, {seen.age:.2f} s old, {_end(seen.known)}"
 
 
-def _missing(sources: Iterable[Source]) -> str:
-    """What is the matter with those that are not relied on."""
-    return ", ".join(map(_matter, sources))
+class ModesByReach:
+    """Modes of followers that do not degrade, to compare with: all of them go on at full speed.
+
+    The car steers along the sources whose samples reach ahead of it, however old they are. Where
+    none do, it coasts: along its last trajectory, or as its reaction is.
+    """
+
+    def decide(
+        self,
+        now: int,  # noqa: ARG002 - all modes are decided alike
+        pair: SourcePair,
+        situation: Situation,  # noqa: ARG002
+        speed: float,  # noqa: ARG002
+        *,
+        fitted: bool,
+        has_path: bool,
+    ) -> tuple[Mode, str]:
+        """Mode by the windows of the last fit, and which sources are missing."""
+        reaching = [mode for mode, one in pair.used.items() if one.reaches]
+        silent = [one for one in pair.used.values() if not one.reaches]
+        why = ", ".join(
+            f"{one.name} never heard" if isnan(age) else f"{one.name} unheard for {age:.1f} s"
+            for one in silent
+            for age in [one.freshness.age]
+        )
+        if not has_path:
+            return "straight", NOTHING_HEARD
+        if not fitted:
+            return "coast", why or NO_TRAJECTORY
+        return ("composite" if len(reaching) > 1 else reaching[0]), why
+
+
+def without_sources(
+    reaction: Reaction, mode: Mode, wanted: SteeringCommand, last: SteeringCommand
+) -> SteeringCommand:
+    """Steering command of a reaction while no source is followed: the last one, or straight.
+
+    "hold" keeps the `last` command, "straight" turns the wheels straight, as the guardian of the
+    Apollo system does; all others steer as `wanted` along their trajectory.
+    """
+    if mode != "coast" or reaction in ("degrade", "extrapolate"):
+        return wanted
+    if reaction == "hold":
+        return last
+    return replace(wanted, steering=0.0, feedforward=0.0, feedback=0.0)
+
+
+def _given_up(sources: Iterable[Source]) -> bool:
+    """Whether a source was lost, or all were waited for in vain."""
+    sources = list(sources)
+    lost = any(one.status in LOST or one.status == "probation" for one in sources)
+    return lost or all(one.never_came for one in sources)
 
 
 def _matter(source: Source) -> str:
@@ -177,7 +221,7 @@ def _end(known: float) -> str:
 
 
 def _road_left(situation: Situation, speed: float) -> str:
-    """How a stop fits into the known path, in words."""
+    """How a stop fits into the known path."""
     if isnan(situation.known):
         return "no path known"
     needed = needed_deceleration(speed, situation.known)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from transport.links.laws.effect import NOWHERE, Whereabouts
-from transport.links.remembered import PLACES, PlacesPassed
+from transport.links.places import PLACES, PlacesPassed
 
 
 @given(

@@ -22,7 +22,7 @@ from tests.made.vehicles.two_cars import (
 )
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
-from vehicles.driver.degradation.slowing.stopping import friction_left
+from vehicles.driver.degradation.stopping import friction_left
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     GapKeeping,

@@ -1,0 +1,74 @@
+"""Which received poses a follower uses, and the lines about those that it does not."""
+
+import math
+from collections.abc import Iterable
+
+import pytest
+
+from tests.made.transport.received_poses import received
+from tests.made.vehicles.exact_drives import START
+from tests.made.vehicles.told_drives import falsified, steadily, told
+from transport.links.laws.false_content import FalseSpell, FrozenContent
+from vehicles.driver.degradation.innovation_gate import InnovationGate
+from vehicles.driver.degradation.trust import JumpGate, Trust
+from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
+
+BEGIN, END = 4.0, 7.0
+SPELL = FalseSpell(START + nanoseconds(BEGIN), START + nanoseconds(END))
+PERIOD = 50 * MILLISECOND
+
+
+def test_lines_report_once_what_is_refused_and_when_it_ends() -> None:
+    remarks: list[str] = []
+    trust = Trust("v1", InnovationGate(), remarks)
+    fixes = told(steadily(15.0), seconds=12.0, speed=15.0)
+    for pose in falsified(fixes, FrozenContent(SPELL)):
+        frozen = BEGIN <= (pose.measured_at - START) / SECOND < END
+        assert trust.judge(pose) == ("frozen" if frozen else "")
+    assert remarks == ["v1 not believed: frozen", "v1 believed again; 60 poses refused"]
+
+
+def test_without_a_gate_all_but_jumps_are_used() -> None:
+    remarks: list[str] = []
+    trust = Trust("v1", None, remarks)
+    for pose in falsified(told(steadily(15.0), seconds=7.0), FrozenContent(SPELL)):
+        assert trust.judge(pose) == ""  # frozen ones too
+    assert remarks == []
+
+
+def reasons(places: Iterable[tuple[int, float, float]], speed: float = 10.0) -> list[str]:
+    """Verdicts on poses by number, east and north (m), of a source that drives east."""
+    gate = JumpGate()
+    return [gate.judge(received(k * PERIOD, e, n, 0.0, speed)) for k, e, n in places]
+
+
+def test_single_jumps_are_refused() -> None:
+    drive = [(k, 0.5 * k, 0.0) for k in range(45)]
+    false = {40: (20.0, 80.0), 42: (20.0, -80.0), 43: (20.0, 80.0)}
+    verdicts = reasons((k, *false.get(k, (east, north))) for k, east, north in drive)
+    assert [k for k, reason in enumerate(verdicts) if reason] == sorted(false)
+    assert {verdicts[k] for k in false} == {"jumping"}
+
+
+def test_three_poses_that_agree_are_a_new_place() -> None:
+    verdicts = reasons((k, 0.5 * k, 0.0 if k < 40 else 30.0) for k in range(60))
+    assert [k for k, reason in enumerate(verdicts) if reason] == [40, 41]
+
+
+def test_a_source_may_be_where_it_can_have_driven_in_a_silence() -> None:
+    assert reasons([(0, 0.0, 0.0), (200, 100.0, 0.0)]) == ["", ""]  # 10 s at 10 m/s later
+
+
+def test_late_poses_are_left_to_the_trace() -> None:
+    assert reasons([(5, 2.5, 0.0), (4, 400.0, 0.0), (6, 3.0, 0.0)]) == ["", "", ""]
+
+
+@pytest.mark.parametrize("rubbish", [math.nan, math.inf, -math.inf])
+def test_numbers_that_are_none_are_refused(rubbish: float) -> None:
+    for place in range(4):
+        values = [1.0, 2.0, 3.0, 4.0]
+        values[place] = rubbish
+        gate = JumpGate()
+        gate.judge(received(START, 0.0, 0.0))
+        east, north, yaw, speed = values
+        assert gate.judge(received(START + PERIOD, east, north, yaw, speed)) == "impossible"

@@ -1,0 +1,256 @@
+"""The gate of one source: whether a car can have come to a pose from its earlier poses.
+
+As estimators refuse measurements (PX4's EKF2: 5 deviations of the position), but of a source that
+states its place, its speed and its heading, so that they can be compared with each other. A source
+that is consistently wrong from the first message to the last is not found: one beside the road all
+the time, or one that comes to a new place and stays.
+"""
+
+from collections import Counter, deque
+from itertools import pairwise
+from math import hypot, isfinite, sqrt
+from typing import Final, Literal
+
+from vehicles.car.positioning.noise import GnssNoise
+from vehicles.driver.degradation.innovation import (
+    BRAKING,
+    CORNERING,
+    LEAST_DEVIATION,
+    MOST_DEVIATION,
+    Innovation,
+    PoseTrack,
+    innovation,
+    stated_variance,
+    turned,
+)
+from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND
+
+Distrust = Literal["", "frozen", "jumping", "impossible", "ghost", "over-confident"]
+"""Why a source is not trusted, or not wholly.
+
+frozen          the same place again and again, at a speed
+jumping         a place, or a heading, that it cannot have reached
+impossible      beyond any car: its acceleration, or a displacement that contradicts its speeds
+ghost           two tracks under one name; this pose is not of the trusted one
+over-confident  used, but its places scatter more than it states
+"""
+REFUSED: tuple[Distrust, ...] = ("frozen", "jumping", "impossible", "ghost")
+"""Poses that are not used."""
+
+WINDOW: Final = 32
+"""Number of poses from which over-confidence is judged."""
+MOST_SQUARE: Final = 15.0
+"""Bound on a squared innovation, so that two or three jumps do not look like over-confidence."""
+TELLING: Final = 95.0
+"""Sum of the window that means over-confidence. An honest source's is 36.3 with a deviation of 7.8,
+nearly chi-squared (of 43 degrees of freedom after scaling), which is beyond 90 as rarely as a
+normal number beyond 5 deviations (Wilson and Hilferty, 1931)."""
+QUIETING: Final = 60.0
+"""Sum below which over-confidence ends: 3 deviations."""
+HONEST_THIRD: Final = 0.41
+"""A third of an honest source's squared innovations, the smaller one of those against the two poses
+before, lie below. So do a third of two tracks', if one is honest."""
+LEAST_INFLATION: Final = 1.5
+"""With less no source is over-confident; a ghost's poses may be as far off as they like."""
+MOST_INFLATION: Final = 30.0
+"""Beyond this it is not noise any more: one solver stated a twentieth of its true deviation."""
+HEADINGS: Final = 3
+"""Headings in a row beyond their gate, against each of the two level ones before: by chance
+once in 2e7 poses, where the car's own turning does not make it rarer still."""
+RESTART_POSES: Final = 3
+"""Poses that agree on a new place before it is accepted, at least."""
+LATELY: Final = 12
+"""Number of the last poses among which ..."""
+RETURNS: Final = 2
+"""... a trusted one follows a refused one this often where there are two tracks."""
+FORGOTTEN: Final = 3 * SECOND
+"""Age (ns) beyond which a refused pose no longer supports a new one."""
+
+
+class InnovationGate:
+    """Judges the poses of one source in the order in which they are received.
+
+    A pose is compared with the newest trusted one. Refused poses that agree with one another for
+    `settle` are the source's new place, so none is shut out for ever. `refused` counts by reason.
+    """
+
+    def __init__(
+        self,
+        noise: GnssNoise | None = None,
+        *,
+        gate: float = 5.0,
+        heading_gate: float = 3.0,
+        settle: float = 1.0,
+    ) -> None:
+        """`noise` is that of the source's receiver, as assumed: of all but its position.
+
+        Gates are in standard deviations, `settle` in s.
+        """
+        self._noise = noise or GnssNoise()
+        self._gate = gate
+        self._heading_gate = heading_gate
+        self._settle = round(settle * SECOND)
+        self._trusted: PoseTrack | None = None
+        self._level: deque[ReceivedPose] = deque(maxlen=2)
+        self._twisted = 0
+        self._suspect: PoseTrack | None = None
+        self._suspected: Distrust = ""
+        self._agreed = 0
+        self._agreed_since = 0
+        self._lately: deque[bool] = deque(maxlen=LATELY)
+        self._last: deque[ReceivedPose] = deque(maxlen=2)
+        self._squares: deque[float] = deque(maxlen=WINDOW)
+        self._counted: deque[float] = deque(maxlen=WINDOW)
+        self._inflation = 1.0
+        self._place: ReceivedPose | None = None
+        self._claimed = (0.0, 0.0, 0.0)
+        self.refused: Counter[Distrust] = Counter()
+
+    def judge(self, pose: ReceivedPose) -> Distrust:
+        """Judge a pose by its innovations (Kalman filter); one of `REFUSED` is not to be used."""
+        if not isfinite(pose.east + pose.north + pose.yaw + pose.speed + pose.yaw_rate):
+            return self._refuse("impossible")
+        last = innovation(self._last[-1], pose, self._noise) if self._last else None
+        before = self._last[-1] if self._last else pose
+        frozen = self._learn(pose, last)
+        if self._trusted is None:
+            return self._accept(PoseTrack(pose, self._inflation))
+        if last is None or before is not self._trusted.last:
+            last = innovation(self._trusted.last, pose, self._noise)
+        turn = turned(self._trusted.last, pose, self._noise)
+        reason: Distrust = "frozen" if frozen else self._fault(self._trusted, last, turn, pose)
+        if last.span <= 0.0:
+            return self._refuse(reason) if reason else self._confidence
+        if not reason and (self._twisted or turn > self._heading_gate):
+            reason = self._twist(pose)
+        elif not reason:
+            self._level.append(pose)
+        if not reason:
+            self._trusted.push(last, pose, self._inflation)
+            self._agreed = 0
+            self._lately.append(True)
+            return self._confidence
+        self._lately.append(False)
+        ghost = reason != "frozen" and self._alternates
+        return self._doubt(pose, "ghost" if ghost else reason)
+
+    def deviation(self, pose: ReceivedPose) -> float:
+        """Standard deviation (m, per axis) to assume of a pose instead of the stated one."""
+        if self._inflation == 1.0:
+            return pose.accuracy
+        return min(self._inflation * max(pose.accuracy, LEAST_DEVIATION), MOST_DEVIATION)
+
+    @property
+    def _confidence(self) -> Distrust:
+        return "over-confident" if self._inflation > 1.0 else ""
+
+    @property
+    def _alternates(self) -> bool:
+        """Whether poses have been trusted and refused in turn, so that there are two tracks."""
+        returns = sum([after and not before for before, after in pairwise(self._lately)])
+        return returns >= RETURNS
+
+    def _refuse(self, reason: Distrust) -> Distrust:
+        self.refused[reason] += 1
+        return reason
+
+    def _accept(self, track: PoseTrack) -> Distrust:
+        """Trust a track from now on."""
+        self._trusted, self._suspect = track, None
+        self._level.clear()
+        self._level.append(track.last)
+        self._twisted = 0
+        return self._confidence
+
+    def _fault(
+        self, track: PoseTrack, one: Innovation, turn: float, pose: ReceivedPose
+    ) -> Distrust:
+        """What contradicts a track in a pose, if anything does."""
+        noise = self._noise
+        if one.deviations(self._inflation) > self._gate:
+            return "jumping"
+        gain = abs(pose.speed - track.last.speed) - BRAKING * abs(one.span)
+        if gain > 0.0 and gain / (sqrt(2.0) * noise.speed + 1e-3) > self._gate:
+            return "impossible"
+        if one.span > 0.0 and (
+            track.strays(one, pose, self._inflation) > self._gate
+            or track.cornering(pose) > CORNERING + self._gate * pose.speed * noise.heading
+        ):
+            return "impossible"
+        return "jumping" if turn > self._gate else ""
+
+    def _twist(self, pose: ReceivedPose) -> Distrust:
+        """Whether the heading has been wrong several times in a row."""
+        if min(turned(before, pose, self._noise) for before in self._level) <= self._heading_gate:
+            self._level.append(pose)
+            self._twisted = 0
+            return ""
+        self._twisted += 1
+        return "jumping" if self._twisted >= HEADINGS else ""
+
+    def _doubt(self, pose: ReceivedPose, reason: Distrust) -> Distrust:
+        """Refuse a pose, unless it completes those that make a new place."""
+        track, now = self._suspect, pose.received_at
+        if track is not None and pose.measured_at - track.last.measured_at > FORGOTTEN:
+            track = None
+        if track is not None:
+            one = innovation(track.last, pose, self._noise)
+            turn = turned(track.last, pose, self._noise)
+            if reason == "frozen" or self._fault(track, one, turn, pose):
+                track = None
+            elif one.span > 0.0:
+                track.push(one, pose, self._inflation)
+        if track is None:
+            self._suspect, self._suspected = PoseTrack(pose, self._inflation), reason
+            self._agreed, self._agreed_since = 1, now
+            return self._refuse(reason)
+        if not self._agreed:
+            self._agreed_since = now
+        self._agreed += 1
+        if self._agreed >= RESTART_POSES and now - self._agreed_since >= self._settle:
+            return self._accept(track)
+        return self._refuse("ghost" if reason == "ghost" else self._suspected)
+
+    def _learn(self, pose: ReceivedPose, one: Innovation | None) -> bool:
+        """Learn from any pose how exact its source is; returns whether it is frozen.
+
+        `one` is its innovation against the last one, if there is one.
+        """
+        if one is None:
+            self._last.append(pose)
+            self._place = pose
+            return False
+        if one.span <= 0.0:
+            return False
+        frozen = self._stays(one, pose)
+        if not frozen:
+            square = one.square
+            if len(self._last) > 1:
+                square = min(square, innovation(self._last[0], pose, self._noise).square)
+            self._squares.append(square)
+            self._counted.append(MOST_SQUARE if square > MOST_SQUARE else square)
+            if sum(self._counted) > (TELLING if self._inflation == 1.0 else QUIETING):
+                third = sorted(self._squares)[len(self._squares) // 3]
+                inflation = min(sqrt(third / HONEST_THIRD), MOST_INFLATION)
+                self._inflation = inflation if inflation >= LEAST_INFLATION else 1.0
+            else:
+                self._inflation = 1.0
+        self._last.append(pose)
+        return frozen
+
+    def _stays(self, one: Innovation, pose: ReceivedPose) -> bool:
+        """Whether the place has not moved although the stated speed must have moved it."""
+        place, noise = self._place or pose, self._noise
+        stated = stated_variance(place.accuracy) + stated_variance(pose.accuracy)
+        limit = self._gate * self._inflation * sqrt(stated)
+        if hypot(pose.east - place.east, pose.north - place.north) > limit:
+            self._place, self._claimed = pose, (0.0, 0.0, 0.0)
+            return False
+        east, north, variance = self._claimed
+        if pose.speed > self._gate * noise.speed:
+            along, across = one.along_variance, one.across_variance
+            variance += across if across > along else along
+            east, north = east + one.east_driven, north + one.north_driven
+            self._claimed = east, north, variance
+        return hypot(east, north) > 2.0 * limit + self._gate * sqrt(variance)

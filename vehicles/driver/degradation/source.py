@@ -1,0 +1,232 @@
+"""One source of a follower: its trace, how fresh it is, and whether it is relied on."""
+
+from math import isnan, nan
+from typing import Final
+
+from vehicles.driver.degradation.innovation_gate import REFUSED
+from vehicles.driver.degradation.meant_path import MeantPath
+from vehicles.driver.degradation.reception import RECENT, Probation, Reception
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.situation import LOST, SLOWING, SourceFreshness
+from vehicles.driver.degradation.trust import Trust
+from vehicles.messages import SourceStatus
+from vehicles.preview.trace import Trace, Window
+from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND
+
+RELIED_ON = ("fresh", "late")
+"""Statuses of a source that is steered along and counted on."""
+MISSED_AFTER: Final = 1.5
+"""A message is overdue after this multiple of the usual time between two that come."""
+LEAST_SHARE: Final = 0.05
+"""Least share of its messages that a source is expected to deliver."""
+LEAST_SAMPLES: Final = 3
+"""Fewer samples of a source than these determine no trajectory."""
+
+
+class Source:
+    """A vehicle whose poses a follower receives: its trace, its status and its weight.
+
+    Its status: unheard, fresh, late when some messages are overdue, lost after a longer silence,
+    distrusted while its poses are refused, on probation once it is received and trusted again. Its
+    `weight` in the trajectory is 1 as long as it is fresh; from when it is late it fades with the
+    path that is left of it, and comes back slowly, so that no sample comes or goes at once. A
+    source that `may_stray` is followed only while it announces no trouble: there is another one,
+    whose path is meant. `freshness` is that of the last look.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        period: float,
+        settings: DegradationSettings,
+        delay: float = 0.0,
+        trust: Trust | None = None,
+    ) -> None:
+        """`period` (s) is that between messages, `delay` (s) how long one takes to come.
+
+        Both as far as they are known beforehand; the delay counts for the first one alone.
+        """
+        self.name = name
+        self.trace = Trace()
+        self.meant: MeantPath | None = None
+        self.weight = 1.0
+        self.usable = False
+        self.reaches = False
+        self.refusal = ""
+        self.may_stray = False
+        self.status: SourceStatus = "unheard"
+        self.freshness = SourceFreshness()
+        self.probation = Probation(settings)
+        self._trust = trust or Trust(name)
+        self._strayed = False
+        self._settings = settings
+        self._reception = Reception(period)
+        self._degrades = settings.reaction == "degrade"
+        self._refused_at: int | None = None
+        self._announced: ReceivedPose | None = None
+        self._period = period
+        self._delay = round(delay * SECOND)
+        self._due_from: int | None = None
+        self._waited = 0.0
+        self._known = nan
+        self._known_of_all = 0.0
+
+    @property
+    def relied_on(self) -> bool:
+        """Whether it is received as usual, and a trajectory was made of it before."""
+        return self.usable and self.status in RELIED_ON
+
+    @property
+    def runs_out(self) -> bool:
+        """Whether it extends the known path no further: it is late or astray."""
+        return self.status == "late" or self._strayed
+
+    @property
+    def is_missed(self) -> bool:
+        """Whether a message of it is overdue, long before it counts as late."""
+        if self.status == "unheard":
+            return self._waited > MISSED_AFTER * self._period
+        share = self._reception.usual_share
+        usual = self.freshness.period / (LEAST_SHARE if share < LEAST_SHARE else share)
+        return self.freshness.silence > MISSED_AFTER * usual
+
+    @property
+    def never_came(self) -> bool:
+        """Whether it was never received in the time in which others are lost."""
+        after = self._settings.lost_after_silence(self._period)
+        return self.status == "unheard" and self._waited > after
+
+    def receive(self, pose: ReceivedPose) -> None:
+        """Judge a pose, and take it to the trace if it is trusted (Section III-A)."""
+        reason, now = self._trust.judge(pose), pose.received_at
+        if reason in REFUSED:
+            self._refused_at, self.refusal = now, reason
+            return
+        message, last = pose.message, self.trace.newest
+        newer = last is None or pose.measured_at > last.measured_at
+        lost = newer and self.status in LOST
+        if self.may_stray and last is not None and (message.hazard or message.mode in SLOWING):
+            self._strayed = True
+            self.trace.pass_over(pose)
+        else:
+            # Baselines know no holes: after a silence the next pose is one more sample to them.
+            hole = (lost and self._degrades) or (newer and self._strayed)
+            self._strayed &= not newer
+            self.trace.add(pose, after_hole=hole)
+            if self.meant is not None:
+                self.meant.note(pose, message.path_offset_m)
+        if lost:
+            self._reception.forget()
+        if self._reception.add(now, pose.measured_at, message.seq):
+            self._announced = pose
+            if self.status == "unheard":
+                self.status = "fresh"
+            elif self.status in LOST:
+                self.probation.begin(now)
+                self.status = "probation"
+
+    def window(self, east: float, north: float, behind: float, ahead: float) -> Window | None:
+        """Samples around the ego at (east, north), None if they do not reach ahead of it.
+
+        The preview data of Section III-A, from `behind` to `ahead` (m).
+        """
+        window = self.trace.window(east, north, behind, ahead)
+        self.reaches = reaches_ahead(window)
+        self.usable |= self.reaches
+        return window if self.reaches else None
+
+    def locate(self, east: float, north: float) -> None:
+        """Measure how far its path is known ahead of the ego at (east, north)."""
+        self._known = self.trace.known(east, north)
+
+    def look(self, now: int, driven: float, span: float) -> SourceFreshness:
+        """Judge it at a control instant `now` (ns), `span` (s) and `driven` (m) after the last.
+
+        By silence, not by age, so that a latency alone makes nobody lost.
+        """
+        self._known -= driven
+        newest, announced = self.trace.newest, self._announced
+        if newest is None or announced is None:
+            lost_at = self._wait(now)
+            self.freshness = SourceFreshness(known=self._known, lost_at=lost_at)
+            return self.freshness
+        reception, message = self._reception, announced.message
+        silence, share, period = reception.silence(now), reception.share(now), reception.period
+        after = self._settings.lost_after_silence(period)
+        self._judge(now, silence, share, after)
+        if self.weight == 1.0 and self.status in ("fresh", "probation"):  # the usual case
+            self._known_of_all = 0.0
+        elif self._degrades:
+            self._weigh(span)
+        self.freshness = SourceFreshness(
+            self.status,
+            (now - newest.measured_at) / SECOND,
+            silence,
+            period,
+            share,
+            self._known,
+            message.mode,
+            message.hazard,
+            message.acceleration_mps2,
+            now + round((after - silence) * SECOND),
+            message.stops_at_ns,
+        )
+        return self.freshness
+
+    def _wait(self, now: int) -> int:
+        """Wait for its first message as long as for any later one; returns when it is lost (ns)."""
+        if self._due_from is None:
+            self._due_from = now + self._delay
+        self._waited = (now - self._due_from) / SECOND
+        after = self._settings.lost_after_silence(self._period)
+        return self._due_from + round(after * SECOND)
+
+    def _judge(self, now: int, silence: float, share: float, after: float) -> None:
+        """Lost and distrusted at once, relied on again only after probation."""
+        late = silence > self._settings.late_periods * self._reception.period
+        refused = self._refused_at is not None and (now - self._refused_at) / SECOND <= after
+        if (late and refused) or silence > after:
+            if self.status not in LOST:
+                self.probation.fail(now)
+            self.status = "distrusted" if refused else "lost"
+            self._reception.pause_count(now)
+            return
+        if self.status == "probation":
+            self._serve(now, share)
+        else:
+            self._reception.count_share(now, share)
+        if self.status != "probation":
+            self.status = "late" if late else "fresh"
+
+    def _serve(self, now: int, share: float) -> None:
+        """Let it come back; what it usually delivers may be less by now, so that it always can."""
+        served = self.probation.served(now)
+        if served * SECOND < RECENT:
+            self._reception.pause_count(now)
+        else:
+            self._reception.count_share(now, share)
+        trusted_share = self._settings.trusted_share
+        if served >= self.probation.length and self._reception.delivers(now, trusted_share):
+            self.probation.end(now)
+            self.status = "fresh"
+
+    def _weigh(self, span: float) -> None:
+        """Let the weight fade with the known path, and come back over the probation."""
+        if self.status in ("fresh", "probation"):
+            self._known_of_all = 0.0
+            self.weight = min(self.weight + span / self.probation.length, 1.0)
+            return
+        known = self._known
+        if isnan(known) or known <= 0.0:
+            self.weight = 0.0
+            return
+        if not self._known_of_all and self.weight > 0.0:
+            self._known_of_all = known / self.weight
+        if self._known_of_all:
+            self.weight = min(self.weight, known / self._known_of_all)
+
+
+def reaches_ahead(window: Window) -> bool:
+    """Whether samples determine a trajectory and reach ahead of the ego (Section III-A)."""
+    return len(window.station) >= LEAST_SAMPLES and window.station.item(-1) >= 0.0

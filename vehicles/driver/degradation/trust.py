@@ -1,0 +1,107 @@
+"""The one judge of received poses: whether a follower uses them.
+
+Whether a message can be a pose at all (stamps, coordinates, speeds) is the wire's question, and
+`transport.links.gate` answers it before. Fixes of the own receiver are checked by the own filter
+(`ego.pose_estimator`), announced offsets are bounded where they are used (`meant_path`), and what
+`preview.outliers` leaves out of a fit are samples that passed here and that the other samples
+contradict: it judges a curve, and no pose.
+"""
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Final
+
+from vehicles.driver.degradation.innovation_gate import (
+    REFUSED,
+    RESTART_POSES,
+    Distrust,
+    InnovationGate,
+)
+from vehicles.preview.samples import reachable
+from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND
+
+QUIET: Final = SECOND
+"""Time (ns) after the last refused pose until a source is reported as trusted again."""
+
+
+class JumpGate:
+    """Refuses the poses of one source that no car can have driven to.
+
+    All there is for followers that do not degrade; behind an innovation gate it refuses outliers of
+    receivers that state a large deviation. Several refused poses that agree are the new place.
+    """
+
+    def __init__(self) -> None:
+        self._newest: ReceivedPose | None = None
+        self._suspects: list[ReceivedPose] = []
+
+    def judge(self, pose: ReceivedPose) -> Distrust:
+        """Judge a pose by its distance from the newest trusted one."""
+        if not isfinite(pose.east + pose.north + pose.yaw + pose.speed):
+            return "impossible"
+        newest, suspects = self._newest, self._suspects
+        if newest is not None and pose.measured_at <= newest.measured_at:
+            return ""
+        if newest is not None and not reachable(newest, pose):
+            if suspects and not reachable(suspects[-1], pose):
+                suspects.clear()
+            suspects.append(pose)
+            if len(suspects) < RESTART_POSES:
+                return "jumping"
+        suspects.clear()
+        self._newest = pose
+        return ""
+
+
+@dataclass(slots=True)
+class _Doubt:
+    """A spell in which poses of a source are refused: their number, and the reported reasons."""
+
+    refused_at: int = 0
+    refused: int = 0
+    reported: set[Distrust] = field(default_factory=set)
+
+
+class Trust:
+    """Judges the received poses of one source, and reports when it refuses some."""
+
+    def __init__(
+        self, name: str, gate: InnovationGate | None = None, remarks: list[str] | None = None
+    ) -> None:
+        """Lines for the log, such as "v1 not believed: frozen", are appended to `remarks`.
+
+        Without a `gate` only jumps are refused, and nothing is reported.
+        """
+        self._name = name
+        self._gate = gate
+        self._jumps = JumpGate()
+        self._doubt = _Doubt()
+        self._remarks = [] if remarks is None else remarks
+
+    def judge(self, pose: ReceivedPose) -> Distrust:
+        """Judge a pose; one of `REFUSED` is not to be used."""
+        reason: Distrust = ""
+        if self._gate is not None:
+            reason = self._gate.judge(pose)
+            if reason or self._doubt.reported:  # rare
+                self._report(pose, reason, self._gate)
+            if reason in REFUSED:
+                return reason
+        return self._jumps.judge(pose) or reason
+
+    def _report(self, pose: ReceivedPose, reason: Distrust, gate: InnovationGate) -> None:
+        doubt, name = self._doubt, self._name
+        if reason in REFUSED:
+            doubt.refused_at = pose.received_at
+            doubt.refused += 1
+        elif not reason and pose.received_at - doubt.refused_at > QUIET:
+            count = f"; {doubt.refused} poses refused" if doubt.refused else ""
+            self._remarks.append(f"{name} believed again{count}")
+            self._doubt = _Doubt()
+        if reason and reason not in doubt.reported:
+            doubt.reported.add(reason)
+            text = f"not believed: {reason}"
+            if reason not in REFUSED:
+                text = f"{reason}: accuracy taken for {gate.deviation(pose):.2f} m"
+            self._remarks.append(f"{name} {text}")

@@ -1,0 +1,46 @@
+"""A pose as the receiving vehicle uses it, from its inbox to its trajectory."""
+
+from dataclasses import dataclass
+
+from vehicles.geometry.geodesy import LocalPlane, yaw_from_heading
+from vehicles.messages import GpsPose
+
+
+@dataclass(slots=True)
+class ReceivedPose:
+    """A received message and what follows from it, worked out once.
+
+    `received_at` (ns) is the tick that took it, `measured_at` (ns) its time stamp as old as it
+    seems by the receiver's own clock. Position (m) and yaw (rad, counter-clockwise from east) lie
+    in the plane of the scenario; speed m/s, yaw rate rad/s; `accuracy` (m) is the standard
+    deviation per axis that the sender states.
+    """
+
+    message: GpsPose
+    received_at: int
+    measured_at: int
+    east: float
+    north: float
+    yaw: float
+    speed: float
+    yaw_rate: float
+    accuracy: float
+
+
+def receive(message: GpsPose, plane: LocalPlane, now: int) -> ReceivedPose:
+    """Convert a message received at `now` (ns) from WGS84 and compass course to the plane.
+
+    ValueError beyond the plane's reach.
+    """
+    east, north = plane.to_plane(message.latitude_deg, message.longitude_deg, message.altitude_m)
+    return ReceivedPose(
+        message,
+        now,
+        message.measured_at_ns,
+        east,
+        north,
+        yaw_from_heading(message.heading_deg),
+        message.speed_mps,
+        message.yaw_rate_radps,
+        message.position_accuracy_m,
+    )
