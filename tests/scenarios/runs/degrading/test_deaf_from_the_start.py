@@ -72,7 +72,7 @@ def test_if_nobody_missed_first_messages_some_would_be_hit(
     own = ("links.loss_ratio=0.95", "duration_s=5")
     assert collisions(summary(3, 15.0, *own, seed=37)) == 0
     monkeypatch.setattr(Source, "never_came", property(lambda _: False))
-    monkeypatch.setattr(SpeedGuard, "_never_heard", lambda *_: False)
+    monkeypatch.setattr(SpeedGuard, "_never_received", lambda *_: False)
     assert collisions(summary(3, 15.0, *own, seed=37)) > 0
 
 
