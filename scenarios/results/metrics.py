@@ -17,9 +17,15 @@ from scenarios.results.channel.tally import LinkTally
 from scenarios.results.degradation.deadlines import Deadlines
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.run_event import EventLog
-from scenarios.results.holes import RecordHole, expected_poses, holes_of
+from scenarios.results.holes import RecordHole
 from scenarios.results.stream import FigureStream
-from scenarios.results.vehicles.figures import VehicleFigures, VehicleSummary
+from scenarios.results.vehicles.figures import (
+    USUAL_CONTROL_RATE_HZ,
+    USUAL_RATE_HZ,
+    RunSpan,
+    VehicleFigures,
+    VehicleSummary,
+)
 from transport.topics import TOPIC_OF
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range
@@ -35,15 +41,10 @@ from vehicles.messages import (
     Tracking,
     TruePose,
 )
-from vehicles.schedule import SECOND, nanoseconds
+from vehicles.schedule import nanoseconds
 
-USUAL_RATE_HZ, USUAL_CONTROL_RATE_HZ = 20.0, 50.0
 MOST_WARNINGS = 50
 """Lines about stamps that cannot be right that the summary holds."""
-SILENT_NS = SECOND
-"""A vehicle of which nothing was heard for so long before the end was not there any more: what is
-on its way when a run is stopped takes less."""
-
 _Source = tuple[LinkTally, AlarmTally]
 """What is kept of the link from one source of a follower."""
 
@@ -76,8 +77,6 @@ class Metrics:
         self._names = list(vehicles)
         self._lead = self._names[0]
         self._requested = requested
-        self._rates_hz: dict[str, float | None] = dict(rates_hz or {})
-        self._control_rate_hz = control_rate_hz
         self._duration_ns = duration_ns
         self.stream = stream or FigureStream(
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
@@ -89,7 +88,15 @@ class Metrics:
         self.out_of_linear: dict[str, str] = {}
         self._told_of_linear = 0
         self._linear_slips = linear_slips or dict.fromkeys(vehicles, linear_range(LINCOLN_MKZ))
-        self.vehicles = {name: VehicleFigures(is_lead=name == self._lead) for name in vehicles}
+        self.vehicles = {
+            name: VehicleFigures(
+                name,
+                is_lead=name == self._lead,
+                rate_hz=(rates_hz or {}).get(name, USUAL_RATE_HZ),
+                control_rate_hz=control_rate_hz,
+            )
+            for name in vehicles
+        }
         self.links: defaultdict[tuple[str, str], LinkTally] = defaultdict(LinkTally)
         self._alarms: defaultdict[tuple[str, str], AlarmTally] = defaultdict(AlarmTally)
         self.deadlines = deadlines or Deadlines()
@@ -224,16 +231,15 @@ class Metrics:
         return (self.links[pair], self._alarms[pair]) if pair in self._requested else None
 
     def _add_pose(self, figures: VehicleFigures, pose: GpsPose, _at: int) -> None:
-        rate_hz = self._rates_hz.get(pose.vehicle, USUAL_RATE_HZ)
-        figures.add_pose(pose, scheduled=rate_hz is not None)
+        figures.add_pose(pose)
 
     def _add_health(self, figures: VehicleFigures, health: Health, _at: int) -> None:
         figures.add_health(health)
 
-    def _add_change(self, _: VehicleFigures, change: Change, _at: int) -> None:
+    def _add_change(self, figures: VehicleFigures, change: Change, _at: int) -> None:
         """From now on its poses come by no schedule, or links are not as they were asked for."""
         if change.kind in VEHICLE_CHANGES:
-            self._rates_hz[change.vehicle] = None
+            figures.rate_hz = None
         for pair in changed_links(change.table, self._names, self._requested):
             self.links[pair].changed |= pair[1] == change.vehicle
 
@@ -248,61 +254,24 @@ class Metrics:
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         """Figures per vehicle, the lead first, of a run of `ran_ns`."""
-        return tuple(self._vehicle(name, ran_ns) for name in self._names)
+        span, gaps, seconds = self._span(ran_ns), self.stream.gaps, self.stream.seconds
+        return tuple(
+            figures.summary(span, gaps.get(name), seconds)
+            for name, figures in self.vehicles.items()
+        )
 
     def holes(self, ran_ns: int = 0) -> tuple[RecordHole, ...]:
-        """What was not recorded of a run of `ran_ns`, in order of time."""
+        """Poses that were not recorded of a run of `ran_ns`, in order of time."""
         found = [
             hole
-            for name in self._names
-            for holes in [list(self._holes(name, ran_ns))]
-            for hole in (*holes, *self._true_holes(name, holes))
+            for figures in self.vehicles.values()
+            for holes in [figures.holes(self._span(ran_ns))]
+            for hole in (*holes, *figures.true_holes(holes))
         ]
         return tuple(sorted(found, key=lambda hole: hole.from_s))
 
-    def _holes(self, name: str, ran_ns: int) -> Iterator[RecordHole]:
-        """Holes of one vehicle, up to the end of the run or until it said that it had ended.
-
-        One that fell silent without a word is not a hole: it may have died. Of one that sends by
-        no schedule only gaps in the numbers are known.
-        """
-        figures = self.vehicles[name]
-        rate_hz = self._rates_hz.get(name, USUAL_RATE_HZ)
-        if rate_hz is None:
-            return figures.edges.holes(name, figures.numbers, self.start_at or 0)
-        expected = 0
-        if self.start_at is not None and figures.health and figures.health.final:
-            until = min(ran_ns, figures.health.reported_at_ns - self.start_at)
-            if until < self._duration_ns:  # stopped: its last poses were not sent any more
-                until -= SILENT_NS
-            expected = expected_poses(until, rate_hz)
-        return holes_of(name, figures.numbers, rate_hz, expected)
-
-    def _true_holes(self, name: str, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
-        """Holes in the true poses of a vehicle that are not inside `holes`, those of its poses."""
-        slack_s = 1.0 / (self._rates_hz.get(name, USUAL_RATE_HZ) or USUAL_RATE_HZ)
-        numbers = self.vehicles[name].true_numbers
-        for hole in holes_of(name, numbers, self._control_rate_hz, 0, "true pose"):
-            if not any(known.covers(hole, slack_s) for known in holes):
-                yield hole
-
-    def lived_s(self, name: str, *, as_sender: bool) -> float:
-        """How long a vehicle was heard of (s); as a sender, as far as poses should have come of it.
-
-        By the number of its poses, or where they come by no schedule from the first one on.
-        """
-        figures, rate_hz = self.vehicles[name], self._rates_hz.get(name, USUAL_RATE_HZ)
-        if rate_hz is not None:
-            return figures.poses / rate_hz
-        begun = figures.first_sent_at if as_sender else self.start_at
-        return 0.0 if begun is None else max(figures.last_at - begun, 0) / SECOND
-
-    def _silent_from(self, figures: VehicleFigures, ran_ns: int) -> float | None:
-        """Time (s) after which nothing was heard of a vehicle though the run went on."""
-        if self.start_at is None:
-            return None
-        until = max(figures.last_at - self.start_at, 0)
-        return until / SECOND if ran_ns - until > SILENT_NS else None
+    def _span(self, ran_ns: int) -> RunSpan:
+        return RunSpan(self.start_at, ran_ns, self._duration_ns)
 
     def link_summaries(self) -> tuple[LinkSummary, ...]:
         """Figures per directed link, by receiver and then sender from the lead on."""
@@ -311,17 +280,6 @@ class Metrics:
     def _order(self, link: tuple[str, str]) -> tuple[int, int]:
         sender, receiver = link
         return self._names.index(receiver), self._names.index(sender)
-
-    def _vehicle(self, name: str, ran_ns: int) -> VehicleSummary:
-        figures = self.vehicles[name]
-        return figures.summary(
-            name,
-            gap=self.stream.gaps.get(name),
-            holes=list(self._holes(name, ran_ns)),
-            silent_from_s=self._silent_from(figures, ran_ns),
-            control_rate_hz=self._control_rate_hz,
-            seconds=self.stream.seconds,
-        )
 
     def _link(self, link: tuple[str, str]) -> LinkSummary:
         requested, sent = self._requested[link], self.vehicles[link[0]].poses

@@ -103,8 +103,8 @@ def silent_links(
     for link in metrics.link_summaries():
         asked = link.requested
         common_s = min(
-            metrics.lived_s(link.sender, as_sender=True),
-            metrics.lived_s(link.receiver, as_sender=False),
+            metrics.vehicles[link.sender].sent_for_s,
+            metrics.vehicles[link.receiver].recorded_for_s(metrics.start_at),
         )
         expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
         listens = link.receiver not in replayed

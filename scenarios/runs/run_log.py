@@ -115,7 +115,7 @@ class RunLog:
             self._reason = why_failed(reason or self.must_end or silent, broken)
             return self.recorder.end(at, self._reason)
         except LogError as error:
-            self._reason = reason or str(error)
+            self._reason = reason or self.must_end or str(error)
             return self.recorder.end(at, self._reason)
 
     @property

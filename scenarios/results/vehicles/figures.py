@@ -5,18 +5,24 @@ in its `summary`.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from scenarios.results.events.encounters import TrueGap
-from scenarios.results.holes import EdgeInstants, RecordHole
+from scenarios.results.holes import EdgeInstants, RecordHole, expected_poses, holes_of
 from scenarios.results.vehicles.accumulators import Extremes, SelfEstimateErrors, TyreFigures
 from scenarios.results.vehicles.reaction import NO_REACTION, Reaction, ReactionSummary
 from transport.message_numbers import MOST_RANGES, MessageNumbers
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import GpsPose, Health, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+USUAL_RATE_HZ, USUAL_CONTROL_RATE_HZ = 20.0, 50.0
+SILENT_NS = SECOND
+"""A vehicle of which nothing was recorded for so long before the end was not there any more: what
+is on its way when a run is stopped takes less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,15 +96,34 @@ class VehicleSummary:
     """Whether the final counters of the vehicle were received."""
 
 
+class RunSpan(NamedTuple):
+    """When a run started (ns, None if not recorded), how long it took, and was planned to."""
+
+    start_at: int | None
+    ran_ns: int
+    planned_ns: int
+
+
 class VehicleFigures:
     """Gathers the figures of one vehicle from its messages and from the stream of figures."""
 
-    def __init__(self, *, is_lead: bool) -> None:
+    def __init__(
+        self,
+        name: str,
+        *,
+        is_lead: bool,
+        rate_hz: float | None = USUAL_RATE_HZ,
+        control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
+    ) -> None:
+        """`rate_hz` is that of its GPS poses, None for a vehicle that sends by no schedule."""
+        self.name = name
         self.is_lead = is_lead
+        self.rate_hz = rate_hz
+        self._control_rate_hz = control_rate_hz
         self.numbers = MessageNumbers()
         self.true_numbers = MessageNumbers(MOST_RANGES)
         self.edges = EdgeInstants()
-        self.first_sent_at: int | None = None
+        self._first_sent_at: int | None = None
         self.last_at = 0
         self.distance = self.speed = 0.0
         self.mode = ""
@@ -145,12 +170,12 @@ class VehicleFigures:
         if -inf < tracking.gap_m < self.gap_min:  # false for NaN, which means no gap
             self.gap_min = tracking.gap_m
 
-    def add_pose(self, pose: GpsPose, *, scheduled: bool) -> None:
-        """Take a GPS pose, of a vehicle that sends by a schedule or not."""
+    def add_pose(self, pose: GpsPose) -> None:
+        """Take a GPS pose."""
         self.numbers.add(pose.seq)
-        if self.first_sent_at is None:
-            self.first_sent_at = pose.sent_at_ns
-        if not scheduled:
+        if self._first_sent_at is None:
+            self._first_sent_at = pose.sent_at_ns
+        if self.rate_hz is None:
             self.edges.add(pose.seq, pose.sent_at_ns)
 
     def add_health(self, health: Health) -> None:
@@ -161,31 +186,71 @@ class VehicleFigures:
             self._cpu_sum += health.cpu_ratio
             self._cpu_count += 1
 
+    def holes(self, span: RunSpan) -> list[RecordHole]:
+        """Holes in the record of its poses, up to its end or that of the run.
+
+        A vehicle that became silent without final counters may have failed: no hole. If it sends by
+        no schedule, only gaps in the numbers are known.
+        """
+        if self.rate_hz is None:
+            return list(self.edges.holes(self.name, self.numbers, span.start_at or 0))
+        expected = 0
+        if span.start_at is not None and self.health and self.health.final:
+            until = min(span.ran_ns, self.health.reported_at_ns - span.start_at)
+            if until < span.planned_ns:  # stopped: its last poses were not sent any more
+                until -= SILENT_NS
+            expected = expected_poses(until, self.rate_hz)
+        return list(holes_of(self.name, self.numbers, self.rate_hz, expected))
+
+    def true_holes(self, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
+        """Holes in the record of its true poses outside of `holes`, those of its poses."""
+        slack_s = 1.0 / (self.rate_hz or USUAL_RATE_HZ)
+        found = holes_of(self.name, self.true_numbers, self._control_rate_hz, 0, "true pose")
+        for hole in found:
+            if not any(known.covers(hole, slack_s) for known in holes):
+                yield hole
+
+    @property
+    def sent_for_s(self) -> float:
+        """How long it sent poses (s): by their number, or without a schedule from the first on."""
+        if self.rate_hz is not None:
+            return self.poses / self.rate_hz
+        return self._seconds_from(self._first_sent_at)
+
+    def recorded_for_s(self, start_at: int | None) -> float:
+        """How long it was recorded (s): by the number of its poses, or from the start (ns) on."""
+        if self.rate_hz is not None:
+            return self.poses / self.rate_hz
+        return self._seconds_from(start_at)
+
+    def _seconds_from(self, begun: int | None) -> float:
+        return 0.0 if begun is None else max(self.last_at - begun, 0) / SECOND
+
+    def _silent_from_s(self, span: RunSpan) -> float | None:
+        """Time (s) after which nothing was recorded of it although the run went on."""
+        if span.start_at is None:
+            return None
+        until = max(self.last_at - span.start_at, 0)
+        return until / SECOND if span.ran_ns - until > SILENT_NS else None
+
     def summary(
-        self,
-        name: str,
-        *,
-        gap: TrueGap | None,
-        holes: Sequence[RecordHole],
-        silent_from_s: float | None,
-        control_rate_hz: float,
-        seconds: Callable[[int], float],
+        self, span: RunSpan, gap: TrueGap | None, seconds: Callable[[int], float]
     ) -> VehicleSummary:
         """List the figures so far.
 
-        `gap` is that to the predecessor, `holes` are those in the record of its poses; `seconds`
-        converts an instant (ns) to seconds from the start of the run.
+        `gap` is that to the predecessor; `seconds` converts an instant (ns) to seconds from the
+        start of the run.
         """
         health, true, tyres = self.health, self.cross_track_error, self.tyres
         own, estimate = self.lateral_error, self.self_estimate.difference
         if gap is not None and not isfinite(gap.min_m):
             gap = None
         return VehicleSummary(
-            name=name,
+            name=self.name,
             role="lead" if self.is_lead else "follower",
             poses=self.poses,
-            missing_poses=sum([hole.poses for hole in holes]),
-            silent_from_s=silent_from_s,
+            missing_poses=sum([hole.poses for hole in self.holes(span)]),
+            silent_from_s=self._silent_from_s(span),
             # Where nothing could be compared there is no error, rather than an error of 0.
             lateral_error_m_max=own.largest if own.count else None,
             lateral_error_m_rms=own.rms if own.count else None,
@@ -202,7 +267,7 @@ class VehicleFigures:
             front_slip_rad_max=tyres.front_slip if tyres.poses else None,
             rear_slip_rad_max=tyres.rear_slip if tyres.poses else None,
             friction_ratio_max=tyres.friction if tyres.poses else None,
-            sliding_s=tyres.sliding / control_rate_hz if tyres.poses else None,
+            sliding_s=tyres.sliding / self._control_rate_hz if tyres.poses else None,
             ticks_by_mode=dict(sorted(self.modes.items())),
             reaction=self.reaction.summary,
             ticks=health.ticks if health else 0,
