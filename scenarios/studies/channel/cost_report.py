@@ -28,7 +28,8 @@ from scenarios.studies.channel.cost_drives import (
 )
 from scenarios.studies.engine.engine import study_engine
 from scenarios.studies.engine.fleet import fleet_of
-from scenarios.studies.engine.results import refuse_existing, write_files
+from scenarios.studies.engine.results import write_files
+from scenarios.studies.engine.stamp import stamp_of_this_process
 from scenarios.studies.picture_style import BLUE, GREY, RED, SEQUENCE, STYLE
 
 SCHEMA = "convoy.channel_figure/1"
@@ -42,11 +43,15 @@ def channel_figure(
 
     By default on all cores. Raises ScenarioError if one of both files is there already.
     """
-    refuse_existing(out / PICTURE, out / TWIN, place="folder by --out")
-    with study_engine(partial(fleet_of, workers), progress) as engine:
-        costs = driven(plan, engine)
-    margin_m = lane_margin_m()
-    write_files(out, {TWIN: machine_readable(costs, margin_m), PICTURE: drawn(costs, margin_m)})
+    with study_engine(
+        partial(fleet_of, workers),
+        progress,
+        out=out,
+        files=(PICTURE, TWIN),
+        identity={"plan": asdict(plan), **asdict(stamp_of_this_process())},
+    ) as engine:
+        costs, margin_m = driven(plan, engine), lane_margin_m()
+        write_files(out, {TWIN: machine_readable(costs, margin_m), PICTURE: drawn(costs, margin_m)})
     return costs
 
 

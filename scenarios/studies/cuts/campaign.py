@@ -9,12 +9,14 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from scenarios.studies.cuts.cut import CutFigures, LinkCut, carry_out
 from scenarios.studies.engine.engine import Engine, study_engine
 from scenarios.studies.engine.fleet import fleet_of
 from scenarios.studies.engine.job import Job
-from scenarios.studies.engine.results import refuse_existing, write_files
+from scenarios.studies.engine.results import write_files
+from scenarios.studies.engine.stamp import stamp_of_this_process
 from vehicles.driver.degradation.settings import Reaction
 
 SCHEMA = "convoy.cuts/1"
@@ -46,11 +48,16 @@ def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
 def carry_out_all(cuts: Sequence[LinkCut], engine: Engine) -> list[CutFigures]:
     """Drive all of them; a row for each follower, in the order of `cuts`."""
     jobs = [
-        Job(key=f"{one.reaction} {one.seed}", work=partial(carry_out, one), command=str(one))
+        Job(key=f"{one.reaction} {one.seed}", work=partial(_fields, one), command=str(one))
         for one in cuts
     ]
     engine.progress.total = len(jobs)
-    return [row for figures in engine.results(jobs) for row in figures]
+    rows = TypeAdapter(list[CutFigures])
+    return [row for fields in engine.results(jobs) for row in rows.validate_python(fields)]
+
+
+def _fields(cut: LinkCut) -> list[dict[str, Any]]:
+    return [asdict(row) for row in carry_out(cut)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,15 +99,21 @@ def cuts_figure(
     """
     from scenarios.studies.cuts.picture import drawn_figure  # noqa: PLC0415 - matplotlib
 
-    refuse_existing(out / PICTURE, out / TWIN, place="folder by --out")
     cuts = [cut for reaction in REACTIONS for cut in drawn(count, reaction)]
-    with study_engine(partial(fleet_of, workers), progress) as engine:
+    with study_engine(
+        partial(fleet_of, workers),
+        progress,
+        out=out,
+        files=(PICTURE, TWIN),
+        identity={"--cuts": count, **asdict(stamp_of_this_process())},
+    ) as engine:
         rows = carry_out_all(cuts, engine)
-    by_reaction = {
-        reaction: [row for row in rows if row.cut.reaction == reaction] for reaction in REACTIONS
-    }
-    found = [of_reaction(of) for of in by_reaction.values()]
-    write_files(out, {TWIN: machine_readable(found, rows), PICTURE: drawn_figure(by_reaction)})
+        by_reaction = {
+            reaction: [row for row in rows if row.cut.reaction == reaction]
+            for reaction in REACTIONS
+        }
+        found = [of_reaction(of) for of in by_reaction.values()]
+        write_files(out, {TWIN: machine_readable(found, rows), PICTURE: drawn_figure(by_reaction)})
     return found
 
 

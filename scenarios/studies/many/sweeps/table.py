@@ -100,14 +100,7 @@ class SweepTable:
         row = self._keys(cell.values)
         row |= {"runs": len(cell.runs), "failed": cell.failed, "errors": cell.errors}
         for figure, spread in zip(self.plan.figures, cell.figures, strict=True):
-            row |= {
-                f"{figure.name}.known": spread.known,
-                f"{figure.name}.median": spread.median,
-                f"{figure.name}.p5": spread.p5,
-                f"{figure.name}.p95": spread.p95,
-                f"{figure.name}.least": spread.least,
-                f"{figure.name}.largest": spread.largest,
-            }
+            row |= {f"{figure.name}.{key}": value for key, value in asdict(spread).items()}
         for limit, share in zip(self.plan.limits, cell.limits, strict=True):
             row |= {
                 f"{limit}.broken": share.broken,

@@ -56,6 +56,29 @@ def test_it_draws_and_writes_what_it_drove(tmp_path: Path) -> None:
         channel_figure(SMALL, tmp_path / "out", unseen, workers=0)
 
 
+def test_stopped_between_two_drives_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven: list[int] = []
+
+    def error_m(channel: Channel, seed: int) -> float:
+        driven.append(seed)
+        if len(driven) == 3:
+            raise KeyboardInterrupt
+        return channel.loss_ratio + channel.latency_ms / 7.0
+
+    monkeypatch.setattr(cost_drives, "error_m", error_m)
+    with pytest.raises(KeyboardInterrupt):
+        channel_figure(SMALL, tmp_path, unseen, workers=0)
+    assert not (tmp_path / PICTURE).exists()
+    costs = channel_figure(SMALL, tmp_path, unseen, workers=0)
+    assert len(driven) == 6, "of four drives two were under way when it was interrupted"
+    assert [one.errors_m for one in costs] == [
+        (one.channel.loss_ratio + one.channel.latency_ms / 7.0,) for one in costs
+    ]
+    assert {file.name for file in tmp_path.iterdir()} == {PICTURE, TWIN}
+
+
 def test_radios_of_one_loss_differ_in_their_bursts_alone() -> None:
     tables = [
         Channel(8.0, BURST_LOSS_RATIO, 20.0, burst).scenario(1).tables.links

@@ -3,13 +3,17 @@
 `pytest --campaign` makes 1000 cuts.
 """
 
+from functools import partial
 from itertools import pairwise
 from math import isfinite
+from pathlib import Path
 
 import pytest
 
-from scenarios.studies.cuts.campaign import LONG_S, drawn
+from scenarios.studies.cuts.campaign import LONG_S, carry_out_all, drawn
 from scenarios.studies.cuts.cut import LinkCut, carry_out
+from scenarios.studies.engine.engine import study_engine
+from scenarios.studies.engine.fleet import fleet_of
 
 FEW, ALL = 4, 1000
 INSIDE_M = 0.3
@@ -52,6 +56,14 @@ def test_cuts_are_the_same_for_each_reaction() -> None:
     ours = [(cut.speed_mps, cut.at_s, cut.for_s, cut.seed) for cut in drawn(20, "degrade")]
     theirs = [(cut.speed_mps, cut.at_s, cut.for_s, cut.seed) for cut in drawn(20, "hold")]
     assert ours == theirs
+
+
+def test_figures_from_a_journal_are_those_of_the_run(tmp_path: Path) -> None:
+    cut = LinkCut(reaction="hold", speed_mps=8.0, at_s=1.0, for_s=1.0, seed=1, vehicles=2)
+    with study_engine(partial(fleet_of, 0), print, out=tmp_path, identity={}) as engine:
+        assert carry_out_all([cut], engine) == list(carry_out(cut))
+        assert carry_out_all([cut], engine) == list(carry_out(cut))
+        assert engine.progress.done == 2
 
 
 def test_a_follower_that_extrapolates_leaves_the_road_at_full_speed() -> None:
