@@ -25,6 +25,9 @@ settings.load_profile("deterministic")
 
 SYSTEM = Path(__file__).parent / "system"
 
+CAMPAIGN_S = 4 * 3600.0
+"""Time limit of a test that runs in full; others have that of pyproject.toml."""
+
 COLLECTED_EVERY = 10_000
 """So many objects more than before a test has when the garbage collector looks through them."""
 
@@ -68,7 +71,7 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with what forks often, then with what is long and the convoys of real processes.
 
     Of three workers of `-n` one gets the first third of the list: it spends most of its time
@@ -76,6 +79,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     first takes over from the end of another one's list (`--dist=worksteal`), so that what is left
     last must be short.
     """
+    if config.getoption("--campaign"):
+        for item in items:
+            item.add_marker(pytest.mark.timeout(CAMPAIGN_S))
     items.sort(
         key=lambda one: (
             one.get_closest_marker("forks") is None,
