@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from scenarios.definition.changing.links import link_change_problems
-from scenarios.definition.channel.content import content_problems
 from scenarios.definition.channel.rules import (
     ANY,
     ROLES,
@@ -44,7 +43,6 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     """Give every key that does not fit the others, before the path is made."""
     yield from _names(tables)
     yield from _links(tables)
-    yield from content_problems(tables)
     yield from link_change_problems(tables)
     yield from _channels(tables)
     yield from _senders(tables)
@@ -126,7 +124,8 @@ def _channels(tables: ScenarioTables) -> Iterator[Problem]:
     """Give what is wrong inside of one table of a link, or of a vehicle's radio."""
     laws: dict[str, LinkLaw | None] = {}
     for key, link in _link_tables(tables).items():
-        laws |= {f"{key}.delay": link.delay, **_listed(f"{key}.outages", link.outages)}
+        laws |= {f"{key}.content": link.content, f"{key}.delay": link.delay}
+        laws |= _listed(f"{key}.outages", link.outages)
     for name, vehicle in tables.vehicle.items():
         laws |= _listed(f"vehicle.{name}.transmitter_off", vehicle.transmitter_off)
         laws |= _listed(f"vehicle.{name}.receiver_off", vehicle.receiver_off)

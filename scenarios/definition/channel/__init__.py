@@ -6,7 +6,6 @@ build            the effects and stages of a link, from its laws
 recordings       patterns and earlier runs, read from their files into the scenario
 recorded_delays  recorded delays, likewise
 between          the vehicles between the ends of a link
-content          copies, messages held back, wrong bits, false content
 expected         what a link should achieve by its laws
 origins          which key of which rule is behind what a link did
 """

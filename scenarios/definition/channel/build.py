@@ -5,13 +5,16 @@ from dataclasses import replace
 from fractions import Fraction
 
 from scenarios.definition.channel.between import Between
-from scenarios.definition.channel.content import content_effects
 from scenarios.definition.schema.links import LinkTable
+from transport.links.arrival import ContentStage
+from transport.links.gate import PoseGate
 from transport.links.laws.between import nobody
+from transport.links.laws.content import ContentLaw
 from transport.links.laws.effect import Effect
 from transport.links.laws.law import LinkLaw, LinkSetting
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 from transport.links.laws.stage import StageLaw
+from transport.links.link import Link
 from vehicles.schedule import MILLISECOND
 
 UNSET = LinkSetting()
@@ -47,8 +50,7 @@ def link_effects(
     found.append(Latency(latency))
     if table.jitter_ms > 0.0:
         found.append(Jitter(round(table.jitter_ms * MILLISECOND)))
-    found += _of(setting, table.delay)
-    found.extend(content_effects(table.content))
+    found += _of(setting, table.delay, table.content)
     return tuple(found)
 
 
@@ -65,6 +67,21 @@ def _of(setting: LinkSetting, *laws: LinkLaw | None) -> list[Effect]:
 def link_stages(table: LinkTable) -> tuple[StageLaw, ...]:
     """What messages of the link do to one another, behind its effects."""
     return tuple(stage for law in (table.queue, table.delay) if law for stage in law.stages)
+
+
+def content_stage(law: ContentLaw | None, link: Link, gate: PoseGate) -> ContentStage | None:
+    """What is done to messages that arrive over `link`, whose poses pass `gate`."""
+    if law is None or not law.acts_on_arrival:
+        return None
+    setting = LinkSetting(start_at=gate.start_at, source_rate_hz=gate.rate_hz)
+    return ContentStage(
+        link=link,
+        gate=gate,
+        duplication=law.duplication,
+        filters=law.filter_duplicates,
+        bit_errors=law.bit_errors,
+        false=tuple(one.on_link(setting) for one in law.false),
+    )
 
 
 def usual_delay_ms(table: LinkTable) -> float:

@@ -10,7 +10,6 @@ from scenarios.definition.channel.between import Between
 from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.between import nobody
-from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import Effect
 from transport.links.laws.moments import Losses
 from vehicles.schedule import MILLISECOND
@@ -83,7 +82,9 @@ def expected_loss(
     decimated = any(one.reason == "rate" for one in effects)
     if decimated and any(one.judged_by == "number" for one in effects):
         return None  # which of them the link carries at all is a matter of numbers
-    found = [*(one.losses(distance_m) for one in effects), _corrupted(table)]
+    found = [one.losses(distance_m) for one in effects]
+    if table.content is not None:
+        found.append(table.content.corrupted(USUAL_MESSAGE_BYTES))
     known = [one for one in found if one is not None]
     if len(known) < len(found):
         return None
@@ -107,17 +108,6 @@ def _burst(laws: Sequence[Losses], loss: float) -> float | None:
         return lossy[0].burst
     ends = (1.0 - loss) - prod(one for one in together if one is not None)
     return loss / ends if ends > _ROUNDING * loss else inf
-
-
-def _corrupted(table: LinkTable) -> Losses | None:
-    """Loss by wrong bits: known where every frame with one is refused."""
-    content = table.content
-    if content is None or not content.bit_error_ratio:
-        return Losses(0.0, None, 0.0)
-    if not content.frame_check:
-        return None
-    share = BitErrors(content.bit_error_ratio).corrupted_share(USUAL_MESSAGE_BYTES)
-    return Losses.independent(share)
 
 
 def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, float | None, float]:

@@ -16,7 +16,6 @@ from scenarios.definition.check.alarms import (
 )
 from scenarios.definition.check.preview import gap_to
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.channel.content import ContentTable, FalseTable
 from scenarios.definition.sending import even_rate_hz, link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.schedule import MILLISECOND
@@ -156,22 +155,4 @@ def _laws(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]
     for stage in link_stages(table):
         yield stage.key, stage.describe()
     if table.content is not None:
-        yield from (("content", words) for words in content_in_words(table.content))
-
-
-def content_in_words(table: ContentTable) -> Iterator[str]:
-    """Say what is done to content and number of messages, but for those held back."""
-    if table.duplicate_ratio:
-        late = table.duplicate_delay_ms
-        after = "after a delay of its own" if late is None else f"{late:g} ms later"
-        told = "refused by its number" if table.filter_duplicates else "taken"
-        yield f"{100.0 * table.duplicate_ratio:g} % come twice, the copy {after}, {told}"
-    if table.bit_error_ratio:
-        told = "refuses" if table.frame_check else "does not check"
-        yield f"each bit wrong with {table.bit_error_ratio:g}, the receiver {told} such frames"
-    for one in table.false:
-        yield f"false content: {one.kind} {_span(one)}"
-
-
-def _span(table: FalseTable) -> str:
-    return f"from {table.from_s:g} s on" + ("" if table.to_s is None else f" to {table.to_s:g} s")
+        yield from ((table.content.key, words) for words in table.content.describe_arrival())

@@ -17,7 +17,6 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import link_rate_hz
 from transport.links.laws.between import Road, VehiclesBetween
-from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import Effect, Passage, Whereabouts
 from transport.links.line import judge_stream
 from transport.links.link import Link
@@ -95,7 +94,8 @@ class StraightDrive:
         """Give each message, when it is there or would have been (ns), and why it is dropped."""
         stages = link_stages(self.table)
         link = Link(self.effects(), self.scenario.seed, *self.link, stages)
-        passages, errors = list(self._passages(messages)), self._bit_errors()
+        passages, content = list(self._passages(messages)), self.table.content
+        errors = content.bit_errors if content and content.frame_check else None
         for passage, verdict in zip(passages, judge_stream(link, passages), strict=True):
             reason: str = verdict.reason
             if not reason and errors and errors.flips(link.draw, passage.seq, passage.size):
@@ -111,9 +111,3 @@ class StraightDrive:
             yield Passage(
                 seq, sent_at, USUAL_MESSAGE_BYTES, ahead, Whereabouts(driven, 0.0, driven)
             )
-
-    def _bit_errors(self) -> BitErrors | None:
-        content = self.table.content
-        if content is None or not content.bit_error_ratio or not content.frame_check:
-            return None
-        return BitErrors(content.bit_error_ratio)

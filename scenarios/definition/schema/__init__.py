@@ -6,7 +6,6 @@ path         the path: segments, a recorded trace, or points
 gnss         the receivers and the errors of their positions
 sending      when a vehicle sends which of its fixes
 links        what directed links do to messages
-channel/     the tables of a link
 changes      what is done to a running convoy
 limits       what a run has to hold
 log          what the log of a run holds

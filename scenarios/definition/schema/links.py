@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from scenarios.definition.schema.channel.content import ContentTable
 from scenarios.definition.schema.table import Ratio, Table
+from transport.links.laws.content import ContentLaw
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.queue import Queue
 from transport.links.laws.registry import DelayLaw, LossLaw, OutageLaw, RadioLaw
@@ -38,7 +38,7 @@ class LinkTable(Table):
     rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
     loss: LossLaw | None = None
     collisions: Collisions | None = None
-    content: ContentTable | None = None
+    content: ContentLaw | None = None
     delay: DelayLaw | None = None
     queue: Queue | None = None
     outages: Annotated[tuple[OutageLaw, ...], Field(strict=False)] | None = None

@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 
-from scenarios.definition.channel.build import UNSET, link_effects, link_stages
-from scenarios.definition.channel.content import content_stage
+from scenarios.definition.channel.build import UNSET, content_stage, link_effects, link_stages
 from scenarios.definition.schema.links import LinkTable
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink

@@ -3,15 +3,115 @@
 Everything here is a function of the link's keyed draws and of the message alone.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import exp, expm1, log1p
+from typing import Annotated
 from zlib import crc32
 
+from pydantic import Field
+
 from transport.links.laws.effect import Draw, Effect, Passage
-from transport.links.laws.moments import Delays
+from transport.links.laws.false_content import (
+    FalseDrift,
+    FalseOffset,
+    FrozenContent,
+    GhostVehicle,
+    ReplayedContent,
+)
+from transport.links.laws.law import LinkLaw, LinkSetting, Problem, Ratio
+from transport.links.laws.moments import Delays, Losses
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
+
+# fmt: off
+FalseLaw = Annotated[
+    FalseOffset
+    | FalseDrift
+    | FrozenContent
+    | ReplayedContent
+    | GhostVehicle,
+    Field(discriminator="kind"),
+]
+# fmt: on
+
+
+class ContentLaw(LinkLaw):
+    """What a link does to the content and the number of messages.
+
+    duplicate_ratio     share of delivered messages that come twice
+    duplicate_delay_ms  how much later the copy comes; left out, after a delay of its own, drawn as
+                        the message's was, but never before the message
+    filter_duplicates   whether the receiver refuses copies by their number, as radio stacks do
+    reorder_ratio       share of messages held back, so that later ones overtake them
+    reorder_delay_ms    for how long
+    bit_error_ratio     probability that a bit of a frame is flipped
+    frame_check         whether the receiver refuses such frames by their checksum
+    false               kinds of false content, one on top of the other
+    """
+
+    key = "content"
+    reason = "corrupted"
+
+    duplicate_ratio: Ratio = 0.0
+    duplicate_delay_ms: Annotated[float, Field(ge=0, le=60_000)] | None = None
+    filter_duplicates: bool = True
+    reorder_ratio: Ratio = 0.0
+    reorder_delay_ms: Annotated[float, Field(gt=0, le=60_000)] = 100.0
+    bit_error_ratio: Annotated[float, Field(ge=0, le=0.1)] = 0.0
+    frame_check: bool = True
+    false: Annotated[tuple[FalseLaw, ...], Field(strict=False)] = ()
+
+    def problems(self) -> Iterator[Problem]:
+        """Return the keys of false content that do not fit the others."""
+        for place, law in enumerate(self.false):
+            for key, why in law.problems():
+                yield f"false[{place}].{key}".removesuffix("."), why
+
+    def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:  # noqa: ARG002 - no time
+        """Return the delay of messages that are held back; the rest is done to what arrives."""
+        if not self.reorder_ratio:
+            return ()
+        return (Reordering(self.reorder_ratio, round(self.reorder_delay_ms * MILLISECOND)),)
+
+    @property
+    def acts_on_arrival(self) -> bool:
+        """Whether it does anything to messages that arrive."""
+        return bool(self.duplicate_ratio or self.bit_error_ratio or self.false)
+
+    @property
+    def duplication(self) -> "Duplication | None":
+        """The copies, None without any."""
+        late_ms = self.duplicate_delay_ms
+        delay = None if late_ms is None else round(late_ms * MILLISECOND)
+        return Duplication(self.duplicate_ratio, delay) if self.duplicate_ratio else None
+
+    @property
+    def bit_errors(self) -> "BitErrors | None":
+        """The wrong bits, None without any."""
+        if not self.bit_error_ratio:
+            return None
+        return BitErrors(self.bit_error_ratio, self.frame_check)
+
+    def corrupted(self, size: int) -> Losses | None:
+        """Loss by wrong bits of frames of `size` bytes: known where every one is refused."""
+        errors = self.bit_errors
+        if errors is None:
+            return Losses(0.0, None, 0.0)
+        return Losses.independent(errors.corrupted_share(size)) if self.frame_check else None
+
+    def describe_arrival(self) -> Iterator[str]:
+        """Describe each thing that is done to messages that arrive."""
+        if self.duplicate_ratio:
+            late = self.duplicate_delay_ms
+            after = "after a delay of its own" if late is None else f"{late:g} ms later"
+            taken = "refused by its number" if self.filter_duplicates else "taken"
+            yield f"{100.0 * self.duplicate_ratio:g} % come twice, the copy {after}, {taken}"
+        if self.bit_error_ratio:
+            checks = "refuses" if self.frame_check else "does not check"
+            yield f"each bit wrong with {self.bit_error_ratio:g}, the receiver {checks} such frames"
+        for law in self.false:
+            yield law.describe()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,21 +1,33 @@
-"""What a link makes a message say that is not true, for tests of what followers believe.
+"""Laws of false content: what a link makes a message say that is not true.
 
-The content of a message is all that its sender measured: place, course, motion and what the
-receiver says of its own accuracy. Name, number and instants stay those of the message itself.
+They test whether followers recognise it. The content of a message is all that its sender measured:
+place, course, motion and the accuracy that its receiver reports. Name, number and instants stay
+those of the message itself.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import cos, hypot, inf, sin
-from typing import Protocol
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from transport.codec import RefusedMessageError
+from transport.links.laws.law import LawTable, Problem
 from vehicles.geometry.geodesy import REACH, LocalPlane, yaw_from_heading
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
+LATEST_S = 86_400
+"""No run is longer."""
+
+Seconds = Annotated[float, Field(ge=0, le=LATEST_S)]
+Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
+Velocity = Annotated[float, Field(ge=-100, le=100)]
+
 Recall = Callable[[int], GpsPose | None]
-"""Gives the sender's newest pose that was sent by an instant (ns), as it was sent, if any is known.
+"""Returns the sender's newest known pose that was sent by an instant (ns), as it was sent.
 
 Known is what physically came, lost on the emulated link or not.
 """
@@ -35,7 +47,7 @@ class FalseSpell:
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """A way in the plane (m, or m/s): along the world's axes, and along the sender's own course."""
+    """A shift in the plane (m, or m/s): along the world's axes, and along the sender's course."""
 
     east: float = 0.0
     north: float = 0.0
@@ -43,88 +55,144 @@ class Shift:
     left: float = 0.0
 
 
-class FalseContent(Protocol):
-    """One kind of false content; `kind` is its word in the verdicts."""
+class FalseContent(LawTable):
+    """False content, of what is sent from `from_s` on until `to_s` after the start of the run.
 
-    @property
-    def kind(self) -> str:
-        """Word of the verdicts."""
+    Without `to_s` it lasts to the end. `kind` is its word in the verdicts.
+    """
 
-    @property
+    from_s: Seconds = 0.0
+    to_s: Seconds | None = None
+    kind: str
+
+    def problems(self) -> Iterator[Problem]:
+        """Return the end of an empty span."""
+        if self.to_s is not None and self.to_s <= self.from_s:
+            yield "to_s", f"given {self.to_s}, allowed more than from_s, {self.from_s}"
+
+    @cached_property
     def span(self) -> FalseSpell:
-        """When it acts."""
+        """When it acts in its run."""
+        start_at = self.setting.start_at
+        to_at = inf if self.to_s is None else start_at + round(self.to_s * SECOND)
+        return FalseSpell(start_at + round(self.from_s * SECOND), to_at)
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
-        """Return what is told in the place of `pose`, or None if that stays as it is.
+        """Return the pose in the place of `pose`, or None if that stays as it is.
 
         Raises RefusedMessageError for a place beyond the plane.
         """
+        raise NotImplementedError
+
+    def describe(self) -> str:
+        """Give kind and span."""
+        end = "" if self.to_s is None else f" to {self.to_s:g} s"
+        return f"false content: {self.kind} from {self.from_s:g} s on{end}"
 
 
-@dataclass(frozen=True, slots=True)
-class FalseOffset:
-    """Every place is told `by` so much beside the true one."""
+class Displaced(FalseContent):
+    """Base of content with another place."""
 
-    span: FalseSpell
-    by: Shift
-    kind: str = "offset"
+    @property
+    def by(self) -> Shift:
+        """By how much the place differs (m, or m/s)."""
+        raise NotImplementedError
+
+    def problems(self) -> Iterator[Problem]:
+        """Return the end of an empty span, and a place that does not differ."""
+        yield from super().problems()
+        if self.by == Shift():
+            units = ("_m", "_mps")
+            keys = ", ".join(key for key in type(self).model_fields if key.endswith(units))
+            yield "", f"moves nothing, allowed other than 0 in {keys}"
+
+
+class FalseOffset(Displaced):
+    """Places are displaced: in the plane, and along the sender's course."""
+
+    kind: Literal["offset"] = "offset"
+    east_m: Metres = 0.0
+    north_m: Metres = 0.0
+    ahead_m: Metres = 0.0
+    left_m: Metres = 0.0
+
+    @cached_property
+    def by(self) -> Shift:
+        """By how much the place differs (m)."""
+        return Shift(self.east_m, self.north_m, self.ahead_m, self.left_m)
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:  # noqa: ARG002 - as all
         """Move the place."""
         return displaced(pose, plane, self.by)
 
 
-@dataclass(frozen=True, slots=True)
-class FalseDrift:
-    """The place told moves away from the true one by `rate` (m/s) from the start of the span."""
+class FalseDrift(Displaced):
+    """The place moves away from the true one, from `from_s` on."""
 
-    span: FalseSpell
-    rate: Shift
-    kind: str = "drift"
+    kind: Literal["drift"] = "drift"
+    east_mps: Velocity = 0.0
+    north_mps: Velocity = 0.0
+    ahead_mps: Velocity = 0.0
+    left_mps: Velocity = 0.0
+
+    @cached_property
+    def by(self) -> Shift:
+        """How fast the place moves (m/s)."""
+        return Shift(self.east_mps, self.north_mps, self.ahead_mps, self.left_mps)
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:  # noqa: ARG002 - as all
         """Move the place by the rate times the time since the start."""
-        return displaced(pose, plane, self.rate, (pose.sent_at_ns - self.span.from_at) / SECOND)
+        return displaced(pose, plane, self.by, (pose.sent_at_ns - self.span.from_at) / SECOND)
 
 
-@dataclass(frozen=True, slots=True)
-class FrozenContent:
-    """Every message tells what the last one before the span did."""
+class FrozenContent(FalseContent):
+    """Messages repeat the last one before `from_s`, under new numbers and instants."""
 
-    span: FalseSpell
-    kind: str = "frozen"
+    kind: Literal["frozen"] = "frozen"
+    from_s: Annotated[float, Field(gt=0, le=LATEST_S)]
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:  # noqa: ARG002 - as all
         """Repeat the last message before the span; None if none of then is known."""
         return retold(pose, recall(self.span.from_at - 1))
 
 
-@dataclass(frozen=True, slots=True)
-class ReplayedContent:
-    """Every message tells what the newest one that was sent `age` ns earlier did."""
+class ReplayedContent(FalseContent):
+    """Messages repeat what was sent `age_s` earlier, under new numbers and instants."""
 
-    span: FalseSpell
-    age: int
-    kind: str = "replayed"
+    kind: Literal["replayed"] = "replayed"
+    age_s: Annotated[float, Field(gt=0, le=60)]
+
+    @cached_property
+    def age(self) -> int:
+        """The age in ns."""
+        return round(self.age_s * SECOND)
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:  # noqa: ARG002 - as all
-        """Repeat what was sent so long ago; None if nothing of then is known."""
+        """Repeat the newest message of that age or more; None if none of then is known."""
         return retold(pose, recall(pose.sent_at_ns - self.age))
 
 
-@dataclass(frozen=True, slots=True)
-class GhostVehicle:
-    """Beside each true message comes one of a vehicle `at` some way from the sender, in its name.
+class GhostVehicle(Displaced):
+    """Beside each message comes one of a vehicle that is not there, in the sender's name.
 
-    So that two places are heard in turn, it is stamped `after` ns later than the true message and
-    comes so much later, with the sender's motion. It has the number of the true message; the
-    receiver's check of numbers does not see it.
+    So that both places come in turn, it is stamped half a period of the sender's highest rate later
+    than the true message and comes so much later, with the sender's motion. It has the number of
+    the true message; the receiver's check of numbers does not see it.
     """
 
-    span: FalseSpell
-    at: Shift
-    after: int
-    kind: str = "ghost"
+    kind: Literal["ghost"] = "ghost"
+    ahead_m: Metres = 0.0
+    left_m: Metres = 0.0
+
+    @cached_property
+    def by(self) -> Shift:
+        """Where the ghost drives (m)."""
+        return Shift(ahead=self.ahead_m, left=self.left_m)
+
+    @cached_property
+    def after(self) -> int:
+        """By how much (ns) the ghost's message comes after the true one."""
+        return round(SECOND / (2.0 * self.setting.source_rate_hz))
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:  # noqa: ARG002 - as all
         """Leave the true message as it is."""
@@ -136,7 +204,7 @@ class GhostVehicle:
         Raises RefusedMessageError for a place beyond the plane.
         """
         on = pose.speed_mps * self.after / SECOND
-        there = displaced(pose, plane, replace(self.at, ahead=self.at.ahead + on))
+        there = displaced(pose, plane, replace(self.by, ahead=self.ahead_m + on))
         return put_off(there, self.after)
 
 

@@ -39,6 +39,7 @@ class LinkSetting:
     radio_off         windows in which the sender's transmitter or the receiver's receiver is off
     between           returns the vehicles between sender and receiver
     latency           least delay of the link (ns)
+    source_rate_hz    messages a second that the sender sends at most
     place             place of the law among those of its key
     """
 
@@ -49,6 +50,7 @@ class LinkSetting:
     radio_off: "Sequence[LinkLaw]" = ()
     between: Callable[[], VehiclesBetween] = nobody
     latency: int = 0
+    source_rate_hz: float = 20.0
     place: int = 0
 
     @property
@@ -58,14 +60,24 @@ class LinkSetting:
 
 
 class LawTable(BaseModel):
-    """A table of keys: unknown keys and wrong types are refused, values are frozen."""
+    """A table of keys: unknown keys and wrong types are refused, values are frozen.
+
+    `setting` is neutral but on a link of a run.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    setting: ClassVar[LinkSetting] = LinkSetting()
 
     def __copy__(self) -> Self:
         """Copy the keys alone, not what was derived from them and cached."""
         keys = {name: self.__dict__[name] for name in type(self).model_fields}
         return self.model_construct(set(self.model_fields_set), **keys)
+
+    def on_link(self, setting: LinkSetting) -> Self:
+        """Return a copy that knows its setting, for one link: what it remembers belongs to that."""
+        own = copy(self)
+        own.__dict__["setting"] = setting
+        return own
 
 
 class LinkLaw(Effect, LawTable):
@@ -79,7 +91,6 @@ class LinkLaw(Effect, LawTable):
     reason: ClassVar[DropReason | None] = None
     judged_by: ClassVar[JudgedBy] = "chance"
     replaces_others: ClassVar[bool] = False
-    setting: ClassVar[LinkSetting] = LinkSetting()
 
     def check(self) -> None:
         """Raise Unfit for the first key that does not fit the others."""
@@ -96,13 +107,8 @@ class LinkLaw(Effect, LawTable):
         return iter(())
 
     def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
-        """Return the effects on one link of a run: by default a copy that knows its `setting`.
-
-        Each link has its own, for what an effect remembers belongs to one link.
-        """
-        own = copy(self)
-        own.__dict__["setting"] = setting
-        return (own,)
+        """Return the effects on one link of a run: by default the law itself."""
+        return (self.on_link(setting),)
 
     @property
     def stages(self) -> tuple[StageLaw, ...]:

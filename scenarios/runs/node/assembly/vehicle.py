@@ -9,8 +9,7 @@ import numpy as np
 from scenarios.definition.changing.concerned import concerns
 from scenarios.definition.changing.links import EffectsOf
 from scenarios.definition.channel.between import vehicles_between
-from scenarios.definition.channel.build import link_effects, link_stages
-from scenarios.definition.channel.content import content_stage
+from scenarios.definition.channel.build import content_stage, link_effects, link_stages
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.changes import AnyChange
 from scenarios.definition.sending import (

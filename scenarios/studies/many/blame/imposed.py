@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from scenarios.definition.changing.links import LINK_CHANGES, links_of
 from scenarios.definition.channel.recordings import run_lengths
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.channel.content import ContentTable
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.studies.many.blame.losses import (
@@ -21,6 +20,7 @@ from scenarios.studies.many.blame.losses import (
     numbers_by_link,
 )
 from scenarios.studies.many.limit import Limit
+from transport.links.laws.content import ContentLaw
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.listed import Listed
 from transport.links.laws.loss.numbers import Numbers
@@ -153,6 +153,6 @@ def _entry(
     return LinkEntry(sender=pair[0], receiver=pair[1], loss=loss, **kept)  # type: ignore[arg-type]
 
 
-def _uncorrupted(content: ContentTable) -> ContentTable:
+def _uncorrupted(content: ContentLaw) -> ContentLaw:
     """Without the bit errors that a receiver notices: to it such a message is lost."""
     return content.model_copy(update={"bit_error_ratio": 0.0}) if content.frame_check else content

@@ -4,8 +4,8 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from scenarios.definition.schema.channel.content import ContentTable
 from tests.made.scenarios.messages import STRAIGHT
+from transport.links.laws.content import ContentLaw
 
 CONTENT, FALSE = "links.content", "links.content.false[0]"
 REFUSED = {
@@ -73,8 +73,8 @@ def test_a_link_s_own_content_is_laid_over_the_convoy_s_key_by_key() -> None:
         ],
     )
     found = {pair: link.content for pair, link in scenario.links.items()}
-    assert found["v1", "v3"] == ContentTable(duplicate_ratio=0.2, frame_check=False)
-    assert found["v1", "v2"] == ContentTable(duplicate_ratio=0.1, frame_check=False)
+    assert found["v1", "v3"] == ContentLaw(duplicate_ratio=0.2, frame_check=False)
+    assert found["v1", "v2"] == ContentLaw(duplicate_ratio=0.1, frame_check=False)
     assert load_scenario("lane_change").links["v1", "v2"].content is None
 
 

@@ -10,6 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import stats
 
+from tests.made.channels.false_content import drift, frozen, ghost, offset, replayed
 from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.exact_drives import START
 from tests.made.vehicles.told_drives import (
@@ -22,16 +23,7 @@ from tests.made.vehicles.told_drives import (
     told,
     wildly,
 )
-from transport.links.laws.false_content import (
-    FalseContent,
-    FalseDrift,
-    FalseOffset,
-    FalseSpell,
-    FrozenContent,
-    GhostVehicle,
-    ReplayedContent,
-    Shift,
-)
+from transport.links.laws.false_content import FalseContent, FalseSpell, Shift
 from vehicles.car.dynamics import Actuation
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
@@ -199,15 +191,15 @@ def test_what_comes_late_is_believed_if_it_is_true_and_changes_nothing(
 # ---- How soon what is false is found, named, and over
 
 FALSE: list[tuple[FalseContent, str, float, float]] = [
-    (FrozenContent(SPELL), "frozen", 0.0, 0.0),
-    (ReplayedContent(SPELL, 2 * SECOND), "jumping", 0.0, 1.0),
-    (FalseOffset(SPELL, Shift(left=0.5)), "jumping", 0.0, 0.5),
-    (FalseOffset(SPELL, Shift(east=3.0, north=4.0)), "jumping", 0.0, 1.0),
-    (FalseDrift(SPELL, Shift(left=5.0)), "jumping", 0.1, 1.0),
-    (FalseDrift(SPELL, Shift(ahead=1.0)), "impossible", 0.3, 1.0),
-    (GhostVehicle(SPELL, Shift(left=4.0), HALF_PERIOD), "ghost", 0.05, 0.0),
-    (GhostVehicle(SPELL, Shift(ahead=20.0), HALF_PERIOD), "ghost", 0.05, 0.0),
-    (GhostVehicle(SPELL, Shift(left=0.4), HALF_PERIOD), "ghost", 0.05, 0.0),
+    (frozen(SPELL), "frozen", 0.0, 0.0),
+    (replayed(SPELL, 2 * SECOND), "jumping", 0.0, 1.0),
+    (offset(SPELL, Shift(left=0.5)), "jumping", 0.0, 0.5),
+    (offset(SPELL, Shift(east=3.0, north=4.0)), "jumping", 0.0, 1.0),
+    (drift(SPELL, Shift(left=5.0)), "jumping", 0.1, 1.0),
+    (drift(SPELL, Shift(ahead=1.0)), "impossible", 0.3, 1.0),
+    (ghost(SPELL, Shift(left=4.0), HALF_PERIOD), "ghost", 0.05, 0.0),
+    (ghost(SPELL, Shift(ahead=20.0), HALF_PERIOD), "ghost", 0.05, 0.0),
+    (ghost(SPELL, Shift(left=0.4), HALF_PERIOD), "ghost", 0.05, 0.0),
 ]
 """Kind, its name, seconds until found at 20 Hz, and seconds from its end until all is believed."""
 
@@ -226,7 +218,7 @@ def test_each_falsehood_is_found_named_and_over(
 
 def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
     fixes = told(wildly(5, lateral=5.0, braking=4.0), seconds=12.0)
-    all_of = judged(falsified(fixes, FrozenContent(SPELL)))
+    all_of = judged(falsified(fixes, frozen(SPELL)))
     assert {one.pose.message.seq for one in refused(all_of)} == set(range(80, 140))
     assert reasons(all_of) == {"frozen"}
 
@@ -234,7 +226,7 @@ def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
 @pytest.mark.parametrize(("rate_hz", "within"), [(20.0, 0.25), (10.0, 0.3), (2.0, 1.0)])
 def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float) -> None:
     fixes = told(steadily(1.4), seconds=12.0, speed=1.4, rate_hz=rate_hz)
-    all_of = judged(falsified(fixes, FrozenContent(SPELL)))
+    all_of = judged(falsified(fixes, frozen(SPELL)))
     assert first_refused(all_of) <= within
     assert "frozen" in reasons(all_of)
     assert all(not one.refused for one in all_of if one.seconds >= END)
@@ -243,8 +235,8 @@ def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float)
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
     fixes = told(wildly(7, lateral=5.0, braking=4.0), seconds=12.0)
-    ghost = GhostVehicle(SPELL, Shift(left=4.0), HALF_PERIOD)
-    heard = thinned(falsified(fixes, ghost), share, 1)
+    beside = ghost(SPELL, Shift(left=4.0), HALF_PERIOD)
+    heard = thinned(falsified(fixes, beside), share, 1)
     true_at = {fix.measured_at for fix in fixes}
     for one in judged(heard):
         assert one.refused != (one.pose.measured_at in true_at)
@@ -253,7 +245,7 @@ def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
 def test_a_new_place_is_believed_once_it_has_agreed_with_itself_for_the_time_asked() -> None:
     fixes = told(steadily(15.0), seconds=12.0, speed=15.0)
     ever = FalseSpell(SPELL.from_at)
-    moved = falsified(fixes, FalseOffset(ever, Shift(east=60.0, north=80.0)))
+    moved = falsified(fixes, offset(ever, Shift(east=60.0, north=80.0)))
     for settle in (0.3, 1.0, 2.0):
         all_of = judged(moved, InnovationGate(settle=settle))
         spell = [one.seconds for one in refused(all_of)]
@@ -392,7 +384,7 @@ def test_headings_that_scatter_as_assumed_are_believed() -> None:
 
 def test_no_accuracy_is_too_bad_to_be_judged() -> None:
     fixes = [replace(fix, accuracy=1e6) for fix in told(steadily(15.0), seconds=12.0, speed=15.0)]
-    far = falsified(fixes, FalseOffset(SPELL, Shift(left=100.0)))
+    far = falsified(fixes, offset(SPELL, Shift(left=100.0)))
     assert first_refused(judged(far)) == 0.0
 
 
