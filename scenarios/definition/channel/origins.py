@@ -6,19 +6,8 @@ from scenarios.definition.channel.rules import entries_about
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.links import LinkEntry
 from scenarios.definition.schema.tables import ScenarioTables
+from transport.links.laws.registry import KEY_OF_REASON
 
-KEYS = {
-    "rate": "rate_hz",
-    "loss": "loss_ratio",
-    "burst": "loss",
-    "pattern": "loss",
-    "collision": "collisions",
-    "range": "radio",
-    "outage": "outages",
-    "queue": "queue",
-    "corrupted": "content",
-}
-"""The key of a link that makes it drop a message, by the reason that is given."""
 OF_VEHICLES = {"transmitter_off": 0, "receiver_off": 1}
 """Reasons that are keys of the vehicle at the one or the other end of the link."""
 
@@ -31,7 +20,7 @@ def origin(tables: ScenarioTables, link: tuple[str, str], reason: str) -> str:
     """
     if reason in OF_VEHICLES:
         return f"vehicle.{link[OF_VEHICLES[reason]]}.{reason}"
-    key = KEYS.get(reason)
+    key = KEY_OF_REASON.get(reason)
     return reason if key is None else giver(tables, link, key)
 
 

@@ -3,16 +3,20 @@
 Where a key has laws of several kinds, the `kind` of its table tells which.
 """
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any, get_args
 
 from pydantic import Field
 
+from transport.links.laws.content import ContentLaw
 from transport.links.laws.delay.constant import ConstantDelay
 from transport.links.laws.delay.empirical import EmpiricalDelay
 from transport.links.laws.delay.gamma import GammaDelay
 from transport.links.laws.delay.lognormal import LognormalDelay
 from transport.links.laws.delay.normal import NormalDelay
 from transport.links.laws.delay.uniform import UniformDelay
+from transport.links.laws.effect import Effect
+from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.every_nth import EveryNth
 from transport.links.laws.loss.four_state import FourState
@@ -22,8 +26,11 @@ from transport.links.laws.loss.none import NoLoss
 from transport.links.laws.loss.pattern import RecordedPattern
 from transport.links.laws.outages.circle import CircleOutage
 from transport.links.laws.outages.random import RandomOutage
+from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
 from transport.links.laws.outages.stretch import StretchOutage
 from transport.links.laws.outages.window import WindowOutage
+from transport.links.laws.plain import Decimation, Loss
+from transport.links.laws.queue import Queue
 from transport.links.laws.radio.path_loss import PathLossRadio
 from transport.links.laws.radio.table import TableRadio
 
@@ -60,3 +67,28 @@ RadioLaw = Annotated[
     Field(discriminator="kind"),
 ]
 # fmt: on
+
+
+def _kinds(laws: Any) -> tuple[type[Effect], ...]:
+    """Classes of an annotated union."""
+    kinds: tuple[type[Effect], ...] = get_args(get_args(laws)[0])
+    return kinds
+
+
+LAWS: Mapping[str, tuple[type[Effect], ...]] = {
+    "rate_hz": (Decimation,),
+    "transmitter_off": (TransmitterOff,),
+    "receiver_off": (ReceiverOff,),
+    "outages": _kinds(OutageLaw),
+    "loss_ratio": (Loss,),
+    "loss": _kinds(LossLaw),
+    "collisions": (Collisions,),
+    "radio": _kinds(RadioLaw),
+    "queue": (Queue,),
+    "content": (ContentLaw,),
+}
+"""Laws that drop messages, by the key that requests them, in the order in which they judge."""
+KEY_OF_REASON: Mapping[str, str] = {
+    law.reason: key for key, laws in LAWS.items() for law in laws if law.reason is not None
+}
+"""The key of a law, or of a vehicle, by the reason of its drops, in the same order."""

@@ -5,11 +5,11 @@ own delay was no longer than that: it enters by the distribution function (left-
 Delays that are correlated from message to message enter by what the one before them tells.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil, exp, inf, log, log1p, sqrt, tanh
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from scenarios.studies.channel.fitting.estimate import Estimate
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Kind = Literal["normal", "lognormal", "gamma"]
 
 SAME_MS = 1e-3
 """Delays that differ by less are the same: they are whole nanoseconds, and logged as such."""
@@ -45,7 +44,7 @@ class FittedDelay:
 class _Law:
     """A law with its floor and the parameters of the table, all in ms."""
 
-    kind: Kind
+    kind: str
     frozen: Any
     parameters: tuple[float, ...]
     likelihood: float
@@ -68,7 +67,7 @@ def fit_delay(number: NDArray[np.int64], sent_at_s: Floats, delay_ms: Floats) ->
     if uniform is not None:
         return uniform
     seen = _Delays(number, delay_ms, waited)
-    found = [_fitted(kind, seen) for kind in ("gamma", "lognormal", "normal")]
+    found = [_fitted(kind, seen) for kind in DISTRIBUTIONS]
     best = max((law for law in found if law), key=lambda law: law.likelihood, default=None)
     if best is None or not _explains(best, seen):
         return _as_recorded(delay_ms, in_order=in_order)
@@ -91,21 +90,34 @@ def _uniform(delay_ms: Floats) -> FittedDelay | None:
     return FittedDelay(keys, estimates, f"uniform from {low:.4g} to {high:.4g} ms")
 
 
-def _distribution(kind: Kind, parameters: Floats) -> Any:
+def _gamma(floor: float, mean: float, deviation: float) -> Any:
+    shape = (mean / deviation) ** 2
+    return stats.gamma(shape, loc=floor, scale=mean / shape)
+
+
+def _lognormal(floor: float, mean: float, deviation: float) -> Any:
+    variance = log1p((deviation / mean) ** 2)
+    return stats.lognorm(sqrt(variance), loc=floor, scale=exp(log(mean) - 0.5 * variance))
+
+
+def _normal(floor: float, mean: float, deviation: float) -> Any:
+    return stats.truncnorm(-mean / deviation, inf, loc=floor + mean, scale=deviation)
+
+
+DISTRIBUTIONS: Mapping[str, Callable[[float, float, float], Any]] = {
+    "gamma": _gamma,
+    "lognormal": _lognormal,
+    "normal": _normal,
+}
+"""Laws of delay that are fitted, by their kind: of a floor, a mean and a deviation beyond it."""
+
+
+def _distribution(kind: str, parameters: Floats) -> Any:
     """The law with a floor (ms), a mean and a deviation beyond it, the last two as logarithms."""
-    floor, mean, deviation = float(parameters[0]), exp(parameters[1]), exp(parameters[2])
-    match kind:
-        case "gamma":
-            shape = (mean / deviation) ** 2
-            return stats.gamma(shape, loc=floor, scale=mean / shape)
-        case "lognormal":
-            variance = log1p((deviation / mean) ** 2)
-            return stats.lognorm(sqrt(variance), loc=floor, scale=exp(log(mean) - 0.5 * variance))
-        case "normal":
-            return stats.truncnorm(-mean / deviation, inf, loc=floor + mean, scale=deviation)
+    return DISTRIBUTIONS[kind](float(parameters[0]), exp(parameters[1]), exp(parameters[2]))
 
 
-def _fitted(kind: Kind, seen: "_Delays") -> _Law | None:
+def _fitted(kind: str, seen: "_Delays") -> _Law | None:
     exact = seen.delay_ms[~seen.waited]
     low, deviation = float(exact.min()), float(exact.std())
 

@@ -5,6 +5,7 @@ drops a message names the reason; so a law is estimated from what no earlier one
 those dropped earlier are unknown, and what later ones dropped has passed it.
 """
 
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from math import sqrt
 from typing import Any
@@ -16,13 +17,11 @@ from scenarios.results.channel.estimates import CONFIDENCE, bursts, inflation, s
 from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit_radio import Found, fit_radio
 from scenarios.studies.channel.fitting.recorded import RecordedLink
+from transport.links.laws.registry import KEY_OF_REASON
 
 Flags = NDArray[np.bool_]
 
-ORDER = (
-    *("rate", "transmitter_off", "receiver_off", "outage", "loss", "burst", "pattern"),
-    *("collision", "range", "queue", "corrupted"),
-)
+ORDER = tuple(KEY_OF_REASON)
 """Reasons in the order in which the effects of a link judge."""
 UNTOLD_PLACE = "outages as times: one drive does not tell whether places are behind them"
 OUTAGES = ("outage", "transmitter_off", "receiver_off")
@@ -35,8 +34,8 @@ def fit_losses(link: RecordedLink) -> Found:
     keys: dict[str, Any] = {}
     estimates: list[Estimate] = []
     notes: list[str] = []
-    for part in (_rate, _outages, _independent, _bursts, _collisions, _radio):
-        more, told, noted = part(link)
+    for fitter in FITTERS.values():
+        more, told, noted = fitter(link)
         keys |= more
         estimates += told
         notes += noted
@@ -190,3 +189,14 @@ def _radio(link: RecordedLink) -> Found:
 
 def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
+
+
+FITTERS: Mapping[str, Callable[[RecordedLink], Found]] = {
+    "rate_hz": _rate,
+    "outages": _outages,
+    "loss_ratio": _independent,
+    "loss": _bursts,
+    "collisions": _collisions,
+    "radio": _radio,
+}
+"""Finds the laws of a link, by the key that requests them."""
