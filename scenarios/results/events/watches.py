@@ -20,7 +20,7 @@ slowest control runs at 5 Hz."""
 class TrackingWatch(Protocol):
     """Finds events of followers in what they steer along."""
 
-    def add(self, tracking: Tracking, place: tuple[float, float] = ...) -> Iterable[Episode]:
+    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
         """Take the tracking of one instant at a place (m); yields each event as it begins."""
         ...
 
