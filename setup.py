@@ -34,7 +34,7 @@ MODULES = {
     "transport/links": "arrival gate inbox line link places",
     "transport/log": "writer",
     "scenarios/results": "deviations metrics stream",
-    "scenarios/results/channel": "tally",
+    "scenarios/results/channel": "figures tally",
     "scenarios/results/events": "bodies encounters lane watches",
     "scenarios/results/vehicles": "accumulators",
     "scenarios/runs": "recorder watchers",

@@ -1,19 +1,15 @@
 """Figures of a run, gathered message by message: live, in virtual time, or from a log."""
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
-from scenarios.definition.changing.asked import changed_links
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import sends_every_instant
-from scenarios.results.channel.account import LinkSummary, link_summary, misses
-from scenarios.results.channel.alarms import AlarmSummary, AlarmTally
-from scenarios.results.channel.tally import LinkTally
+from scenarios.results.channel.account import LinkSummary
+from scenarios.results.channel.figures import LinkFigures
 from scenarios.results.degradation.deadlines import Deadlines
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.run_event import EventLog
@@ -44,9 +40,7 @@ from vehicles.messages import (
 from vehicles.schedule import nanoseconds
 
 MOST_WARNINGS = 50
-"""Lines about stamps that cannot be right that the summary holds."""
-_Source = tuple[LinkTally, AlarmTally]
-"""What is kept of the link from one source of a follower."""
+"""Lines about impossible time stamps in the summary."""
 
 
 class Metrics:
@@ -65,7 +59,7 @@ class Metrics:
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
         deadlines: Deadlines | None = None,
     ) -> None:
-        """Take the vehicles' names, lead first, and what was asked of each (sender, receiver).
+        """Take the vehicles' names, lead first, and the settings of each (sender, receiver).
 
         `road_yaw` (rad) is the direction of the road on which the convoy starts; `rates_hz` are
         those at which poses are sent from the start on, None for a vehicle whose poses come by no
@@ -76,7 +70,6 @@ class Metrics:
         """
         self._names = list(vehicles)
         self._lead = self._names[0]
-        self._requested = requested
         self._duration_ns = duration_ns
         self.stream = stream or FigureStream(
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
@@ -86,7 +79,7 @@ class Metrics:
         self.stream.on_event(self.events.add)
         self.warnings: list[str] = []
         self.out_of_linear: dict[str, str] = {}
-        self._told_of_linear = 0
+        self._reported_linear = 0
         self._linear_slips = linear_slips or dict.fromkeys(vehicles, linear_range(LINCOLN_MKZ))
         self.vehicles = {
             name: VehicleFigures(
@@ -97,12 +90,10 @@ class Metrics:
             )
             for name in vehicles
         }
-        self.links: defaultdict[tuple[str, str], LinkTally] = defaultdict(LinkTally)
-        self._alarms: defaultdict[tuple[str, str], AlarmTally] = defaultdict(AlarmTally)
+        self._links = LinkFigures(self._names, requested)
+        self.links = self._links.tallies
         self.deadlines = deadlines or Deadlines()
         self._has_deadlines = bool(self.deadlines)
-        self._ahead = {behind: ahead for ahead, behind in pairwise(self._names)}
-        self._sources: dict[str, tuple[_Source | None, _Source | None]] = {}
         takes: Mapping[type[Message], Callable[[VehicleFigures, Any, int], None]] = {
             TruePose: self._add_truth,
             Tracking: self._add_tracking,
@@ -187,10 +178,10 @@ class Metrics:
 
     def news(self) -> list[str]:
         """Lines about tyres that left their linear range since the last call."""
-        if self._told_of_linear == len(self.out_of_linear):
+        if self._reported_linear == len(self.out_of_linear):
             return []
-        new = list(self.out_of_linear.values())[self._told_of_linear :]
-        self._told_of_linear = len(self.out_of_linear)
+        new = list(self.out_of_linear.values())[self._reported_linear :]
+        self._reported_linear = len(self.out_of_linear)
         return new
 
     def _add_error(self, foot: CrossTrack) -> None:
@@ -202,33 +193,9 @@ class Metrics:
         figures.add_tracking(tracking)
         if not figures.is_lead:
             self.stream.add_tracking(tracking)
-            self._add_sources(tracking, at)
+            self._links.add_tracking(tracking, at)
             if self._has_deadlines:
                 self.deadlines.add_tracking(tracking)
-
-    def _add_sources(self, tracking: Tracking, at: int) -> None:
-        """Take how fresh each source is."""
-        found = self._sources.get(tracking.vehicle)
-        if found is None:
-            found = self._sources[tracking.vehicle] = self._sources_of(tracking.vehicle)
-        lead, ahead = found
-        if lead is not None:
-            link, alarms = lead
-            link.add_age(tracking.lead_age_s)
-            alarms.add(at, tracking.lead_status)
-        if ahead is not None:
-            link, alarms = ahead
-            link.add_age(tracking.predecessor_age_s)
-            alarms.add(at, tracking.predecessor_status)
-
-    def _sources_of(self, name: str) -> tuple[_Source | None, _Source | None]:
-        """Sources of a follower; the lead is the first follower's predecessor, too."""
-        lead, ahead = self._lead, self._ahead[name]
-        return self._source(lead, name), self._source(ahead, name) if ahead != lead else None
-
-    def _source(self, sender: str, receiver: str) -> _Source | None:
-        pair = sender, receiver
-        return (self.links[pair], self._alarms[pair]) if pair in self._requested else None
 
     def _add_pose(self, figures: VehicleFigures, pose: GpsPose, _at: int) -> None:
         figures.add_pose(pose)
@@ -237,16 +204,13 @@ class Metrics:
         figures.add_health(health)
 
     def _add_change(self, figures: VehicleFigures, change: Change, _at: int) -> None:
-        """From now on its poses come by no schedule, or links are not as they were asked for."""
+        """From now on its poses come by no schedule, or links are not as requested."""
         if change.kind in VEHICLE_CHANGES:
             figures.rate_hz = None
-        for pair in changed_links(change.table, self._names, self._requested):
-            self.links[pair].changed |= pair[1] == change.vehicle
+        self._links.add_change(change)
 
     def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict, _at: int) -> None:
-        pair = verdict.sender, verdict.vehicle
-        if pair in self._requested:
-            self.links[pair].add(verdict)
+        self._links.add_verdict(verdict)
 
     def finish(self) -> None:
         """Count the events that had not ended when the run did."""
@@ -275,25 +239,12 @@ class Metrics:
 
     def link_summaries(self) -> tuple[LinkSummary, ...]:
         """Figures per directed link, by receiver and then sender from the lead on."""
-        return tuple(self._link(link) for link in sorted(self._requested, key=self._order))
-
-    def _order(self, link: tuple[str, str]) -> tuple[int, int]:
-        sender, receiver = link
-        return self._names.index(receiver), self._names.index(sender)
-
-    def _link(self, link: tuple[str, str]) -> LinkSummary:
-        requested, sent = self._requested[link], self.vehicles[link[0]].poses
-        # Alarms count while the sender ran.
-        alarms = AlarmSummary(counted=self._alarms[link].counted(self.vehicles[link[0]].last_at))
-        return link_summary(link, requested, sent, self.links[link], alarms)
+        sent = {name: (one.poses, one.last_at) for name, one in self.vehicles.items()}
+        return self._links.summaries(sent)
 
     def link_misses(self) -> Iterator[str]:
-        """Say which links did something else than was asked of them, beyond sampling error."""
-        for link in sorted(self._requested, key=self._order):
-            yield from misses(link, self._requested[link], self.links[link])
-        if changed := [f"{a} → {b}" for (a, b), one in sorted(self.links.items()) if one.changed]:
-            these = ", ".join(changed)
-            yield f"changed during the run, so not held against what was asked: {these}"
+        """Report links that deviate from what was requested by more than the sampling error."""
+        return self._links.misses()
 
 
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:
