@@ -150,6 +150,9 @@ def _walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
             if part in model.model_fields:
                 models = list(models_of(model.model_fields[str(part)].annotation))
                 break
+        else:
+            extra = [model.__annotations__.get("__pydantic_extra__") for model in models]
+            models = [one for kind in extra for one in models_of(kind)] or models
     return key, models
 
 

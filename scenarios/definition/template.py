@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from scenarios.definition.library import LIBRARY, TEMPLATE
 from scenarios.definition.refusal import models_of
+from scenarios.definition.schema.limit_rows import LIMITS, LimitRow
 from scenarios.definition.schema.settings import SettingField, SettingsTable, fields_of
 from scenarios.definition.schema.tables import ScenarioTables
 
@@ -20,7 +21,8 @@ COLUMN, WIDTH = 32, 100
 def template() -> str:
     """Text of a commented scenario that shows every key with its default.
 
-    A line `#: key.of.a.table` stands for the keys of that table, from its settings class.
+    A line `#: key.of.a.table` stands for the keys of that table, from its settings class, and
+    `#: limits` for the table of limits.
     """
     text = (LIBRARY / f"{TEMPLATE}.toml").read_text(encoding="utf-8")
     return re.sub(r"^#: (\S+)$", lambda found: _lines_of(found[1]), text, flags=re.MULTILINE)
@@ -28,6 +30,8 @@ def template() -> str:
 
 def _lines_of(key: str) -> str:
     """Lines for the table `key`: its own keys, then the tables inside it."""
+    if key == "limits":
+        return "\n".join(line for row in LIMITS.values() for line in _limit(row))
     table: type[BaseModel] = ScenarioTables
     for part in key.split("."):
         table = next(models_of(table.model_fields[part].annotation))
@@ -72,12 +76,21 @@ def _inner_table(key: str, one: SettingField) -> Iterator[str]:
 def _key(one: SettingField) -> Iterator[str]:
     """Lines for a key: its default, or an example behind `#`, and its documentation."""
     value = f"{'' if one.default_in_key is not None else '# '}{one.key} = {_value(one)}"
-    doc = wrap(one.setting.doc, WIDTH - COLUMN - 2)
+    yield from _documented(value, one.setting.doc)
+
+
+def _limit(row: LimitRow) -> Iterator[str]:
+    """Lines for a limit: an example behind `#`, and its documentation."""
+    yield from _documented(f"# {tomli_w.dumps({row.key: row.example}).strip()}", row.doc)
+
+
+def _documented(value: str, text: str) -> Iterator[str]:
+    doc = wrap(text, WIDTH - COLUMN - 2)
     if len(value) >= COLUMN and doc:
         doc.insert(0, "")
     for place, line in enumerate(doc or [""]):
-        text = value if not place else "#" if value.startswith("#") else ""
-        yield f"{text:{COLUMN}}{line and f'# {line}'}".rstrip()
+        start = value if not place else "#" if value.startswith("#") else ""
+        yield f"{start:{COLUMN}}{line and f'# {line}'}".rstrip()
 
 
 def _examples(word: str, settings: type[Any]) -> Iterator[str]:

@@ -4,11 +4,10 @@ stream            values derived from the messages once, for all who need them
 metrics           figures gathered message by message
 vehicles/         figures of single vehicles
 channel/          what links did, against what was requested
-degradation/      what followers had to do by an instant
 events/           all that must not pass unseen: collisions, lane departures, paths lost, stops
 holes             poses that were not recorded
 deviations        true errors and gaps for plots of the log
-limits            which limits of the scenario were broken
+limits/           limits of the scenario that were kept or broken
 files             names of the files of a run
 versions          versions of the packages that ran it
 summary           the typed summary, its JSON, and the documentation of its fields

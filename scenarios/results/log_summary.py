@@ -67,6 +67,11 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
     return summary
 
 
+def scenario_of(log: Path) -> Scenario:
+    """The scenario inside a log; raises LogError."""
+    return scenario_in(log, LogReader(log).attachments())
+
+
 def scenario_in(log: Path, attachments: Mapping[str, bytes]) -> Scenario:
     """The scenario inside a log, with the lead's path or trace, so that it can be run again."""
     if ATTACHED_AS not in attachments:

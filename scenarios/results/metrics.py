@@ -10,10 +10,10 @@ from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.sending import sends_every_instant
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.channel.figures import LinkFigures
-from scenarios.results.degradation.deadlines import Deadlines
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.run_event import EventLog
 from scenarios.results.holes import RecordHole
+from scenarios.results.limits.deadlines import Deadlines
 from scenarios.results.stream import FigureStream
 from scenarios.results.vehicles.figures import (
     USUAL_CONTROL_RATE_HZ,

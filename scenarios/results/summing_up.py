@@ -6,7 +6,7 @@ from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import SUMMARY_NAME
-from scenarios.results.limits import limit_figures, why_failed
+from scenarios.results.limits.judged import limit_figures, why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, to_json
 from scenarios.results.vehicles.figures import VehicleSummary

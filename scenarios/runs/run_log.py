@@ -10,12 +10,13 @@ from scenarios.definition.sending import highest_rate_hz
 from scenarios.results.channel.account import in_words
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.holes import hole_lines
-from scenarios.results.limits import LimitWatch, why_failed
+from scenarios.results.limits.judged import why_failed
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import write_foxglove_layout
 from scenarios.results.stream import sizes_of
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
 from scenarios.results.summing_up import METADATA_NAME, silent_links, summarise, write_summary
+from scenarios.runs.limit_watch import LimitWatch
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
 from transport.log.records import LogError

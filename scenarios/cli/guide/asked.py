@@ -148,7 +148,9 @@ def _ends(report: CheckReport) -> Iterator[Row]:
 def _limits(asked: Mapping[str, Any]) -> Iterator[str]:
     """Give each limit that there is; what followers have to do by an instant in words."""
     for name, value in asked.items():
-        if isinstance(value, list | tuple):
+        if isinstance(value, Mapping):
+            yield from (f"{name}.{limit}" for limit in _limits(value))
+        elif isinstance(value, list | tuple):
             for one in value:
                 what = one.get("mode") or one.get("status") or f"within {one['error_m']:g} m"
                 about = f" of {one['source']}" if "source" in one else ""

@@ -104,6 +104,15 @@ def vehicles(context: Context, _parameter: Parameter, begun: str) -> list[Comple
     return _matching(_vehicles(context), begun)
 
 
+def limits(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+    """Offer the limits of `--limit`, of all vehicles and of each."""
+    from scenarios.definition.schema.limit_rows import WORDS
+
+    words = [word if row.event else f"{word}=" for word, row in WORDS.items()]
+    of_one = [f"{vehicle}.{word}" for vehicle in _vehicles(context) for word in words]
+    return _matching([*words, *of_one], begun)
+
+
 def settings(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
     """Offer the keys of a scenario, and the values of a key that is whole.
 

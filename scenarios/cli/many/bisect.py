@@ -71,17 +71,18 @@ def bisect(
         require("bisect", "studies", "matplotlib", "scipy")
     from rich.console import Console
 
+    from scenarios.definition.limits.limit import parsed_limit
     from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.many.boundary.answer import BoundaryQuestion, boundary_of
     from scenarios.studies.many.boundary.report import PICTURE, TWIN, write_answer
-    from scenarios.studies.many.limit import parsed_limit
 
     with clear_errors():
         low, high = _ends(span)
+        variant = variant_of(scenario, overrides)
         question = BoundaryQuestion(
-            variant=variant_of(scenario, overrides),
+            variant=variant,
             key=key,
-            limit=parsed_limit(limit_text),
+            limit=parsed_limit(limit_text, variant.scenario.vehicle_names),
             low=low,
             high=high,
             to=to,

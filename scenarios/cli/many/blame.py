@@ -7,7 +7,7 @@ import click
 
 from scenarios.cli.columns import Column, table_of
 from scenarios.cli.failure import clear_errors, require
-from scenarios.cli.many.options import chosen_fleet, engine_options
+from scenarios.cli.many.options import chosen_fleet, engine_options, limit_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,13 +31,7 @@ Examples:
 """
 )
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option(
-    "--limit",
-    default="lane",
-    show_default=True,
-    metavar="lane|collision|near_miss|path_lost|error_m=M|gap_m=M",
-    help="What the smallest set of losses has to break.",
-)
+@limit_option
 @click.option(
     "--figure",
     type=click.Choice(["error", "gap"]),
@@ -64,7 +58,7 @@ Examples:
 def blame(
     *,
     log: Path,
-    limit: str,
+    limit_text: str,
     figure: Literal["error", "gap"],
     out: Path,
     workers: int | None,
@@ -81,13 +75,14 @@ def blame(
         require("blame", "studies", "matplotlib")
     from rich.console import Console
 
-    from scenarios.results.log_summary import log_in
+    from scenarios.definition.limits.limit import parsed_limit
+    from scenarios.results.log_summary import log_in, scenario_of
     from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.many.blame import report, study
-    from scenarios.studies.many.limit import parsed_limit
 
     with clear_errors():
-        asked, file = parsed_limit(limit), log_in(log)
+        file = log_in(log)
+        asked = parsed_limit(limit_text, scenario_of(file).vehicle_names)
         with study_engine(
             chosen_fleet(workers, scheduler),
             click.echo,

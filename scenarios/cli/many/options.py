@@ -8,12 +8,15 @@ import click
 
 from scenarios.cli.failure import require
 from scenarios.cli.guide import completion
+from scenarios.definition.schema.limit_rows import words_with_examples
 
 if TYPE_CHECKING:
     from scenarios.studies.engine.fleet import OpenFleet
     from scenarios.studies.many.variant import Variant
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+LIMIT_WORDS = f"{words_with_examples()}; of one vehicle: v2.error_m=0.5"
 
 
 def overrides_option(command: Command) -> Command:
@@ -36,7 +39,8 @@ def limit_option(command: Command) -> Command:
         default="lane",
         show_default=True,
         metavar="LIMIT",
-        help="What runs must hold: lane, collision, near_miss, path_lost, error_m=0.5, gap_m=4.",
+        shell_complete=completion.limits,
+        help=f"Limit that runs break or keep: {LIMIT_WORDS}.",
     )(command)
 
 

@@ -75,14 +75,15 @@ def risk(
         require("risk", "studies", "scipy")
     from rich.console import Console
 
+    from scenarios.definition.limits.limit import parsed_limit
     from scenarios.studies.engine.engine import study_engine
-    from scenarios.studies.many.limit import parsed_limit
     from scenarios.studies.many.risk import TWIN, RiskQuestion, risk_of, write_risk
 
     with clear_errors():
+        variant = variant_of(scenario, overrides)
         question = RiskQuestion(
-            variant=variant_of(scenario, overrides),
-            limit=parsed_limit(limit_text),
+            variant=variant,
+            limit=parsed_limit(limit_text, variant.scenario.vehicle_names),
             most_runs=runs,
             **asked,
         )

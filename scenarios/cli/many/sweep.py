@@ -10,7 +10,7 @@ import click
 from scenarios.cli.columns import Column, print_whole, table_of
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import chosen_fleet, engine_options, overrides_option
+from scenarios.cli.many.options import LIMIT_WORDS, chosen_fleet, engine_options, overrides_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -73,9 +73,9 @@ Figures are the numbers of summary.json (`convoy reference fields`):
     "--limit",
     "limits",
     multiple=True,
-    metavar="WORD",
-    help="lane, collision, near_miss, path_lost, error_m=NUMBER or gap_m=NUMBER: the share of runs"
-    " that break it. May be repeated.",
+    metavar="LIMIT",
+    shell_complete=completion.limits,
+    help=f"Limit whose share of broken runs is counted: {LIMIT_WORDS}. May be repeated.",
 )
 @overrides_option
 @click.option(

@@ -10,6 +10,9 @@ from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import chosen_fleet, engine_options
 from scenarios.cli.options import scenario_options
+from scenarios.definition.schema.limit_rows import WORDS
+
+FIGURES = [word for word, row in WORDS.items() if row.figure]
 
 
 @click.command(
@@ -27,7 +30,7 @@ Examples:
     help="What it hits: names, lead, predecessor, follower or *; by default all. May be repeated.",
 )  # fmt: skip
 @click.option(
-    "--figure", type=click.Choice(["error_m", "gap_m"]), default="error_m", show_default=True,
+    "--figure", type=click.Choice(FIGURES), default="error_m", show_default=True,
     help="What to make worst: the largest true error, or the smallest true gap.",
 )  # fmt: skip
 @click.option("--from", "from_s", type=TimeSpan(), metavar="TIME", help="Not earlier; 1 s.")

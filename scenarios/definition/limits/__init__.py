@@ -1,4 +1,5 @@
-"""Limits on what followers do by an instant.
+"""Limits of a run.
 
-problems   those that no run could keep, or that nobody could check
+limit      one limit with its bound, from a scenario or the command line
+problems   limits that no run could keep, or that nobody could check
 """

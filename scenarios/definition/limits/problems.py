@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 
+from scenarios.definition.limits.limit import no_vehicle, problem_of
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.limit_rows import LIMITS
 from scenarios.definition.schema.limits import DeadlineTable, ModeLimit, SourceLimit
 from scenarios.definition.schema.tables import ScenarioTables
 
@@ -16,8 +18,15 @@ Problem = tuple[str, str]
 
 
 def limit_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Problem]:
-    """Give every deadline of a vehicle that has none, or that lies beyond the run's end."""
-    limits = tables.limits
+    """Give limits of unknown vehicles or of a lead that has none, and deadlines after the end."""
+    limits, names = tables.limits, vehicle_names(tables)
+    for name, own in limits.of_vehicles.items():
+        if name not in names:
+            yield f"limits.{name}", no_vehicle(name, names)
+            continue
+        for key in own.model_fields_set:
+            if problem := problem_of(LIMITS[key], name, names):
+                yield f"limits.{name}.{key}", problem
     for name in ("modes", "sources", "recovery"):
         for index, limit in enumerate(getattr(limits, name)):
             key = f"limits.{name}[{index}]"

@@ -7,6 +7,7 @@ gnss         the receivers and the errors of their positions
 sending      when a vehicle sends which of its fixes
 links        what directed links do to messages
 changes      what is done to a running convoy
+limit_rows   the table of limits
 limits       what a run has to hold
 log          what the log of a run holds
 tables       all others, and the file as a whole

@@ -1,10 +1,14 @@
-"""What a scenario file may say that a run has to hold, or else has failed."""
+"""Limits of a scenario file, which a run has to keep, or else has failed."""
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, ConfigDict, Field, create_model
+from pydantic_core import PydanticCustomError
 
-from scenarios.definition.schema.table import Name, NotNegative, Ratio, Table
+from scenarios.definition.schema.limit_rows import LIMITS, LimitRow
+from scenarios.definition.schema.table import Name, NotNegative, Table
 
 Count = Annotated[int, Field(ge=0)]
 Span = Annotated[float, Field(gt=0, le=86_400)]
@@ -37,36 +41,59 @@ class RecoveryLimit(DeadlineTable):
     error_m: NotNegative
 
 
-class LimitsTable(Table):
+def _bound(row: LimitRow) -> Any:
+    figure = NotNegative if row.most == inf else Annotated[float, Field(ge=0, le=row.most)]
+    return (Count if row.event else figure) | None, None
+
+
+if TYPE_CHECKING:
+
+    class VehicleLimits(Table):
+        """Bounds of one vehicle; its keys are those of `LIMITS`."""
+
+        def __init__(self, **bounds: Any) -> None: ...
+        def __getattr__(self, key: str) -> Any: ...
+
+else:
+    VehicleLimits = create_model(
+        "VehicleLimits", __base__=Table, **{key: _bound(row) for key, row in LIMITS.items()}
+    )
+
+
+def _vehicle_table(given: object) -> object:
+    """Refuse what is no table as an unknown key, rather than as a table of the wrong type."""
+    if not isinstance(given, Mapping | VehicleLimits):
+        raise PydanticCustomError("extra_forbidden", "unknown key")
+    return given
+
+
+OwnLimits = Annotated[VehicleLimits, BeforeValidator(_vehicle_table)]
+
+
+class LimitsTable(VehicleLimits):
     """Limits whose breach makes a run fail; one that is left out is none.
 
-    collisions_max, lane_departures_max, near_misses_max, paths_lost_max, stops_max, distrusts_max
-                             counts of events
-    cross_track_error_m_max  largest true distance of a follower from the path the lead drove
-    true_gap_m_min           smallest true distance between the bodies of two neighbours
-    believed_minus_true_error_m_max
-                             by how much a follower is wrong about its own error
-    blind_m_max              how far a follower drives beyond the road that it knows
-    friction_ratio_max       largest share of the friction that a vehicle uses
-    modes, sources, recovery
-                             what followers have to have done by an instant
+    Its keys are those of `LIMITS`. A table with the name of a vehicle has the same keys: its bounds
+    replace those of the convoy for that vehicle, its counts are of the events that involve it.
+    `modes`, `sources` and `recovery` are what followers have to have done by an instant.
 
-    `after_collision` says whether the run ends when a collision breaks the limit, or with "end" and
-    without that limit, at the first one. Left out, it ends if there is a limit.
+    `after_collision` tells whether the run ends when a collision breaks the limit of the convoy, or
+    with "end" and without that limit, at the first one. Left out, it ends if there is a limit.
     """
 
-    collisions_max: Count | None = None
-    lane_departures_max: Count | None = None
-    near_misses_max: Count | None = None
-    paths_lost_max: Count | None = None
-    stops_max: Count | None = None
-    distrusts_max: Count | None = None
-    cross_track_error_m_max: NotNegative | None = None
-    true_gap_m_min: NotNegative | None = None
-    believed_minus_true_error_m_max: NotNegative | None = None
-    blind_m_max: NotNegative | None = None
-    friction_ratio_max: Ratio | None = None
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, OwnLimits] = Field(init=False)
+
     modes: Annotated[tuple[ModeLimit, ...], Field(strict=False)] = ()
     sources: Annotated[tuple[SourceLimit, ...], Field(strict=False)] = ()
     recovery: Annotated[tuple[RecoveryLimit, ...], Field(strict=False)] = ()
     after_collision: Literal["end", "go_on"] | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **limits: Any) -> None: ...
+
+    @property
+    def of_vehicles(self) -> Mapping[str, VehicleLimits]:
+        """Limits of single vehicles by name."""
+        return self.__pydantic_extra__

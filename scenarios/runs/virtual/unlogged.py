@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import DriveRecorder, Trial
-from scenarios.results.limits import LimitWatch
 from scenarios.results.metrics import Metrics
 from scenarios.results.stream import FigureStream
 from scenarios.results.summary import RunIdentity, RunSummary
 from scenarios.results.summing_up import silent_links, summarise
+from scenarios.runs.limit_watch import LimitWatch
 from scenarios.runs.observer import Observer
 from scenarios.runs.virtual.drive import drive
 

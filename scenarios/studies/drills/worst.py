@@ -9,11 +9,13 @@ from functools import partial
 
 from scenarios.definition.channel.rules import ANY, ROLES
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.refusal import shown
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.limit_rows import WORDS
+from scenarios.results.limits.judged import severity
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
-from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.variant import Variant
 
 PEAKS = 3
@@ -201,7 +203,7 @@ class WorstSearch:
         return sorted(means, key=lambda one: (-one[1], one[0]))
 
     def _figure(self, severity: float) -> float:
-        return -severity if self.word == "gap_m" else severity
+        return -severity if WORDS[self.word].is_least else severity
 
     def _try(self, instants: Sequence[float]) -> None:
         seeds = range(self.base.seed, self.base.seed + self.seeds)
@@ -211,8 +213,8 @@ class WorstSearch:
             variant = self.variant(at, seed)
             key, work = f"{at}/{seed}", partial(_severity, variant, self.word)
             jobs.append(Job(key=key, work=work, command=variant.command))
-        for (at, seed), severity in zip(tried, self.engine.results(jobs), strict=True):
-            self._runs.setdefault(at, {})[seed] = severity
+        for (at, seed), badness in zip(tried, self.engine.results(jobs), strict=True):
+            self._runs.setdefault(at, {})[seed] = badness
         there, mean = self._worst()[0]
         what = f"the worst at {there:g} s: {self.word} {self._figure(mean):.3f}"
         self.engine.progress.doing = what
@@ -220,7 +222,7 @@ class WorstSearch:
 
 def _severity(variant: Variant, word: str) -> float:
     """How bad a run was: its largest true error, or its smallest gap with the sign changed (m)."""
-    return Limit(word, 0.0).severity(variant.run())
+    return severity(Limit(WORDS[word].key, 0.0), variant.run())
 
 
 def base_of(name: str, overrides: Sequence[str], seed: int | None) -> Variant:

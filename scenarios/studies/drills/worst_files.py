@@ -10,13 +10,13 @@ from scenarios.definition.extends import merged
 from scenarios.definition.library import drills, library, read_file
 from scenarios.definition.overrides import Raw, parse_override
 from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.schema.limit_rows import WORDS
 from scenarios.studies.drills.worst import SoughtBurst, WorstInstant
 from scenarios.studies.engine.results import refuse_existing, write_file
 
 SCHEMA = "convoy.worst/1"
 MARGIN = 1.5
 """The limit written is this many times as wide as the figure found."""
-LIMITS = {"error_m": "cross_track_error_m_max", "gap_m": "true_gap_m_min"}
 
 
 def write_drill(found: WorstInstant, file: Path) -> None:
@@ -45,9 +45,10 @@ def drill_text(found: WorstInstant, file: Path) -> str:
     whole = merged(read_file(one.name), one.overrides).raw
     for override in one.overrides:
         _take(whole, tables, parse_override(override)[0])
-    bound = found.figure * MARGIN if found.word == "error_m" else found.figure / MARGIN
+    row = WORDS[found.word]
+    bound = found.figure / MARGIN if row.is_least else found.figure * MARGIN
     limits = dict(tables.get("limits", {}))
-    tables["limits"] = limits | {LIMITS[found.word]: round(bound, 2)}
+    tables["limits"] = limits | {row.key: round(bound, 2)}
     text = (
         f"# A burst at {found.at_s:g} s, the worst instant that convoy worst has found: "
         f"{found.word} {found.figure:.3f}\n"

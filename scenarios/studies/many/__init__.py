@@ -1,7 +1,6 @@
 """Answers from many runs of one scenario: what is requested of each, and what they show together.
 
 variant     one run: a scenario, overrides and a seed, and the command that repeats it
-limit       what a run must hold: a lane, a gap, an error, no collision
 watched     a run that is watched for one limit, and ends when it is broken
 statistics  intervals of confidence of shares and means
 boundary/   `convoy bisect`: from which value of a key on a limit is broken

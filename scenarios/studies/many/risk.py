@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.limits.limit import Limit
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.results import write_files
-from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.splitting import RiskEstimate, Splitting, repeated
 from scenarios.studies.many.statistics import clopper_pearson, mean_of
 from scenarios.studies.many.variant import Variant, identity_of

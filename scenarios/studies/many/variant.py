@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged import run_unlogged
 from scenarios.studies.engine.stamp import stamp_of_this_process
-from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.watched import watched
 
 

@@ -1,7 +1,7 @@
 """One run watched for one limit: how near it came, when, and whether it broke it; there it ends.
 
 Cheaper than a summary: of all figures only those are worked out that the limit depends on. Whether
-the limit is broken is what `Limit.broken_by` says of the summary of the whole run.
+the limit is broken is what `broken_by` finds in the summary of the whole run.
 """
 
 from collections.abc import Sequence
@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from math import inf, isnan
 from typing import Literal
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events.encounters import Episode
-from scenarios.results.limits import collision_ends_run
+from scenarios.results.limits.judged import collision_ends_run
+from scenarios.results.limits.live import LiveLimit
 from scenarios.results.stream import FigureStream
 from scenarios.runs.virtual.convoy import Branch
 from scenarios.runs.virtual.drive import drive
-from scenarios.studies.many.limit import EVENTS, Limit
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -63,50 +64,22 @@ def silence(message: Message, lead: str) -> float:
 
 
 class WatchedRun:
-    """An observer of a virtual run that follows one limit, and ends the run once it is broken.
-
-    Of the figures of a run only those are computed that the limit depends on.
-    """
+    """An observer of a virtual run that follows one limit, and ends the run once it is broken."""
 
     kinds: frozenset[type[Message]] = frozenset((TruePose, Tracking))
 
     def __init__(self, scenario: Scenario, limit: Limit, measure: Measure = "limit") -> None:
         self.is_over = False
-        self._limit = limit
-        self._lead = scenario.vehicle_names[0]
-        self._measures_silence = measure == "silence" or limit.word == "path_lost"
+        self._lead = scenario.lead
+        self._measures_silence = measure == "silence" or limit.row.live == "silence"
         self._limits = scenario.tables.limits
         self._collided = 0
-        self._broken = False
-        self._excess = -inf
         self._records: list[NearRecord] = []
         self._stream = FigureStream.of(scenario)
-        self._subscribe()
-
-    def _subscribe(self) -> None:
-        word, stream = self._limit.word, self._stream
-        if word in EVENTS:
-            stream.on_event(lambda _: self._break(), (EVENTS[word],))
-        match word:
-            case "lane":
-                stream.on_lane_excess(lambda _, excess: self._exceed(excess))
-            case "error_m":
-                stream.on_error(lambda foot: self._exceed(abs(foot.lateral) - self._limit.bound))
-            case "gap_m":
-                stream.on_gap(lambda gap: self._exceed(self._limit.bound - gap.now_m))
-            case "collision" | "near_miss":
-                stream.on_gap(lambda gap: self._exceed(-gap.now_m))
+        self._live = LiveLimit(limit, self._stream, scenario.vehicle_names)
         # A collision ends a logged run as well: later messages do not count there either.
         if collision_ends_run(self._limits, 1 + (self._limits.collisions_max or 0)):
-            stream.on_event(self._collide, ("collision",))
-
-    def _break(self) -> None:
-        self._broken = True
-
-    def _exceed(self, excess: float) -> None:
-        """Take by how much a figure is beyond its bound; negative while the limit holds."""
-        self._excess = max(self._excess, excess)
-        self._broken |= excess > 0.0 and self._limit.word not in EVENTS
+            self._stream.on_event(self._collide, ("collision",))
 
     def _collide(self, _event: Episode) -> None:
         self._collided += 1
@@ -115,21 +88,25 @@ class WatchedRun:
         """Take a message of one of the vehicles at instant `at` (ns)."""
         if self.is_over:
             return
-        self._excess = -inf
         self._stream.add(message)
-        if self._broken:
+        excess = self._live.latest_excess()
+        if self._live.broken:
             self._note(at, inf)
             self.is_over = True
             return
-        value = silence(message, self._lead) if self._measures_silence else self._excess
-        self._note(at, value)
+        self._note(at, self._silence(message) if self._measures_silence else excess)
         if self._collided:
             self.is_over = collision_ends_run(self._limits, self._collided)
+
+    def _silence(self, message: Message) -> float:
+        """For how long (s) a follower that the limit applies to has received nothing."""
+        applies = self._live.limit.vehicle in {"", message.vehicle}
+        return silence(message, self._lead) if applies else -inf
 
     def finish(self, at: int) -> Watched:
         """Return what is known of the run, which ended at instant `at` (ns)."""
         self._stream.finish()
-        if self._broken:
+        if self._live.broken:
             self._note(at, inf)
         return Watched(tuple(self._records))
 

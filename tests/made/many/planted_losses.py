@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 import tomli_w
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.studies.many.blame.rerun import BlameQuestion, rerun
-from scenarios.studies.many.limit import Limit
 from vehicles.schedule import SECOND
 
-LANE = Limit("lane")
+LANE = Limit("lane_departures_max", 0)
 SOON_S = 3.0
 """A burst that is decisive lets somebody leave the lane until so long after its end."""
 Link = tuple[str, str]

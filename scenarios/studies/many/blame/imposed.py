@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from scenarios.definition.changing.links import LINK_CHANGES, links_of
 from scenarios.definition.channel.recordings import run_lengths
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.studies.many.blame.losses import (
     LinkEnds,
@@ -19,7 +19,6 @@ from scenarios.studies.many.blame.losses import (
     RecordedRun,
     numbers_by_link,
 )
-from scenarios.studies.many.limit import Limit
 from transport.links.laws.content import ContentLaw
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.listed import Listed
@@ -31,14 +30,6 @@ LOSES = {"loss", "loss_ratio", "collisions", "outages", "radio", "preset", "pres
 RECORDED_DELAY = {"queue"}
 """Keys that are left out where delays were recorded. Those take the place of the others, too, by
 which vehicles know meanwhile what to expect of the link."""
-LIMIT_KEYS = {
-    "lane": "lane_departures_max",
-    "collision": "collisions_max",
-    "near_miss": "near_misses_max",
-    "path_lost": "paths_lost_max",
-    "error_m": "cross_track_error_m_max",
-    "gap_m": "true_gap_m_min",
-}
 
 
 @dataclass(frozen=True)
@@ -59,11 +50,10 @@ class LossFree:
     def smallest(self, lost: Iterable[LostMessage], limit: Limit, description: str) -> Scenario:
         """The scenario with these losses that fails by `limit`, and by no other one."""
         tables = self.losing(lost).tables
-        bound = 0 if limit.is_event else limit.bound
         changes = {
             "name": f"{tables.name[:20]}_blamed",
             "description": description,
-            "limits": LimitsTable.model_validate({LIMIT_KEYS[limit.word]: bound}),
+            "limits": limit.table,
         }
         return Scenario(tables.model_copy(update=changes))
 

@@ -173,7 +173,8 @@ def _over_time(axes: Axes, found: Blame) -> None:
 def _bound(axes: Axes, found: Blame) -> None:
     """The limit, where it is one on what is drawn."""
     limit = found.question.limit
-    if limit.word == f"{found.question.figure}_m":
+    applies = limit.vehicle in {"", found.recorded.vehicle}
+    if applies and limit.row.live == found.question.figure and limit.row.figure:
         axes.axhline(limit.bound, color=GREY, linewidth=0.9, linestyle=":")
 
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Literal
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import KINDS
 from scenarios.results.events.encounters import TrueGap
+from scenarios.results.limits.live import LiveLimit
 from scenarios.results.stream import FigureStream
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.drive import drive
-from scenarios.studies.many.limit import EVENTS, Limit
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Message, TruePose
 from vehicles.schedule import SECOND
@@ -62,12 +63,13 @@ class RerunWatch:
         self.question = question
         self._start_at = start_at
         self._stream = FigureStream.of(scenario)
-        if question.figure == "error" or question.limit.word == "error_m":
+        if question.figure == "error":
             self._stream.on_error(self._take_error)
-        if question.figure == "gap" or question.limit.word == "gap_m":
+        else:
             self._stream.on_gap(self._take_gap)
-        if question.limit.word in EVENTS:
-            self._stream.on_event(lambda _: self._break(), (EVENTS[question.limit.word],))
+        self._live = LiveLimit(
+            question.limit, self._stream, scenario.vehicle_names, with_excess=False
+        )
         self._series: dict[str, list[list[float]]] = {
             name: [] for name in scenario.vehicle_names[1:]
         }
@@ -81,34 +83,28 @@ class RerunWatch:
             self.now = message.true_at_ns - self._start_at
         if self.now <= self.question.until:
             self._stream.add(message)
+            self._note_breach()
 
     def _take_error(self, foot: CrossTrack) -> None:
-        error = abs(foot.lateral)
-        self._note("error", foot.vehicle, foot.at_ns, error)
-        if self.question.limit.word == "error_m" and error > self.question.limit.bound:
-            self._break()
+        self._note(foot.vehicle, foot.at_ns, abs(foot.lateral))
 
     def _take_gap(self, gap: TrueGap) -> None:
-        metres = gap.now_m
-        self._note("gap", gap.vehicle, gap.now_at_ns, -metres)
-        if self.question.limit.word == "gap_m" and metres < self.question.limit.bound:
-            self._break()
+        self._note(gap.vehicle, gap.now_at_ns, -gap.now_m)
 
-    def _break(self) -> None:
-        if self.broken_at is None:
-            self.broken_at = self.now
-
-    def _note(self, figure: FigureName, vehicle: str, at: int, badness: float) -> None:
-        if figure != self.question.figure:
-            return
+    def _note(self, vehicle: str, at: int, badness: float) -> None:
         after = at - self._start_at
         self._series[vehicle].append([after / SECOND, abs(badness)])
         if badness > self._worst[0]:
             self._worst = badness, vehicle, after
 
+    def _note_breach(self) -> None:
+        if self._live.broken and self.broken_at is None:
+            self.broken_at = self.now
+
     def answer(self, *, whole: bool = False) -> BlameAnswer:
         """The answer so far; `whole` with the series."""
         self._stream.finish()
+        self._note_breach()
         badness, vehicle, at = self._worst
         return BlameAnswer(
             badness_m=badness if vehicle else 0.0,

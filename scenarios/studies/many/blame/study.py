@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.fleet import cores
 from scenarios.studies.engine.stamp import stamp_of_this_process
@@ -14,7 +15,6 @@ from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_
 from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion, FigureName, answer_of
 from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
 from scenarios.studies.many.blame.trials import Trials
-from scenarios.studies.many.limit import Limit
 from transport.log.records import LogError
 from vehicles.schedule import SECOND
 

@@ -8,6 +8,7 @@ from math import ceil, isfinite
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.limits.limit import Limit
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.boundary.curve import (
@@ -18,7 +19,6 @@ from scenarios.studies.many.boundary.curve import (
     SharePoint,
     bracket,
 )
-from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.variant import Variant, identity_of
 
 MOST_VALUES = 100_000

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from scenarios.studies.many.limit import FIGURES, Limit
+from scenarios.definition.limits.limit import Limit
 from scenarios.studies.many.sweeps.axis import SweepAxis
 from scenarios.studies.many.sweeps.table import SweepTable, SweptCell
 from scenarios.studies.picture_style import BLUE, GREY, ORANGE, RED, SEQUENCE, STYLE
@@ -73,8 +73,13 @@ def _panels(table: SweepTable) -> Iterator[SweepPanel]:
 
 
 def _bound_of(figure: str, limits: Sequence[Limit]) -> float | None:
-    bounds = (limit.bound for limit in limits if FIGURES.get(limit.word) == figure)
+    bounds = (limit.bound for limit in limits if _figure_of(limit) == figure)
     return next(bounds, None)
+
+
+def _figure_of(limit: Limit) -> str:
+    """Name of the figure that a limit bounds, as `--figure` takes it."""
+    return f"{limit.vehicle}.{limit.row.figure}" if limit.vehicle else limit.row.figure
 
 
 def _numbers(values: Any) -> NDArray[np.float64]:

@@ -6,9 +6,10 @@ from functools import partial
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.limits.limit import Limit, parsed_limit
 from scenarios.definition.scenario import load_scenario
+from scenarios.results.limits.judged import broken_by
 from scenarios.studies.engine.job import Job
-from scenarios.studies.many.limit import Limit, parsed_limit
 from scenarios.studies.many.sweeps.axis import SweepAxis, cells, parsed_axes
 from scenarios.studies.many.sweeps.figure import AskedFigure, parsed_figure
 from scenarios.studies.many.variant import Variant, identity_of, variants_of
@@ -84,7 +85,7 @@ def figures_of(
         "outcome": summary.outcome,
         "reason": summary.reason,
         "figures": [figure.of(summary) for figure in figures],
-        "broken": [limit.broken_by(summary) for limit in limits],
+        "broken": [broken_by(limit, summary) for limit in limits],
     }
 
 
@@ -113,13 +114,17 @@ def planned(
         axes=axes,
         seeds=seeds,
         figures=(),
-        limits=tuple(dict.fromkeys(map(parsed_limit, limits))),
+        limits=(),
     )
     if plan.runs > MOST_RUNS:
         raise ScenarioError([f"{name}: given {plan.runs} runs, allowed {MOST_RUNS}"])
     vehicles = max(_vehicles(plan), key=len)
     names = dict.fromkeys(figures or [DEFAULT_FIGURE])
-    return replace(plan, figures=tuple(parsed_figure(text, vehicles) for text in names))
+    return replace(
+        plan,
+        figures=tuple(parsed_figure(text, vehicles) for text in names),
+        limits=tuple(dict.fromkeys(parsed_limit(text, vehicles) for text in limits)),
+    )
 
 
 def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:

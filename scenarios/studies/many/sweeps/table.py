@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.studies.engine.results import Row
-from scenarios.studies.many.limit import Limit
 from scenarios.studies.many.statistics import wilson
 from scenarios.studies.many.sweeps.figure import AskedFigure
 from scenarios.studies.many.sweeps.plan import SweepPlan, run_key

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from itertools import product
 from math import inf
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.virtual.convoy import Branch
-from scenarios.studies.many.limit import parsed_limit
 from scenarios.studies.many.splitting import BranchedRun
 from scenarios.studies.many.variant import Variant
 from scenarios.studies.many.watched import NearRecord, Watched, watched
@@ -77,7 +77,7 @@ class KnownRuns:
             numbers = ",".join(map(str, lost))
             law = [f"links.loss={{kind='listed', lost_numbers='{numbers}'}}"] if lost else []
             variant = small_convoy("links.loss_ratio=0", *law)
-            found = watched(variant.scenario, parsed_limit(f"error_m={NEVER}"))
+            found = watched(variant.scenario, Limit("cross_track_error_m_max", NEVER))
             self.driven[lost] = found.records
         beyond = [NearRecord(one.at, one.value + NEVER - self.bound) for one in self.driven[lost]]
         held = [one for one in beyond if one.value <= 0.0]

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import drills, load_scenario
-from scenarios.results.limits import limit_figures
+from scenarios.results.limits.judged import limit_figures
 from scenarios.results.log_summary import scenario_in, summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import to_json

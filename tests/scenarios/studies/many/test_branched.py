@@ -8,7 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from scenarios.studies.many.limit import parsed_limit
+from scenarios.definition.limits.limit import Limit
 from scenarios.studies.many.risk import RiskQuestion, risk_of
 from scenarios.studies.many.splitting import Splitting, gone_on, repeated, split
 from scenarios.studies.many.statistics import Mean, mean_of
@@ -25,7 +25,7 @@ from tests.made.scenarios.risks.lost_path_runs import (
 RATIO = 0.1
 WORK = Splitting(
     variant=small_convoy("links.loss_ratio=0.3", "gnss.position_noise_m=0.02"),
-    limit=parsed_limit("error_m=4"),
+    limit=Limit("cross_track_error_m_max", 4.0),
     measure="limit",
     paths=4,
     most_runs=30,
@@ -133,7 +133,7 @@ def test_nine_losses_in_a_row_lose_the_path_whenever_they_come(campaign: int) ->
         lost = [number for number in range(MESSAGES) if random.random() < ratio]
         law = f"links.loss={{kind='listed', lost_numbers='{','.join(map(str, lost))}'}}"
         run = lost_path_convoy("links.loss_ratio=0", *([law] if lost else []))
-        broken = watched(run.scenario, parsed_limit("path_lost")).broken
+        broken = watched(run.scenario, Limit("paths_lost_max", 0)).broken
         assert broken == loses_path(lost), lost
         found.add(broken)
     assert found == {False, True}
@@ -160,7 +160,7 @@ def test_one_in_a_million_is_told_within_half_by_twenty_thousand_runs(campaign: 
         for seed in range(1, campaign + 1):
             asked = RiskQuestion(
                 variant=replace(lost_path_convoy(f"links.loss_ratio={RARE_RATIO}"), seed=seed),
-                limit=parsed_limit("path_lost"),
+                limit=Limit("paths_lost_max", 0),
                 method="splitting",
                 measure="silence",
                 to=1e-9,

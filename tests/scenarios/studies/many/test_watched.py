@@ -5,10 +5,11 @@ from math import inf
 
 import pytest
 
+from scenarios.definition.limits.limit import Limit, parsed_limit
 from scenarios.definition.scenario import load_scenario
+from scenarios.results.limits.judged import broken_by, severity
 from scenarios.runs.virtual.drive import drive
 from scenarios.runs.virtual.unlogged import run_unlogged
-from scenarios.studies.many.limit import parsed_limit
 from scenarios.studies.many.watched import WatchedRun, watched, with_seed
 
 SHORT = ["duration_s=2.5", "convoy.vehicles=3"]
@@ -20,7 +21,11 @@ RUNS = {
                             "limits.collisions_max=0"],
     "a driver that fails": [*SHORT, "links.loss_ratio=1.0"],
 }  # fmt: skip
-LIMITS = ("lane", "error_m=0.3", "gap_m=2.5", "collision", "near_miss", "path_lost")
+LIMITS = (
+    "lane", "error_m=0.3", "gap_m=2.5", "collision", "near_miss", "path_lost",
+    "v2.lane", "v3.lane", "v2.error_m=0.3", "v3.error_m=0.3", "v2.gap_m=2.5", "v3.gap_m=2.5",
+    "v1.collision", "v3.collision", "v3.path_lost",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("run", RUNS)
@@ -28,17 +33,17 @@ def test_the_limit_is_broken_as_by_the_summary(run: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS[run])
     summary = run_unlogged(scenario)
     for text in LIMITS:
-        limit = parsed_limit(text)
+        limit = parsed_limit(text, scenario.vehicle_names)
         found = watched(scenario, limit)
-        assert found.broken == limit.broken_by(summary), text
-        if limit.bound == limit.bound and not found.broken:  # a figure, not an event
-            assert found.severity == pytest.approx(limit.severity(summary))
+        assert found.broken == broken_by(limit, summary), text
+        if limit.row.figure and not found.broken:
+            assert found.severity == pytest.approx(severity(limit, summary))
 
 
 @pytest.mark.parametrize("measure", ["limit", "silence"])
 def test_records_rise_in_time_and_the_last_one_ends_the_run(measure: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS["broken"])
-    run = WatchedRun(scenario, parsed_limit("error_m=0.3"), measure=measure)  # type: ignore[arg-type]
+    run = WatchedRun(scenario, Limit("cross_track_error_m_max", 0.3), measure=measure)  # type: ignore[arg-type]
     outcome = drive(scenario, [run], until=lambda: run.is_over)
     records = run.finish(outcome.at).records
     assert all(a.at <= b.at and a.value < b.value for a, b in pairwise(records))
@@ -48,5 +53,5 @@ def test_records_rise_in_time_and_the_last_one_ends_the_run(measure: str) -> Non
 
 def test_another_seed_is_that_of_the_command_line() -> None:
     again = with_seed(load_scenario("lossy_lane_change", SHORT), 9)
-    limit = parsed_limit("error_m=9")
+    limit = Limit("cross_track_error_m_max", 9.0)
     assert watched(again, limit) == watched(load_scenario("lossy_lane_change", SHORT, 9), limit)

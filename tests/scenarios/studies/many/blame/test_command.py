@@ -10,14 +10,15 @@ import tomli_w
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import load_scenario, scenario_from_text
+from scenarios.results.limits.judged import broken_by
 from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from scenarios.studies.many.blame import study
 from scenarios.studies.many.blame.losses import read_run
 from scenarios.studies.many.blame.rerun import BlameQuestion, FigureName, answer_of
-from scenarios.studies.many.limit import Limit
 from tests.made.many.planted_losses import TINY, planted
 
 CAUSE = planted(TINY, 3)
@@ -49,11 +50,12 @@ def test_the_worst_figure_and_the_breach_are_those_of_the_summary(
     errors = [row.cross_track_error_m_max for row in rows if row.cross_track_error_m_max]
     gaps = [row.true_gap_m_min for row in rows if row.true_gap_m_min]
     worst = max(errors) if figure == "error" else min(gaps)
-    for limit in (Limit("lane"), Limit(f"{figure}_m", worst - 0.001), Limit(f"{figure}_m", worst)):
+    key = "cross_track_error_m_max" if figure == "error" else "true_gap_m_min"
+    for limit in (Limit("lane_departures_max", 0), Limit(key, worst - 0.001), Limit(key, worst)):
         question = BlameQuestion(figure=figure, limit=limit)
         answer = answer_of(run.scenario, question, run.start_at, run.messages)
         assert answer.figure_m == worst
-        assert (answer.broken_at is not None) == limit.broken_by(summary_of(log))
+        assert (answer.broken_at is not None) == broken_by(limit, summary_of(log))
 
 
 def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_run(
@@ -168,4 +170,4 @@ def test_a_recorded_vehicle_is_refused(log: Path, tmp_path: Path) -> None:
 
 def test_a_limit_that_there_is_not_is_refused(log: Path, tmp_path: Path) -> None:
     line = refused(convoy("blame", log, "--limit", "speed", "--out", tmp_path / "out"))
-    assert line.startswith("--limit: given 'speed', allowed lane, ")
+    assert line.startswith("--limit: given 'speed', allowed ")

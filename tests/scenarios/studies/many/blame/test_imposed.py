@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.drive import drive as virtual_drive
 from scenarios.studies.many.blame.imposed import loss_free
 from scenarios.studies.many.blame.losses import LostMessage
 from scenarios.studies.many.blame.rerun import EVER, first_difference
-from scenarios.studies.many.limit import Limit
 from tests.made.many.lossy_logs import LAWS, recorded
 from vehicles.messages import LinkVerdict, Message
 
@@ -65,7 +65,8 @@ def test_without_losses_nothing_is_lost_and_with_one_it_alone(tmp_path: Path) ->
 @pytest.mark.parametrize("law", ["independent", "a queue"])
 def test_the_scenario_written_is_the_one_that_was_driven(law: str, tmp_path: Path) -> None:
     run = recorded(law, tmp_path)
-    smallest = loss_free(run).smallest(run.lost(EVER), Limit("error_m", 0.25), "some losses")
+    limit = Limit("cross_track_error_m_max", 0.25)
+    smallest = loss_free(run).smallest(run.lost(EVER), limit, "some losses")
     again = scenario_from_text(smallest.text)
     assert again.text == smallest.text
     assert again.tables.limits.cross_track_error_m_max == 0.25

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import pytest
 
+from scenarios.definition.limits.limit import Limit
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.blame.imposed import LossFree
 from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, moments_of
@@ -16,7 +17,6 @@ from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_
 from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion
 from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
 from scenarios.studies.many.blame.trials import Trials
-from scenarios.studies.many.limit import Limit
 from tests.made.many.engines import MadeUpEngine
 
 ErrorOf = Callable[[Losses], float]
@@ -44,7 +44,7 @@ def trials_of(error_of: ErrorOf, at_once: int = 1, most_runs: int = 1000) -> Tri
 
     return Trials(
         convoy=cast("LossFree", NoConvoy()),
-        question=BlameQuestion(figure="error", limit=Limit("lane"), until=2),
+        question=BlameQuestion(figure="error", limit=Limit("lane_departures_max", 0), until=2),
         breaks_by=2,
         engine=MadeUpEngine(result),
         at_once=at_once,

@@ -125,7 +125,7 @@ def test_files_of_somebody_else_are_not_overwritten(tmp_path: Path) -> None:
         ({"vary": ["convoy.gap_m=8,15", "convoy.vehicles=2,none"]}, "--vary: convoy.vehicles: giv"),
         ({"vary": ["convoy.gap_m=8,15"], "sets": ["convoy.gap_m=9"]}, "given by --set as well"),
         ({"vary": [], "sets": ["convoy.gap_m=no"]}, "--set: convoy.gap_m: given"),
-        ({"vary": [], "limits": ["lanes"]}, "--limit: given 'lanes', allowed lane"),
+        ({"vary": [], "limits": ["lanes"]}, "--limit: given 'lanes', allowed"),
         ({"vary": [], "figures": ["v9.distance_m"]}, "--figure: unknown figure 'v9.distance_m'"),
         ({"vary": ["convoy.gap_m=6:900:1"], "seeds": 1000}, "given 895000 runs, allowed 100000"),
     ],

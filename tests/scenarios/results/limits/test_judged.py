@@ -1,13 +1,20 @@
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
+from scenarios.definition.schema.limit_rows import LIMITS
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.degradation.deadlines import DeadlineFigure
+from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent
-from scenarios.results.limits import broken_limits, collision_ends_run, limit_figures, why_failed
+from scenarios.results.limits.deadlines import DeadlineFigure
+from scenarios.results.limits.judged import (
+    broken_limits,
+    collision_ends_run,
+    limit_figures,
+    why_failed,
+)
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import LimitFigure
 from scenarios.results.vehicles.figures import VehicleSummary
@@ -197,3 +204,59 @@ def test_why_a_run_ended_comes_first_and_nothing_twice() -> None:
     assert why_failed("", []) == ""
     assert why_failed("v2 died", ["a", "b"]) == "v2 died; a; b"
     assert why_failed("a", ["a", "b"]) == "a; b"
+
+
+def test_the_rows_of_limits_name_events_and_figures_that_there_are() -> None:
+    for limit in LIMITS.values():
+        assert not limit.event or limit.event in get_args(EventKind)
+        assert not limit.figure or hasattr(FOLLOWER, limit.figure.split(".")[0])
+        assert not limit.at or hasattr(FOLLOWER, limit.at)
+
+
+def test_a_vehicle_s_own_bound_replaces_that_of_the_convoy() -> None:
+    other = replace(FOLLOWER, name="v2")
+    limits = LimitsTable.model_validate(
+        {"cross_track_error_m_max": 0.1, "v3": {"cross_track_error_m_max": 0.15}}
+    )
+    found = limit_figures(limits, (), (LEAD, other, FOLLOWER))
+    assert [(one.limit, one.vehicle, one.bound, one.broken) for one in found] == [
+        ("cross_track_error_m_max", "v2", 0.1, True),
+        ("v3.cross_track_error_m_max", "v3", 0.15, True),
+    ]
+    assert found[1].line == (
+        "limits.v3.cross_track_error_m_max = 0.15: v3 was 0.20 m off the lead's path, "
+        "1.50 s after the start"
+    )
+
+
+def test_a_vehicle_s_own_limit_says_nothing_of_others() -> None:
+    limits = LimitsTable.model_validate({"v3": {"true_gap_m_min": 4.0, "friction_ratio_max": 0.6}})
+    close = replace(FOLLOWER, name="v2", true_gap_m_min=0.1)
+    assert [(one.limit, one.figure, one.broken) for one in limit_figures(limits, (), (close,))] == [
+        ("v3.true_gap_m_min", None, False),
+        ("v3.friction_ratio_max", None, False),
+    ]
+    found = limit_figures(limits, (), (LEAD, close, FOLLOWER))
+    assert [(one.limit, one.vehicle, one.broken) for one in found] == [
+        ("v3.true_gap_m_min", "v3", False),
+        ("v3.friction_ratio_max", "v3", True),
+    ]
+
+
+def test_where_each_follower_has_its_own_bound_that_of_the_convoy_is_not_missed() -> None:
+    limits = LimitsTable.model_validate({"true_gap_m_min": 9.0, "v3": {"true_gap_m_min": 1.0}})
+    (found,) = limit_figures(limits, (), (LEAD, FOLLOWER))
+    assert (found.limit, found.broken) == ("v3.true_gap_m_min", False)
+
+
+def test_events_of_a_vehicle_are_those_that_involve_it() -> None:
+    limits = LimitsTable.model_validate(
+        {"collisions_max": 1, "v1": {"collisions_max": 0}, "v3": {"collisions_max": 0}}
+    )
+    found = limit_figures(limits, EVENTS, ())
+    assert [(one.limit, one.vehicle, one.figure, one.broken) for one in found] == [
+        ("collisions_max", "", 1, False),
+        ("v1.collisions_max", "v1", 1, True),
+        ("v3.collisions_max", "v3", 0, False),
+    ]
+    assert found[1].line.startswith("limits.v1.collisions_max = 0: collision: v2 and v1")

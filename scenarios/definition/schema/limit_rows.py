@@ -1,0 +1,89 @@
+"""The limits of a run as a table.
+
+The keys of `[limits]`, the words of `--limit`, the summary, live checks, the template and the help
+follow it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from typing import Literal
+
+Live = Literal["", "lane_excess", "gap", "silence", "error"]
+"""Figure of a running simulation that comes nearer to a limit as it grows (a gap: shrinks)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitRow:
+    """One limit: a key that ends in `_max` or `_min`, which tells the side that breaks it.
+
+    It bounds the number of events of the kind `event`, or `figure`, a field of the summary of each
+    follower. `of_lead` limits apply to the lead as well. `word` is the name for `--limit`, if there
+    is one. A breach is reported as `breach`, where `at` is the field with its instant. `most` is
+    the largest bound that makes sense. `live` is the figure by which studies watch a running
+    simulation; a limit with a `word` needs it. `doc` and `example` are for the template.
+    """
+
+    key: str
+    doc: str
+    example: float
+    word: str = ""
+    event: str = ""
+    figure: str = ""
+    of_lead: bool = False
+    breach: str = ""
+    at: str = ""
+    most: float = inf
+    live: Live = ""
+
+    @property
+    def is_least(self) -> bool:
+        """Whether smaller figures break the limit."""
+        return self.key.endswith("_min")
+
+
+# fmt: off
+_ROWS = (
+    LimitRow(key="collisions_max", doc="collisions of two vehicles",
+             example=0, word="collision", event="collision", of_lead=True, live="gap"),
+    LimitRow(key="lane_departures_max", doc="times that a follower leaves the lane",
+             example=0, word="lane", event="lane_departure", live="lane_excess"),
+    LimitRow(key="near_misses_max", doc="times that two vehicles nearly collide",
+             example=0, word="near_miss", event="near_miss", of_lead=True, live="gap"),
+    LimitRow(key="paths_lost_max", doc="times that a follower receives too little to steer along",
+             example=0, word="path_lost", event="path_lost", live="silence"),
+    LimitRow(key="stops_max", doc="times that a follower stops for lack of data",
+             example=0, event="stop"),
+    LimitRow(key="distrusts_max", doc="times that a follower distrusts a source",
+             example=0, event="distrust"),
+    LimitRow(key="cross_track_error_m_max",
+             doc="largest true distance of a follower from the path the lead drove",
+             example=0.5, word="error_m", live="error",
+             figure="cross_track_error_m_max", at="cross_track_error_max_at_s",
+             breach="was {figure:.2f} m off the lead's path, {at:.2f} s after the start"),
+    LimitRow(key="true_gap_m_min",
+             doc="smallest true distance between the bodies of two neighbours",
+             example=1.0, word="gap_m", live="gap",
+             figure="true_gap_m_min", at="true_gap_min_at_s",
+             breach="was {figure:.2f} m from the vehicle ahead, {at:.2f} s after the start"),
+    LimitRow(key="believed_minus_true_error_m_max",
+             doc="largest error of a follower's estimate of its own error",
+             example=0.3, figure="believed_minus_true_error_m_max",
+             breach="was {figure:.2f} m wrong about its error"),
+    LimitRow(key="blind_m_max", doc="distance that a follower drives beyond its known path",
+             example=5.0, figure="reaction.blind_m",
+             breach="drove {figure:.2f} m beyond the road that it knew"),
+    LimitRow(key="friction_ratio_max", doc="largest share of the friction that a vehicle uses",
+             example=0.8, figure="friction_ratio_max", of_lead=True, most=1,
+             breach="used {figure:.2f} of the friction"),
+)
+# fmt: on
+LIMITS: Mapping[str, LimitRow] = {row.key: row for row in _ROWS}
+WORDS: Mapping[str, LimitRow] = {row.word: row for row in _ROWS if row.word}
+
+
+def words_with_examples() -> str:
+    """List the words of `--limit`, figures with an example of their bound."""
+    return ", ".join(
+        word if row.event else f"{word}={row.example:g}" for word, row in WORDS.items()
+    )

@@ -1,0 +1,36 @@
+"""The observer that ends a run early, when a limit requires that."""
+
+from scenarios.definition.schema.limits import LimitsTable
+from scenarios.results.limits.judged import broken_limits, collision_ends_run, why_failed
+from scenarios.results.metrics import Metrics
+from vehicles.messages import Message, TruePose
+
+
+class LimitWatch:
+    """An observer that knows when a run has to end early: after collisions that break a limit.
+
+    `metrics` take each message before it does. `reason` is empty until then.
+    """
+
+    kinds: frozenset[type[Message]] = frozenset({TruePose})  # nothing else brings collisions
+
+    def __init__(self, limits: LimitsTable, metrics: Metrics) -> None:
+        self._limits = limits
+        self._metrics = metrics
+        self.reason = ""
+
+    def listen(self, at: int, _pose: Message) -> None:
+        """Look whether the limits require the end of the run, at instant `at` (ns)."""
+        collisions = self._metrics.events.collisions
+        if collisions and not self.reason and collision_ends_run(self._limits, collisions):
+            ran_ns = max(at - (self._metrics.start_at or 0), 0)
+            self.reason = why_failed("", self.broken(ran_ns))
+
+    def broken(self, ran_ns: int) -> list[str]:
+        """List the limits that are broken by now, after `ran_ns`, a line each."""
+        return broken_limits(
+            self._limits,
+            self._metrics.events.events(),
+            self._metrics.vehicle_summaries(ran_ns),
+            self._metrics.deadlines.figures(ran_ns),
+        )
