@@ -1,4 +1,4 @@
-"""What is asked of each link, and what follows from it, for a person."""
+"""What is requested of each link, and what follows from it, as text."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -16,7 +16,7 @@ Between = Callable[[], VehiclesBetween]
 
 
 def vehicles_between(route: Route, sender: int, receiver: int) -> VehiclesBetween:
-    """Say who drives between the vehicles at two places of the convoy, the lead's being 0."""
+    """Return the vehicles between those at two places of the convoy, the lead's being 0."""
     first = float(route.path.station[0])
     return VehiclesBetween(
         count=max(abs(receiver - sender) - 1, 0),

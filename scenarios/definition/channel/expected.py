@@ -1,4 +1,4 @@
-"""What a link should achieve by all its laws together, as far as numbers say it beforehand."""
+"""What a link should achieve by all its laws together, as far as they determine it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Which entries of a scenario are about a directed link, and what is asked of it in the end."""
+"""Which entries of a scenario are about a directed link, and what is requested of it."""
 
 from collections.abc import Iterator, Sequence
 from typing import Protocol
@@ -53,7 +53,7 @@ def _end(given: str, vehicle: str, names: Sequence[str], receiver: str) -> int |
 def requested_link(
     tables: ScenarioTables, names: Sequence[str], sender: str, receiver: str
 ) -> LinkTable:
-    """What is asked of one link: the convoy's values, under those of its entries.
+    """What is requested of one link: the convoy's values, under those of its entries.
 
     Of several entries the more specific wins, key by key; what it leaves out is inherited, unless
     it names a preset, which is a whole channel.

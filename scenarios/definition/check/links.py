@@ -1,4 +1,4 @@
-"""What is asked of each directed link: its rule, its laws in words, and what follows from them."""
+"""What a scenario requests of each directed link: its rule, its laws, and their figures."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -25,7 +25,7 @@ PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskedLaw:
-    """A law in words, and the key of the scenario that asks for it."""
+    """The description of a law, and the key of the scenario that requests it."""
 
     words: str
     key: str
@@ -33,10 +33,10 @@ class AskedLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskedLink:
-    """What is asked of one directed link, and what follows in the long run.
+    """What is requested of one directed link, and what follows in the long run.
 
-    `rules` are what is about the link, the most specific first. Figures are None where no number
-    says them beforehand; those of a radio are for `distance_m`, the gap at the lead's first speed,
+    `rules` are those about the link, the most specific first. Figures are None where they depend on
+    more than the laws; those of a radio are for `distance_m`, the gap at the lead's first speed,
     with all vehicles in between in the way. `age_ms_mean` is that of the newest message at a
     command, where messages are sent evenly; losses are taken as those of a two-state chain.
     `false_alarms_per_h` is how often the receiver receives nothing from the sender for more than
@@ -92,7 +92,7 @@ def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedR
 
 
 def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
-    """Say what is asked of one link (sender, receiver)."""
+    """Return what is requested of one link (sender, receiver)."""
     sender, receiver = link
     table, source, setup = (
         scenario.links[link],

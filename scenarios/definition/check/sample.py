@@ -46,7 +46,7 @@ class StraightDrive:
 
     @property
     def table(self) -> LinkTable:
-        """What is asked of the link."""
+        """What is requested of the link."""
         return self.scenario.links[self.link]
 
     @property

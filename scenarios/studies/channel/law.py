@@ -1,4 +1,4 @@
-"""What the laws of a link say of bursts, delays and distances, to hold a sample against."""
+"""Bursts, delays and distances by the laws of a link, to compare a sample with."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from vehicles.schedule import MILLISECOND
 
 Floats = NDArray[np.float64]
 LONGEST = 2000
-"""Bursts that are told apart, in messages."""
+"""Messages of the longest burst that is counted by its length."""
 SAME = 1e-6
 DISTANCES = 10
 

@@ -107,7 +107,7 @@ class LinkLaw(Effect, LawTable):
         return iter(())
 
     def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
-        """Return the effects on one link of a run: by default the law itself."""
+        """Return the effects on one link of a run: by default a copy of the law."""
         return (self.on_link(setting),)
 
     @property
