@@ -24,8 +24,9 @@ MODULES = {
     "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined laying outliers polyline"
     " samples trace trajectory",
     "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss imu integration"
-    " path_keeping sending tyres",
+    " path_keeping tyres",
     "vehicles/car/positioning": "noise",
+    "vehicles/car/sending": "sender",
     "vehicles/driver": "command_limit decision follower leader speed",
     "vehicles/driver/degradation": "innovation innovation_gate meant_path modes reception"
     " situation source sources speed_guard stopping trust",

@@ -54,6 +54,10 @@ class Cadence:
         k = round(since * self.rate_hz / SECOND)
         return k if k >= 0 and instant(self.start_at, k, self.rate_hz) == now else None
 
+    def until(self, end_at: int) -> Iterator[int]:
+        """Instants (ns) from the start on, before `end_at`."""
+        return instants(self.start_at, end_at, self.rate_hz)
+
     def due(self, now: int) -> bool:
         """Whether `now` (ns) is one of the instants."""
         if self._period:

@@ -9,7 +9,6 @@ changes          what is done to a running convoy and cannot be
 refusal          what is wrong, in one line each
 errors           the exceptions that carry those lines
 links            who listens to whom
-sending          how often a vehicle sends
 channel/         what is asked of each directed link, and the effects that follow
 limits/          what followers have to have done by an instant, checked
 changing/        changes to a running convoy, scheduled and by hand

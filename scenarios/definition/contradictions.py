@@ -20,7 +20,6 @@ from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.path import SegmentTable
 from scenarios.definition.schema.tables import CONTROLLERS, OriginTable, ScenarioTables
-from scenarios.definition.sending import even_rate_hz, sending_problems
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.links.laws.law import LinkLaw
 from transport.topics import CONDUCTOR
@@ -164,14 +163,14 @@ def _senders(tables: ScenarioTables) -> Iterator[Problem]:
         gnss = f"vehicle.{name}.gnss" if own and own.gnss else "gnss"
         sending = f"vehicle.{name}.sending" if own and own.sending else "sending"
         found |= {(f"{gnss}.{key}", why): None for key, why in setup.gnss.problems()}
-        found |= {(f"{sending}.{key}", why): None for key, why in sending_problems(setup.sending)}
+        found |= {(f"{sending}.{key}", why): None for key, why in setup.sending.problems()}
     yield from found
     if found:
         return
     for sender, receiver in directed_links(names, lead_waits=tables.speed.lead_waits):
         setup = vehicle_setup(tables, sender)
         rate_hz = requested_link(tables, names, sender, receiver).rate_hz
-        if rate_hz is None or even_rate_hz(setup.sending, setup.gnss) is not None:
+        if rate_hz is None or setup.even_rate_hz is not None:
             continue
         entries = entries_about(tables.link, names, sender, receiver)
         givers = [one for _, one in entries if "rate_hz" in one.model_fields_set]

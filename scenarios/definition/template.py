@@ -1,7 +1,7 @@
 """The commented scenario that `convoy new` writes; keys of settings classes are generated."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from textwrap import wrap
 from typing import Any, get_origin
 
@@ -34,11 +34,27 @@ def _lines_of(key: str) -> str:
         return "\n".join(line for row in LIMITS.values() for line in _limit(row))
     table: type[BaseModel] = ScenarioTables
     for part in key.split("."):
-        table = next(models_of(table.model_fields[part].annotation))
-    if not issubclass(table, SettingsTable):
-        raise TypeError(f"{key} is not the table of a settings class")
-    ordered = sorted(table.by_key.values(), key=_rank)
-    return "\n".join(line for one in ordered for line in _entry(key, one))
+        table, *others = models_of(table.model_fields[part].annotation)
+    kinds = [one for one in (table, *others) if issubclass(one, SettingsTable)]
+    lines = [] if len(kinds) == 1 else list(_kinds(kinds))
+    ordered = sorted(kinds[0].by_key.values(), key=_rank)
+    return "\n".join([*lines, *(line for one in ordered for line in _entry(key, one))])
+
+
+def _kinds(kinds: Sequence[type[SettingsTable[Any]]]) -> Iterator[str]:
+    """Lines for the key `kind`, and in comments for the keys of all other kinds than the first."""
+    common = kinds[0].by_key
+    for place, table in enumerate(kinds):
+        kind = f'kind = "{table.model_fields["kind"].default}"'
+        what = _lower(_summary(table.settings))
+        if not place:
+            yield f"{kind:{COLUMN}}# {what}; or one of:"
+            continue
+        yield from _comment(f"{what}:")
+        yield f"#     {kind}"
+        for key, one in table.by_key.items():
+            if key not in common:
+                yield from _key(one, "#     ")
 
 
 def _rank(one: SettingField) -> int:
@@ -73,23 +89,24 @@ def _inner_table(key: str, one: SettingField) -> Iterator[str]:
             yield f"#     {inner}"
 
 
-def _key(one: SettingField) -> Iterator[str]:
+def _key(one: SettingField, prefix: str = "") -> Iterator[str]:
     """Lines for a key: its default, or an example behind `#`, and its documentation."""
-    value = f"{'' if one.default_in_key is not None else '# '}{one.key} = {_value(one)}"
-    yield from _documented(value, one.setting.doc)
+    prefix = prefix or ("" if one.default_in_key is not None else "# ")
+    yield from _documented(prefix, f"{one.key} = {_value(one)}", one.setting.doc)
 
 
 def _limit(row: LimitRow) -> Iterator[str]:
     """Lines for a limit: an example behind `#`, and its documentation."""
-    yield from _documented(f"# {tomli_w.dumps({row.key: row.example}).strip()}", row.doc)
+    yield from _documented("# ", tomli_w.dumps({row.key: row.example}).strip(), row.doc)
 
 
-def _documented(value: str, text: str) -> Iterator[str]:
+def _documented(prefix: str, entry: str, text: str) -> Iterator[str]:
+    """Lines for an entry with its documentation beside it, or below if it is long."""
     doc = wrap(text, WIDTH - COLUMN - 2)
-    if len(value) >= COLUMN and doc:
+    if len(prefix + entry) >= COLUMN and doc:
         doc.insert(0, "")
     for place, line in enumerate(doc or [""]):
-        start = value if not place else "#" if value.startswith("#") else ""
+        start = prefix.rstrip() if place else prefix + entry
         yield f"{start:{COLUMN}}{line and f'# {line}'}".rstrip()
 
 
@@ -123,4 +140,6 @@ def _lower(text: str) -> str:
 
 
 def _summary(kind: type[Any]) -> str:
-    return (kind.__doc__ or kind.__name__).partition("\n")[0].rstrip(".")
+    """First sentence of a docstring."""
+    sentence = (kind.__doc__ or kind.__name__).partition("\n\n")[0]
+    return " ".join(sentence.split()).rstrip(".")

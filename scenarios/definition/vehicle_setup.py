@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 from scenarios.definition.links import senders_to
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.sending import SendingTable
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
@@ -18,6 +17,8 @@ from scenarios.definition.schema.tables import (
 from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, Loading, VehicleParameters, loaded
 from vehicles.car.positioning.settings import GnssSettings
+from vehicles.car.sending.every_fix import EveryFix
+from vehicles.car.sending.rule import SendingRule
 from vehicles.driver.degradation.settings import DegradationSettings
 
 
@@ -44,9 +45,33 @@ class VehicleSetup:
     controller: str
     steering: SteeringTable
     gnss: GnssSettings
-    sending: SendingTable
+    sending: SendingRule
     imu: ImuTable
     imu_rate_hz: float
+
+    @property
+    def sends_every_instant(self) -> bool:
+        """Whether a message goes out at each instant of measuring, from the first one on."""
+        each = isinstance(self.sending, EveryFix) and self.sending.dcc is None
+        return each and self.gnss.is_punctual
+
+    @property
+    def highest_rate_hz(self) -> float:
+        """Rate that it never exceeds, counted from the start: no fix is sent twice."""
+        return self.sending.highest_rate(self.gnss.rate)
+
+    @property
+    def even_rate_hz(self) -> float | None:
+        """Rate of messages that come evenly, None where they do not."""
+        return self.highest_rate_hz if self.sending.is_even else None
+
+    def usual_rate_hz(self, speed: float) -> float:
+        """Messages a second at a constant speed (m/s), straight on.
+
+        The lowest of a rate that changes but is not 0, the mean where intervals are drawn, the
+        slowest that congestion control comes to.
+        """
+        return self.sending.controlled_rate(self.gnss.rate, speed)
 
     @property
     def knows_itself(self) -> bool:
@@ -101,7 +126,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         controller=CONTROLLERS.get(steering.controller, steering.controller),
         steering=steering,
         gnss=overlay(tables.gnss, own and own.gnss).value,
-        sending=sending,
+        sending=sending.value,
         imu=imu,
         imu_rate_hz=imu.rate_hz or tables.control.rate_hz,
     )

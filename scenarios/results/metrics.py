@@ -7,7 +7,6 @@ from typing import Any
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.sending import sends_every_instant
 from scenarios.results.channel.account import LinkSummary
 from scenarios.results.channel.figures import LinkFigures
 from scenarios.results.events.bodies import BodySize
@@ -252,4 +251,4 @@ def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:
     setup = scenario.vehicle(name)
     if is_changed(scenario.tables.change, name):
         return None
-    return setup.gnss.rate if sends_every_instant(setup.sending, setup.gnss) else None
+    return setup.gnss.rate if setup.sends_every_instant else None

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.sending import highest_rate_hz
 from scenarios.results.channel.account import in_words
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.holes import hole_lines
@@ -72,7 +71,7 @@ class RunLog:
         self._limits = LimitWatch(scenario.tables.limits, self.metrics)
         self.recorder = Recorder(
             vehicles={
-                name: highest_rate_hz(setup.sending, setup.gnss)
+                name: setup.highest_rate_hz
                 for name in scenario.vehicle_names
                 for setup in [scenario.vehicle(name)]
             },

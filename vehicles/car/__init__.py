@@ -7,8 +7,8 @@ brush_motion     the single-track model on tyres that saturate: a car that can s
 dynamics         the single-track model with steering actuation, integrated
 path_keeping     how a car stands and steers that keeps exactly to a path
 gnss             the GNSS receiver, and its fixes as messages and back
-positioning/     what is wrong with its positions beside white noise
-sending          when a vehicle sends which of its fixes
+positioning/     settings of the receiver, errors of its positions
+sending/         when a vehicle sends which of its fixes
 imu              gyroscope and wheel speed, or exact knowledge of the car
 clock_error      by how much its clock is off
 dead_reckoning   how the car moves on by what these say, and how wrong that becomes

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scenarios.definition.check.preview import gap_to
 from scenarios.definition.check.sample import StraightDrive
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.sending import even_rate_hz, link_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.schedule import SECOND
 
@@ -39,7 +38,7 @@ class Alarms:
 
 def longest_silence_s(source: VehicleSetup, receiver: VehicleSetup) -> float:
     """Silence (s) beyond which a receiver counts a source as lost."""
-    return receiver.degradation.lost_after_silence(1.0 / link_rate_hz(source.sending, source.gnss))
+    return receiver.degradation.lost_after_silence(1.0 / source.highest_rate_hz)
 
 
 def first_distance_m(scenario: Scenario, link: tuple[str, str]) -> float:
@@ -63,7 +62,7 @@ def sampled_alarms(
     if unlike or not _is_even(source):
         return None
     limit_s = longest_silence_s(source, receiver)
-    phase_s = getattr(source.sending, "phase_s", 0.0) + source.gnss.latency / SECOND
+    phase_s = (source.sending.first_after + source.gnss.latency) / SECOND
     arrivals = [
         (number, phase_s + visible_at / SECOND) for number, visible_at in drive.arrivals(messages)
     ]
@@ -116,4 +115,4 @@ def _is_even(source: VehicleSetup) -> bool:
     """Whether a message is sent in each period."""
     gnss = source.gnss
     always = gnss.fix != "none" and not gnss.fix_states and not gnss.outages
-    return always and even_rate_hz(source.sending, gnss) is not None
+    return always and source.even_rate_hz is not None

@@ -16,7 +16,6 @@ from scenarios.definition.check.alarms import (
 )
 from scenarios.definition.check.preview import gap_to
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.sending import even_rate_hz, link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.schedule import MILLISECOND
 
@@ -105,10 +104,10 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
     expected = expected_channel(table, _sent_hz(source), distance_m, between)
     if scenario.link_setting(sender, receiver, 0).off:
         expected = replace(expected, loss_ratio=None, burst_messages=None)
-    sent_hz = usual_rate_hz(source.sending, source.gnss, speed)
+    sent_hz = source.usual_rate_hz(speed)
     rate_hz = min(sent_hz, table.rate_hz or sent_hz)
     age_ms = None
-    if even_rate_hz(source.sending, source.gnss) is not None:
+    if source.even_rate_hz is not None:
         age_ms = expected_age_ms(expected, rate_hz, scenario.control_rate_hz)
     return AskedLink(
         sender=sender,
@@ -134,7 +133,7 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
 
 def _sent_hz(source: VehicleSetup) -> float:
     """Rate by which a link of a lower one holds messages back."""
-    return link_rate_hz(source.sending, source.gnss)
+    return source.highest_rate_hz
 
 
 def laws_in_brief(scenario: Scenario, link: tuple[str, str]) -> str:

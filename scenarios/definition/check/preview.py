@@ -9,8 +9,8 @@ from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.sending import link_rate_hz, usual_rate_hz
 from scenarios.definition.vehicle_setup import VehicleSetup
+from vehicles.car.sending.every_fix import EveryFix
 from vehicles.driver.degradation.source import LEAST_SAMPLES
 from vehicles.preview.trajectory import FitSettings
 from vehicles.schedule import MILLISECOND
@@ -94,10 +94,10 @@ def _sight(
     steering = setup.steering
     settings = FitSettings(preview_time=steering.preview_s, trajectory=steering.trajectory)
     sender = scenario.vehicle(source)
-    sent = usual_rate_hz(sender.sending, sender.gnss, speed)
+    sent = sender.usual_rate_hz(speed)
     gap = gap_to(scenario, setup.place, source, speed)
     between = partial(vehicles_between, scenario.route, sender.place, setup.place)
-    source_hz = link_rate_hz(sender.sending, sender.gnss)
+    source_hz = sender.highest_rate_hz
     loss = expected_channel(link, source_hz, gap, between).loss_ratio
     # Without a number, as in a tunnel: what is known of it where it carries anything at all.
     rate = min(sent, link.rate_hz or sent) * (1.0 - (link.loss_ratio if loss is None else loss))
@@ -113,7 +113,7 @@ def _sight(
         samples=preview * rate / speed,
         behind=settings.behind(speed),
         spacing=speed / rate if rate else float("inf"),
-        remedy="gnss.rate_hz" if sender.sending.kind == "every_fix" else "the rate of sending",
+        remedy="gnss.rate_hz" if isinstance(sender.sending, EveryFix) else "the rate of sending",
     )
 
 

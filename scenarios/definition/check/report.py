@@ -24,6 +24,7 @@ from scenarios.definition.schema.settings import table_with
 from scenarios.definition.schema.tables import ScenarioTables, SteeringTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import VehicleParameters
+from vehicles.car.sending.registry import RULES
 from vehicles.car.tyres import GRAVITY
 from vehicles.geometry.smoothing import SmoothedPath
 
@@ -138,7 +139,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         control_rate_hz=scenario.control_rate_hz,
         control={name: _steering(car.steering) for name, car in cars.items()},
         gnss={name: table_with(car.gnss).model_dump() for name, car in cars.items()},
-        sending={name: car.sending.model_dump() for name, car in cars.items()},
+        sending={name: table_with(car.sending, RULES).model_dump() for name, car in cars.items()},
         imu={name: _imu(car) for name, car in cars.items()},
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
         tyres={name: _tyres(car.parameters) for name, car in cars.items()},

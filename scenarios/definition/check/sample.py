@@ -15,7 +15,6 @@ from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.expected import USUAL_MESSAGE_BYTES
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.sending import link_rate_hz
 from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.effect import Effect, Passage, Whereabouts
 from transport.links.line import judge_stream
@@ -53,7 +52,7 @@ class StraightDrive:
     def rate_hz(self) -> float:
         """Messages a second that are sent, the highest number where it changes."""
         sender = self.scenario.vehicle(self.link[0])
-        return link_rate_hz(sender.sending, sender.gnss)
+        return sender.highest_rate_hz
 
     @property
     def speed_mps(self) -> float:

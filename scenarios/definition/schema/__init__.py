@@ -4,7 +4,6 @@ table        what they have in common
 settings     tables made from the settings classes of vehicles
 path         the path: segments, a recorded trace, or points
 gnss         the receivers and the errors of their positions
-sending      when a vehicle sends which of its fixes
 links        what directed links do to messages
 changes      what is done to a running convoy
 limit_rows   the table of limits

@@ -6,7 +6,7 @@ north); left is positive for curvature and for offsets from the path.
 """
 
 from datetime import UTC, datetime
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AwareDatetime, Field, StringConstraints
 
@@ -16,10 +16,12 @@ from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.log import LogTable
 from scenarios.definition.schema.path import PathTable, PointsPath
-from scenarios.definition.schema.sending import EveryFixSending, SendingTable
-from scenarios.definition.schema.settings import SettingsTable
+from scenarios.definition.schema.settings import SettingsTable, one_of, table_with
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
 from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
+from vehicles.car.sending.every_fix import EveryFix
+from vehicles.car.sending.registry import RULES
+from vehicles.car.sending.rule import SendingRule
 from vehicles.driver.degradation.settings import DegradationSettings
 
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
@@ -32,6 +34,12 @@ CONTROLLERS = {
     "pure_pursuit": "vehicles.driver.steering.PurePursuit",
 }
 """The shipped controllers; any other is the dotted name of the user's own class."""
+
+
+if TYPE_CHECKING:
+    SendingTable = SettingsTable[SendingRule]
+else:
+    SendingTable = one_of(RULES)
 
 
 class OriginTable(Table):
@@ -256,7 +264,7 @@ class ScenarioTables(Table):
     convoy: ConvoyTable = ConvoyTable()
     control: ControlTable = ControlTable()
     gnss: GnssTable = GnssTable()
-    sending: SendingTable = EveryFixSending()
+    sending: SendingTable = table_with(EveryFix(), RULES)
     imu: ImuTable = ImuTable()
     speed: SpeedTable = SpeedTable()
     path: PathTable

@@ -17,7 +17,7 @@ from vehicles.car.dynamics import Actuation, Body, CarMotion
 from vehicles.car.gnss import Fix, GnssReceiver
 from vehicles.car.imu import ExactSensor, InertialSensor, Motion
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.sending import Sender
+from vehicles.car.sending.sender import Sender
 from vehicles.driver.decision import Driver
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.speed import ProfileSpeed

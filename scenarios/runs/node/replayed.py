@@ -11,7 +11,7 @@ from transport.clock import Tick
 from transport.links.inbox import Inbox
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssReceiver
-from vehicles.car.sending import Sender
+from vehicles.car.sending.sender import Sender
 from vehicles.schedule import SECOND, Cadence
 
 

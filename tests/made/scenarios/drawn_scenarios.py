@@ -18,7 +18,6 @@ import tomli_w
 from scenarios.definition.schema.gnss import GnssTable
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.sending import CAM_SHARES
 from scenarios.definition.schema.settings import SettingsTable
 from scenarios.definition.schema.table import Table
 from scenarios.definition.schema.tables import (
@@ -40,6 +39,7 @@ from tests.made.channels.drawn_laws import inline
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.positioning.drift import Drift
 from vehicles.car.positioning.settings import StateErrors
+from vehicles.car.sending.intervals import CAM_SHARES
 
 Raw = dict[str, Any]
 MOST_VEHICLES = 8

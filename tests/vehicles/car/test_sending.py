@@ -9,29 +9,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.sending import CAM_INTERVALS_MS, CAM_SHARES
 from vehicles.car.gnss import Fix
-from vehicles.car.sending import (
-    CooperativeAwareness,
-    DrawnIntervals,
-    EveryFix,
-    FixedRate,
-    Profile,
-    ReactiveControl,
-    Sender,
-    SendingRule,
-    Shares,
-    awareness_interval,
-    profile_instants,
-    quiet_at,
-)
+from vehicles.car.sending.awareness import CooperativeAwareness, awareness_interval
+from vehicles.car.sending.congestion import ReactiveControl, quiet_at
+from vehicles.car.sending.every_fix import EveryFix
+from vehicles.car.sending.fixed_rate import AtInstants
+from vehicles.car.sending.intervals import CAM_INTERVALS, CAM_SHARES, DrawnIntervals, Shares
+from vehicles.car.sending.profile import Profile, profile_instants
+from vehicles.car.sending.rule import SendingCourse
+from vehicles.car.sending.sender import Sender
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, instants
 
 START = 1_700_000_000_000_000_000
 
 
 def sent(
-    rule: SendingRule | None,
+    rule: SendingCourse | None,
     seconds: float,
     *,
     speed: float = 20.0,
@@ -63,7 +56,7 @@ def test_every_fix_is_sent_as_it_comes() -> None:
 
 
 def test_a_rate_of_its_own_takes_the_newest_fix() -> None:
-    rule = FixedRate(Cadence(START + 30 * MILLISECOND, 8.0))
+    rule = AtInstants(Cadence(START + 30 * MILLISECOND, 8.0))
     assert sent(rule, 0.6, gnss_hz=20.0) == [
         (30, 0),
         (155, 150),
@@ -74,7 +67,7 @@ def test_a_rate_of_its_own_takes_the_newest_fix() -> None:
 
 
 def test_no_fix_is_sent_twice() -> None:
-    found = sent(FixedRate(Cadence(START, 50.0)), 3.0, gnss_hz=8.0)
+    found = sent(AtInstants(Cadence(START, 50.0)), 3.0, gnss_hz=8.0)
     measured = [at for _, at in found]
     assert len(measured) == len(set(measured)) == 24
     assert all(0.0 <= when - at < 20.0 for when, at in found)
@@ -180,9 +173,9 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
 ) -> None:
     cadence = Cadence(START, 25.0)
     shares = Shares([60 * MILLISECOND], [1.0], 0)
-    rules: dict[str, SendingRule] = {
+    rules: dict[str, SendingCourse] = {
         "every_fix": EveryFix(),
-        "fixed": FixedRate(cadence),
+        "fixed": AtInstants(cadence),
         "cam": CooperativeAwareness(cadence),
         "drawn": DrawnIntervals(shares, START, np.random.default_rng(1)),
         "profile": Profile([(0.0, 25.0)], START),
@@ -205,7 +198,7 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
 def test_drawn_intervals_have_the_shares_measured(name: str, mean_ms: float, campaign: int) -> None:
     shares = CAM_SHARES[name]
     assert sum(shares) == pytest.approx(1.0, abs=0.0011)
-    table = Shares([round(ms * MILLISECOND) for ms in CAM_INTERVALS_MS], shares, 3 * MILLISECOND)
+    table = Shares(CAM_INTERVALS, shares, 3 * MILLISECOND)
     random = np.random.default_rng(1)
     drawn = np.array([table.draw(random) for _ in range(campaign)]) / MILLISECOND
     counted = Counter(np.round(drawn / 100.0).astype(int).tolist())

@@ -2,10 +2,6 @@
 
 from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.sending import (
-    link_rate_hz,
-    usual_rate_hz,
-)
 from scenarios.runs.node.phases import Aboard, Car
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
@@ -232,7 +228,7 @@ class DriverBuilder:
     def _least_period(self, sender: str) -> float:
         """Shortest time (s) between two messages that can come from `sender`."""
         setup, link = self._scenario.vehicle(sender), self._scenario.links[sender, self._name]
-        rate_hz = link_rate_hz(setup.sending, setup.gnss)
+        rate_hz = setup.highest_rate_hz
         return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
 
     def _usual_delay(self, sender: str) -> float:
@@ -244,5 +240,5 @@ class DriverBuilder:
     def _usual_period(self, sender: str) -> float:
         """Time (s) between messages of `sender` to expect, by its sending and its link."""
         setup, speed = self._scenario.vehicle(sender), self._route.profile.at(0.0)[0]
-        rate_hz = usual_rate_hz(setup.sending, setup.gnss, speed) or 1.0
+        rate_hz = setup.usual_rate_hz(speed) or 1.0
         return 1.0 / min(rate_hz, self._scenario.links[sender, self._name].rate_hz or rate_hz)

@@ -3,30 +3,18 @@
 from collections.abc import Iterator, Sequence
 from functools import partial
 from hashlib import blake2b
-from itertools import takewhile
 
 import numpy as np
 from numpy.random import Generator
 
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.sending import CamSending, DccTable, FixedSending
-from scenarios.definition.sending import shares_of
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.positioning.error_term import ReceiverStart, Streams
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
-from vehicles.car.sending import (
-    CooperativeAwareness,
-    DrawnIntervals,
-    EveryFix,
-    FixedRate,
-    Profile,
-    ReactiveControl,
-    Sender,
-    SendingRule,
-    profile_instants,
-)
-from vehicles.schedule import MILLISECOND, SECOND, Cadence, instants, nanoseconds
+from vehicles.car.sending.rule import SendingStart
+from vehicles.car.sending.sender import Sender
+from vehicles.schedule import instants
 
 SIGNALS = 2
 """Tells the random streams made here from that of an inertial sensor, which is 1."""
@@ -56,10 +44,10 @@ def white_noise(seed: int, place: int) -> Generator:
 
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
-    """Make what decides when a vehicle sends, in a run that starts at `start_at` (ns)."""
-    dcc = setup.sending.dcc
-    control = None if dcc is None else _control(dcc, start_at)
-    return Sender(_rule(scenario, setup, start_at), control)
+    """Make the sender of a vehicle in a run that starts at `start_at` (ns)."""
+    rule = setup.sending
+    control = None if rule.dcc is None else rule.dcc.begin(start_at)
+    return Sender(rule.begin(_sending_start(scenario, setup, start_at)), control)
 
 
 def instants_besides(
@@ -72,15 +60,12 @@ def instants_besides(
     found: list[Iterator[int]] = []
     if setup.gnss.latency:
         found.append(instants(start_at + setup.gnss.latency, end_at, setup.gnss.rate))
-    table = setup.sending
-    if table.kind == "profile":
-        profile = [(point.at_s, point.rate_hz) for point in table.profile]
-        each = (start_at + at for at in profile_instants(profile))
-        found.append(takewhile(lambda at: at < end_at, each))
-    elif table.kind in ("fixed", "cam"):
-        cadence = _cadence(scenario, setup, table, start_at)
-        found.append(instants(cadence.start_at, end_at, cadence.rate_hz))
-    return found
+    of_sending = setup.sending.instants(_sending_start(scenario, setup, start_at), end_at)
+    return found if of_sending is None else [*found, of_sending]
+
+
+def _sending_start(scenario: Scenario, setup: VehicleSetup, start_at: int) -> SendingStart:
+    return SendingStart(start_at, _streams(scenario.seed, setup.place))
 
 
 def _streams(seed: int, place: int) -> Streams:
@@ -90,36 +75,3 @@ def _streams(seed: int, place: int) -> Streams:
 def _stream(seed: int, place: int, purpose: str) -> Generator:
     word = int.from_bytes(blake2b(purpose.encode(), digest_size=4).digest(), "little")
     return np.random.Generator(np.random.PCG64([seed, place, SIGNALS, word]))
-
-
-def _rule(scenario: Scenario, setup: VehicleSetup, start_at: int) -> SendingRule:
-    table = setup.sending
-    match table.kind:
-        case "every_fix":
-            return EveryFix()
-        case "fixed":
-            return FixedRate(_cadence(scenario, setup, table, start_at))
-        case "profile":
-            return Profile([(point.at_s, point.rate_hz) for point in table.profile], start_at)
-        case "cam":
-            return CooperativeAwareness(_cadence(scenario, setup, table, start_at))
-        case "intervals":
-            random = _streams(scenario.seed, setup.place)("intervals")
-            return DrawnIntervals(shares_of(table), start_at, random)
-
-
-def _cadence(
-    scenario: Scenario, setup: VehicleSetup, table: FixedSending | CamSending, start_at: int
-) -> Cadence:
-    """Schedule of sending, or of looking whether to send, with its phase."""
-    rate_hz = table.rate_hz if table.kind == "fixed" else 1000.0 / table.check_period_ms
-    phase = nanoseconds(table.phase_s)
-    if table.drawn_phase:
-        drawn = _streams(scenario.seed, setup.place)("phase").random()
-        phase = int(drawn * SECOND / rate_hz)
-    return Cadence(start_at + phase, rate_hz)
-
-
-def _control(table: DccTable, start_at: int) -> ReactiveControl:
-    busy = [(point.at_s, point.busy_ratio) for point in table.busy]
-    return ReactiveControl(busy, start_at, round(table.period_ms * MILLISECOND))

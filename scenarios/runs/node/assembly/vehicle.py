@@ -12,10 +12,6 @@ from scenarios.definition.channel.between import vehicles_between
 from scenarios.definition.channel.build import content_stage, link_effects, link_stages
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.changes import AnyChange
-from scenarios.definition.sending import (
-    even_rate_hz,
-    highest_rate_hz,
-)
 from scenarios.runs.node.agenda import Agenda, scheduled
 from scenarios.runs.node.assembly.drivers import DriverBuilder
 from scenarios.runs.node.assembly.signals import (
@@ -240,7 +236,7 @@ class VehicleBuilder:
         """The link from `sender`, and the gate that its poses pass."""
         scenario = self._scenario
         asked, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
-        rate_hz = highest_rate_hz(setup.sending, setup.gnss)
+        rate_hz = setup.highest_rate_hz
         effects = self._effects_of(sender, start_at)(asked, ())
         link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
         gate = PoseGate(
@@ -254,12 +250,10 @@ class VehicleBuilder:
 
     def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
         """What makes the effects of the link from `sender`, as it is or as it is changed."""
-        setup = self._scenario.vehicle(sender)
-        rate_hz = highest_rate_hz(setup.sending, setup.gnss)
-        even_hz = even_rate_hz(setup.sending, setup.gnss) or rate_hz
+        rate_hz = self._scenario.vehicle(sender).highest_rate_hz
         setting = self._scenario.link_setting(sender, self.name, start_at)
         between = partial(self._between, sender)
-        return lambda asked, besides: link_effects(asked, even_hz, setting, between, besides)
+        return lambda asked, besides: link_effects(asked, rate_hz, setting, between, besides)
 
     def _between(self, sender: str) -> VehiclesBetween:
         """Who drives between `sender` and this vehicle."""

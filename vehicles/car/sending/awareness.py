@@ -1,0 +1,105 @@
+"""Sending by the rule of cooperative awareness messages (ETSI EN 302 637-2, Section 6.1.3)."""
+
+from dataclasses import dataclass
+from math import degrees, hypot
+from typing import Annotated
+
+from vehicles.car.gnss import Fix
+from vehicles.car.sending.rule import PhasedRule, SendingCourse, SendingStart
+from vehicles.car.sending.sender import LONG_AGO, ROUNDING
+from vehicles.geometry.geodesy import wrap_angle
+from vehicles.schedule import MILLISECOND, SECOND, Cadence
+from vehicles.setting import Setting
+
+HEADING, POSITION, SPEED = 4.0, 4.0, 0.5
+"""A change of more than so many degrees, metres, or m/s since the last message asks for another
+(EN 302 637-2)."""
+SHORTEST, LONGEST = 100 * MILLISECOND, 1000 * MILLISECOND
+"""Least and greatest interval (ns) of cooperative awareness messages (EN 302 637-2)."""
+REPEATS = 3
+"""So many messages keep the interval after which the last change asked for one (EN 302 637-2)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AwarenessMessages(PhasedRule):
+    """As cooperative awareness messages (ETSI EN 302 637-2, 6.1.3): after 4 m, 4 deg or 0.5 m/s,
+    every 0.1 to 1 s, judged by the newest fix at each check.
+    """  # noqa: D205 - one sentence
+
+    check_period: Annotated[int, Setting("between two checks", "ms", 1, 100)] = 100 * MILLISECOND
+
+    @property
+    def schedule_rate(self) -> float:
+        return SECOND / self.check_period
+
+    def begin(self, start: SendingStart) -> SendingCourse:
+        return CooperativeAwareness(self.cadence(start))
+
+    def highest_rate(self, fixes: float) -> float:
+        return min(SECOND / SHORTEST, fixes)
+
+    def usual_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+        return 1.0 / awareness_interval(speed, self.check_period / SECOND)
+
+    def describe(self) -> str:
+        period = f"{self.check_period / MILLISECOND:g} ms"
+        return f"CAM, checked every {period}, {self.describe_phase()}"
+
+
+class CooperativeAwareness:
+    """The rule of EN 302 637-2, Section 6.1.3, on the newest fix at each instant of checking.
+
+    A message is due if heading, position or speed have changed enough since the last one, and at
+    the latest after the interval that the last such change took; after three in a row that came by
+    time alone, each second.
+    """
+
+    def __init__(self, checks: Cadence) -> None:
+        """`checks` are at most 100 ms apart."""
+        self._checks = checks
+        self._last: Fix | None = None
+        self._sent_at = LONG_AGO
+        self._interval = LONGEST
+        self._by_time = 0
+        self._changed = False
+
+    def due(self, now: int, waiting: Fix | None, opens: int) -> bool:
+        """Whether the rule asks for a message (EN 302 637-2, Section 6.1.3)."""
+        if waiting is None or now < opens or not self._checks.due(now):
+            return False
+        elapsed = now - self._sent_at + ROUNDING
+        self._changed = self._last is not None and _has_changed(self._last, waiting)
+        return elapsed >= (SHORTEST if self._changed else self._interval)
+
+    def sent(self, now: int, fix: Fix) -> None:
+        """Set the interval after which the next message is due (EN 302 637-2, Section 6.1.3)."""
+        if self._changed:
+            self._interval, self._by_time = min(now - self._sent_at, LONGEST), 0
+        elif self._last is not None:
+            self._by_time += 1
+            if self._by_time >= REPEATS:
+                self._interval = LONGEST
+        self._last, self._sent_at = fix, now
+
+
+def _has_changed(last: Fix, now: Fix) -> bool:
+    return (
+        abs(degrees(wrap_angle(now.yaw - last.yaw))) > HEADING
+        or hypot(now.east - last.east, now.north - last.north) > POSITION
+        or abs(now.speed - last.speed) > SPEED
+    )
+
+
+def awareness_interval(speed: float, check: float) -> float:
+    """Interval (s) at which EN 302 637-2 asks for messages at a constant speed (m/s), straight on.
+
+    The first check, every `check` s, after more than 4 m; from 0.1 to 1 s.
+    """
+    if speed * LONGEST / SECOND <= POSITION:
+        return LONGEST / SECOND
+    checks = least = 1
+    while checks * check * speed <= POSITION + 1e-9:
+        checks += 1
+    while least * check < SHORTEST / SECOND - 1e-9:
+        least += 1
+    return min(max(checks, least) * check, LONGEST / SECOND)

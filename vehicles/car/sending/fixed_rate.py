@@ -1,0 +1,49 @@
+"""Sending at a constant rate."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from vehicles.car.gnss import Fix
+from vehicles.car.sending.rule import PhasedRule, SendingCourse, SendingStart
+from vehicles.schedule import Cadence
+from vehicles.setting import Setting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixedRate(PhasedRule):
+    """At a rate and with a phase of its own, independent of control and GNSS."""
+
+    rate: Annotated[float, Setting("rate of sending", "hz", 0.01, 100, example=10.0)]
+
+    @property
+    def is_even(self) -> bool:
+        return self.dcc is None
+
+    @property
+    def schedule_rate(self) -> float:
+        return self.rate
+
+    def begin(self, start: SendingStart) -> SendingCourse:
+        return AtInstants(self.cadence(start))
+
+    def highest_rate(self, fixes: float) -> float:
+        return min(self.rate, fixes)
+
+    def usual_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+        return self.rate
+
+    def describe(self) -> str:
+        return f"{self.rate:g} Hz, {self.describe_phase()}"
+
+
+@dataclass(frozen=True, slots=True)
+class AtInstants:
+    """At the instants of a schedule; one that is too soon for congestion control is skipped."""
+
+    cadence: Cadence
+
+    def due(self, now: int, waiting: Fix | None, opens: int) -> bool:  # noqa: ARG002
+        return now >= opens and self.cadence.due(now)
+
+    def sent(self, now: int, fix: Fix) -> None:
+        pass
