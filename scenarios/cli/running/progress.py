@@ -1,14 +1,18 @@
 """The live table of a run; without a terminal, a line every few seconds."""
 
 import time
+from collections.abc import Sequence
 from math import inf, isfinite
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from scenarios.cli.columns import worst_rows
+from scenarios.cli.columns import Column, table_of, worst_rows
 from scenarios.results.metrics import Metrics
+from scenarios.results.vehicles.accumulators import Extremes
+from scenarios.results.vehicles.figures import VehicleFigures
 from transport.reasons import counts_as_loss
 from vehicles.messages import LogText, Message, RunStart, TruePose
 from vehicles.schedule import SECOND
@@ -18,6 +22,40 @@ PLAIN_EVERY_S = 5.0
 """Without a terminal, a plain line this often."""
 MOST_ROWS = 10
 """Of more vehicles than this only the worst have a row."""
+
+
+class _Row(NamedTuple):
+    """A vehicle now: its figures, its true gap (m), infinite if unknown, and its messages."""
+
+    name: str
+    figures: VehicleFigures
+    gap: float
+    heard: int
+    lost: int
+    late: int
+
+    @property
+    def error(self) -> Extremes | None:
+        """True error, None if there is none yet."""
+        return self.figures.cross_track_error if self.figures.cross_track_error.count else None
+
+
+def _metres(gap: float) -> str:
+    return f"{gap:.1f}" if isfinite(gap) else "-"
+
+
+COLUMNS: Sequence[Column[_Row]] = (
+    Column("vehicle", lambda row: row.name, left=True),
+    Column("true\nerror cm", lambda row: row.error.latest if row.error else None, ".1f", 100),
+    Column("largest\ncm", lambda row: row.error.largest if row.error else None, ".1f", 100),
+    Column("true\ngap m", lambda row: _metres(row.gap)),
+    Column("believed\nerror cm", lambda row: row.figures.lateral_error.latest, ".1f", 100),
+    Column("steers\nalong", lambda row: row.figures.mode, left=True),
+    Column("speed\nm/s", lambda row: row.figures.speed, ".1f"),
+    Column("heard", lambda row: row.heard),
+    Column("lost", lambda row: row.lost),
+    Column("late", lambda row: row.late),
+)
 
 
 class Progress:
@@ -101,7 +139,7 @@ class Progress:
         )
 
     def _gap(self, name: str) -> float:
-        """True gap (m) to the vehicle ahead by now, infinite without one."""
+        """True gap (m) to the vehicle ahead by now, infinite if it is unknown."""
         known = self._metrics.stream.gaps.get(name)
         return known.now_m if known else inf
 
@@ -125,30 +163,9 @@ class Progress:
         if len(names) < len(self._metrics.vehicles):
             count = len(self._metrics.vehicles)
             caption = f"the worst {len(names)} of {count}; all: {self._of_all()}"
-        table = Table(
-            title=title, caption=caption, box=None, padding=(0, 1, 0, 0)
-        )  # lines would cost columns
-        table.add_column("vehicle", no_wrap=True)
-        for heading in ("true\nerror cm", "largest\ncm", "true\ngap m", "believed\nerror cm"):
-            table.add_column(heading, justify="right", no_wrap=True)
-        table.add_column("steers\nalong", no_wrap=True)
-        for heading in ("speed\nm/s", "heard", "lost", "late"):
-            table.add_column(heading, justify="right", no_wrap=True)
-        for name in names:
-            figures = self._metrics.vehicles[name]
-            true = figures.cross_track_error
-            table.add_row(
-                name,
-                f"{true.latest * 100:.1f}" if true.count else "-",
-                f"{true.largest * 100:.1f}" if true.count else "-",
-                _metres(self._gap(name)),
-                f"{figures.lateral_error.latest * 100:.1f}",
-                figures.mode,
-                f"{figures.speed:.1f}",
-                *map(str, self._messages(name)),
-            )
-        return table
-
-
-def _metres(gap: float) -> str:
-    return f"{gap:.1f}" if isfinite(gap) else "-"
+        rows = [
+            _Row(name, self._metrics.vehicles[name], self._gap(name), *self._messages(name))
+            for name in names
+        ]
+        # without lines, which would cost columns
+        return table_of(COLUMNS, rows, title=title, caption=caption, box=None)
