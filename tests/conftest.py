@@ -52,7 +52,6 @@ def pytest_configure(config: pytest.Config) -> None:
         settings.load_profile(CAMPAIGN)
     config.addinivalue_line("markers", "campaign(few, all): random cases, and with --campaign")
     config.addinivalue_line("markers", "long: takes more than ten seconds and is begun early")
-    config.addinivalue_line("markers", "forks: copies this process, which is to be small by then")
 
 
 @pytest.hookimpl(wrapper=True)
@@ -72,7 +71,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with what forks often, then with what is long and the convoys of real processes.
+    """Begin with long tests, then with the convoys of real processes.
 
     Of three workers of `-n` one gets the first third of the list: it spends most of its time
     waiting for convoys, and leaves two cores to the others, which calculate. Whoever is through
@@ -84,7 +83,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.timeout(CAMPAIGN_S))
     items.sort(
         key=lambda one: (
-            one.get_closest_marker("forks") is None,
             one.get_closest_marker("long") is None,
             SYSTEM not in one.path.parents,
         )
