@@ -130,11 +130,11 @@ def print_answer(
     columns = (Column(question.key, lambda one: one.value, "g"), *COLUMNS)
     table = table_of(columns, answer.points, lambda one: "bold" if one.value in ends else None)
     print_whole(table, console)
-    for line in said(question, answer):
+    for line in answer_lines(question, answer):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
-def said(question: "BoundaryQuestion", answer: "BoundaryAnswer") -> list[str]:
+def answer_lines(question: "BoundaryQuestion", answer: "BoundaryAnswer") -> list[str]:
     """The answer in lines."""
     half = 0.5 * (answer.high - answer.low)
     wanted = f"{100.0 * question.share:g} %" if question.share else "one"

@@ -53,7 +53,7 @@ Examples:
     type=click.IntRange(min=10),
     default=400,
     show_default=True,
-    help="How many runs at most; a set that could not be shrunk to the end is said to be so.",
+    help="How many runs at most; a set that could not be shrunk to the end is marked.",
 )
 def blame(
     *,
@@ -99,7 +99,7 @@ def blame(
 
 
 def print_blame(found: "Blame", console: "Console") -> None:
-    """Print what the run came to, the costliest bursts, and the smallest set."""
+    """Print the figures of the run, the costliest bursts, and the smallest set."""
     console.print(_opening(found), highlight=False)
     console.print(table_of(COLUMNS, found.rows[:MOST_ROWS]))
     if left := found.rows[MOST_ROWS:]:

@@ -50,7 +50,8 @@ Examples:
     " follower received nothing.",
 )
 @click.option("--to", type=FiniteRange(0.0, min_open=True), default=0.5, show_default=True,
-              metavar="RATIO", help="Enough: half the interval over the probability.")  # fmt: skip
+              metavar="RATIO",
+              help="Stop at this relative half-width of the interval.")  # fmt: skip
 @click.option("--runs", type=click.IntRange(min=20), default=2000, show_default=True,
               help="Runs at most.")  # fmt: skip
 @click.option("--paths", type=click.IntRange(min=2), default=50, show_default=True,
@@ -124,7 +125,7 @@ def print_risk(question: "RiskQuestion", found: "Risk", console: "Console") -> N
 
 
 def remarks(question: "RiskQuestion", found: "Risk") -> list[str]:
-    """What else there is to say of the estimate."""
+    """Remarks on the estimate."""
     from scenarios.studies.many.risk import NO_COMMAND, command_of
 
     if found.method == "counting":

@@ -119,9 +119,9 @@ def sweep(
             scenario, vary=vary, seeds=seeds, sets=overrides, figures=figures, limits=limits
         )
         fleet = chosen_fleet(workers, scheduler)
-        say = partial(click.echo, err=True)
+        report = partial(click.echo, err=True)
         table, written = carry_out_sweep(
-            plan, out, fleet, say, parquet=parquet, pictures=not no_pictures
+            plan, out, fleet, report, parquet=parquet, pictures=not no_pictures
         )
         print_sweep(table, Console())
         click.echo(f"written: {', '.join(map(str, written))}")

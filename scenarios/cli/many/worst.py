@@ -93,8 +93,8 @@ def worst(
         loaded = base.scenario
         asked = burst_of(links, burst, loaded)
         span = span_of(loaded, asked, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
-        say = partial(click.echo, err=True)
-        with study_engine(chosen_fleet(workers, scheduler), say) as engine:
+        report = partial(click.echo, err=True)
+        with study_engine(chosen_fleet(workers, scheduler), report) as engine:
             changes = len(loaded.tables.change)
             search = WorstSearch(base, asked, figure, engine, changes=changes, seeds=seeds)
             found = search.look(span)

@@ -22,7 +22,7 @@ GIVEN_UP = "given_up"
 REPORT_EVERY_S = 2.0
 
 
-class Progress:
+class JobProgress:
     """Counts the jobs of a study, and reports them every few seconds.
 
     `total` is their number where it is known beforehand; `doing` is what they are for.
@@ -77,7 +77,7 @@ class Engine:
         journal: RunJournal | None = None,
     ) -> None:
         """`ends` is what the fleet ends with."""
-        self.progress = Progress(report)
+        self.progress = JobProgress(report)
         self.report = report
         self._open_fleet, self._ends = open_fleet, ends
         self._fleet: Fleet | None = None

@@ -20,7 +20,7 @@ def carry_out_sweep(
     plan: SweepPlan,
     out: Path,
     fleet: OpenFleet,
-    say: Callable[[str], None],
+    report: Callable[[str], None],
     *,
     parquet: bool = False,
     pictures: bool = True,
@@ -32,10 +32,10 @@ def carry_out_sweep(
     """
     files = (CELLS, RUNS, TWIN, HEAT_MAP, SEEDS, *PARQUET)
     with study_engine(
-        fleet, say, out=out, files=files, identity=plan.identity(), keep_journal=True
+        fleet, report, out=out, files=files, identity=plan.identity(), keep_journal=True
     ) as engine:
         table = table_of(plan, _entries(plan, engine))
-        contents = tables_of(table, parquet=parquet) | (drawn(table, say) if pictures else {})
+        contents = tables_of(table, parquet=parquet) | (drawn(table, report) if pictures else {})
         return table, write_files(out, contents)
 
 
@@ -65,8 +65,8 @@ def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
     return contents
 
 
-def drawn(table: SweepTable, say: Callable[[str], None]) -> dict[str, Any]:
-    """All pictures by the names of their files; why there is no heat map goes to `say`."""
+def drawn(table: SweepTable, report: Callable[[str], None]) -> dict[str, Any]:
+    """All pictures by the names of their files; why there is no heat map goes to `report`."""
     from scenarios.studies.many.sweeps.pictures import (  # noqa: PLC0415 - needs matplotlib
         seeds_figure,
         sweep_figure,
@@ -74,6 +74,6 @@ def drawn(table: SweepTable, say: Callable[[str], None]) -> dict[str, Any]:
     )
 
     if why_not := why_no_heat_map(table):
-        say(why_not)
+        report(why_not)
         return {SEEDS: seeds_figure(table)}
     return {HEAT_MAP: sweep_figure(table), SEEDS: seeds_figure(table)}

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.studies.engine.driver import BATCH_S, DEADLY, MOST_DEATHS, JobDriver, Pace
-from scenarios.studies.engine.engine import Progress, study_engine
+from scenarios.studies.engine.engine import JobProgress, study_engine
 from scenarios.studies.engine.fleet import Fleet, ThisProcess, fleet_of
 from scenarios.studies.engine.job import Job, JobAnswer, Work
 from tests.made.many.engines import engine_here
@@ -203,7 +203,7 @@ def test_the_time_left_is_that_of_the_runs_after_the_first(
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     said: list[str] = []
-    countdown = Progress(said.append)
+    countdown = JobProgress(said.append)
     countdown.total, countdown.done = 10, 4
     for at in (30.0, 32.0, 33.0, 36.0, 38.0, 40.0):
         now[0] = at
