@@ -16,13 +16,7 @@ from transport.codec import RefusedMessageError, decode, encode
 from transport.links.gate import GPS, HORIZON_NS, PoseGate
 from transport.links.laws.content import BitErrors, Duplication, draw_of_copy, flip_places, flipped
 from transport.links.laws.effect import Passage
-from transport.links.laws.false_content import (
-    FalseContent,
-    FrozenContent,
-    GhostVehicle,
-    ReplayedContent,
-    put_off,
-)
+from transport.links.laws.false_content import FalseContent, put_off
 from transport.links.link import Link, Verdict, combine
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose
@@ -110,9 +104,9 @@ class ContentStage:
 
     def __post_init__(self) -> None:
         """Make the memory that the false content needs."""
-        frozen = [one.span.from_at - 1 for one in self.false if isinstance(one, FrozenContent)]
-        ages = [one.age for one in self.false if isinstance(one, ReplayedContent)]
-        object.__setattr__(self, "memory", Memory(frozen, max(ages, default=0)))
+        moments = [moment for one in self.false for moment in one.moments]
+        span = max((one.age for one in self.false), default=0)
+        object.__setattr__(self, "memory", Memory(moments, span))
 
     def arrive(self, one: Transmission) -> list[Further]:
         """Work out what the receiver reads of a message that has become visible.
@@ -188,15 +182,13 @@ class ContentStage:
 
     def _ghosts(self, judged: Verdict, sent: GpsPose) -> list[Further]:
         ghosts = [
-            one
-            for one in self.false
-            if isinstance(one, GhostVehicle) and sent.sent_at_ns in one.span
+            one for one in self.false if one.after is not None and sent.sent_at_ns in one.span
         ]
         further = []
         for nth, one in enumerate(ghosts, GHOST):
             with suppress(RefusedMessageError):  # no vehicle is beyond the plane
                 beside = self._checked(one.beside(sent, self.gate.plane), sent)
-                further.append(Further(judged.visible_at + one.after, nth, beside))
+                further.append(Further(judged.visible_at + (one.after or 0), nth, beside))
         return further
 
 

@@ -58,7 +58,8 @@ class Shift:
 class FalseContent(LawTable):
     """False content, of what is sent from `from_s` on until `to_s` after the start of the run.
 
-    Without `to_s` it lasts to the end. `kind` is its word in the verdicts.
+    Without `to_s` it lasts to the end. `kind` is its word in the verdicts. By default it needs no
+    earlier messages and adds none.
     """
 
     from_s: Seconds = 0.0
@@ -76,6 +77,28 @@ class FalseContent(LawTable):
         start_at = self.setting.start_at
         to_at = inf if self.to_s is None else start_at + round(self.to_s * SECOND)
         return FalseSpell(start_at + round(self.from_s * SECOND), to_at)
+
+    @property
+    def moments(self) -> tuple[int, ...]:
+        """Instants (ns) of which it needs the last message."""
+        return ()
+
+    @property
+    def age(self) -> int:
+        """Age (ns) up to which it needs all messages."""
+        return 0
+
+    @property
+    def after(self) -> int | None:
+        """By how much (ns) the further message that it adds comes later, None if it adds none."""
+        return None
+
+    def beside(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
+        """Return the further message beside `pose`.
+
+        Raises RefusedMessageError for a place beyond the plane.
+        """
+        raise NotImplementedError
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Return the pose in the place of `pose`, or None if that stays as it is.
@@ -150,6 +173,11 @@ class FrozenContent(FalseContent):
 
     kind: Literal["frozen"] = "frozen"
     from_s: Annotated[float, Field(gt=0, le=LATEST_S)]
+
+    @property
+    def moments(self) -> tuple[int, ...]:
+        """The instant before the span."""
+        return (self.span.from_at - 1,)
 
     def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:  # noqa: ARG002 - as all
         """Repeat the last message before the span; None if none of then is known."""
