@@ -1,10 +1,10 @@
-"""What a run was, live, in virtual time or from its log.
+"""Figures, events and summary of a run, live, in virtual time or from its log.
 
 stream            values derived from the messages once, for all who need them
 metrics           figures gathered message by message
 vehicles/         figures of single vehicles
 channel/          what links did, against what was requested
-events/           all that must not pass unseen: collisions, lane departures, paths lost, stops
+events/           collisions, near misses, lane departures, paths lost, slides, stops, distrust
 holes             poses that were not recorded
 deviations        true errors and gaps for plots of the log
 limits/           limits of the scenario that were kept or broken

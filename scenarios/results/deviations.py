@@ -1,4 +1,4 @@
-"""True errors and true gaps ten times a second, for whoever plots a log without this project."""
+"""True errors and true gaps ten times a second, for plots of a log without this project."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 PERIOD_NS = 100 * MILLISECOND
 PATIENCE_NS = SECOND
-"""So long the pose of the vehicle ahead is waited for, or the lead's that gets to the place."""
+"""How long an error or a gap waits for the other of its instant."""
 
 
 class TrueDeviation(NamedTuple):
@@ -26,7 +26,7 @@ class TrueDeviation(NamedTuple):
 
 @dataclass(slots=True)
 class _Values:
-    """The period of the last value that was taken, and those that wait for the other of a pair."""
+    """The period of the latest value, and values that wait for the other of their pair."""
 
     period: int = -1
     waiting: dict[int, float] = field(default_factory=dict)
@@ -38,10 +38,10 @@ class _Values:
 
 
 class Deviations:
-    """Puts error and gap of equal instants together, whichever is known first.
+    """Pairs error and gap of equal instants, whichever is known first.
 
-    The first instant in each period of a vehicle is taken, so what is found does not depend on the
-    order in which the messages of different vehicles came. What waits for too long is told alone.
+    The first instant in each period of a vehicle counts, so the pairs do not depend on the order of
+    the messages of different vehicles. A value that waits for too long is passed on alone.
     """
 
     def __init__(self, followers: Iterable[str]) -> None:
@@ -73,10 +73,10 @@ class Deviations:
                 self._ready.append(TrueDeviation(vehicle, at, error, gaps.waiting.pop(at)))
             else:
                 errors.waiting[at] = error
-            self._tell_old(vehicle, at)
+            self._release_old(vehicle, at)
 
     def wants_gap(self, vehicle: str, at: int) -> bool:
-        """Whether a gap of a follower at instant `at` (ns) would be told."""
+        """Whether a gap of a follower at instant `at` (ns) is needed."""
         _, gaps = self._of[vehicle]
         return gaps.period != at // PERIOD_NS
 
@@ -88,9 +88,9 @@ class Deviations:
                 self._ready.append(TrueDeviation(vehicle, at, errors.waiting.pop(at), gap))
             else:
                 gaps.waiting[at] = gap
-            self._tell_old(vehicle, at)
+            self._release_old(vehicle, at)
 
-    def _tell_old(self, vehicle: str, now: int) -> None:
+    def _release_old(self, vehicle: str, now: int) -> None:
         errors, gaps = self._of[vehicle]
         for at in [at for at in errors.waiting if now - at > PATIENCE_NS]:
             self._ready.append(TrueDeviation(vehicle, at, errors.waiting.pop(at), nan))

@@ -1,4 +1,4 @@
-"""What the vehicles of one run did, as arrays: the errors the paper shows, and the true ones."""
+"""The drives of one run as arrays: the errors that the paper shows, and the true ones."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from vehicles.schedule import SECOND
 
 Array = NDArray[np.float64]
 KINDS: frozenset[type[Message]] = frozenset((TruePose, Tracking))
-"""Kinds of message of which drives are made."""
+"""Kinds of message that drives are made of."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What one vehicle did, an entry per control instant (s from the start, m, m/s, rad).
+    """The drive of one vehicle, an entry per control instant (s from the start, m, m/s, rad).
 
     `lateral_error` and `heading_error` are the paper's: against the trajectory it steers along.
     `station` and `cross_track` are its true place along and beside the lead's driven path, an

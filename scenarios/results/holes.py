@@ -1,4 +1,4 @@
-"""What of a run was not recorded: holes in the numbers of the poses that a vehicle sends."""
+"""Poses that were not recorded: holes in the numbers of the poses that a vehicle sends."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ HoleKind = Literal["pose", "true pose"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordHole:
-    """Poses of a vehicle that it should have sent and that are not in the log, one after another.
+    """Consecutive poses of a vehicle that it should have sent and that are not in the log.
 
     `from_s` and `to_s` are the instants of the first and the last of them, from the start; of a
     vehicle that sends by no schedule those of the poses before and after. Of the kind "true pose"
@@ -37,7 +37,7 @@ class RecordHole:
 
 
 def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
-    """Say what is missing, a line for equal holes of several vehicles, `most` lines of them."""
+    """Report missing poses, a line for equal holes of several vehicles, up to `most` lines."""
     alike: dict[tuple[float, float, int, HoleKind], list[str]] = {}
     for hole in holes:
         key = (hole.from_s, hole.to_s, hole.poses, hole.kind)
@@ -52,9 +52,9 @@ def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
 
 
 class EdgeInstants:
-    """When those messages were sent that have a hole beside them, of a vehicle without a schedule.
+    """Instants of messages next to a hole, of a vehicle without a schedule.
 
-    Numbers that come in turn have none, so few are kept.
+    Consecutive numbers have none, so few are kept.
     """
 
     def __init__(self) -> None:
@@ -72,9 +72,9 @@ class EdgeInstants:
             self._newest = number, at
 
     def holes(self, vehicle: str, numbers: MessageNumbers, start_at: int) -> Iterator[RecordHole]:
-        """Give the holes in `numbers` of a run that started at `start_at` (ns).
+        """Yield the holes in `numbers` of a run that started at `start_at` (ns).
 
-        What was sent last may be missing without a trace.
+        Missing messages at the end leave no trace.
         """
         for first, last in numbers.missing(0):
             yield RecordHole(
@@ -86,7 +86,7 @@ class EdgeInstants:
 
 
 def expected_poses(ran_ns: int, rate_hz: float) -> int:
-    """How many instants of a schedule of `rate_hz` lie before `ran_ns` (ns) after its start."""
+    """Count the instants of a schedule of `rate_hz` in the first `ran_ns` (ns)."""
     count = max(ceil(ran_ns * rate_hz / SECOND), 0)
     while count and instant(0, count - 1, rate_hz) >= ran_ns:
         count -= 1
@@ -102,7 +102,7 @@ def holes_of(
     expected: int,
     kind: HoleKind = "pose",
 ) -> Iterator[RecordHole]:
-    """Give the holes in the record of a vehicle that sends what is counted at `rate_hz`."""
+    """Yield the holes in the record of a vehicle that sends these messages at `rate_hz`."""
     for first, last in numbers.missing(expected):
         yield RecordHole(
             vehicle=vehicle,

@@ -60,12 +60,11 @@ class Metrics:
     ) -> None:
         """Take the vehicles' names, lead first, and the settings of each (sender, receiver).
 
-        `road_yaw` (rad) is the direction of the road on which the convoy starts; `rates_hz` are
-        those at which poses are sent from the start on, None for a vehicle whose poses come by no
-        such schedule; `duration_ns` is as planned; `linear_slips` are the slip angles
-        (rad) of front and rear axle up to which each vehicle's tyres are linear; `deadlines` are
-        what followers have to have done by an instant. Without a `stream` of figures, one with
-        usual cars and thresholds is made; others can subscribe to it, too.
+        `road_yaw` (rad) is the direction of the road at the start. `rates_hz` are the rates of the
+        vehicles' poses, None for a vehicle without a schedule; `duration_ns` is the planned
+        duration. `linear_slips` are the slip angles (rad) of front and rear axle up to which the
+        tyres of each vehicle are linear; `deadlines` are what followers have to do by an instant.
+        Without a `stream` of figures, one with usual cars and thresholds is made.
         """
         self._names = list(vehicles)
         self._lead = self._names[0]
@@ -139,7 +138,7 @@ class Metrics:
         self.add(message)
 
     def add(self, message: Message) -> None:
-        """Take one message; kinds that carry no figure, and strangers, are passed over."""
+        """Take one message; those without figures or of unknown vehicles are ignored."""
         if (found := self._takes.get(type(message))) is not None:
             figures = self.vehicles.get(message.vehicle)
             if figures is not None:

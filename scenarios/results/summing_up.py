@@ -14,11 +14,11 @@ from transport.log.records import LogError
 from vehicles.schedule import SECOND, nanoseconds
 
 METADATA_NAME = "convoy"
-"""The log's record of metadata that says which run it is."""
+"""Name of the log's metadata that identify the run."""
 SILENT_S = 1.0
-"""A link without loss that delivered nothing for so long did not work."""
+"""A link without loss that delivers nothing for this time does not work."""
 LATE_SHARE = 0.01
-"""A run of which a larger share of the ticks began late was not one in real time."""
+"""With a larger share of late ticks a run is not one in real time."""
 
 
 def write_summary(folder: Path, summary: RunSummary) -> None:
@@ -43,9 +43,10 @@ def summarise(
     reason: str,
     rejected: Mapping[str, int],
 ) -> RunSummary:
-    """Put the figures of a run together; `ran_ns` is how long it ran, `rejected` by reason.
+    """Put the figures of a run together.
 
-    A `reason` to end early stays the first; the limits that were broken follow it.
+    `ran_ns` is how long it ran, `rejected` counts refused messages by reason. Broken limits follow
+    the `reason` to end early.
     """
     metrics.finish()
     ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))
@@ -75,7 +76,7 @@ def summarise(
 
 
 def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
-    """Say that the vehicles did not keep up with the wall clock, if they did not."""
+    """Warn if the vehicles did not keep up with the wall clock."""
     ticks, late = sum([one.ticks for one in vehicles]), sum([one.late_ticks for one in vehicles])
     if late <= LATE_SHARE * ticks:
         return
@@ -93,13 +94,13 @@ def silent_links(
     replayed: frozenset[str] = frozenset(),
     off: frozenset[tuple[str, str]] = frozenset(),
 ) -> str:
-    """Say which links that should lose nothing delivered nothing; nothing if there is none.
+    """Report links that should lose nothing but delivered nothing; empty if there are none.
 
-    Only what sender and receiver both lived for counts, beyond the delay that was asked for; a
-    receiver that is `replayed` listens to nobody. Of links that are `off` the sender or the
-    receiver has no radio for a time.
+    Only the time during which sender and receiver both ran counts, less the requested delay.
+    `replayed` vehicles receive nothing. The sender or the receiver of links that are `off` has no
+    radio for a time.
     """
-    said = []
+    silent = []
     for link in metrics.link_summaries():
         asked = link.requested
         common_s = min(
@@ -111,10 +112,10 @@ def silent_links(
         is_on = (link.sender, link.receiver) not in off
         is_sure = asked.is_sure and not metrics.links[link.sender, link.receiver].changed
         if listens and is_on and is_sure and not link.heard and expected_s >= SILENT_S:
-            said.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
+            silent.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
     refused = [
         f"{name} refused {figures.health.rejected_messages} messages"
         for name, figures in metrics.vehicles.items()
-        if said and figures.health and figures.health.rejected_messages
+        if silent and figures.health and figures.health.rejected_messages
     ]
-    return "; ".join((*said, *refused))
+    return "; ".join((*silent, *refused))

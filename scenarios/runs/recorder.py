@@ -1,4 +1,4 @@
-"""Takes every message of a run off the bus: into the log, the figures and the picture."""
+"""Takes every message of a run into the log, the figures and the picture."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,16 +27,15 @@ from vehicles.messages import (
 from vehicles.schedule import SECOND
 
 EARLY_NS = SECOND
-"""A vehicle sends its final counters so early when the run is cancelled before its start."""
+"""How early final counters may come, of a run that is cancelled before its start."""
 ANY_AGE_NS = 2**62
-"""A pose is recorded however long it took to come."""
+"""A pose is recorded however late it comes."""
 
 
 class Recorder:
-    """Writes the messages of known vehicles; anything else on their keys is only counted.
+    """Writes the messages of known vehicles and passes them to observers.
 
-    `rejected` counts what was refused, by a word of the table of reasons; before `begin` that is
-    everything.
+    `rejected` counts refused messages by reason; before `begin` all are refused.
     """
 
     def __init__(
@@ -51,7 +50,7 @@ class Recorder:
     ) -> None:
         """`vehicles` are the names with their highest rates of sending (Hz).
 
-        Their own clocks are off by `clock_errors_ns` at most, where they are off at all. `plane` is
+        Their clocks are off by up to `clock_errors_ns`. `plane` is
         the scenario's; `observers` receive each message after it has been written.
         """
         self._topics: dict[str, tuple[str, Topic]] = {
@@ -80,11 +79,11 @@ class Recorder:
 
     @property
     def keys(self) -> list[str]:
-        """The keys of the messages that it knows."""
+        """The keys of the messages to record."""
         return list(self._topics)
 
     def begin(self, at: int, start_at: int, run_id: str) -> bytes:
-        """Log at instant `at` that the run starts at `start_at` (ns); what was before is refused.
+        """Log at instant `at` that the run starts at `start_at` (ns); earlier messages are refused.
 
         Returns the announcement for the bus.
         """
@@ -107,14 +106,14 @@ class Recorder:
         return self._put(RunEnd, at, end_at_ns=at, reason=reason)
 
     def accept_all(self, arrivals: Iterable[tuple[int, str, bytes]]) -> None:
-        """Take messages: of each the instant of reception (ns), its key and its bytes."""
+        """Take messages: instant of reception (ns), key and bytes of each."""
         for at, key_expression, data in arrivals:
             self.accept(key_expression, data, at)
 
     def accept(self, key_expression: str, data: bytes, at: int) -> bool:
-        """Take one message received at instant `at` (ns); tells whether it was recorded.
+        """Take one message received at instant `at` (ns); return whether it was recorded.
 
-        The last counters of a vehicle, which it repeats until they are heard, are recorded once.
+        Final counters, which a vehicle repeats until they are confirmed, are recorded once.
         """
         try:
             message, seen = self._admit(key_expression, data, at)
@@ -135,9 +134,9 @@ class Recorder:
             self.say(at, line, "alert")
 
     def _admit(self, key_expression: str, data: bytes, at: int) -> tuple[Message, MessageNumbers]:
-        """Read a message of this run; raises RefusedMessageError.
+        """Decode and check a message; raises RefusedMessageError.
 
-        Returns it with the numbers of those that came before it.
+        Returns it with the numbers of the earlier ones on its key.
         """
         found = self._topics.get(key_expression)
         if found is None:
@@ -164,11 +163,11 @@ class Recorder:
         return message, seen
 
     def say(self, at: int, text: str, level: Level = "info") -> None:
-        """Write a line of the run's own into the log."""
+        """Log a line of the run itself."""
         self._put(LogText, at, logged_at_ns=at, level=level, text=text)
 
     def report_health(self, at: int, *, final: bool = False) -> None:
-        """Write the recorder's own counters into the log."""
+        """Log the recorder's own counters."""
         self._put(
             Health,
             at,
@@ -187,7 +186,7 @@ class Recorder:
         )
 
     def _put(self, kind: type[Message], at: int, **fields: object) -> bytes:
-        """Write a message of the run's own (vehicle `run`) and return its bytes for publishing."""
+        """Log a message of the run itself (vehicle `run`); returns its bytes for publishing."""
         make = cast("Callable[..., Message]", kind)
         message = make(vehicle=CONDUCTOR, seq=self._next[kind], **fields)
         self._next[kind] += 1
@@ -213,7 +212,7 @@ class Recorder:
             self.say_news(at)
 
     def say_news(self, at: int) -> None:
-        """Write a line for each event on the road, and each warning, that has been found since."""
+        """Log a line for each new event on the road and each new warning."""
         if self._metrics.out_of_linear:
             for line in self._metrics.news():
                 self.say(at, line, "warning")

@@ -1,4 +1,4 @@
-"""The two files of a run: `run.mcap` with everything in it, and `summary.json`."""
+"""The two files of a run: `run.mcap` and `summary.json`."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -51,10 +51,10 @@ class RunLog:
         observers: Sequence[Observer] = (),
         replayed: frozenset[str] = frozenset(),
     ) -> None:
-        """Open the log in `folder`, which is made, and write what the run is into it.
+        """Create `folder` and begin the log in it, with the scenario and the versions.
 
-        Each message goes to `metrics`, which are the run's figures, and then to the `observers`.
-        Vehicles that are `replayed` receive nothing.
+        Each message goes to `metrics`, the figures of the run, and then to the `observers`.
+        `replayed` vehicles receive nothing.
         """
         self._scenario = scenario
         self._folder = folder
@@ -87,7 +87,7 @@ class RunLog:
         self._reason = ""
 
     def flush(self) -> None:
-        """Bring what was written so far to the file."""
+        """Write what is buffered to the file."""
         self._writer.flush()
 
     def start(self, at: int, start_at: int) -> bytes:
@@ -97,9 +97,8 @@ class RunLog:
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
 
-        Returns the announcement for the bus. What still comes can be recorded until `close`. A log
-        that cannot be written any more is a reason too, and a link that should lose nothing and
-        delivered nothing.
+        Returns the announcement for the bus. Messages can be recorded until `close`. A log that
+        cannot be written is a reason too, and so is a link without loss that delivered nothing.
         """
         self._end_at = at
         try:
@@ -120,7 +119,7 @@ class RunLog:
 
     @property
     def must_end(self) -> str:
-        """Why the run has to end now, by its limits; empty while it need not."""
+        """The broken limit that ends the run now; empty while there is none."""
         return self._limits.reason
 
     @property
@@ -131,10 +130,10 @@ class RunLog:
         return min(max(self._end_at - self.metrics.start_at, 0), planned)
 
     def close(self, at: int) -> RunSummary:
-        """Complete the log at instant `at` (ns) and write the summary, which is returned.
+        """Complete the log at instant `at` (ns), write the summary and return it.
 
-        If either cannot be written the run has failed: the summary says why, the log is completed
-        with what it holds, and the summary is written if there is room for it.
+        If either cannot be written the run has failed: the summary contains the reason, the log is
+        completed with what it holds, and the summary is written if there is room for it.
         """
         try:
             self.recorder.report_health(at, final=True)

@@ -1,4 +1,4 @@
-"""Those who watch a run while it is recorded: the picture and the progress table."""
+"""Observers that give way to the log: the picture and the progress table."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,23 +6,23 @@ from scenarios.runs.observer import Observer, kinds_of, listeners_by_kind
 from vehicles.messages import Change, LogText, Message, RunEnd, RunStart
 
 ALWAYS = (Change, LogText, RunEnd, RunStart)
-"""Messages that are few, and without which the rest is not understood."""
+"""Few messages, needed to understand the others."""
 
 
 class Watchers:
-    """Gives each message to all who watch, but most of them not while the log has to catch up.
+    """An observer that passes messages on to others, but only a few while the log is behind.
 
-    So a picture that takes longer than the convoy drives costs the picture, and never the log.
+    A picture that takes longer than the run loses messages; the log never does.
     """
 
     def __init__(self, observers: Sequence[Observer], is_behind: Callable[[], bool]) -> None:
-        """`is_behind` says whether more waits to be recorded than there should."""
+        """`is_behind` tells whether too many messages wait to be recorded."""
         self._listeners = listeners_by_kind(observers)
         self.kinds = kinds_of(observers)
         """Messages that at least one observer wants."""
         self._is_behind = is_behind
         self.left_out = 0
-        """Messages that nobody was shown."""
+        """Number of messages not passed on."""
 
     def listen(self, at: int, message: Message) -> None:
         """Take one recorded message, and the instant (ns) of its reception."""
@@ -36,7 +36,7 @@ class Watchers:
             listener(at, message)
 
     def account(self) -> str:
-        """Say what was left out; nothing if all was shown."""
+        """Report the messages that were left out; empty if there are none."""
         if not self.left_out:
             return ""
         return (

@@ -61,12 +61,12 @@ COLUMNS: Sequence[Column[_Row]] = (
 class Progress:
     """Shows time, true error and gap, speed and messages of each vehicle, live.
 
-    Of a long convoy it shows those that were furthest off the lead's path so far, and a line about
-    all. The figures are those of `metrics`, which takes each message before this does.
+    Of a long convoy it shows the vehicles that were furthest off the lead's path so far, and a line
+    about all. The figures are those of `metrics`, which takes each message first.
     """
 
     kinds: frozenset[type[Message]] = frozenset({LogText, RunStart, TruePose})
-    """Messages that it listens to."""
+    """Kinds of message that it needs."""
 
     def __init__(self, metrics: Metrics, duration_s: float) -> None:
         """Show nothing until the run, which is to last `duration_s`, starts."""
@@ -120,7 +120,7 @@ class Progress:
         return f"{self._seconds():6.1f} of {self._duration_s:.1f} s  {self._of_all()}"
 
     def _of_all(self) -> str:
-        """Say the worst of all vehicles, and the sums of their messages."""
+        """Report the worst figures of all vehicles, and the sums of their messages."""
         figures = self._metrics.vehicles.values()
         worst = max(abs(one.cross_track_error.latest) for one in figures)
         largest = max(one.cross_track_error.largest for one in figures)
@@ -144,7 +144,7 @@ class Progress:
         return known.now_m if known else inf
 
     def _messages(self, name: str) -> tuple[int, int, int]:
-        """Messages that a vehicle heard, that it lost, and that came late, late ticks included."""
+        """Count the received, lost and late messages of a vehicle; late ticks count as late."""
         links = [link for (_, receiver), link in self._metrics.links.items() if receiver == name]
         health = self._metrics.vehicles[name].health
         return (

@@ -1,4 +1,4 @@
-"""What happened on the road that must not pass unseen, found message by message.
+"""Events on the road, found message by message.
 
 bodies      the rectangles that cars are: overlap and distance
 encounters  gaps, near misses and collisions

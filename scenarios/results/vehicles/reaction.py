@@ -1,4 +1,4 @@
-"""What one follower did about messages that did not come: modes, recoveries, stops, blind metres.
+"""The reaction of one follower to missing messages: modes, recoveries, stops, blind distance.
 
 Lengths are summed in whole micrometres, times in nanoseconds, so that the figures are the same on
 every machine and in whatever order messages of different kinds come.
@@ -45,7 +45,7 @@ class ReactionSummary:
 
 
 NO_REACTION = ReactionSummary()
-"""Of a vehicle that never had to do anything."""
+"""Of a vehicle that received all messages."""
 
 
 def is_degraded(tracking: Tracking) -> bool:

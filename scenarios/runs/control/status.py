@@ -1,4 +1,4 @@
-"""How a run goes, as its recorder answers while it goes on."""
+"""The status of a running convoy, as its recorder reports it on request."""
 
 import json
 from collections import defaultdict, deque
@@ -15,17 +15,17 @@ from vehicles.messages import LinkVerdict, Message, RunStart, SourceStatus, Trac
 from vehicles.schedule import SECOND, Timer
 
 RECENT_NS = 3 * SECOND
-"""The loss of a link is that of the last so many seconds: long enough for some tens of messages."""
+"""Time over which the loss of a link is computed: long enough for tens of messages."""
 MOST_VERDICTS = 4096
 ASKED_NS = 5 * SECOND
-"""Whoever has asked in the last so many seconds asks again soon."""
+"""How long after a request another one is expected soon."""
 SELDOM_NS = SECOND
-"""How old an answer is at most for the first who asks."""
+"""Largest age of the answer to a first request."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceFigures:
-    """What a vehicle makes of a source; None where there is nothing to measure."""
+    """A source as its follower judges it; None where there is nothing to measure."""
 
     status: SourceStatus
     age_s: float | None
@@ -35,7 +35,7 @@ class SourceFigures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleFiguresNow:
-    """One vehicle now; None where there is nothing to measure, as of what the lead hears."""
+    """One vehicle now; None where there is nothing to measure, such as the sources of the lead."""
 
     name: str
     mode: str
@@ -51,9 +51,9 @@ class VehicleFiguresNow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkFiguresNow:
-    """One link now: what it lost of the messages judged in the last RECENT_NS, and whether changed.
+    """One link now, with its loss over the last RECENT_NS.
 
-    `changed` says that it has been another one than was asked for at some time.
+    `changed` means that it was not as requested at some time.
     """
 
     sender: str
@@ -81,7 +81,7 @@ class RunStatus:
 
     @classmethod
     def of(cls, text: bytes) -> "RunStatus":
-        """Read it again; raises ValueError if it is none."""
+        """Parse a status; raises ValueError if it is none."""
         try:
             fields: dict[str, Any] = json.loads(text)
             vehicles = [
@@ -99,13 +99,13 @@ class RunStatus:
 
 
 class StatusBoard:
-    """Keeps what the recorder last heard, beside the figures of the run, and answers with it.
+    """An observer that keeps the latest messages and answers requests for the status.
 
-    Everything but the answer is of the recorder's own thread.
+    Everything but the answer runs in the recorder's own thread.
     """
 
     kinds: frozenset[type[Message]] = frozenset({LinkVerdict, RunStart, Tracking, TruePose})
-    """Messages that it listens to."""
+    """Kinds of message that it needs."""
 
     def __init__(self, scenario: Scenario, run: str, metrics: Metrics) -> None:
         self._scenario = scenario
@@ -124,7 +124,7 @@ class StatusBoard:
         self._seldom = Timer(SELDOM_NS)
 
     def listen_on(self, bus: Bus) -> None:
-        """Answer from now on, with nothing before the start."""
+        """Answer requests from now on; the answer is empty before the start."""
 
         def answer(_: bytes) -> bytes:
             self._questions += 1
@@ -147,9 +147,9 @@ class StatusBoard:
                 self._start_at = message.start_at_ns
 
     def draw(self, now: int) -> None:
-        """Bring the answer up to date at instant `now` (ns): at each call while somebody asks.
+        """Update the answer at instant `now` (ns): at each call while requests come.
 
-        Of a long convoy it takes milliseconds, so otherwise it is done seldom.
+        It takes milliseconds for a long convoy, so otherwise it is done seldom.
         """
         if self._questions != self._known_questions:
             self._known_questions, self._asked_until = self._questions, now + ASKED_NS

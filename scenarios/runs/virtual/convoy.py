@@ -23,18 +23,18 @@ from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick, VirtualClock
 from vehicles.schedule import SECOND
 
-if TYPE_CHECKING:  # what reads logs is for those who have some
+if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
     from scenarios.runs.virtual.replay import Replay
 
 COLLECTED_EVERY = 50_000
-"""So many objects more than before a run has when the garbage collector looks through them."""
+"""Threshold of the garbage collector during a run."""
 
 
 @contextmanager
 def rarely_collected() -> Iterator[None]:
-    """Let the garbage collector look rarely: a run makes many objects, and hardly a cycle of them.
+    """Run the garbage collector rarely: a run makes many objects and few reference cycles.
 
-    What is left of the run is still young afterwards, so it goes without a look at all the rest.
+    The objects of the run are still young afterwards and go without a full collection.
     """
     before = gc.get_threshold()
     gc.set_threshold(COLLECTED_EVERY if before[0] else 0, *before[1:])  # 0: it is switched off
@@ -45,15 +45,15 @@ def rarely_collected() -> Iterator[None]:
 
 
 def never() -> bool:
-    """Let a run go on to its end."""
+    """Let a run continue to its end."""
     return False
 
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """After the instant `at` (ns) what is random comes from another seed; up to it nothing changes.
+    """From the instant `at` (ns) on random numbers come from another seed.
 
-    See VehicleBuilder.redraw for what is random so.
+    See VehicleBuilder.redraw for which.
     """
 
     at: int
@@ -63,7 +63,7 @@ class Branch:
 class VirtualConvoy:
     """The vehicles of a scenario in one process, with the bus and the clock that they share.
 
-    `left` are the vehicles that cannot drive on and without which the others do.
+    `left` are the failed vehicles without which the others continue.
     """
 
     def __init__(
@@ -90,9 +90,9 @@ class VirtualConvoy:
     def build(
         self, sink_of: Callable[[str], Sink], replays: "Sequence[Replay]" = ()
     ) -> dict[str, Node | ReplayedNode]:
-        """Build every vehicle; returns the nodes of those that are live and not replayed.
+        """Build every vehicle; returns the nodes of those that are not replayed.
 
-        `sink_of` makes the sink for the messages of a vehicle from its name.
+        `sink_of` makes the sink of a vehicle from its name.
         """
         start_at = self._scenario.start_at_ns
         recorded = {replay.vehicle: replay for replay in replays}
@@ -134,15 +134,15 @@ class VirtualConvoy:
         return step_or_leave
 
     def _redraw(self, seed: int) -> None:
-        """Between two instants: what the vehicles draw and send from now on comes of `seed`."""
+        """Between two instants: draw random numbers from `seed` from now on."""
         numbers = {builder.name: node.outbox.next_pose for builder, node in self._live}
         for builder, node in self._live:
             builder.redraw(node, seed, numbers)
 
     def run(self, until: Callable[[], bool] = never) -> None:
-        """Let all vehicles make their steps to the end of the run, or `until` it is over early.
+        """Step all vehicles to the end of the run, or until `until` is true.
 
-        Raises VehicleFaultError if a controller fails and nobody goes on without its vehicle.
+        Raises VehicleFaultError if a vehicle fails and the others do not continue without it.
         """
         end_at = self._scenario.start_at_ns + round(self._scenario.duration_s * SECOND)
         with rarely_collected():

@@ -1,7 +1,7 @@
-"""A recorded vehicle back on the bus: its poses from the log of a run, shifted in time.
+"""A recorded vehicle on the bus: its poses from the log of a run, shifted in time.
 
-The followers behind it are live and receive the same messages over the same links as from a live
-vehicle. Its true states in the log are published along with them, for the new log and its figures.
+Live followers receive its messages over the same links as from a live vehicle. Its recorded true
+states are sent too, for the new log and its figures.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +21,8 @@ from vehicles.received_pose import receive
 from vehicles.schedule import SECOND, nanoseconds
 
 SEARCHED = 150.0
-"""A place is looked for on the first part (m) of a recorded drive, so not on a later lap."""
+"""Length (m) of the first part of a recorded drive on which a place is searched: a later lap is
+not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class Replay:
 
 @dataclass(frozen=True, slots=True)
 class RecordedVehicle:
-    """What a log holds of one vehicle: its poses and true states, and when its run started (ns)."""
+    """Poses and true states of one vehicle in a log, and when its run started (ns)."""
 
     started_at: int
     poses: tuple[GpsPose, ...]
@@ -57,11 +58,11 @@ class RecordedVehicle:
         """Shift the messages to a run that starts at `start_at` (ns), under the name `vehicle`.
 
         At the start the vehicle is where it was `ahead` (s) after the start of its own run;
-        earlier messages are left out, and those that remain are numbered anew.
+        earlier messages are left out, and the others are renumbered.
         """
         name = vehicle or self.poses[0].vehicle
         shift = start_at - self.started_at - nanoseconds(ahead)
-        # A clock that was behind told of instants before the run's own start.
+        # The stamps of a clock that was behind lie before the run's own start.
         behind = max(0, self.started_at - min(p.measured_at_ns for p in self.poses))
         poses = [p for p in self.poses if p.measured_at_ns + shift >= start_at - behind]
         poses = [p for p in poses if p.sent_at_ns + shift >= start_at]
@@ -89,7 +90,7 @@ def _acts_at(message: GpsPose | TruePose) -> int:
 
 
 def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
-    """Read what `log` holds of `vehicle`; raises LogError if that is nothing."""
+    """Read the messages of `vehicle` in `log`; raises LogError if there are none."""
     reader = LogReader(log)
     reader.require_whole("truth")
     poses: list[GpsPose] = []

@@ -11,7 +11,7 @@ Step = Callable[[Tick], None]
 
 @dataclass(frozen=True, slots=True)
 class Stepper:
-    """Something that makes a `step` at each of its `ticks`; equal `schedule`s have equal ticks."""
+    """Makes a `step` at each of its `ticks`; equal `schedule`s have equal ticks."""
 
     schedule: Hashable
     ticks: Callable[[], Iterator[Tick]]
@@ -19,7 +19,7 @@ class Stepper:
 
 
 def steps_in_order(steppers: Sequence[Stepper]) -> Iterator[tuple[Tick, Step]]:
-    """All steps in order of time, those of one instant in the order of `steppers`."""
+    """Yield all steps in order of time, those of one instant in the order of `steppers`."""
     if len({stepper.schedule for stepper in steppers}) == 1:
         # The usual case: what follows gives the same, but more slowly.
         steps = [stepper.step for stepper in steppers]
