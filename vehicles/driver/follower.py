@@ -143,7 +143,9 @@ class Follower:
         return self._decision
 
     def _receive(self, now: int, pose: ReceivedPose) -> None:
-        trace = self._sources.receive(pose).trace
+        source = self._sources.all[pose.message.vehicle]
+        source.receive(pose)
+        trace = source.trace
         if not trace.joined:
             own = self._own_state.at(now)
             trace.bridge(own.east, own.north)

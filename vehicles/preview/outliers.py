@@ -1,4 +1,8 @@
-"""Outliers among the samples of a fit: those that have jumped."""
+"""Outliers among the samples of a fit: those that the other samples contradict.
+
+Poses are judged one by one before they become samples. A jump of decimetres passes there where the
+receiver may be as wrong as that; here it would displace the curve.
+"""
 
 from typing import Final
 
@@ -11,11 +15,11 @@ _sum = np.add.reduce
 TELLING_SHARE: Final = 0.25
 """A jump is a sample without which the squared residuals fall by at least this share."""
 JUMPS_MOST: Final = 3
-"""So many samples are tried one by one."""
+"""Number of samples that are tried one by one."""
 LEAST_LEFT: Final = 0.6
 """Share of the samples that has to be left."""
 FAR_RATIO: Final = 4.0
-"""Beyond so many times the median distance a sample is far from the curve."""
+"""Ratio to the median distance beyond which a sample is far from the curve."""
 
 
 def without_jumps(

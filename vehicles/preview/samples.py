@@ -60,10 +60,5 @@ class Window(NamedTuple):
 def reachable(one: ReceivedPose, other: ReceivedPose) -> bool:
     """Whether a car could have been at both places at their instants."""
     distance = hypot(other.east - one.east, other.north - one.north)
-    span = abs(other.measured_at - one.measured_at)
-    return within_reach(distance, span, max(abs(one.speed), abs(other.speed)))
-
-
-def within_reach(distance: float, span: int, speed: float) -> bool:
-    """Whether a car comes `distance` (m) far within `span` (ns) at `speed` (m/s) or little more."""
+    speed, span = max(abs(one.speed), abs(other.speed)), abs(other.measured_at - one.measured_at)
     return distance <= REACH_RATIO * speed * (span / SECOND) + REACH_MARGIN

@@ -14,8 +14,9 @@ import numpy as np
 
 from vehicles.geometry.bridges import UnbridgedError, curve_between
 from vehicles.preview.polyline import Point, Polyline, step
-from vehicles.preview.samples import TraceSettings, Window, reachable, within_reach
+from vehicles.preview.samples import REACH_MARGIN, REACH_RATIO, TraceSettings, Window
 from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND
 
 __all__ = ["Trace", "TraceSettings", "Window"]
 
@@ -40,15 +41,16 @@ class _Hole(NamedTuple):
 class Trace:
     """The samples of one source, received and stored as in Section III-A.
 
-    Poses are judged before they come here: of each the trace decides whether it continues the line,
-    belongs between two of its points, or begins another line out of reach of this one. `newest` is
-    the newest pose, `heard` the number of samples since the line began.
+    Poses are judged before they come here; the trace brings them into the order of travel. `newest`
+    is the newest pose, `heard` the number of samples since the line began, and `joined` whether no
+    bridge from the ego's place is needed any more: it is laid, or the ego is on the trace already.
     """
 
     def __init__(self, settings: TraceSettings | None = None) -> None:
         self.settings = settings or TraceSettings()
         self.newest: ReceivedPose | None = None
         self.heard = 0
+        self.joined = False
         self._line = Polyline()
         self._first_yaw = 0.0
         self._forgotten_at = BRIDGE_AT
@@ -60,20 +62,21 @@ class Trace:
 
     def __len__(self) -> int:
         """Points held, bridge included."""
-        return len(self._line)
+        return len(self._line.at)
 
-    def add(self, pose: ReceivedPose, *, after_hole: bool = False) -> None:
+    def add(
+        self, pose: ReceivedPose, *, after_hole: bool = False, at_new_place: bool = False
+    ) -> None:
         """Take a pose to its place in the order of travel (Section III-A).
 
-        If it comes `after_hole`, a curve bridges what was not received.
+        If it comes `after_hole`, a curve bridges what was not received; `at_new_place`, to which no
+        car can have driven, another line begins.
         """
         newest = self.newest
-        if newest is None:
+        if newest is None or at_new_place:
             self._start(pose)
         elif pose.measured_at <= newest.measured_at:
             self._insert(pose)
-        elif not reachable(newest, pose):
-            self._start(pose)
         else:
             point = (pose.measured_at, pose.east, pose.north, pose.yaw)
             if after_hole:
@@ -94,9 +97,7 @@ class Trace:
         Preview data of Section III-A are those of a source that keeps to the path.
         """
         newest = self.newest
-        if newest is None or pose.measured_at <= newest.measured_at:
-            return
-        if reachable(newest, pose):
+        if newest is not None and pose.measured_at > newest.measured_at:
             self.newest = pose
 
     def _start(self, pose: ReceivedPose) -> None:
@@ -108,6 +109,7 @@ class Trace:
         self._first_yaw = pose.yaw
         self._forgotten_at = BRIDGE_AT
         self._bridged_from = None
+        self.joined = False
         self._here = None
         self._holes.clear()
 
@@ -193,17 +195,13 @@ class Trace:
     def _begin_earlier(self, point: Point, place: int) -> None:
         """Start the trace with a late sample older than the first received one."""
         start, self._bridged_from = self._bridged_from, None
+        self.joined = self._forgotten_at != BRIDGE_AT
         self._line.drop(place)
         self._line.prepend([point])
         self._first_yaw = point[3]
         self._here = None
         if start is not None:
             self.bridge(*start)
-
-    @property
-    def joined(self) -> bool:
-        """Whether no bridge is wanted any more: it is laid, or the ego is on the trace already."""
-        return self._bridged_from is not None or self._forgotten_at != BRIDGE_AT
 
     def bridge(self, east: float, north: float) -> None:
         """Join the ego's place to the first sample by a straight line, if that lies ahead of it.
@@ -231,6 +229,7 @@ class Trace:
             ]
         )
         self._bridged_from = (east, north)
+        self.joined = True
         self._here = None
 
     def told(self, window: Window) -> Window:
@@ -251,20 +250,20 @@ class Trace:
             return False
         if line.at[0] == BRIDGE_AT:
             first = bisect_right(line.at, BRIDGE_AT)
-            told_from = line.station[first] if first < len(line) else inf
+            told_from = line.station[first] if first < len(line.at) else inf
             if window.station.item(0) + here < told_from - 1e-6:
                 return True
-        return len(self.told(window).station) < len(window.station)
+        return bool(self._holes) and len(self.told(window).station) < len(window.station)
 
     def instants(self, window: Window) -> list[int]:
         """Instants (ns) of the samples of the window cut out last (time stamps, Section III-B)."""
         here = self._here or 0.0
         places = (bisect_left(self._line.station, here + on - 1e-6) for on in window.station)
-        return [self._line.at[min(place, len(self) - 1)] for place in places]
+        return [self._line.at[min(place, len(self._line.at) - 1)] for place in places]
 
     def _station_at(self, at: int) -> float:
         """Station (m) of the first held point from the instant `at` (ns) on."""
-        return self._line.station[min(bisect_left(self._line.at, at), len(self) - 1)]
+        return self._line.station[min(bisect_left(self._line.at, at), len(self._line.at) - 1)]
 
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window:
         """Cut out the samples from `behind` to `ahead` (m of travel) of the ego at (east, north).
@@ -298,7 +297,7 @@ class Trace:
         """Take in the next samples on either side of the ego where too few lie in the window."""
         place = bisect_left(self._line.station, here)
         half = self.settings.least_samples // 2
-        last = max(last, min(place + half, len(self._line)))
+        last = max(last, min(place + half, len(self._line.at)))
         return max(min(first, last - self.settings.least_samples, place - half), 0), last
 
     def gap(self, east: float, north: float) -> float | None:
@@ -320,7 +319,7 @@ class Trace:
 
         The metres left of the preview of Section III-A; NaN before the first sample.
         """
-        return self._line.station[-1] - self._locate(east, north) if len(self) else nan
+        return self._line.station[-1] - self._locate(east, north) if self._line.at else nan
 
     def _locate(self, east: float, north: float) -> float:
         """Move the ego's station to the nearest place within reach of where it was."""
@@ -328,7 +327,7 @@ class Trace:
         if self._here is not None and place == self._located and not self._changed:
             return self._here
         before, self._located, self._changed = self._located, place, False
-        if len(line) < 2:
+        if len(line.at) < 2:
             first = place if not line.at else (line.east[0], line.north[0])
             off_east, off_north = east - first[0], north - first[1]
             return off_east * cos(self._first_yaw) + off_north * sin(self._first_yaw)
@@ -340,7 +339,7 @@ class Trace:
             high = self._here + min(reach, self.settings.reach)
         self._here = line.nearest(east, north, low, high)
         stale = self._here - self.settings.memory
-        if len(line) > 2 * FORGET_CHUNK and line.station[FORGET_CHUNK] < stale:
+        if len(line.at) > 2 * FORGET_CHUNK and line.station[FORGET_CHUNK] < stale:
             self._forget()
         return self._here
 
@@ -348,9 +347,11 @@ class Trace:
         """Drop the oldest points."""
         self._forgotten_at = max(self._forgotten_at, self._line.at[FORGET_CHUNK - 1])
         self._line.drop(FORGET_CHUNK)
+        self.joined = True
 
 
 def _fits(one: Point, other: Point, speed: float) -> bool:
-    """Whether a car at `speed` (m/s) can have been at both points."""
+    """Whether a late pose can lie beside a point of its line, for a car at `speed` (m/s)."""
     distance = hypot(other[1] - one[1], other[2] - one[2])
-    return within_reach(distance, abs(other[0] - one[0]), abs(speed))
+    span = abs(other[0] - one[0]) / SECOND
+    return distance <= REACH_RATIO * abs(speed) * span + REACH_MARGIN

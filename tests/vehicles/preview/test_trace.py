@@ -165,10 +165,11 @@ def test_a_source_that_turned_round_unheard_is_followed_on() -> None:
     assert seen.station[-1] == pytest.approx(38.0, abs=0.5)
 
 
-def test_a_place_out_of_reach_begins_another_line() -> None:
+def test_at_a_new_place_another_line_begins() -> None:
     trace = driven(40)
     for k in range(40, 60):
-        send(trace, k, (0.5 * k, 30.0, 0.0))
+        pose = received((k + 1) * TICK, 0.5 * k, 30.0, 0.0, 10.0)
+        trace.add(pose, at_new_place=k == 40)
     seen = trace.window(25.0, 30.0, 100.0, 100.0)
     assert seen.north.tolist() == [30.0] * 20
 

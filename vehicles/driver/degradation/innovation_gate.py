@@ -103,6 +103,7 @@ class InnovationGate:
         self._squares: deque[float] = deque(maxlen=WINDOW)
         self._counted: deque[float] = deque(maxlen=WINDOW)
         self._inflation = 1.0
+        self._confidence: Distrust = ""
         self._place: ReceivedPose | None = None
         self._claimed = (0.0, 0.0, 0.0)
         self.refused: Counter[Distrust] = Counter()
@@ -140,10 +141,6 @@ class InnovationGate:
         if self._inflation == 1.0:
             return pose.accuracy
         return min(self._inflation * max(pose.accuracy, LEAST_DEVIATION), MOST_DEVIATION)
-
-    @property
-    def _confidence(self) -> Distrust:
-        return "over-confident" if self._inflation > 1.0 else ""
 
     @property
     def _alternates(self) -> bool:
@@ -236,6 +233,7 @@ class InnovationGate:
                 self._inflation = inflation if inflation >= LEAST_INFLATION else 1.0
             else:
                 self._inflation = 1.0
+            self._confidence = "over-confident" if self._inflation > 1.0 else ""
         self._last.append(pose)
         return frozen
 

@@ -59,7 +59,7 @@ class Source:
         self.freshness = SourceFreshness()
         self.probation = Probation(settings)
         self._trust = trust or Trust(name)
-        self._strayed = False
+        self._strayed = self._moved = False
         self._settings = settings
         self._reception = Reception(period)
         self._degrades = settings.reaction == "degrade"
@@ -108,12 +108,15 @@ class Source:
         lost = newer and self.status in LOST
         if self.may_stray and last is not None and (message.hazard or message.mode in SLOWING):
             self._strayed = True
+            self._moved |= self._trust.at_new_place
             self.trace.pass_over(pose)
         else:
             # Baselines know no holes: after a silence the next pose is one more sample to them.
             hole = (lost and self._degrades) or (newer and self._strayed)
+            moved = newer and (self._moved or self._trust.at_new_place)
             self._strayed &= not newer
-            self.trace.add(pose, after_hole=hole)
+            self._moved &= not newer
+            self.trace.add(pose, after_hole=hole, at_new_place=moved)
             if self.meant is not None:
                 self.meant.note(pose, message.path_offset_m)
         if lost:

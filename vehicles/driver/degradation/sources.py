@@ -12,7 +12,6 @@ from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import Mode
 from vehicles.preview.trace import Window
 from vehicles.preview.trajectory import FitSettings, Fusion
-from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 HOPED_FOR = ("unheard", *RELIED_ON)
@@ -44,15 +43,11 @@ class SourcePair:
         if wanted:
             predecessor.meant = MeantPath()
         self._meant = MeantShare(settings.probation, wanted=wanted)
-        self._settings = settings
+        self._degrades = settings.reaction == "degrade"
+        self._comfortable, self._firm = settings.comfortable, settings.firm
+        self._hardest = settings.hardest
         self._looked_at = 0
         self._alone_at = 0
-
-    def receive(self, pose: ReceivedPose) -> Source:
-        """Take a pose to its source, which is returned (Section III-A)."""
-        source = self.all[pose.message.vehicle]
-        source.receive(pose)
-        return source
 
     def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[Mode, Window]:
         """Samples around the ego of sources that reach ahead of it (preview data, Section III-A).
@@ -73,7 +68,7 @@ class SourcePair:
 
     def have_guesses(self, windows: Mapping[Mode, Window]) -> bool:
         """Whether some of the samples cut out last bridge what was never received."""
-        return any(self.used[mode].trace.has_guesses(one) for mode, one in windows.items())
+        return any(self.used[mode].trace.has_guesses(window) for mode, window in windows.items())
 
     def received(self, windows: Mapping[Mode, Window]) -> int:
         """Number of samples of these sources since their traces began (Section III-A)."""
@@ -133,7 +128,7 @@ class SourcePair:
         """
         span = (now - self._looked_at) / SECOND if self._looked_at else 0.0
         self._looked_at = now
-        settings, speed = self._settings, pose.speed
+        speed = pose.speed
         driven = 0.0 if refit else speed * span
         for source in self.all.values():
             if refit:
@@ -147,9 +142,9 @@ class SourcePair:
                 known = seen.known
             if source.usable and seen.status in RELIED_ON:
                 self.relied[mode] = source
-        comfortable = _stop(speed, acceleration, settings.comfortable)
-        firm = _stop(speed, acceleration, settings.firm)
-        blind = _stop(speed, acceleration, settings.hardest, period=span) - known
+        comfortable = _stop(speed, acceleration, self._comfortable)
+        firm = _stop(speed, acceleration, self._firm)
+        blind = _stop(speed, acceleration, self._hardest, period=span) - known
         blind = 0.0 if blind < 0.0 else blind
         lead, predecessor = self.lead.freshness, self.predecessor.freshness
         return Situation(lead, predecessor, known, comfortable, firm, blind)
@@ -157,7 +152,7 @@ class SourcePair:
     @property
     def run_out(self) -> bool:
         """Whether none that is relied on extends the known path any further."""
-        return all(one.runs_out for one in self.relied.values())
+        return all(source.runs_out for source in self.relied.values())
 
     def stops_at(self, mode: Mode, brakes_at: int) -> int:
         """Instant (ns) from which a car that steers along `mode` stops, unless it receives more.
@@ -167,7 +162,7 @@ class SourcePair:
         predecessor (`brakes_at`, 0 for not); and not later than the predecessor's, behind which it
         stops too.
         """
-        if self._settings.reaction != "degrade":
+        if not self._degrades:
             return 0
         hopes: Iterable[Source] = self.relied.values()
         if not self.relied:

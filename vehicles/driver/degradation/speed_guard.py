@@ -113,6 +113,7 @@ class SpeedGuard:
         self._keeps_gap = isinstance(law, GapKeeping)
         self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
         self._settings = settings
+        self._comfortable, self._hard = settings.comfortable, settings.hardest
         self._degrades = settings.reaction == "degrade"
         self._car = car
         self._friction = car.friction * GRAVITY
@@ -126,7 +127,7 @@ class SpeedGuard:
         self._following = False
         self._settled_at = 0
         self._promised = False
-        self._announced = AnnouncedStop(settings.hardest)
+        self._announced = AnnouncedStop(self._hard)
         self.stops_behind = False
         self.brakes_at = 0
         self._headway = 0.0
@@ -169,7 +170,7 @@ class SpeedGuard:
             wanted = min(wanted, self._guarded(tick, reserve))
         if expects_stop:
             wanted = min(wanted, self._stopping_behind(tick))
-        self.stops_behind = expects_stop and wanted < -self._settings.comfortable.deceleration
+        self.stops_behind = expects_stop and wanted < -self._comfortable.deceleration
         if blind:
             wanted = min(wanted, self._stopping(tick, firmly=mode == "stop"))
         return self._released(tick, wanted, free)
@@ -196,7 +197,7 @@ class SpeedGuard:
 
     def _hardest(self, pose: Pose) -> Braking:
         """Hardest braking (m/s², m/s³) beside the lateral acceleration, by the friction circle."""
-        hardest = self._settings.hardest
+        hardest = self._hard
         left = friction_left(self._car.friction, pose.speed * pose.yaw_rate)
         if 0.1 <= hardest.deceleration <= left:
             return hardest
@@ -204,7 +205,7 @@ class SpeedGuard:
 
     def _reserve(self, tick: _Instant) -> float:
         """Distance (m) left if both brake as hard as they can, it since its newest sample (RSS)."""
-        harder = self._settings.hardest.deceleration
+        harder = self._hard.deceleration
         announced = -tick.situation.predecessor.acceleration
         if announced > harder:
             harder = announced
@@ -227,10 +228,10 @@ class SpeedGuard:
         share = 1.0 - max(time, 0.0) / GUARD_TIME
         most, jerk = tick.hardest.deceleration, tick.hardest.jerk
         if tick.pose.speed < STANDING:
-            most = self._settings.comfortable.deceleration
+            most = self._comfortable.deceleration
         elif not self._promised and not self._never_received(tick):
-            most = min(most, self._settings.comfortable.deceleration)
-            jerk = self._settings.comfortable.jerk
+            most = min(most, self._comfortable.deceleration)
+            jerk = self._comfortable.jerk
         return max(-share * most, self._last - jerk * tick.span)
 
     def _brakes_at(self, tick: _Instant, reserve: float) -> int:
@@ -257,7 +258,7 @@ class SpeedGuard:
 
     def _stopping(self, tick: _Instant, *, firmly: bool) -> float:
         """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
-        braking, hardest = self._settings.comfortable, tick.hardest
+        braking, hardest = self._comfortable, tick.hardest
         if tick.pose.speed < STANDING:
             return -braking.deceleration
         if firmly:
@@ -285,7 +286,7 @@ class SpeedGuard:
         if growth <= 0.0:
             return 0.0
         speed, policy = tick.pose.speed, self._car.policy
-        worst = self._settings.hardest.deceleration
+        worst = self._hard.deceleration
         own = stopping_distance(speed, 0.0, tick.hardest) - speed * speed / (2.0 * worst)
         needed = self._car.length + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
         return max(speed * growth, needed - policy.desired(speed), 0.0)
@@ -330,7 +331,7 @@ class SpeedGuard:
             return usual
         wider = ahead.seen_as(gap=ahead.gap - opening, lead_speed=ahead.lead_speed)
         opened = self._keeping.command(tick.now, tick.pose, wider).acceleration
-        comfortable = self._settings.comfortable
+        comfortable = self._comfortable
         eased = min(self._last, 0.0) - comfortable.jerk * tick.span
         return max(opened, min(usual, max(-comfortable.deceleration, eased)))
 

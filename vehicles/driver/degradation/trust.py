@@ -25,35 +25,6 @@ QUIET: Final = SECOND
 """Time (ns) after the last refused pose until a source is reported as trusted again."""
 
 
-class JumpGate:
-    """Refuses the poses of one source that no car can have driven to.
-
-    All there is for followers that do not degrade; behind an innovation gate it refuses outliers of
-    receivers that state a large deviation. Several refused poses that agree are the new place.
-    """
-
-    def __init__(self) -> None:
-        self._newest: ReceivedPose | None = None
-        self._suspects: list[ReceivedPose] = []
-
-    def judge(self, pose: ReceivedPose) -> Distrust:
-        """Judge a pose by its distance from the newest trusted one."""
-        if not isfinite(pose.east + pose.north + pose.yaw + pose.speed):
-            return "impossible"
-        newest, suspects = self._newest, self._suspects
-        if newest is not None and pose.measured_at <= newest.measured_at:
-            return ""
-        if newest is not None and not reachable(newest, pose):
-            if suspects and not reachable(suspects[-1], pose):
-                suspects.clear()
-            suspects.append(pose)
-            if len(suspects) < RESTART_POSES:
-                return "jumping"
-        suspects.clear()
-        self._newest = pose
-        return ""
-
-
 @dataclass(slots=True)
 class _Doubt:
     """A spell in which poses of a source are refused: their number, and the reported reasons."""
@@ -64,7 +35,12 @@ class _Doubt:
 
 
 class Trust:
-    """Judges the received poses of one source, and reports when it refuses some."""
+    """Judges the received poses of one source, and reports when it refuses some.
+
+    By its innovations, if there is a gate, and by reach: a pose that no car can have driven to is
+    refused until several agree on a new place. Behind a gate that catches outliers of receivers
+    that state a large deviation. `at_new_place` tells whether the last pose used begins such.
+    """
 
     def __init__(
         self, name: str, gate: InnovationGate | None = None, remarks: list[str] | None = None
@@ -73,9 +49,11 @@ class Trust:
 
         Without a `gate` only jumps are refused, and nothing is reported.
         """
+        self.at_new_place = False
         self._name = name
         self._gate = gate
-        self._jumps = JumpGate()
+        self._newest: ReceivedPose | None = None
+        self._suspects: list[ReceivedPose] = []
         self._doubt = _Doubt()
         self._remarks = [] if remarks is None else remarks
 
@@ -88,7 +66,26 @@ class Trust:
                 self._report(pose, reason, self._gate)
             if reason in REFUSED:
                 return reason
-        return self._jumps.judge(pose) or reason
+        elif not isfinite(pose.east + pose.north + pose.yaw + pose.speed):
+            return "impossible"
+        return self._reach(pose) or reason
+
+    def _reach(self, pose: ReceivedPose) -> Distrust:
+        """Whether a car can have come to a pose from the newest one; late poses are passed."""
+        newest, suspects = self._newest, self._suspects
+        self.at_new_place = False
+        if newest is not None and pose.measured_at <= newest.measured_at:
+            return ""
+        if newest is not None and not reachable(newest, pose):
+            if suspects and not reachable(suspects[-1], pose):
+                suspects.clear()
+            suspects.append(pose)
+            if len(suspects) < RESTART_POSES:
+                return "jumping"
+            self.at_new_place = True
+        suspects.clear()
+        self._newest = pose
+        return ""
 
     def _report(self, pose: ReceivedPose, reason: Distrust, gate: InnovationGate) -> None:
         doubt, name = self._doubt, self._name

@@ -21,7 +21,7 @@ def situation(speed: float, acceleration: float, period: float) -> Situation:
     lead = Source("v1", 0.05, settings)
     pair = SourcePair(lead, lead, "composite", settings)
     for seq, east in enumerate((-KNOWN, 0.0, KNOWN)):
-        pair.receive(received(START + seq, east, 0.0, 0.0, speed, seq=seq))
+        lead.receive(received(START + seq, east, 0.0, 0.0, speed, seq=seq))
     pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
     pair.look(START + SECOND, pose, acceleration, refit=True)
     return pair.look(START + SECOND + nanoseconds(period), pose, acceleration, refit=True)

@@ -11,7 +11,7 @@ from tests.made.vehicles.exact_drives import START
 from tests.made.vehicles.told_drives import falsified, steadily, told
 from transport.links.laws.false_content import FalseSpell
 from vehicles.driver.degradation.innovation_gate import InnovationGate
-from vehicles.driver.degradation.trust import JumpGate, Trust
+from vehicles.driver.degradation.trust import Trust
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 BEGIN, END = 4.0, 7.0
@@ -39,8 +39,8 @@ def test_without_a_gate_all_but_jumps_are_used() -> None:
 
 def reasons(places: Iterable[tuple[int, float, float]], speed: float = 10.0) -> list[str]:
     """Verdicts on poses by number, east and north (m), of a source that drives east."""
-    gate = JumpGate()
-    return [gate.judge(received(k * PERIOD, e, n, 0.0, speed)) for k, e, n in places]
+    trust = Trust("v1")
+    return [trust.judge(received(k * PERIOD, e, n, 0.0, speed)) for k, e, n in places]
 
 
 def test_single_jumps_are_refused() -> None:
@@ -69,7 +69,7 @@ def test_numbers_that_are_none_are_refused(rubbish: float) -> None:
     for place in range(4):
         values = [1.0, 2.0, 3.0, 4.0]
         values[place] = rubbish
-        gate = JumpGate()
-        gate.judge(received(START, 0.0, 0.0))
+        trust = Trust("v1")
+        trust.judge(received(START, 0.0, 0.0))
         east, north, yaw, speed = values
-        assert gate.judge(received(START + PERIOD, east, north, yaw, speed)) == "impossible"
+        assert trust.judge(received(START + PERIOD, east, north, yaw, speed)) == "impossible"
