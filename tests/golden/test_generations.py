@@ -10,6 +10,7 @@ import signal
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import pytest
@@ -33,9 +34,9 @@ KINDS = {kind.__name__: kind for kind in PROTOBUF}
 
 
 @pytest.fixture(params=LOGS, ids=lambda folder: folder.name)
-def folder(request: pytest.FixtureRequest) -> Path:
-    chosen: Path = request.param
-    return chosen
+def folder(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A copy, since a review writes its layout beside the log."""
+    return Path(copytree(request.param, tmp_path / "golden"))
 
 
 @pytest.fixture(autouse=True)
