@@ -8,14 +8,12 @@ from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import (
     CONTROLLERS,
-    ImuTable,
-    LoadingTable,
     ParametersTable,
     ScenarioTables,
     SteeringTable,
 )
-from vehicles.car.imu import InertialNoise
-from vehicles.car.parameters import LINCOLN_MKZ, Gains, Loading, VehicleParameters, loaded
+from vehicles.car.imu_settings import ImuSettings
+from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
 from vehicles.car.positioning.settings import GnssSettings
 from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.rule import SendingRule
@@ -46,7 +44,7 @@ class VehicleSetup:
     steering: SteeringTable
     gnss: GnssSettings
     sending: SendingRule
-    imu: ImuTable
+    imu: ImuSettings
     imu_rate_hz: float
 
     @property
@@ -79,17 +77,6 @@ class VehicleSetup:
         return self.steering.own_state == "exact"
 
     @property
-    def imu_noise(self) -> InertialNoise:
-        """Noise and biases of its inertial sensor."""
-        table = self.imu
-        return InertialNoise(
-            speed=table.speed_noise_mps,
-            yaw_rate=table.yaw_rate_noise_radps,
-            speed_bias=table.speed_bias_mps,
-            yaw_rate_bias=table.yaw_rate_bias_radps,
-        )
-
-    @property
     def degradation(self) -> DegradationSettings:
         """When it counts a source as lost, and what it does then."""
         return self.steering.degradation.value
@@ -107,9 +94,9 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
     place, own = names.index(name), tables.vehicle.get(name)
     steering = overlay(tables.control, own and own.control)
     empty = _car(overlay(tables.parameters, own and own.parameters))
-    full = loaded(empty, _loading(overlay(tables.loading, own and own.loading)))
+    full = loaded(empty, overlay(tables.loading, own and own.loading).value)
     predecessor = names[place - 1] if place else None
-    imu = overlay(tables.imu, own and own.imu)
+    imu = overlay(tables.imu, own and own.imu).value
     sending = own.sending if own and own.sending else tables.sending
     if type(sending) is type(tables.sending):
         sending = overlay(tables.sending, sending)
@@ -128,7 +115,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         gnss=overlay(tables.gnss, own and own.gnss).value,
         sending=sending.value,
         imu=imu,
-        imu_rate_hz=imu.rate_hz or tables.control.rate_hz,
+        imu_rate_hz=imu.rate or tables.control.rate_hz,
     )
 
 
@@ -156,14 +143,4 @@ def _car(table: ParametersTable) -> VehicleParameters:
         tyres=table.tyres,
         friction=table.friction_ratio,
         **{key: value for key, value in given.items() if value is not None},
-    )
-
-
-def _loading(table: LoadingTable) -> Loading:
-    return Loading(
-        front_passengers=table.front_passengers,
-        rear_passengers=table.rear_passengers,
-        passenger_mass=table.passenger_mass_kg,
-        luggage_mass=table.luggage_mass_kg,
-        luggage_offset=table.luggage_offset_m,
     )

@@ -10,6 +10,7 @@ gnss             the GNSS receiver, and its fixes as messages and back
 positioning/     settings of the receiver, errors of its positions
 sending/         when a vehicle sends which of its fixes
 imu              gyroscope and wheel speed, or exact knowledge of the car
+imu_settings     settings of these sensors
 clock_error      by how much its clock is off
 dead_reckoning   how the car moves on by what these say, and how wrong that becomes
 """

@@ -42,9 +42,9 @@ class InertialNoise:
     """
 
     speed: float = 0.03
-    yaw_rate: float = math.radians(0.1)
+    yaw_rate: float = 0.00175
     speed_bias: float = 0.1
-    yaw_rate_bias: float = math.radians(0.1)
+    yaw_rate_bias: float = 0.00175
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -6,7 +6,9 @@ an axle into one, so a cornering stiffness is that of a whole axle.
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Literal, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple, get_args
+
+from vehicles.setting import Setting
 
 TyreModel = Literal["linear", "brush"]
 """The paper's linear tyres, or such as saturate; see `tyres`."""
@@ -114,11 +116,11 @@ class Loading:
     Masses in kg per passenger; luggage_offset is the paper's c, from the rear axle back (m).
     """
 
-    front_passengers: int = 0
-    rear_passengers: int = 0
-    passenger_mass: float = 70.0
-    luggage_mass: float = 50.0
-    luggage_offset: float = 0.5
+    front_passengers: Annotated[int, Setting("besides the driver", "", 0, 8)] = 0
+    rear_passengers: Annotated[int, Setting("", "", 0, 60)] = 0
+    passenger_mass: Annotated[float, Setting("of each passenger", "kg", 0, 500)] = 70.0
+    luggage_mass: Annotated[float, Setting("of each passenger, in the boot", "kg", 0, 1000)] = 50.0
+    luggage_offset: Annotated[float, Setting("of the boot behind the rear axle", "m", 0, 10)] = 0.5
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -183,7 +183,11 @@ def _steering(table: SteeringTable) -> dict[str, Any]:
 
 def _imu(setup: VehicleSetup) -> dict[str, float] | None:
     """The inertial sensor of one vehicle, with the rate that it has."""
-    return None if setup.knows_itself else setup.imu.model_dump() | {"rate_hz": setup.imu_rate_hz}
+    return (
+        None
+        if setup.knows_itself
+        else table_with(setup.imu).model_dump() | {"rate_hz": setup.imu_rate_hz}
+    )
 
 
 def _tyres(car: VehicleParameters) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def _loop(scenario: Scenario, setup: VehicleSetup) -> SampledLoop:
         imu_hz=None if setup.knows_itself else setup.imu_rate_hz,
         gnss_hz=setup.gnss.rate,
         gnss=replace(setup.gnss.noise, position=setup.gnss.own_deviation),
-        imu=setup.imu_noise,
+        imu=setup.imu.noise,
     )
 
 

@@ -19,11 +19,15 @@ from scenarios.definition.schema.path import PathTable, PointsPath
 from scenarios.definition.schema.settings import SettingsTable, one_of, table_with
 from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
 from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
+from vehicles.car.imu_settings import ImuSettings
+from vehicles.car.parameters import NOMINAL_GAINS, Loading
 from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.registry import RULES
 from vehicles.car.sending.rule import SendingRule
 from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.preview.trajectory import FitSettings
 
+FIT = FitSettings()
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 """Between them instants fit into 64 bits of nanoseconds, of which a log's have no sign."""
 
@@ -74,9 +78,9 @@ class ConvoyTable(Table):
 class GainsTable(Table):
     """Feedback gains of the steering law (paper, Section III-E); the nominal ones by default."""
 
-    lateral_rad_per_m: float = Field(default=0.06, ge=0, le=10)
-    heading_rad_per_rad: float = Field(default=0.96, ge=0, le=100)
-    yaw_rate_s: float = Field(default=0.08, ge=0, le=10)
+    lateral_rad_per_m: float = Field(default=NOMINAL_GAINS.lateral, ge=0, le=10)
+    heading_rad_per_rad: float = Field(default=NOMINAL_GAINS.heading, ge=0, le=100)
+    yaw_rate_s: float = Field(default=NOMINAL_GAINS.yaw_rate, ge=0, le=10)
 
 
 class SteeringTable(Table):
@@ -89,8 +93,8 @@ class SteeringTable(Table):
     fusion: Literal["composite", "predecessor", "blend"] = "composite"
     trajectory: Literal["fitted", "paper", "paper_prefix"] = "fitted"
     alpha_ratio: Ratio = 0.5
-    preview_s: float = Field(default=0.8, ge=0.1, le=10)
-    tolerance_m: float = Field(default=0.1, gt=0, le=10)
+    preview_s: float = Field(default=FIT.preview_time, ge=0.1, le=10)
+    tolerance_m: float = Field(default=FIT.tolerance, gt=0, le=10)
     knows_loading: bool = False
     estimate_slip: bool = False
     own_state: Literal["estimated", "exact"] = "estimated"
@@ -102,20 +106,6 @@ class ControlTable(SteeringTable):
     """Steering of all vehicles, and the rate at which they decide."""
 
     rate_hz: float = Field(default=50.0, ge=5, le=500)
-
-
-class ImuTable(Table):
-    """The emulated inertial sensor of a vehicle: gyroscope and speed of the wheels.
-
-    Rate, without which it is that of control; standard deviations of its white noise, and of the
-    constant biases that are drawn for each vehicle.
-    """
-
-    rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
-    speed_noise_mps: float = Field(default=0.03, ge=0, le=10)
-    speed_bias_mps: float = Field(default=0.1, ge=0, le=10)
-    yaw_rate_noise_radps: float = Field(default=0.00175, ge=0, le=1)
-    yaw_rate_bias_radps: float = Field(default=0.00175, ge=0, le=1)
 
 
 class ProfilePoint(Table):
@@ -183,16 +173,6 @@ class ParametersTable(Table):
     friction_ratio: float = Field(default=0.9, ge=0.05, le=2)
 
 
-class LoadingTable(Table):
-    """Who and what sits in the car besides the driver (paper, Section V-B)."""
-
-    front_passengers: int = Field(default=0, ge=0, le=8)
-    rear_passengers: int = Field(default=0, ge=0, le=60)
-    passenger_mass_kg: float = Field(default=70.0, ge=0, le=500)
-    luggage_mass_kg: float = Field(default=50.0, ge=0, le=1000)
-    luggage_offset_m: float = Field(default=0.5, ge=0, le=10)
-
-
 class EventsTable(Table):
     """From when on something that happens on the road is an event.
 
@@ -240,9 +220,9 @@ class VehicleTable(Table):
     control: SteeringTable | None = None
     gnss: GnssTable | None = None
     sending: SendingTable | None = None
-    imu: ImuTable | None = None
+    imu: SettingsTable[ImuSettings] | None = None
     parameters: ParametersTable | None = None
-    loading: LoadingTable | None = None
+    loading: SettingsTable[Loading] | None = None
 
 
 class ScenarioTables(Table):
@@ -265,7 +245,7 @@ class ScenarioTables(Table):
     control: ControlTable = ControlTable()
     gnss: GnssTable = GnssTable()
     sending: SendingTable = table_with(EveryFix(), RULES)
-    imu: ImuTable = ImuTable()
+    imu: SettingsTable[ImuSettings] = SettingsTable[ImuSettings]()
     speed: SpeedTable = SpeedTable()
     path: PathTable
     links: LinkTable = LinkTable()
@@ -275,5 +255,5 @@ class ScenarioTables(Table):
     link: Annotated[tuple[LinkEntry, ...], Field(strict=False)] = ()
     change: Changes = ()
     parameters: ParametersTable = ParametersTable()
-    loading: LoadingTable = LoadingTable()
+    loading: SettingsTable[Loading] = SettingsTable[Loading]()
     vehicle: dict[str, VehicleTable] = Field(default_factory=dict)

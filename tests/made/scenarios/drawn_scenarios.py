@@ -27,8 +27,6 @@ from scenarios.definition.schema.tables import (
     ConvoyTable,
     EventsTable,
     GapTable,
-    ImuTable,
-    LoadingTable,
     OriginTable,
     ParametersTable,
     SpeedTable,
@@ -36,7 +34,8 @@ from scenarios.definition.schema.tables import (
 )
 from tests.made.channels.drawn_channels import LAWS, drawn_channel, drawn_spans
 from tests.made.channels.drawn_laws import inline
-from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.car.imu_settings import ImuSettings
+from vehicles.car.parameters import LINCOLN_MKZ, Loading
 from vehicles.car.positioning.drift import Drift
 from vehicles.car.positioning.settings import StateErrors
 from vehicles.car.sending.intervals import CAM_SHARES
@@ -92,7 +91,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     followers = {name: _vehicle(chance, lead=name == names[0]) for name in names}
     _put(tables, "vehicle", {name: own for name, own in followers.items() if own})
     _put(tables, "parameters", _car(chance))
-    _put(tables, "loading", drawn_table(chance, LoadingTable))
+    _put(tables, "loading", drawn_table(chance, SettingsTable[Loading]))
     _put(tables, "links", _links(chance, LinkTable, OF_ALL_SHARE))
     if len(names) > 1:
         _put(tables, "link", [_link(chance, names) for _ in range(chance.choice([0, 0, 1, 3]))])
@@ -101,7 +100,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "origin", drawn_table(chance, OriginTable))
     _put(tables, "gnss", _receiver(chance))
     _put(tables, "sending", _sending(chance))
-    _put(tables, "imu", drawn_table(chance, ImuTable))
+    _put(tables, "imu", drawn_table(chance, SettingsTable[ImuSettings]))
     if "rate_hz" in repr((tables.get("links"), tables.get("link"))):  # for even sending only
         for table in (tables, *tables.get("vehicle", {}).values()):
             table.pop("sending", None)
@@ -226,9 +225,9 @@ def _vehicle(chance: Random, *, lead: bool) -> Raw:
         return table
     _put(table, "gnss", _receiver(chance, "rate_hz", "fix", "preset"))
     _put(table, "sending", _sending(chance))
-    _put(table, "imu", drawn_table(chance, ImuTable, ("rate_hz",)))
+    _put(table, "imu", drawn_table(chance, SettingsTable[ImuSettings], ("rate_hz",)))
     _put(table, "parameters", _car(chance, ("length_m",)))
-    _put(table, "loading", drawn_table(chance, LoadingTable))
+    _put(table, "loading", drawn_table(chance, SettingsTable[Loading]))
     if chance.random() < 0.5:
         table["control"] = _steering(chance)
     if chance.random() < 0.5:

@@ -81,7 +81,7 @@ lateral_offset_m = 0.5
     assert scenario.links["v1", "v3"].loss_ratio == 0.5
     loading = scenario.tables.vehicle["v2"].loading
     assert loading is not None
-    assert (loading.front_passengers, loading.rear_passengers) == (1, 2)
+    assert (loading.value.front_passengers, loading.value.rear_passengers) == (1, 2)
     assert scenario.vehicle("v3").lateral_offset_m == 0.5
 
 
@@ -115,7 +115,7 @@ def test_a_chain_goes_over_folders_and_shipped_scenarios(tmp_path: Path) -> None
     assert (scenario.name, scenario.tables.speed.set_mps) == ("top", 12.0)
     assert scenario.tables.path == base.tables.path
     assert scenario.tables.gnss.value.position_noise == 0.0  # of paper_base
-    assert scenario.tables.loading.rear_passengers == 2  # of paper_a
+    assert scenario.tables.loading.value.rear_passengers == 2  # of paper_a
 
 
 def test_a_text_without_a_file_may_extend_a_shipped_scenario() -> None:

@@ -114,7 +114,7 @@ class DriverBuilder:
         estimator = PoseEstimator(
             setup.assumed_parameters,
             gnss.noise,
-            setup.imu_noise,
+            setup.imu.noise,
             setup.imu_rate_hz,
             by_accuracy=True,
             start=start,
@@ -145,7 +145,7 @@ class DriverBuilder:
         setup = self._setup
         if not setup.steering.estimate_slip:
             return LoadWatch()
-        noise = 0.0 if setup.knows_itself else setup.imu.yaw_rate_noise_radps
+        noise = 0.0 if setup.knows_itself else setup.imu.yaw_rate_noise
         estimator = SlipEstimator(setup.assumed_parameters, noise)
         return LoadWatch(estimator, [one for one in told if isinstance(one, Assuming)])
 

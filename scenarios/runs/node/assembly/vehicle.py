@@ -277,7 +277,7 @@ class VehicleBuilder:
             return ExactSensor()
         # A stream apart from the receiver's, whose noise is the same with and without this sensor.
         random = self._inertial_noise(self._scenario.seed)
-        return InertialSensor(self._setup.imu_noise, self._setup.imu_rate_hz, start_at, random)
+        return InertialSensor(self._setup.imu.noise, self._setup.imu_rate_hz, start_at, random)
 
     def _inertial_noise(self, seed: int) -> np.random.Generator:
         return np.random.Generator(np.random.PCG64([seed, self._setup.place, INERTIAL]))
