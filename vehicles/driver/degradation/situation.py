@@ -16,10 +16,11 @@ class SourceFreshness:
     """What a follower knows of one source at a control instant.
 
     `age` (s) is that of the newest sample, counted from when it was measured, `silence` (s) the
-    time since it was heard, `period` (s) the time between messages as expected, `share` that of the
-    messages of the last second which were received. Its path is known up to `known` (m) ahead of
-    the car, negative where it ends behind. `lost_at` (ns) is when it is lost unless it is heard
-    again. `mode`, `hazard`, `acceleration` (m/s²) and `stops_at` (ns) are what it announced last.
+    time since it was received, `period` (s) the time between messages as expected, `share` that of
+    the messages of the last second which were received. Its path is known up to `known` (m) ahead
+    of the car, negative where it ends behind. `lost_at` (ns) is when it is lost unless it is
+    received again. `mode`, `hazard`, `acceleration` (m/s²) and `stops_at` (ns) are what it
+    announced last.
     """
 
     status: SourceStatus = "unheard"
@@ -59,11 +60,6 @@ class SourceFreshness:
         self.acceleration = acceleration
         self.lost_at = lost_at
         self.stops_at = stops_at
-
-    @property
-    def is_lost(self) -> bool:
-        """Whether it is silent for too long, or its poses are refused."""
-        return self.status in LOST
 
 
 @dataclass(slots=True)
