@@ -132,6 +132,11 @@ def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from models_of(part)
 
 
+def models_by_name(table: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Tables that a table has under the names of vehicles, beside its own keys."""
+    return models_of(table.__annotations__.get("__pydantic_extra__"))
+
+
 def _walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
     """Follow a location: its key without tags, and the tables that may be there.
 
@@ -151,8 +156,7 @@ def _walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
                 models = list(models_of(model.model_fields[str(part)].annotation))
                 break
         else:
-            extra = [model.__annotations__.get("__pydantic_extra__") for model in models]
-            models = [one for kind in extra for one in models_of(kind)] or models
+            models = [one for model in models for one in models_by_name(model)] or models
     return key, models
 
 

@@ -136,7 +136,7 @@ def _vehicles(context: Context) -> tuple[str, ...]:
     from scenarios.definition.schema.tables import ConvoyTable
 
     # Behind an option without its value, as here, click leaves the arguments where they are.
-    file = next(iter(context.args), context.params.get("scenario", ""))
+    file = next(iter(context.args), context.params.get("scenario") or DEFAULT)
     file = DEFAULT if file in _presets() else file
     try:
         given = merged(read_file(file), context.params.get("overrides") or ())
@@ -158,8 +158,11 @@ def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
 def _keys_of(
     table: "type[BaseModel]", inside: str, vehicles: Sequence[str]
 ) -> Iterator[tuple[str, list[str]]]:
-    from scenarios.definition.refusal import models_of
+    from scenarios.definition.refusal import models_by_name, models_of
 
+    for inner in models_by_name(table):
+        for vehicle in vehicles:
+            yield from _keys_of(inner, f"{inside}{vehicle}.", vehicles)
     for name, field in table.model_fields.items():
         kind, tables = str(field.annotation), list(models_of(field.annotation))
         if not tables:

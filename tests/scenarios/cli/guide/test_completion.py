@@ -66,6 +66,13 @@ def test_keys_of_a_scenario_are_offered_for_set() -> None:
     assert "vehicle.bob.gap_m=" in offered("run", "mine.toml", "--set", "vehicle.b")
 
 
+def test_limits_of_all_vehicles_and_of_each_are_offered() -> None:
+    assert offered("bisect", "--limit", "la") == ["lane"]
+    assert offered("risk", "mine.toml", "--limit", "bob.g") == ["bob.gap_m="]
+    assert offered("run", "--set", "limits.v3.tr") == ["limits.v3.true_gap_m_min="]
+    assert not [key for key in offered("run", "--set", "limits.v3.") if "modes" in key]
+
+
 def test_every_commented_key_of_the_template_is_offered() -> None:
     """The tables without which a scenario cannot be written."""
     keys = {key.rstrip("=") for key in offered("run", "--set", "")}
