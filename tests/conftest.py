@@ -51,6 +51,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--campaign"):
         settings.load_profile(CAMPAIGN)
     config.addinivalue_line("markers", "campaign(few, all): random cases, and with --campaign")
+    config.addinivalue_line("markers", "spread(n): n of the cases, and all with --campaign")
     config.addinivalue_line("markers", "long: takes more than ten seconds and is begun early")
 
 
@@ -81,12 +82,32 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if config.getoption("--campaign"):
         for item in items:
             item.add_marker(pytest.mark.timeout(CAMPAIGN_S))
+    else:
+        _leave_out_cases(config, items)
     items.sort(
         key=lambda one: (
             one.get_closest_marker("long") is None,
             SYSTEM not in one.path.parents,
         )
     )
+
+
+def _leave_out_cases(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep of each test marked `spread(n)` n cases, the first and the last among them."""
+    families: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("spread") is not None:
+            families.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    left_out: list[pytest.Item] = []
+    for family in families.values():
+        marker = family[0].get_closest_marker("spread")
+        count = marker.args[0] if marker is not None else 0
+        if len(family) > count:
+            kept = {round(k * (len(family) - 1) / (count - 1)) for k in range(count)}
+            left_out += [item for k, item in enumerate(family) if k not in kept]
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in set(left_out)]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -70,6 +70,7 @@ def assert_ends_with_one_line(process: "subprocess.Popen[str]", number: signal.S
     assert "Traceback" not in complaint
 
 
+@pytest.mark.spread(5)
 @pytest.mark.parametrize(("number", "after_s"), [(signal.SIGINT, 0.0), (signal.SIGTERM, 0.15)])
 @pytest.mark.parametrize("arguments", COMMANDS, ids=lambda arguments: arguments[0])
 def test_a_command_ends_at_once_while_it_is_being_loaded(

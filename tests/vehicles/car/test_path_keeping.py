@@ -130,6 +130,7 @@ def road() -> ArcSpline:
     return ArcSpline(pieces)
 
 
+@pytest.mark.spread(3)
 @pytest.mark.parametrize("car", [CAR, FULL])
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
 def test_the_simulated_car_keeps_to_the_road_by_steering_so_without_feedback(

@@ -68,6 +68,7 @@ def moved_by(steps: Sequence[Step]) -> float:
     return max(apart(step.body, undisturbed.body) for step, undisturbed in pairs)
 
 
+@pytest.mark.spread(4)
 @pytest.mark.parametrize("far", [0.5, 5.0, 50.0, 1000.0])
 @pytest.mark.parametrize("who", ["v1", "v2"])
 def test_a_heard_position_that_jumps_hardly_moves_the_car(far: float, who: str) -> None:

@@ -91,6 +91,7 @@ def test_without_being_told_of_a_hole_nothing_is_put_there() -> None:
     assert len(trace) == 70
 
 
+@pytest.mark.spread(3)
 @pytest.mark.parametrize("road", ["straight", "left", "right"])
 @pytest.mark.parametrize("hole", [6, 9, 13])
 def test_in_a_hole_the_trajectory_passes_where_the_car_is(road: str, hole: int) -> None:

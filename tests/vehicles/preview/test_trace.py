@@ -263,6 +263,7 @@ COURSES: dict[str, tuple[Place, float, float]] = {
 }
 
 
+@pytest.mark.spread(4)
 @pytest.mark.parametrize("name", COURSES)
 @pytest.mark.parametrize("gap", [6.0, 25.0])
 def test_the_wrong_leg_is_never_seen(name: str, gap: float) -> None:

@@ -39,6 +39,7 @@ def test_ball_of_any_car(car: VehicleParameters, gains: Gains, speed: float) -> 
     assert not is_stabilising(car, speed, beyond)
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
 @pytest.mark.parametrize("scale", [RELATIVE, AROUND_ONE])
 def test_ball_against_the_swept_boundary(speed: float, scale: tuple[float, float, float]) -> None:

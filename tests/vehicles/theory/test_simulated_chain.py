@@ -7,6 +7,7 @@ from vehicles.theory.propagation import SteeringModel, propagation
 from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("steering", ["instantaneous", "second order"])
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
 def test_simulated_chain_agrees_at_ten_frequencies(speed: float, steering: SteeringModel) -> None:

@@ -69,6 +69,7 @@ def test_help_has_examples_that_are_understood(name: str) -> None:
 # ---- show
 
 
+@pytest.mark.spread(5)
 @pytest.mark.parametrize("name", presets())
 def test_a_channel_is_shown_on_a_terminal(name: str) -> None:
     lines = said("channel", "show", name, *QUICK).splitlines()

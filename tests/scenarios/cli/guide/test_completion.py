@@ -132,6 +132,7 @@ def test_bash_completes_with_the_line_of_the_help(tmp_path: Path) -> None:
     ], done.stderr
 
 
+@pytest.mark.spread(3)
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 @pytest.mark.parametrize(
     ("words", "found"),

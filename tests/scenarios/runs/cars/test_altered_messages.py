@@ -79,6 +79,7 @@ def drive(content: str, followers: str = "same") -> Driven:
         return Driven(summary, [message for _, _, message in log.messages()])
 
 
+@pytest.mark.spread(6)
 @pytest.mark.parametrize("followers", ["same", "gap"])
 @pytest.mark.parametrize("case", CASES)
 def test_followers_survive_whatever_they_are_told(case: str, followers: str) -> None:
@@ -101,6 +102,7 @@ def test_followers_survive_whatever_they_are_told(case: str, followers: str) -> 
     assert kinds <= {v.content for v in verdicts if v.outcome == "delivered"}
 
 
+@pytest.mark.spread(4)
 @pytest.mark.parametrize("case", CASES)
 def test_the_log_holds_what_was_sent_and_a_verdict_on_each(case: str) -> None:
     content, _ = CASES[case]

@@ -58,6 +58,7 @@ def log(folder: Path) -> bytes:
     return (folder / "run.mcap").read_bytes()
 
 
+@pytest.mark.spread(5)
 @pytest.mark.parametrize("changes", CASES.values(), ids=CASES)
 def test_it_drives_and_the_same_again(changes: tuple[str, ...], tmp_path: Path) -> None:
     scenario = made(*changes, "convoy.vehicles=3", seconds=2.5)

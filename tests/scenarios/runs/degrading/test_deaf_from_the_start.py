@@ -76,6 +76,7 @@ def test_if_nobody_missed_first_messages_some_would_be_hit(
     assert collisions(summary(3, 15.0, *own, seed=37)) > 0
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("gap_m", [15, 35])
 @pytest.mark.parametrize("latency_ms", [400, 700, 1000])
 def test_a_latency_is_no_silence(gap_m: float, latency_ms: float) -> None:

@@ -6,6 +6,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.runs.virtual.unlogged import run_unlogged
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize(
     ("loss_ratio", "seed"), [(0.8, 3), (0.8, 8), (0.8, 15), (0.9, 3), (0.9, 11), (0.9, 12)]
 )
@@ -18,6 +19,7 @@ def test_a_car_that_has_heard_little_stays_on_the_straight_road(
         assert row.cross_track_error_m_max < 0.45, row.name  # it was 0.55 to 4.9 m
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize(
     ("loss_ratio", "seed"),
     [(0.93, 106), (0.93, 107), (0.93, 115), (0.93, 128), (0.8, 114), (0.8, 137)],

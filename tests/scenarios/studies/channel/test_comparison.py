@@ -90,6 +90,7 @@ def test_quantiles_of_one_law_are_those_of_its_messages(setting: str) -> None:
     assert delay_quantiles(expected_channel(both.table), both.effects(), shares) is None
 
 
+@pytest.mark.spread(5)
 @pytest.mark.parametrize("name", presets())
 def test_samples_of_presets_follow_their_laws(name: str) -> None:
     """Within intervals of 95 %, twice as wide for good measure."""

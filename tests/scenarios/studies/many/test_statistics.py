@@ -28,6 +28,7 @@ def test_both_intervals_of_a_share_are_scipy_s(
         assert 0.0 <= low <= successes / count <= high <= 1.0
 
 
+@pytest.mark.spread(4)
 @pytest.mark.parametrize("share", [0.003, 0.1, 0.5, 0.77])
 @pytest.mark.parametrize("count", [8, 20, 200])
 def test_the_exact_interval_covers_at_least_as_often_as_it_says(count: int, share: float) -> None:
