@@ -5,7 +5,6 @@ import sys
 
 
 def main() -> None:
-    """Entry point of `convoy`."""
     try:
         from scenarios.cli.output import open_standard_files
         from scenarios.runs.stop import end_on_signals

@@ -18,11 +18,11 @@ UNWRITABLE = {errno.EACCES, errno.EDQUOT, errno.EIO, errno.ENOSPC, errno.EPERM, 
 
 
 class MissingExtraError(Exception):
-    """A package that is not installed with every installation, in one line."""
+    """A missing optional package, in one line."""
 
 
 def require(what: str, extra: str, *packages: str) -> None:
-    """Raise MissingExtraError if a package is missing that `what` needs and `extra` brings."""
+    """Raise MissingExtraError if a package of `extra` that `what` needs is missing."""
     missing = [package for package in packages if find_spec(package) is None]
     if missing:
         raise MissingExtraError(
@@ -33,7 +33,7 @@ def require(what: str, extra: str, *packages: str) -> None:
 
 @contextmanager
 def clear_errors() -> Iterator[None]:
-    """Turn the errors that a user can do something about into lines and an exit code."""
+    """Turn errors in the input into lines on standard error and an exit code."""
     exit_code = EXIT_BAD_INPUT
     try:
         yield

@@ -7,10 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Let the garbage collector wait: it would go through all modules again and again for nothing.
-
-    A twentieth of the time of imports.
-    """
+    """Pause the garbage collector, which takes a twentieth of the time of imports."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

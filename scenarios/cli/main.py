@@ -84,7 +84,7 @@ for command in (
 
 
 def main() -> None:
-    """Run the command of `sys.argv`; `scenarios.cli.__main__` has taken the signals by then."""
+    """Run the command of `sys.argv`; `scenarios.cli.__main__` handles signals by then."""
     keep_output_going()
     # A controller of the user's own is sought in the working folder too, after what is installed.
     sys.path.append(str(Path.cwd()))

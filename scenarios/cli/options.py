@@ -1,5 +1,6 @@
 """Options that several commands share."""
 
+import re
 from collections.abc import Callable
 from math import isfinite
 from pathlib import Path
@@ -11,29 +12,44 @@ from scenarios.cli.guide import completion
 from transport.bus.zenoh_options import ZenohOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+_UNITS_S = {"": 1.0, "s": 1.0, "ms": 0.001, "min": 60.0}
+_SPAN = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+) ?(s|ms|min|)")
 
 
 class FiniteRange(click.FloatRange):
-    """A number within bounds. Of click's own range NaN is outside of none, and infinity rarely."""
+    """A finite number within bounds; click's own range lets NaN and mostly infinity pass."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The number of a text; refuses one that is not finite."""
         number = float(super().convert(value, param, ctx))
         if not isfinite(number):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return number
 
 
+class TimeSpan(click.ParamType[float]):
+    """A span of time in s, such as 5s, 500ms or 2min."""
+
+    name = "span"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        if isinstance(value, float):
+            return value
+        found = _SPAN.fullmatch(str(value).strip())
+        if found is None:
+            self.fail(f"given {value!r}, allowed a time such as 5s, 500ms or 2min", param, ctx)
+        return float(found[1]) * _UNITS_S[found[2]]
+
+
 def scenario_options(command: Command) -> Command:
-    """SCENARIO, `--set` and `--seed`."""
     named = click.argument("scenario", default="lane_change", shell_complete=completion.scenarios)
     return named(setting_options(command))
 
 
 def setting_options(command: Command) -> Command:
-    """`--set` and `--seed`."""
     for decorate in (
         click.option("--seed", type=click.IntRange(min=0), help="Seed instead of the scenario's."),
         click.option(
@@ -50,7 +66,6 @@ def setting_options(command: Command) -> Command:
 
 
 def log_options(command: Command) -> Command:
-    """`--out`, `--rerun` and `--quiet`."""
     for decorate in (
         click.option("--quiet", is_flag=True, help="Print only what goes wrong."),
         click.option(
@@ -73,7 +88,6 @@ def log_options(command: Command) -> Command:
 
 
 def zenoh_options(command: Command) -> Command:
-    """Zenoh's usual flags."""
     for decorate in (
         click.option("--cfg", multiple=True, metavar="KEY:VALUE", help="Zenoh setting, in JSON5."),
         click.option(
@@ -99,7 +113,6 @@ def zenoh_options(command: Command) -> Command:
 
 
 def run_option(command: Command) -> Command:
-    """`--run`, the name that all processes of one run share."""
     return click.option(
         "--run",
         "run_name",
@@ -109,18 +122,31 @@ def run_option(command: Command) -> Command:
     )(command)
 
 
+def open_run_options(command: Command) -> Command:
+    named = click.option(
+        "--run",
+        "run_name",
+        metavar="NAME",
+        help="Which run; by default the only one that `convoy run` drives here.",
+    )
+    return named(zenoh_options(command))
+
+
+def span_option(*, required: bool = False, help_text: str) -> Callable[[Command], Command]:
+    return click.option(
+        "--for", "for_s", type=TimeSpan(), required=required, metavar="TIME", help=help_text
+    )
+
+
 def leash_option(command: Command) -> Command:
-    """`--leash`, for processes that must not outlive the one that started them."""
+    """`--leash`, for processes that must not outlive their parent."""
     return click.option(
         "--leash", is_flag=True, help="Stop when standard input ends (set by `convoy run`)."
     )(command)
 
 
 def zenoh_from(flags: dict[str, Any], run: str = "") -> ZenohOptions:
-    """The Zenoh flags of a command as one value; by default a client of the local router.
-
-    `run` is the name of the run that the process takes part in.
-    """
+    """Return the Zenoh flags of a command; by default of a client of the local router."""
     return ZenohOptions(
         mode=flags["mode"],
         connect=flags["connect"],

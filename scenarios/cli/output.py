@@ -11,9 +11,9 @@ from scenarios.runs.stop import EXIT_FAILED
 
 
 def open_standard_files() -> None:
-    """Open the null device in place of standard files that are closed.
+    """Open the null device in place of closed standard files.
 
-    Another file would get their number, and what is printed would be written into it.
+    Otherwise another file would get their number, and receive what is printed.
     """
     for number in range(3):
         try:
@@ -28,16 +28,15 @@ def open_standard_files() -> None:
 
 
 class Output(io.FileIO):
-    """A standard file whose unwritable bytes are dropped, so that the command goes on.
+    """A standard file that drops unwritable bytes, so that the command goes on.
 
-    `failure` is the error of the first ones that were dropped, unless their reader is gone, as
-    after `convoy run | head -1`.
+    `failure` is the first error, unless the reader is gone, as after `convoy run | head -1`.
     """
 
     failure: OSError | None = None
 
     def write(self, data: Any, /) -> int:
-        """Write what can be written; returns the number of bytes, as if all were."""
+        """Write what can be written; returns the number of bytes as if all were."""
         try:
             return super().write(data)
         except BrokenPipeError:
@@ -48,10 +47,7 @@ class Output(io.FileIO):
 
 
 def keep_output_going() -> None:
-    """Let nothing that is printed from now on raise an error.
-
-    Letters that the encoding lacks become question marks.
-    """
+    """Let printing raise no error; letters that the encoding lacks become question marks."""
     sys.stdout = _lenient(sys.__stdout__ and sys.stdout, 1)
     sys.stderr = _lenient(sys.__stderr__ and sys.stderr, 2)
 
@@ -71,7 +67,6 @@ def unwritable_output_reported() -> Iterator[None]:
 
 
 def _lenient(stream: TextIO | None, number: int) -> TextIO:
-    """Return a stream in the encoding of `stream`, or on file `number`."""
     if stream is not None:
         stream.flush()
         number = stream.fileno()

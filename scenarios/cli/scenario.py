@@ -67,8 +67,8 @@ def check(
 
     from rich.console import Console
 
-    from scenarios.cli.channel.asked_links import print_links
-    from scenarios.cli.guide.asked import print_report
+    from scenarios.cli.channel.checked_links import print_links
+    from scenarios.cli.guide.checked import print_report
     from scenarios.definition.check.links import asked_links
     from scenarios.definition.check.report import report_of
     from scenarios.definition.scenario import load_scenario
@@ -94,7 +94,7 @@ def check(
 
 
 def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
-    """Warn of changes of speed that the gains are not certified for, or that this is not known."""
+    """Warn of changes of speed without a certificate of the gains, or without scipy."""
     try:
         require("certificate of the gains", "studies", "scipy")
     except MissingExtraError as error:

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.channel.costs import figure
-from scenarios.cli.channel.cut_costs import cuts
+from scenarios.cli.channel.costs import cuts, figure
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.options import setting_options
@@ -113,7 +112,7 @@ def show(
 
 
 def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenario":
-    """A scenario, or a shipped channel in the default one; raises ScenarioError."""
+    """Load a scenario, or a shipped channel in the default one; raises ScenarioError."""
     from scenarios.definition.channel.presets import presets
     from scenarios.definition.errors import ScenarioError
     from scenarios.definition.refusal import near, shown
@@ -131,7 +130,7 @@ def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenari
 
 
 def _chosen(given: str | None, scenario: "Scenario") -> tuple[str, str]:
-    """The link that is asked for; raises ScenarioError if there is none."""
+    """Return the requested link; raises ScenarioError if it does not exist."""
     names, links = scenario.vehicle_names, scenario.links
     if given is None and (names[0], names[-1]) in links:
         return names[0], names[-1]
@@ -141,7 +140,7 @@ def _chosen(given: str | None, scenario: "Scenario") -> tuple[str, str]:
 def _of_them(
     given: str | None, links: "Iterable[tuple[str, str]]", where: str
 ) -> list[tuple[str, str]]:
-    """All links, or the one that is given as sender:receiver; raises ScenarioError."""
+    """Return all links, or the one given as sender:receiver; raises ScenarioError."""
     from scenarios.definition.errors import ScenarioError
     from scenarios.definition.refusal import shown
 
@@ -193,7 +192,7 @@ def _as_json(links: "tuple[FittedLink, ...]") -> str:
     from math import isfinite
 
     def finite(figures: "dict[str, object]") -> "dict[str, object]":
-        """Without the ends of intervals that nothing bounds."""
+        """Replace unbounded ends of intervals by None."""
         return {
             key: None if isinstance(value, float) and not isfinite(value) else value
             for key, value in figures.items()

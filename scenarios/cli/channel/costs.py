@@ -1,4 +1,4 @@
-"""The command that drives a convoy over many channels, and its table."""
+"""The commands that drive a convoy over many channels, or cut its links, and their tables."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +11,8 @@ from scenarios.cli.failure import clear_errors, require
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rich.console import Console
-
     from scenarios.studies.channel.cost_drives import Cost
+    from scenarios.studies.cuts.campaign import ReactionFigures
 
 
 @click.command(
@@ -42,11 +41,16 @@ def figure(*, quick: bool, out: Path) -> None:
 
     with clear_errors():
         costs = channel_figure(QUICK if quick else Plan(), out, click.echo)
-        print_costs(costs, lane_margin_m(), Console())
+        margin_m = lane_margin_m()
+        left_lane: Column[Cost] = Column(
+            "left its\nlane", lambda one: f"{one.beyond(margin_m)} of {len(one.errors_m)}"
+        )
+        over_bursts = [one for one in costs if one.channel.burst_messages is not None]
+        Console().print(table_of((*COST_COLUMNS, left_lane), over_bursts))
         click.echo(f"written: {out / PICTURE} and {out / TWIN}")
 
 
-COLUMNS: "Sequence[Column[Cost]]" = (
+COST_COLUMNS: "Sequence[Column[Cost]]" = (
     Column("gap\nm", lambda one: one.channel.gap_m, "g"),
     Column("lost\n%", lambda one: one.channel.loss_ratio, "g", 100.0),
     Column("latency\nms", lambda one: one.channel.latency_ms, "g"),
@@ -56,14 +60,49 @@ COLUMNS: "Sequence[Column[Cost]]" = (
 )
 
 
-def _left_lane(lane_margin_m: float) -> "Column[Cost]":
-    return Column(
-        "left its\nlane", lambda one: f"{one.beyond(lane_margin_m)} of {len(one.errors_m)}"
-    )
+@click.command(
+    epilog="""\b
+Examples:
+  convoy channel cuts --out cuts                 a minute or two on two cores
+  convoy channel cuts --cuts 1000 --out cuts     half an hour
+"""
+)
+@click.option(
+    "--cuts",
+    "count",
+    type=click.IntRange(2, 100_000),
+    default=60,
+    show_default=True,
+    help="How many, with each of four reactions.",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("cuts"),
+    show_default=True,
+    help="Folder for cuts.png and cuts.json.",
+)
+def cuts(*, count: int, out: Path) -> None:
+    """Cut all links at random instants of double lane changes: what each reaction makes of it."""
+    with clear_errors():
+        require("channel cuts", "studies", "matplotlib", "scipy")
+    from rich.console import Console
+
+    from scenarios.studies.cuts.campaign import PICTURE, TWIN, cuts_figure
+
+    with clear_errors():
+        found = cuts_figure(count, out, click.echo)
+        Console().print(table_of(REACTION_COLUMNS, found))
+        click.echo(f"written: {out / PICTURE} and {out / TWIN}")
 
 
-def print_costs(costs: "Sequence[Cost]", lane_margin_m: float, console: "Console") -> None:
-    """Print what the last vehicle was off by over each mean burst, and over the worst channel."""
-    rows = [one for one in costs if one.channel.burst_messages is not None]
-    columns = (*COLUMNS, _left_lane(lane_margin_m))
-    console.print(table_of(columns, rows))
+REACTION_COLUMNS: "Sequence[Column[ReactionFigures]]" = (
+    Column("reaction", lambda one: one.reaction, left=True, wraps=True),
+    Column("error m\nmedian", lambda one: one.error_m_median, ".2f"),
+    Column("largest", lambda one: one.error_m_max, ".2f"),
+    Column("on known\nroad, m", lambda one: one.error_inside_m_max, ".2f"),
+    Column("blind m\nlargest", lambda one: one.blind_m_max, ".1f"),
+    Column("stood\n%", lambda one: one.stood_ratio, ".0f", 100.0),
+    Column("friction\nused", lambda one: one.friction_ratio_max, ".2f"),
+    Column("resumed\n%", lambda one: one.resumed_ratio, ".0f", 100.0),
+)

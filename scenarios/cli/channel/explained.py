@@ -25,7 +25,6 @@ COLUMNS: Sequence[Column[KnownSource]] = (
 
 
 def print_explanation(found: Explanation, console: Console) -> None:
-    """Print the sentence, what was known of each source, and what was missing."""
     console.print(found.sentence, highlight=False, markup=False, soft_wrap=True)
     if not found.sources:
         return

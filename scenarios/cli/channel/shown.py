@@ -15,7 +15,7 @@ EIGHTHS = " ▏▎▍▌▋▊▉"
 
 
 def print_comparison(name: str, scenario: Scenario, found: Comparison, console: Console) -> None:
-    """Print the laws in words, and each figure of theirs beside the sample's."""
+    """Print the laws and their figures next to those of the sample."""
     asked = asked_link(scenario, (found.sender, found.receiver))
     about = f"{name}, {found.sender} → {found.receiver}"
     console.print(about, style="bold", highlight=False, markup=False)
@@ -41,7 +41,7 @@ def _told(source: str | None, laws: Sequence[str], found: Comparison) -> Iterato
 
 
 def _unit(one: Compared) -> tuple[str, float]:
-    """Unit of a figure, and how much of it one of the figure's own is."""
+    """Unit of a figure, and the factor from its own unit to that."""
     if one.figure == "loss":
         return " %", 100.0
     return ("" if one.figure == "lost in a row" else " ms"), 1.0
@@ -68,7 +68,6 @@ FIGURE_COLUMNS: Sequence[Column[Compared]] = (
 
 
 def _print_shares(heading: str, rows: Sequence[Compared], console: Console) -> None:
-    """Print shares with a bar for each of the sample's, drawn to the largest."""
     if not rows:
         return
     most = max(max(one.law or 0.0, one.sample or 0.0) for one in rows) or 1.0

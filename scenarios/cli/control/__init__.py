@@ -1,7 +1,6 @@
 """Commands for a convoy that drives: change it, look at it, and make a scenario of what was done.
 
-commands   link, cut, heal, gnss, stall, kill, speed, status, scenario-from
-options    what they have in common: which run, for how long
-asking     which run is meant, and what its vehicles say to a change
-shown      how it goes, as a table
+commands  link, cut, heal, gnss, stall, kill, speed, status, scenario-from
+asking    the requested run, and the answers of its vehicles to a change
+shown     the status of a run as tables
 """

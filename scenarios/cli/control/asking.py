@@ -26,7 +26,7 @@ MOST_AT_ONCE = 32
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """What one vehicle said, and how long that took; None if it said nothing in time."""
+    """The answer of one vehicle and its delay; None if none came in time."""
 
     vehicle: str
     said: Confirmation | None
@@ -34,9 +34,9 @@ class Answered:
 
 
 def which_run(run_name: str | None, flags: dict[str, Any], runs: Sequence[OpenRun]) -> ZenohOptions:
-    """How to join the run that is meant, of those that are open here; raises BusError.
+    """Return how to join the requested one of the open runs; raises BusError.
 
-    Flags of Zenoh's say where the router is; otherwise the run that is found does.
+    Zenoh's flags locate the router; without them the run does.
     """
     if run_name is not None:
         checked_run_name(run_name)
@@ -56,16 +56,16 @@ def which_run(run_name: str | None, flags: dict[str, Any], runs: Sequence[OpenRu
 
 @contextmanager
 def joined(run_name: str | None, flags: dict[str, Any]) -> Iterator[tuple[Bus, str]]:
-    """Join the run that is meant, to ask; gives the bus and the name of the run."""
+    """Join the requested run; yields the bus and the run's name."""
     options = replace(which_run(run_name, flags, open_runs()), connect_timeout_s=2.0)
     with open_bus(options) as bus:
         yield bus, options.run
 
 
 def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Answered]:
-    """Ask for a change, given as an entry of `[[change]]` without `at_s`; raises BusError.
+    """Request a change, given as an entry of `[[change]]` without `at_s`; raises BusError.
 
-    The vehicle that it names is asked, or all of them.
+    The request goes to the vehicle that it names, or to all.
     """
     present = sorted({one.name for one in bus.members() if one.role == VEHICLE})
     if not present:
@@ -95,7 +95,7 @@ def _ask_one(bus: Bus, vehicle: str, question: Question, begun: float) -> Answer
 
 
 def status(bus: Bus, run: str) -> RunStatus | None:
-    """How the run goes, None before its start; raises BusError if nobody answers."""
+    """Request the status of the run, None before its start; raises BusError without an answer."""
     answer = bus.ask(control_key(CONDUCTOR), ANSWER_S)
     if answer is None:
         raise BusError(f"run {run}: no recorder is there")

@@ -6,15 +6,15 @@ from typing import Any
 
 import click
 
-from scenarios.cli.control.options import run_options, span_option
 from scenarios.cli.failure import clear_errors
+from scenarios.cli.options import open_run_options, span_option
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 
 REFRESH_S = 0.5
 
 
 def _change(run_name: str | None, flags: dict[str, Any], kind: str, **keys: object) -> None:
-    """Ask for a change, and say what became of it."""
+    """Request a change and print the answers."""
     from scenarios.cli.control import asking
 
     entry = {"kind": kind, **{key: value for key, value in keys.items() if value is not None}}
@@ -53,7 +53,7 @@ Examples:
 @click.option("--latency-ms", type=float, help="Least delay.")
 @click.option("--jitter-ms", type=float, help="Further delay, uniform between 0 and this.")
 @span_option(help_text="For how long, such as 5s; without it until the next change.")
-@run_options
+@open_run_options
 def link(
     *,
     sender: str,
@@ -86,7 +86,7 @@ Examples:
 @click.argument("sender", default="*")
 @click.argument("receiver", default="*")
 @span_option(help_text="For how long, such as 5s; without it until healed.")
-@run_options
+@open_run_options
 def cut(
     *, sender: str, receiver: str, for_s: float | None, run_name: str | None, **flags: Any
 ) -> None:
@@ -106,7 +106,7 @@ Examples:
 )
 @click.argument("sender", default="*")
 @click.argument("receiver", default="*")
-@run_options
+@open_run_options
 def heal(*, sender: str, receiver: str, run_name: str | None, **flags: Any) -> None:
     """Give the links from SENDER to RECEIVER back as the scenario has them, by default all.
 
@@ -124,7 +124,7 @@ def heal(*, sender: str, receiver: str, run_name: str | None, **flags: Any) -> N
     help="Which fix; auto gives the receiver back to its own law.",
 )
 @span_option(help_text="For how long, such as 5s; without it until the next change.")
-@run_options
+@open_run_options
 def gnss(
     *, vehicle: str, fix: str, for_s: float | None, run_name: str | None, **flags: Any
 ) -> None:
@@ -135,7 +135,7 @@ def gnss(
 @click.command(epilog="Example: convoy stall v3 --for 500ms")
 @click.argument("vehicle")
 @span_option(required=True, help_text="For how long, such as 500ms.")
-@run_options
+@open_run_options
 def stall(*, vehicle: str, for_s: float, run_name: str | None, **flags: Any) -> None:
     """Hold up the control of VEHICLE: it hears, decides and sends nothing."""
     _change(run_name, flags, "stall", vehicle=vehicle, for_s=for_s)
@@ -150,7 +150,7 @@ Examples:
 )
 @click.argument("vehicle")
 @span_option(help_text="Start anew after so long, such as 3s; without it never.")
-@run_options
+@open_run_options
 def kill(*, vehicle: str, for_s: float | None, run_name: str | None, **flags: Any) -> None:
     """Let the process of VEHICLE crash; the car brakes to a standstill with its wheels as they are.
 
@@ -162,7 +162,7 @@ def kill(*, vehicle: str, for_s: float | None, run_name: str | None, **flags: An
 @click.command(epilog="Example: convoy speed 15")
 @click.argument("speed_mps", type=float, metavar="M_PER_S")
 @click.option("--acceleration-mps2", type=float, help="How hard the lead gets there.")
-@run_options
+@open_run_options
 def speed(
     *, speed_mps: float, acceleration_mps2: float | None, run_name: str | None, **flags: Any
 ) -> None:
@@ -179,7 +179,7 @@ Examples:
 )
 @click.option("--once", is_flag=True, help="One picture, and end.")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, a line for each picture.")
-@run_options
+@open_run_options
 def status(*, once: bool, as_json: bool, run_name: str | None, **flags: Any) -> None:
     """Show how a convoy that drives goes: what it steers along, knows, hears, errs and keeps."""
     from rich.console import Console

@@ -65,9 +65,9 @@ def show(
     every_s: float | None,
     as_json: bool,
 ) -> bool:
-    """Show the status that is read every so often, or once; returns whether there was one.
+    """Show the status every `every_s` seconds until the run ends, or once.
 
-    A run that ends ends this, too.
+    Returns whether there was one.
     """
     first = read()
     if every_s is None or as_json or not console.is_terminal:
@@ -89,7 +89,6 @@ def show(
 
 
 def _wait(stop: Stop, seconds: float) -> bool:
-    """Wait, and say whether it is enough."""
     return poll(lambda: stop.asked, every_s=POLL_S, at_most_s=seconds)
 
 
@@ -102,7 +101,7 @@ def _print(status: RunStatus | None, console: Console, *, as_json: bool) -> bool
 
 
 def tables(status: RunStatus | None, most: int | None = None) -> Group:
-    """The vehicles and the links of a run, or the worst of them, `most` of each."""
+    """Return tables of the vehicles and links of a run, of each all or the `most` worst."""
     if status is None:
         return Group("has not started yet")
     shown = worst_rows(status.vehicles, _trouble, most)
@@ -117,7 +116,7 @@ def tables(status: RunStatus | None, most: int | None = None) -> Group:
 
 
 def _trouble(one: VehicleFiguresNow) -> float:
-    """How much a vehicle wants to be looked at: with hazard lights most, then by its true error."""
+    """Rank of a vehicle: hazard lights first, then the true error."""
     return (HAZARD_M if one.hazard else 0.0) + abs(one.true_error_m or 0.0)
 
 

@@ -1,7 +1,6 @@
-"""What helps to use the commands.
+"""Help with the use of the commands.
 
-completion   names and keys that a shell offers
-reference    fields, topics, reasons, and the contract of a controller
-asked        what a scenario asks for, as a table
-signals      receivers and sending in words, for it
+completion  names and keys that a shell offers
+reference   fields, topics, reasons, and the contract of a controller
+checked     the configuration of a scenario as a table
 """

@@ -30,10 +30,10 @@ FILES_ONLY = {"extends", "overrides"}
 
 @add_completion_class
 class BashWithEquals(BashComplete):
-    """Bash, to which `links.loss_ratio=0` is three words; it has the last one completed."""
+    """Bash splits `links.loss_ratio=0` into three words and completes the last one."""
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """Return the words before the one that was begun, and that one, whole."""
+        """Return the words before the current one, and that one whole."""
         place = int(environ["COMP_CWORD"])
         words = split_arg_string(environ["COMP_WORDS"])[: place + 1]
         words += [""] * (place + 1 - len(words))
@@ -46,7 +46,7 @@ class BashWithEquals(BashComplete):
         return whole[1:-1], whole[-1]
 
     def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem]:
-        """Return what replaces the last word: without what stands before its last `=`."""
+        """Return replacements of the last word, without the part before its last `=`."""
         found = super().get_completions(args, incomplete)
         option, equals, value = incomplete.partition("=")
         begun = value if equals and option.startswith("-") else incomplete
@@ -57,31 +57,30 @@ class BashWithEquals(BashComplete):
 
 
 def scenarios(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    """Offer shipped scenarios and the TOML files here; elsewhere the shell's own files."""
     from scenarios.definition.library import library
 
-    known = [*library(), *sorted(path.name for path in Path().glob("*.toml"))]
-    return _matching(known, begun) or [CompletionItem(begun, type="file")]
+    return _names_or_files(library(), begun)
 
 
 def drills(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    """Offer shipped drills and the TOML files here; elsewhere the shell's own files."""
     from scenarios.definition.library import drills as shipped
 
-    known = [*shipped(), *sorted(path.name for path in Path().glob("*.toml"))]
-    return _matching(known, begun) or [CompletionItem(begun, type="file")]
+    return _names_or_files(shipped(), begun)
 
 
 def channels(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    """Offer shipped channels and scenarios and the TOML files here; else the shell's own files."""
     from scenarios.definition.library import library
 
-    known = [*_presets(), *library(), *sorted(path.name for path in Path().glob("*.toml"))]
+    return _names_or_files([*_presets(), *library()], begun)
+
+
+def _names_or_files(shipped: Iterable[str], begun: str) -> list[CompletionItem]:
+    """Offer shipped names and the TOML files here; elsewhere the shell's own files."""
+    known = [*shipped, *sorted(path.name for path in Path().glob("*.toml"))]
     return _matching(known, begun) or [CompletionItem(begun, type="file")]
 
 
 def links(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    """Offer the links of the scenario that is named before, as sender:receiver."""
     from scenarios.definition.links import directed_links
 
     pairs = directed_links(_vehicles(context))
@@ -95,17 +94,14 @@ def _presets() -> list[str]:
 
 
 def rerun(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    """Offer where the picture can go."""
     return _matching(RERUN, begun)
 
 
 def vehicles(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    """Offer the vehicles of the scenario that is named before, or of the default one."""
     return _matching(_vehicles(context), begun)
 
 
 def limits(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    """Offer the limits of `--limit`, of all vehicles and of each."""
     from scenarios.definition.schema.limit_rows import WORDS
 
     words = [word if row.event else f"{word}=" for word, row in WORDS.items()]
@@ -114,10 +110,7 @@ def limits(context: Context, _parameter: Parameter, begun: str) -> list[Completi
 
 
 def settings(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    """Offer the keys of a scenario, and the values of a key that is whole.
-
-    The last key that is left is offered with its values: a shell would put a space behind it.
-    """
+    """Offer the keys of a scenario, or the values of a complete key."""
     keys = {f"{key}=": values for key, values in _keys(_vehicles(context)).items()}
     left = [key for key in keys if key.startswith(begun) or begun.startswith(key)]
     whole = [f"{left[0]}{value}" for value in keys[left[0]]] if len(left) == 1 else []
@@ -129,7 +122,7 @@ def _matching(known: Iterable[str], begun: str) -> list[CompletionItem]:
 
 
 def _vehicles(context: Context) -> tuple[str, ...]:
-    """Names of the vehicles, where the file and what is set can be read that far; else none."""
+    """Names of the vehicles, as far as file and overrides can be read; else none."""
     from scenarios.definition.errors import ScenarioError
     from scenarios.definition.extends import merged
     from scenarios.definition.library import read_file
@@ -146,7 +139,6 @@ def _vehicles(context: Context) -> tuple[str, ...]:
 
 
 def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
-    """Dotted keys of a scenario, each with values that it takes."""
     from scenarios.definition.schema.tables import ScenarioTables
 
     found: dict[str, list[str]] = {}
@@ -178,7 +170,6 @@ def _keys_of(
 
 
 def _values(name: str, field: "FieldInfo") -> list[str]:
-    """Values to offer for a key: the words that it takes, or the number that it has."""
     from scenarios.definition.schema.tables import CONTROLLERS
 
     parts = (field.annotation, *get_args(field.annotation))

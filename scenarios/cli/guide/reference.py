@@ -14,7 +14,7 @@ WIDTH = 80
 
 
 def _say(text: str) -> None:
-    """Print a text in lines that fit a terminal; a list keeps its own."""
+    """Print a text, wrapped to a terminal's width but for its lists."""
     paragraphs = text.split("\n\n")
     click.echo("\n\n".join(one if "   " in one else fill(one, WIDTH) for one in paragraphs))
 
@@ -36,7 +36,6 @@ def reference(what: str) -> None:
 
 
 def _print(heading: str, rows: Iterable[Row]) -> None:
-    """Print rows under a heading."""
     from rich.console import Console
 
     console = Console()
@@ -102,7 +101,7 @@ def _reasons() -> None:
 
 
 def counts_as(word: str) -> str:
-    """Say whether a message with this reason counts as lost or as late."""
+    """Return whether a message with this reason counts as lost or as late."""
     from transport.reasons import counts_as_late, counts_as_loss
 
     counts = {"lost": counts_as_loss(word), "late": counts_as_late(word)}

@@ -103,7 +103,6 @@ def bisect(
 
 
 def _ends(span: str) -> tuple[float, float]:
-    """Read LOW:HIGH; raises ScenarioError."""
     from scenarios.definition.errors import ScenarioError
 
     low, _, high = span.partition(":")
@@ -125,7 +124,6 @@ COLUMNS: "Sequence[Column[SharePoint]]" = (
 def print_answer(
     question: "BoundaryQuestion", answer: "BoundaryAnswer", console: "Console"
 ) -> None:
-    """Print the values tried, the bracket, and how sure that is."""
     ends = {answer.low, answer.high}
     columns = (Column(question.key, lambda one: one.value, "g"), *COLUMNS)
     table = table_of(columns, answer.points, lambda one: "bold" if one.value in ends else None)
@@ -135,7 +133,6 @@ def print_answer(
 
 
 def answer_lines(question: "BoundaryQuestion", answer: "BoundaryAnswer") -> list[str]:
-    """The answer in lines."""
     half = 0.5 * (answer.high - answer.low)
     wanted = f"{100.0 * question.share:g} %" if question.share else "one"
     lines = [

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from scenarios.studies.many.blame.losses import Burst
     from scenarios.studies.many.blame.ranking import Blamed
     from scenarios.studies.many.blame.study import Blame
 
@@ -99,7 +98,6 @@ def blame(
 
 
 def print_blame(found: "Blame", console: "Console") -> None:
-    """Print the figures of the run, the costliest bursts, and the smallest set."""
     console.print(_opening(found), highlight=False)
     console.print(table_of(COLUMNS, found.rows[:MOST_ROWS]))
     if left := found.rows[MOST_ROWS:]:
@@ -146,7 +144,10 @@ COLUMNS: "Sequence[Column[Blamed]]" = (
 def _ending(found: "Blame") -> str:
     if found.smallest is None:
         return f"{found.unshrunk} ({found.runs} runs, {found.seconds:.0f} s)"
-    bursts = ", ".join(_spoken(burst) for burst in found.smallest.bursts)
+    bursts = ", ".join(
+        "{} at {:.2f} to {:.2f} s".format(burst.line, *burst.span_s)
+        for burst in found.smallest.bursts
+    )
     without = (
         "without any one of them it holds"
         if found.smallest.is_minimal
@@ -156,8 +157,3 @@ def _ending(found: "Blame") -> str:
         f"smallest set that breaks {found.question.limit}: {len(found.smallest.messages)} messages "
         f"({bursts}); {without} ({found.runs} runs, {found.seconds:.0f} s)"
     )
-
-
-def _spoken(burst: "Burst") -> str:
-    from_s, to_s = burst.span_s
-    return f"{burst.line} at {from_s:.2f} to {to_s:.2f} s"

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import Console
-    from rich.text import Text
 
     from scenarios.studies.drills.drill import DrillRow, DrillRun
     from scenarios.studies.many.variant import Variant
@@ -119,10 +118,7 @@ def _say(line: str) -> None:
 
 
 def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[DrillRun]":
-    """Drive them as `convoy run` does, one after the other; raises what its input may be wrong in.
-
-    A run that was stopped by hand ends all.
-    """
+    """Run the drills with `convoy run`, one after the other, until one is stopped by a signal."""
     import time
     from dataclasses import replace
 
@@ -160,7 +156,8 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
 
 
 def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]":
-    """Columns of limits, each beside the name of its drill, if that has not been named above."""
+    """Columns of limits; the name of a drill is in its first row only."""
+    from rich.text import Text
 
     def vehicle(row: "tuple[DrillRow, str]") -> str:
         return row[0].vehicle + (f", seed {row[0].seed}" if several_seeds else "")
@@ -171,7 +168,12 @@ def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]"
         Column("figure", lambda row: row[0].figure, ".3g"),
         Column("margin", lambda row: _percent(row[0].margin_ratio)),
         Column("of", vehicle, left=True, wraps=True),
-        Column("", lambda row: _verdict(row[0]), left=True, wraps=True),
+        Column(
+            "",
+            lambda row: Text("pass") if row[0].passed else Text("FAIL", "bold red"),
+            left=True,
+            wraps=True,
+        ),
     )
 
 
@@ -179,16 +181,10 @@ def _percent(ratio: float | None) -> str | None:
     return None if ratio is None else f"{100.0 * ratio:.0f} %"
 
 
-def _verdict(row: "DrillRow") -> "Text":
-    from rich.text import Text
-
-    return Text("pass") if row.passed else Text("FAIL", "bold red")
-
-
 def print_drills(
     rows: "Sequence[DrillRow]", console: "Console", *, several_seeds: bool = False
 ) -> None:
-    """Print a row for each limit, and below it what was broken and how to see it again."""
+    """Print a row for each limit, then each broken limit and the command that repeats its run."""
     from rich.text import Text
 
     firsts = [k for k, row in enumerate(rows) if not k or rows[k - 1].drill != row.drill]

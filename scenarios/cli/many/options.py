@@ -20,7 +20,6 @@ LIMIT_WORDS = f"{words_with_examples()}; of one vehicle: v2.error_m=0.5"
 
 
 def overrides_option(command: Command) -> Command:
-    """`--set`."""
     return click.option(
         "--set",
         "overrides",
@@ -32,7 +31,6 @@ def overrides_option(command: Command) -> Command:
 
 
 def limit_option(command: Command) -> Command:
-    """`--limit`."""
     return click.option(
         "--limit",
         "limit_text",
@@ -45,7 +43,6 @@ def limit_option(command: Command) -> Command:
 
 
 def engine_options(command: Command) -> Command:
-    """`--workers` and `--scheduler`."""
     scheduler = click.option(
         "--scheduler",
         metavar="tcp://HOST:PORT",
@@ -62,7 +59,6 @@ def engine_options(command: Command) -> Command:
 
 
 def chosen_fleet(workers: int | None, scheduler: str) -> "OpenFleet":
-    """Return what starts the worker processes, or reaches the scheduler."""
     from scenarios.studies.engine.fleet import fleet_of
 
     if scheduler:
@@ -71,7 +67,7 @@ def chosen_fleet(workers: int | None, scheduler: str) -> "OpenFleet":
 
 
 def variant_of(name: str, overrides: tuple[str, ...]) -> "Variant":
-    """The run of which there are many; raises ScenarioError if it is refused."""
+    """Return the run that is to be varied; raises ScenarioError if it is refused."""
     from scenarios.definition.scenario import load_scenario
     from scenarios.studies.many.variant import Variant
 

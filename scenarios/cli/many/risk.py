@@ -118,14 +118,12 @@ COLUMNS: "Sequence[Column[tuple[RiskQuestion, Risk]]]" = (
 
 
 def print_risk(question: "RiskQuestion", found: "Risk", console: "Console") -> None:
-    """Print the probability with its interval, and how to see a run that breaks the limit."""
     console.print(table_of(COLUMNS, [(question, found)]))
     for line in remarks(question, found):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
 def remarks(question: "RiskQuestion", found: "Risk") -> list[str]:
-    """Remarks on the estimate."""
     from scenarios.studies.many.risk import NO_COMMAND, command_of
 
     if found.method == "counting":

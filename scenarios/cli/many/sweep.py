@@ -133,7 +133,7 @@ def sweep(
 
 
 def print_sweep(table: "SweepTable", console: "Console") -> None:
-    """Print a row for each cell: a table for each figure, a limit beside it."""
+    """Print a table for each figure, with a limit and a row for each cell."""
     for number in range(max(len(table.plan.figures), len(table.plan.limits))):
         print_whole(_table(table, number), console)
     if len(table.cells) > MOST_ROWS:
@@ -143,7 +143,7 @@ def print_sweep(table: "SweepTable", console: "Console") -> None:
 
 
 def _table(table: "SweepTable", number: int) -> "Table":
-    """Make the table of the figure and the limit with this number, as far as there are so many."""
+    """Table of the figure and the limit with this number, as far as they exist."""
     figures, limits = table.plan.figures[number:][:1], table.plan.limits[number:][:1]
     columns = [_key_column(axis.key, place) for place, axis in enumerate(table.plan.axes)]
     columns += [Column("errors", lambda cell: cell.errors)] if table.errors else []
@@ -162,7 +162,7 @@ def _key_column(key: str, place: int) -> "Column[SweptCell]":
 
 
 def _spread_columns(number: int, *, least: bool) -> "list[Column[SweptCell]]":
-    """Columns of the figure with this number, the last of which is its worst value."""
+    """Columns of the figure with this number; its worst value comes last."""
 
     def spread(heading: str, attribute: str) -> "Column[SweptCell]":
         return Column(heading, lambda cell: _shown(getattr(cell.figures[number], attribute)))
@@ -172,7 +172,7 @@ def _spread_columns(number: int, *, least: bool) -> "list[Column[SweptCell]]":
 
 
 def _share_columns(number: int) -> "list[Column[SweptCell]]":
-    """Columns of the limit with this number: the share of runs that broke it, and its interval."""
+    """Share of runs that broke the limit with this number, and its interval."""
 
     def interval(cell: "SweptCell") -> str | None:
         one = cell.limits[number]

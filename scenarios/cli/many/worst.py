@@ -5,11 +5,10 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.control.options import TimeSpan
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import chosen_fleet, engine_options
-from scenarios.cli.options import scenario_options
+from scenarios.cli.options import TimeSpan, scenario_options
 from scenarios.definition.schema.limit_rows import WORDS
 
 FIGURES = [word for word, row in WORDS.items() if row.figure]

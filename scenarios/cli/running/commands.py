@@ -242,10 +242,9 @@ def record(
 
 
 def be_part(scenario: "Scenario", arguments: Sequence[str]) -> "Deed":
-    """Prepare what the part of a run of `scenario` does that `convoy ARGUMENTS` is.
+    """Prepare `convoy ARGUMENTS` as a part of a run of `scenario`.
 
-    The command line is read here, and not in each child, which would copy the memory for that; so
-    is what the vehicles begin with on the bus.
+    Parsing here and not in each child saves memory; so does preparing the bus of the vehicles.
     """
     from scenarios.runs.processes.membership import checked_run_name
     from transport.bus.zenoh_bus import prepare_bus
@@ -256,9 +255,9 @@ def be_part(scenario: "Scenario", arguments: Sequence[str]) -> "Deed":
     if part == "vehicle":
         given = context.params
         prepare_bus(zenoh_from(given, checked_run_name(given["run_name"] or scenario.name)))
-    return partial(_be, context)
 
+    def run_command() -> None:
+        with unwritable_output_reported(), context:
+            command.invoke(context)
 
-def _be(part: click.Context) -> None:
-    with unwritable_output_reported(), part:
-        part.command.invoke(part)
+    return run_command

@@ -12,12 +12,11 @@ from transport.picture.viewer_process import ViewerError, require_display
 
 
 def run_folder(scenario: Scenario, out: Path | None) -> Path:
-    """Folder of a new run, by default a new one."""
     return out or default_folder(scenario.slug, datetime.now(tz=UTC).astimezone())
 
 
 def refuse_picture(rerun: str, out: Path | None) -> None:
-    """Raise an error if the picture cannot go where `--rerun` says, of a run into `out`."""
+    """Raise ViewerError if a run into `out` cannot draw where `--rerun` requests."""
     option = parse_rerun_option(rerun)
     if option.sink != "off":
         require(f"--rerun {rerun}", "viewer", "rerun")

@@ -10,7 +10,7 @@ import click
 from scenarios.cli.loading import loading
 from scenarios.cli.running.destination import refuse_picture, run_folder
 from scenarios.definition.check.report import warnings
-from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.scenario import load_scenario
 from scenarios.runs.processes.membership import checked_run_name
 from scenarios.runs.run_folder import claimed
 from scenarios.runs.stop import stop_on_signals
@@ -31,9 +31,9 @@ def run_scenario(
     rerun: str,
     quiet: bool,
 ) -> int:
-    """`convoy run`: returns the exit code.
+    """Run a scenario; returns the exit code.
 
-    Its processes are forked and do `be_part`; without it each is a program started anew.
+    Processes are forked and do `be_part`; without it each is a new program.
     """
     scenario = load_scenario(name, overrides, seed)
     common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
@@ -43,7 +43,11 @@ def run_scenario(
     folder = run_folder(scenario, out)
     with claimed(folder, fresh=out is None):
         if clock == "virtual":
-            return _run_virtually(scenario, folder, rerun, quiet=quiet)
+            stop = stop_on_signals()
+            with loading():
+                from scenarios.cli.running.virtually import run_virtually
+
+            return run_virtually(scenario, folder, stop, rerun, quiet=quiet)
         with loading():
             from scenarios.cli.running.processes import run_processes
             from scenarios.runs.processes.launcher import LaunchPlan
@@ -54,14 +58,5 @@ def run_scenario(
 
 
 def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
-    """Arguments that name the same scenario to another process."""
     seeds = [] if seed is None else [f"--seed={seed}"]
     return [name, *(f"--set={text}" for text in overrides), *seeds]
-
-
-def _run_virtually(scenario: Scenario, folder: Path, rerun: str, *, quiet: bool) -> int:
-    stop = stop_on_signals()
-    with loading():
-        from scenarios.cli.running.virtually import run_virtually
-
-    return run_virtually(scenario, folder, stop, rerun, quiet=quiet)

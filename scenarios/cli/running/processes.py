@@ -27,7 +27,7 @@ PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle")
 
 
 def run_processes(plan: LaunchPlan, be_part: BePart | None, *, quiet: bool) -> int:
-    """`convoy run` on the wall clock: returns the exit code."""
+    """Run on the wall clock; returns the exit code."""
     stop = stop_on_signals()
     become = None
     if be_part is not None:
@@ -35,7 +35,10 @@ def run_processes(plan: LaunchPlan, be_part: BePart | None, *, quiet: bool) -> i
         become = partial(be_part, plan.scenario)
     outcome = launch(plan, stop, Supervisor(become), _complete)
     if outcome.reason and not outcome.is_reported:
-        _say_in_red(outcome.reason)
+        from rich.console import Console
+        from rich.text import Text
+
+        Console(stderr=True).print(Text(outcome.reason, "bold red"), highlight=False)
     if outcome.repaired:
         from scenarios.cli.running.recording import sum_up
 
@@ -50,13 +53,6 @@ def _complete(log: Path) -> bool:
     return complete(log)
 
 
-def _say_in_red(line: str) -> None:
-    from rich.console import Console
-    from rich.text import Text
-
-    Console(stderr=True).print(Text(line, "bold red"), highlight=False)
-
-
 def prepare_parts(scenario: Scenario) -> None:
     """Do once what every part of a run of `scenario` would do first."""
     for module in PARTS:
@@ -68,10 +64,9 @@ def prepare_parts(scenario: Scenario) -> None:
 
 
 def warm_up() -> None:
-    """Drive three vehicles for a second of virtual time, to no end but to have done it once.
+    """Drive three vehicles for a second of virtual time, so that the interpreter specializes code.
 
-    What the interpreter notes beside the code as it first runs, each vehicle would else write for
-    itself, and so have more memory of its own and take longer over its first ticks.
+    Otherwise each vehicle does so in memory of its own, and its first ticks take longer.
     """
     convoy = VirtualConvoy(load_scenario("lane_change", ("duration_s=1", "convoy.vehicles=3")))
     convoy.build(lambda vehicle: BatchingSink(vehicle, convoy.bus, convoy.clock.now))

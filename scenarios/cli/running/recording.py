@@ -31,9 +31,9 @@ def record_run(
     gather_s: float,
     launched: bool,
 ) -> int:
-    """`convoy record`: returns the exit code.
+    """Gather and record the vehicles of a run; returns the exit code.
 
-    `launched` says that `convoy run` has started it, which holds the folder.
+    `launched` by `convoy run`, which holds the folder.
     """
     refuse_picture(rerun, out)
     folder = run_folder(scenario, out)

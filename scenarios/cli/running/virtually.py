@@ -19,7 +19,6 @@ def run_virtually(
     *,
     quiet: bool,
 ) -> int:
-    """`convoy run --clock virtual`: the exit code."""
     metrics = Metrics.of(scenario)
     with (
         layout(folder, scenario, rerun, quiet=quiet),

@@ -21,7 +21,7 @@ from transport.picture.option import parse_rerun_option
 def layout(
     folder: Path, scenario: Scenario, rerun: str, *, quiet: bool
 ) -> AbstractContextManager[None]:
-    """Write Rerun's layout for the log meanwhile, but for who makes many runs: it takes a while."""
+    """Write Rerun's layout for the log, but not for quiet runs: it takes a while."""
     return nullcontext() if quiet and rerun == "off" else rerun_layout(folder, scenario)
 
 
@@ -29,10 +29,7 @@ def layout(
 def observers(
     scenario: Scenario, metrics: Metrics, rerun: str, *, run_id: str, quiet: bool
 ) -> Iterator[list[Observer]]:
-    """Open the viewer and the progress line, which are given each message as it is recorded.
-
-    The progress line shows what `metrics` has gathered.
-    """
+    """Open the viewer and the progress line, which receive each recorded message."""
     with ExitStack() as stack:
         option = parse_rerun_option(rerun)
         view = stack.enter_context(open_drawing(option, scenario, run_id, metrics))
@@ -48,6 +45,5 @@ def observers(
 
 
 def show(summary: RunSummary, folder: Path, *, quiet: bool) -> None:
-    """Print the tables of a run."""
     if not quiet:
         print_summary(summary, folder / LOG_NAME, Console())

@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from scenarios.cli.control.asking import which_run
-from scenarios.cli.control.options import TimeSpan
 from scenarios.cli.control.shown import show, tables
 from scenarios.cli.main import cli
+from scenarios.cli.options import TimeSpan
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.control.open_runs import OpenRun

@@ -1,21 +1,22 @@
-"""What a scenario asks for, and the figures of its planned run, as a table of `convoy check`."""
+"""The configuration of a scenario and figures of its planned run: the table of `convoy check`."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pydantic import TypeAdapter
 from rich.console import Console
 from rich.text import Text
 
 from scenarios.cli.columns import grid_of
-from scenarios.cli.guide.signals import receiver_in_words, sending_in_words
 from scenarios.definition.check.report import CheckReport
+from scenarios.definition.schema.gnss import GnssTable
+from scenarios.definition.schema.tables import SendingTable
 
 Row = tuple[str, str]
 """What, and how much of it."""
 
 
 def print_report(report: CheckReport, console: Console) -> None:
-    """Print all that a scenario asks for, a row each."""
     title = f"{report.name}: {report.description}" if report.description else report.name
     console.print(Text(title, style="bold"), highlight=False)
     parts = (_convoy, _road, _drivers, _links, _ends)
@@ -53,7 +54,7 @@ def _road(report: CheckReport) -> Iterator[Row]:
 
 
 def _drive(report: CheckReport) -> Iterator[Row]:
-    """Tell about a recorded drive as its file has it."""
+    """Describe a recorded drive."""
     many = "1 hole of" if report.holes == 1 else f"{report.holes} holes up to"
     holes = f", {many} {report.hole_m_max:.1f} m" if report.holes else ""
     noise = f"noise {100.0 * (report.noise_m or 0.0):.1f} cm"
@@ -83,54 +84,63 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield "control", f"at {report.control_rate_hz:g} Hz"
     yield from _of_some("controller", report.control, _controller)
     yield from _of_some("fusion", followers, _fusion)
-    yield from _of_some("GNSS", report.gnss, receiver_in_words)
-    yield from _of_some("sending", report.sending, sending_in_words)
+    yield from _of_some("GNSS", report.gnss, _receiver)
+    yield from _of_some("sending", report.sending, _sending)
     yield from _of_some("own state", report.imu, _own_state)
     yield from _of_some("tyres", report.tyres, _tyres)
     yield from _of_some("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
 
 
-def _controller(asked: Mapping[str, Any]) -> str:
-    gains = ", ".join(f"{gain:g}" for gain in asked["gains"].values())
-    load = "knows" if asked["knows_loading"] else "does not know"
-    load = "learns" if asked["estimate_slip"] else load
-    return f"{asked['controller']}, gains {gains}, {load} the load"
+def _controller(settings: Mapping[str, Any]) -> str:
+    gains = ", ".join(f"{gain:g}" for gain in settings["gains"].values())
+    load = "knows" if settings["knows_loading"] else "does not know"
+    load = "learns" if settings["estimate_slip"] else load
+    return f"{settings['controller']}, gains {gains}, {load} the load"
 
 
-def _tyres(asked: Mapping[str, Any]) -> str:
-    brush = f"brush, friction {asked['friction_ratio']:g}"
-    rate = asked["steering_rate_limit_radps"]
+def _tyres(settings: Mapping[str, Any]) -> str:
+    brush = f"brush, friction {settings['friction_ratio']:g}"
+    rate = settings["steering_rate_limit_radps"]
     wheels = "no limit of the steering rate" if rate is None else f"steering up to {rate:g} rad/s"
-    return f"{brush if asked['tyres'] == 'brush' else 'linear'}; {wheels}"
+    return f"{brush if settings['tyres'] == 'brush' else 'linear'}; {wheels}"
 
 
-def _fusion(asked: Mapping[str, Any]) -> str:
-    sight = f"preview {asked['preview_s']:g} s, tolerance {asked['tolerance_m']:g} m"
-    how = f"{asked['trajectory']} trajectory"
-    return f"{asked['fusion']}, {how}, α {asked['alpha_ratio']:g}, {sight}"
+def _fusion(settings: Mapping[str, Any]) -> str:
+    sight = f"preview {settings['preview_s']:g} s, tolerance {settings['tolerance_m']:g} m"
+    how = f"{settings['trajectory']} trajectory"
+    return f"{settings['fusion']}, {how}, α {settings['alpha_ratio']:g}, {sight}"
 
 
-def _own_state(asked: Mapping[str, float] | None) -> str:
-    if asked is None:
+def _receiver(settings: Mapping[str, Any]) -> str:
+    return "; ".join(GnssTable.model_validate(settings).value.describe())
+
+
+def _sending(settings: Mapping[str, Any]) -> str:
+    rule = TypeAdapter[SendingTable](SendingTable).validate_python(settings).value
+    return f"{rule.describe()}; congestion control" if rule.dcc else rule.describe()
+
+
+def _own_state(settings: Mapping[str, float] | None) -> str:
+    if settings is None:
         return "exact"
     return (
-        f"estimated from GNSS and an inertial sensor at {asked['rate_hz']:g} Hz, noise "
-        f"{asked['speed_noise_mps']:g} m/s, {asked['yaw_rate_noise_radps']:g} rad/s, bias "
-        f"{asked['speed_bias_mps']:g} m/s, {asked['yaw_rate_bias_radps']:g} rad/s"
+        f"estimated from GNSS and an inertial sensor at {settings['rate_hz']:g} Hz, noise "
+        f"{settings['speed_noise_mps']:g} m/s, {settings['yaw_rate_noise_radps']:g} rad/s, bias "
+        f"{settings['speed_bias_mps']:g} m/s, {settings['yaw_rate_bias_radps']:g} rad/s"
     )
 
 
 def _links(report: CheckReport) -> Iterator[Row]:
-    asked = {name: {**table, "laws": report.laws[name]} for name, table in report.links.items()}
-    yield from _of_some("links", asked, _link, all_named=True)
+    settings = {name: {**table, "laws": report.laws[name]} for name, table in report.links.items()}
+    yield from _of_some("links", settings, _link, all_named=True)
 
 
-def _link(asked: Mapping[str, Any]) -> str:
-    rate = "every message" if asked["rate_hz"] is None else f"{asked['rate_hz']:g} Hz"
-    delay = f"{asked['latency_ms']:g} ms, jitter {asked['jitter_ms']:g} ms"
-    preset = f"{asked['preset']}, " if asked["preset"] else ""
-    laws = f"; {asked['laws']}" if asked["laws"] else ""
-    return f"{preset}{delay}, loss {asked['loss_ratio']:g}, {rate}{laws}"
+def _link(settings: Mapping[str, Any]) -> str:
+    rate = "every message" if settings["rate_hz"] is None else f"{settings['rate_hz']:g} Hz"
+    delay = f"{settings['latency_ms']:g} ms, jitter {settings['jitter_ms']:g} ms"
+    preset = f"{settings['preset']}, " if settings["preset"] else ""
+    laws = f"; {settings['laws']}" if settings["laws"] else ""
+    return f"{preset}{delay}, loss {settings['loss_ratio']:g}, {rate}{laws}"
 
 
 def _ends(report: CheckReport) -> Iterator[Row]:
@@ -145,9 +155,9 @@ def _ends(report: CheckReport) -> Iterator[Row]:
     yield "limits that fail the run", ", ".join(_limits(report.limits)) or "none"
 
 
-def _limits(asked: Mapping[str, Any]) -> Iterator[str]:
-    """Give each limit that there is; what followers have to do by an instant in words."""
-    for name, value in asked.items():
+def _limits(settings: Mapping[str, Any]) -> Iterator[str]:
+    """List each limit, and each reaction that followers have to show by an instant."""
+    for name, value in settings.items():
         if isinstance(value, Mapping):
             yield from (f"{name}.{limit}" for limit in _limits(value))
         elif isinstance(value, list | tuple):
@@ -161,14 +171,14 @@ def _limits(asked: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _of_some(
-    what: str, asked: Mapping[str, Any], words: Any, *, all_named: bool = False
+    what: str, settings: Mapping[str, Any], words: Any, *, all_named: bool = False
 ) -> Iterator[Row]:
-    """Give a row for each thing that is asked for, with the names of those that it is asked of.
+    """Yield a row for each distinct setting, with the names of its vehicles.
 
-    What is asked of all needs no names, unless `all_named`.
+    A setting that all vehicles share needs no names, unless `all_named`.
     """
     distinct: dict[str, list[str]] = {}
-    for name, values in asked.items():
+    for name, values in settings.items():
         distinct.setdefault(words(values), []).append(name)
     for text, names in distinct.items():
         named = all_named or len(distinct) > 1
