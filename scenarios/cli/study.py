@@ -1,4 +1,4 @@
-"""Commands of the science: steering gains, and the paper's experiments."""
+"""Commands of the studies: steering gains, and the paper's experiments."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -16,11 +16,11 @@ if TYPE_CHECKING:  # brings scipy
     from scenarios.studies.gains.results import AtSpeed, GainsReport, PropagationAt, SampledAt
 
 SLOWEST, FASTEST = 2.0, 100.0
-"""Speeds (m/s) that can be studied; the model, which divides by the speed, needs no more."""
+"""Speeds (m/s) that can be studied; the model divides by the speed."""
 STUDIES = ("studies", "matplotlib", "scipy")
-"""The extra without which there are no studies, and what it brings."""
+"""The extra that the studies need, and its packages."""
 GAINS = {"KE": (0.001, 10.0), "KTHETA": (0.0, 100.0), "KOMEGA": (0.0, 10.0)}
-"""Least and largest gains (rad/m, rad/rad, s); without KE nothing leads back to the path."""
+"""Least and largest gains (rad/m, rad/rad, s); a KE of 0 does not lead back to the path."""
 
 
 @click.command(
@@ -106,11 +106,10 @@ GAINS_COLUMNS: "Sequence[Column[tuple[AtSpeed, PropagationAt, SampledAt]]]" = (
     Column("predecessor only\npeak |G|, rad/s", lambda row: _peak(row[1]), wraps=True),
     Column("lowest rate, Hz\nIMU, none, control", lambda row: _lowest_rates(row[2]), wraps=True),
 )
-"""Margins, propagation and lowest rates of a set of gains at each speed."""
 
 
 def _refused_gains(gains: Sequence[float]) -> Iterator[str]:
-    """Give a line for each gain that no law has; written so that NaN is refused as well."""
+    """One line for each gain out of range, NaN included."""
     for gain, (name, (least, largest)) in zip(gains, GAINS.items(), strict=True):
         if not least <= gain <= largest:
             yield f"--gains: {name}: given {gain}, allowed {least:g} to {largest:g}"

@@ -1,6 +1,6 @@
-"""Style of the pictures: colours for the colour-blind as well, and matplotlib's settings.
+"""Style of the pictures: colour-blind-safe colours and matplotlib's settings.
 
-Needs no matplotlib itself. Figures are made without pyplot, so nothing global is touched and no
+Does not import matplotlib. Figures are made without pyplot, so no global state is touched and no
 display is needed.
 """
 
@@ -35,4 +35,3 @@ STYLE: Any = {
     "figure.dpi": 150.0,
     "savefig.dpi": 150.0,
 }
-"""Settings for `matplotlib.rc_context`."""

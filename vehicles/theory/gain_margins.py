@@ -5,8 +5,8 @@ frequencies.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,7 @@ from vehicles.theory.polynomials import stationary_points
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Ball:
+class Ball(NamedTuple):
     """The largest ball of stabilising gains around a choice, which exists by Section V-A.
 
     `radius` in the chosen metric, `nearest` the gains where it touches the boundary, `frequency`

@@ -1,8 +1,7 @@
-"""`convoy gains`: stabilising sets, margins, certificates, propagation.
+"""`convoy gains`: stabilising sets, margins, certificates, propagation, lowest rates.
 
-report         works all of it out and writes gains.json
+report         computes the analysis and writes gains.json
 results        the typed results and their form as JSON
-sampled        lowest stable rates of control and sensors
 pictures       curves, and the list of all pictures
 set_pictures   the stabilising sets
 """

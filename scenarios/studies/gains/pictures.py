@@ -244,11 +244,9 @@ OF_NUMBERS: dict[str, Callable[[Subject, GainsReport], Figure]] = {
 
 
 NAMES = (*OF_SETS, *OF_NUMBERS)
-"""Names of the files of all pictures."""
 
 
 def draw_all(subject: Subject, report: GainsReport, out_dir: Path) -> tuple[str, ...]:
-    """Write all pictures as PNG into `out_dir` and give their file names."""
     with mpl.rc_context(STYLE):
         figures = {name: draw(subject) for name, draw in OF_SETS.items()}
         figures |= {name: draw(subject, report) for name, draw in OF_NUMBERS.items()}

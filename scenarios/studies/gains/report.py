@@ -1,4 +1,4 @@
-"""`convoy gains`: all that is known of one choice of steering gains, as JSON and pictures."""
+"""`convoy gains`: the analysis of one choice of steering gains, as JSON and pictures."""
 
 import json
 from collections.abc import Sequence
@@ -19,6 +19,7 @@ from scenarios.studies.gains.results import (
     MovedCentre,
     PropagationAt,
     RelativeGainBall,
+    SampledAt,
     StabilisingSet,
     Subject,
     TraceAmplification,
@@ -26,7 +27,6 @@ from scenarios.studies.gains.results import (
     Verification,
     as_json,
 )
-from scenarios.studies.gains.sampled import sampled_at
 from vehicles.car.parameters import (
     Gains,
     Loading,
@@ -54,6 +54,7 @@ from vehicles.theory.propagation import (
     propagation,
     trace_propagation,
 )
+from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
 from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
 from vehicles.theory.string_stability import (
     LANE_CHANGE_BAND,
@@ -82,6 +83,8 @@ TOLERANCE = 1e-9
 """Distance from the boundary (spectral abscissa over the steering frequency) off which membership
 by Routh-Hurwitz must agree with the roots."""
 
+USUAL_HZ = 50
+"""Rate of control and of the inertial sensor, below which the lowest stable rates are sought."""
 
 REPORT = "gains.json"
 
@@ -89,7 +92,7 @@ REPORT = "gains.json"
 def refuse_foreign_files(out_dir: Path, *, pictures: bool = True) -> None:
     """Raise ScenarioError if the report would overwrite anything but an earlier report.
 
-    An earlier gains.json is known by its fields, and with it the pictures beside it.
+    The fields of an earlier gains.json identify it, and with it the pictures in its folder.
     """
     path = out_dir / REPORT
     if path.exists() or path.is_symlink():
@@ -125,8 +128,8 @@ def gains_report(
     """Analyse `gains` on the car over `speeds` (m/s) and `loadings`.
 
     With `out_dir`, writes gains.json there and, unless `pictures` is false, PNG pictures (needs
-    matplotlib). Paper, sections III-F, IV and V-A, V-B. The fastest speed is the reference for what
-    is shown at one speed. Raises ValueError for no speed or no loading.
+    matplotlib). Paper, sections III-F, IV and V-A, V-B. The fastest speed is the reference for
+    results at one speed. Raises ValueError for no speed or no loading.
     """
     if out_dir is not None:
         refuse_foreign_files(out_dir, pictures=pictures)
@@ -144,7 +147,7 @@ def gains_report(
         loadings=tuple(_at_loading(subject, loading) for loading in loadings),
         varying_speed=_varying_speed(subject),
         propagation=tuple(_propagation_at(subject, speed) for speed in subject.speeds),
-        sampled=tuple(sampled_at(subject, speed) for speed in subject.speeds),
+        sampled=tuple(_sampled_at(subject, speed) for speed in subject.speeds),
     )
     if out_dir is not None:
         if pictures:
@@ -162,18 +165,18 @@ def _stabilising_set(subject: Subject) -> StabilisingSet:
     cars, reference = subject.cars, subject.reference
     relative_at_reference = relative_over_all = None
     if all(gains):
-        relative_at_reference = RelativeGainBall.of(
-            stability_ball(parameters, reference, gains, gains)
+        relative_at_reference = RelativeGainBall(
+            *stability_ball(parameters, reference, gains, gains)
         )
-        relative_over_all = RelativeGainBall.of(common_ball(cars, speeds, gains, gains))
+        relative_over_all = RelativeGainBall(*common_ball(cars, speeds, gains, gains))
     return StabilisingSet(
         inside_at_all_speeds=bool(stabilises_all([parameters], speeds, np.array(gains))),
         inside_at_all_speeds_and_loadings=bool(stabilises_all(cars, speeds, np.array(gains))),
         box_at_reference_speed=_box([parameters], [reference]),
         box_over_speeds=_box([parameters], speeds),
         box_over_speeds_and_loadings=_box(cars, speeds),
-        ball_at_reference_speed=GainBall.of(stability_ball(parameters, reference, gains)),
-        ball_over_speeds_and_loadings=GainBall.of(common_ball(cars, speeds, gains)),
+        ball_at_reference_speed=GainBall(*stability_ball(parameters, reference, gains)),
+        ball_over_speeds_and_loadings=GainBall(*common_ball(cars, speeds, gains)),
         not_convex_between=non_convex_pair([parameters], [reference]),
         relative_ball_at_reference_speed=relative_at_reference,
         relative_ball_over_speeds_and_loadings=relative_over_all,
@@ -191,7 +194,7 @@ def _box(cars: Sequence[VehicleParameters], speeds: Sequence[float]) -> GainBox:
 
 
 def _verification(subject: Subject) -> Verification:
-    """Membership against the roots on random gains around the set, at every speed."""
+    """Compare membership with the roots on random gains around the set, at every speed."""
     parameters = subject.parameters
     random = np.random.default_rng(0)
     points = disagreements = 0
@@ -208,7 +211,7 @@ def _verification(subject: Subject) -> Verification:
 
 
 def _at_speed(subject: Subject, speed: float) -> AtSpeed:
-    """Collect what holds at one constant speed (m/s), steady cornering at 300 m radius included."""
+    """Results at one constant speed (m/s), steady cornering at 300 m radius included."""
     parameters, gains = subject.parameters, subject.gains
     lateral, heading = steady_cornering(parameters, gains, speed, CURVE)
     return AtSpeed(
@@ -224,7 +227,7 @@ def _at_speed(subject: Subject, speed: float) -> AtSpeed:
 
 
 def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
-    """Collect the roots at the reference speed and what else a loading changes (V-B)."""
+    """Roots at the reference speed and other effects of a loading (V-B)."""
     parameters, gains, speeds = subject.parameters, subject.gains, subject.speeds
     car, speed = loaded(parameters, loading), subject.reference
     roots = np.sort_complex(np.roots(characteristic_polynomial(car, gains, speed)))
@@ -250,7 +253,7 @@ def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
 
 
 def _varying_speed(subject: Subject) -> VaryingSpeed:
-    """Tabulate the certified accelerations against speed, beside simpler certificates (IV-A)."""
+    """Tabulate the certified accelerations against speed, and simpler certificates (IV-A)."""
     parameters, gains = subject.parameters, subject.gains
     certificate = certify(parameters, gains)
 
@@ -281,7 +284,7 @@ def _varying_speed(subject: Subject) -> VaryingSpeed:
 
 
 def _propagation_at(subject: Subject, speed: float) -> PropagationAt:
-    """Collect the propagation at one speed (IV-B), if the loop is stable."""
+    """Propagation at one speed (IV-B), if the loop is stable."""
     parameters, gains = subject.parameters, subject.gains
     if float(abscissa(parameters, gains, [speed])[0]) >= 0.0:
         return PropagationAt(speed, stable=False)
@@ -297,7 +300,7 @@ def _propagation_at(subject: Subject, speed: float) -> PropagationAt:
 
 
 def _amplification(subject: Subject, speed: float, steering: SteeringModel) -> Amplification:
-    """Collect norms of G and where it amplifies; at the reference speed it is simulated as well."""
+    """Norms of G and where it amplifies; at the reference speed it is simulated as well."""
     parameters, gains = subject.parameters, subject.gains
     transfer = propagation(parameters, gains, speed, steering)
     whole, slow = peak(transfer), peak(transfer, LANE_CHANGE_BAND)
@@ -319,4 +322,22 @@ def _amplification(subject: Subject, speed: float, steering: SteeringModel) -> A
         simulated_radps=tuple(SIMULATED_FREQUENCIES.tolist()),
         simulated_ratio=tuple(np.abs(simulated).tolist()),
         simulation_error_ratio_max=float(errors.max()),
+    )
+
+
+def _sampled_at(subject: Subject, speed: float) -> SampledAt:
+    """Decay at the usual rates, and the lowest stable rates, at one speed."""
+    usual = SampledLoop(subject.parameters, subject.parameters, subject.gains)
+    return SampledAt(
+        speed_mps=speed,
+        decay_per_s=sampled_stability(usual, speed).decay,
+        lowest_imu_rate_hz=lowest_stable_rate(
+            lambda rate: replace(usual, imu_hz=rate), speed, USUAL_HZ
+        ),
+        lowest_rate_without_imu_hz=lowest_stable_rate(
+            lambda rate: replace(usual, imu_hz=rate, gnss_hz=rate), speed, USUAL_HZ
+        ),
+        lowest_control_rate_hz=lowest_stable_rate(
+            lambda rate: replace(usual, imu_hz=rate, control_hz=rate), speed, USUAL_HZ
+        ),
     )

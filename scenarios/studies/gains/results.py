@@ -1,7 +1,7 @@
-"""What `convoy gains` analyses and finds: one typed result per section, and their form as JSON.
+"""Typed results of `convoy gains`, one per section, and their form as JSON.
 
-The names of the fields are the keys of gains.json. Where a field that may be left out is None,
-there is no key; any other None is null.
+The names of the fields are the keys of gains.json. A field with a default is left out where it
+is None; any other None is null.
 """
 
 import math
@@ -10,7 +10,6 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Any
 
 from vehicles.car.parameters import Gains, Loading, VehicleParameters, loaded
-from vehicles.theory.gain_margins import Ball
 from vehicles.theory.varying_speed import AccelerationBounds
 
 Interval = tuple[float, float]
@@ -18,7 +17,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a report is about; speeds (m/s) rising, the last being the one shown where one is."""
+    """Subject of a report; speeds (m/s) rising, the last one is the reference."""
 
     parameters: VehicleParameters
     gains: Gains
@@ -27,12 +26,10 @@ class Subject:
 
     @property
     def reference(self) -> float:
-        """Speed (m/s) of what is shown at one speed."""
         return self.speeds[-1]
 
     @property
     def cars(self) -> list[VehicleParameters]:
-        """The car with each loading."""
         return [loaded(self.parameters, loading) for loading in self.loadings]
 
 
@@ -54,11 +51,6 @@ class GainBall:
     root_there_radps: float
     limiting_speed_mps: float
 
-    @classmethod
-    def of(cls, ball: Ball) -> "GainBall":
-        """Take over what theory found."""
-        return cls(ball.radius, ball.nearest, ball.frequency, ball.speed)
-
 
 @dataclass(frozen=True, slots=True)
 class RelativeGainBall:
@@ -68,11 +60,6 @@ class RelativeGainBall:
     nearest_unstable: Gains
     root_there_radps: float
     limiting_speed_mps: float
-
-    @classmethod
-    def of(cls, ball: Ball) -> "RelativeGainBall":
-        """Take over what theory found."""
-        return cls(ball.radius, ball.nearest, ball.frequency, ball.speed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +92,7 @@ class Verification:
 
 @dataclass(frozen=True, slots=True)
 class AtSpeed:
-    """What holds at one constant speed: decay, margins of the gains, steady cornering."""
+    """Results at one constant speed: decay, margins of the gains, steady cornering."""
 
     speed_mps: float
     abscissa_per_s: float
@@ -119,8 +106,6 @@ class AtSpeed:
 
 @dataclass(frozen=True, slots=True)
 class MovedCentre:
-    """The car whose centre of mass moves with the load."""
-
     front_axle_distance_m: float
     steer_gradient_s2_rad_per_m: float
     abscissa_per_s: float
@@ -128,7 +113,7 @@ class MovedCentre:
 
 @dataclass(frozen=True, slots=True)
 class AtLoading:
-    """What holds with one loading at the reference speed; roots as (real, imaginary)."""
+    """Results with one loading at the reference speed; roots as (real, imaginary)."""
 
     front_passengers: int
     rear_passengers: int
@@ -171,7 +156,7 @@ class VaryingSpeed:
 
 @dataclass(frozen=True, slots=True)
 class Amplification:
-    """How much of an error is passed on, with the predecessor's data only and a steering model.
+    """Amplification of errors with the predecessor's data only and a steering model.
 
     At the reference speed it is simulated as well.
     """
@@ -190,7 +175,7 @@ class Amplification:
 
 @dataclass(frozen=True, slots=True)
 class TraceAmplification:
-    """How much of an error is passed on to a car that follows its predecessor's path."""
+    """Amplification of errors by a car that follows its predecessor's path."""
 
     norm_below_1_hz_ratio: float
     peak_below_1_hz_radps: float
@@ -198,7 +183,7 @@ class TraceAmplification:
 
 @dataclass(frozen=True, slots=True)
 class PropagationAt:
-    """How errors propagate at one speed; nothing is known of a loop that is not stable."""
+    """Propagation of errors at one speed; all None for a loop that is not stable."""
 
     speed_mps: float
     stable: bool
@@ -210,10 +195,10 @@ class PropagationAt:
 
 @dataclass(frozen=True, slots=True)
 class SampledAt:
-    """What holds at one speed of the loop as it is run: control and inertial sensor at 50 Hz.
+    """Stability of the loop as it is run at one speed: control and inertial sensor at 50 Hz.
 
     `decay_per_s` is negative where errors grow. The lowest rates, in whole Hz up to 50, from which
-    on the loop is stable: of the inertial sensor alone, of own motion known with the fixes only, of
+    on the loop is stable: of the inertial sensor alone, of own motion known from fixes only, of
     control and inertial sensor together. None where it is not stable at 50 Hz.
     """
 
@@ -226,7 +211,7 @@ class SampledAt:
 
 @dataclass(frozen=True, slots=True)
 class GainsReport:
-    """All that `convoy gains` finds; `pictures` are the names of the files drawn."""
+    """All results of `convoy gains`; `pictures` are the names of the files drawn."""
 
     gains: Gains
     reference_speed_mps: float
@@ -241,7 +226,7 @@ class GainsReport:
 
 
 def as_json(value: Any) -> Any:
-    """Give a result as JSON can hold it: null for infinity and what is not a number."""
+    """Convert a result to JSON values: null for infinity and NaN."""
     match value:
         case Gains():
             return {

@@ -1,8 +1,8 @@
-"""The runs of `convoy reproduce`, by case: which scenario with what changed, and what is logged.
+"""The runs of `convoy reproduce`, by case: scenario, overrides, and whether there is a log.
 
-The paper's simulations are done with exact measurements by cars that know their own state; beside
-them stand runs with a real receiver, over several seeds, and runs in which one thing is changed, to
-show its effect. All of it is done with each trajectory.
+The paper's simulations use exact measurements and cars that know their own state. In addition
+there are runs with a real receiver over several seeds, and runs in which one setting is changed.
+Every run is done along each trajectory.
 """
 
 from collections.abc import Mapping
@@ -38,10 +38,10 @@ FIRST_CHANGE_S = {BASE: 15.0, A: 31.0, B: 31.0, C: 17.0, D: 15.0, VARIABLE_SPEED
 """When (s) the last car is through the first lane change, at the speed of each case."""
 
 BOTH_CHANGES = (BASE, D, VARIABLE_SPEED, LONG_WITH, LONG_WITHOUT)
-"""Runs that also on moved roads last until their end.
+"""Cases whose runs on moved roads also last until their end.
 
-At constant speed and without noise the second lane change is the mirror image of the first one, so
-that other runs are repeated through the first one only.
+At constant speed and without noise the second lane change is the mirror image of the first one,
+so other runs are repeated through the first one only.
 """
 
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
@@ -60,7 +60,7 @@ EXACT = (
     "gnss.yaw_rate_noise_radps=0.0",
     'control.own_state="exact"',
 )
-"""Nothing is measured wrongly, and each car knows its own state: as in the paper's cases."""
+"""Measurements without errors, and cars that know their own state, as in the paper's cases."""
 
 NOISE = (
     'control.own_state="estimated"',
@@ -73,13 +73,13 @@ NOISE = (
     "imu.yaw_rate_noise_radps=0.00175",
     "imu.yaw_rate_bias_radps=0.00175",
 )
-"""An RTK receiver and an inertial sensor, by which a car knows itself, as in other scenarios."""
+"""An RTK receiver, an inertial sensor, and a car that estimates its own state from them."""
 
 PHASES = (0.25, 0.5, 0.75)
-"""Shares of `SAMPLING_S` by which the road is moved, to show the effect of where samples fall."""
+"""Shares of `SAMPLING_S` by which the road is moved, to show the effect of the samples' places."""
 
 SAMPLING_S = 0.1
-"""After so long (s) the pattern of poses (20 Hz) and decisions (50 Hz) repeats."""
+"""Time (s) after which the pattern of poses (20 Hz) and decisions (50 Hz) repeats."""
 
 ROADS = {
     BASE: (30.0, (150.0, 600.0)),
@@ -89,13 +89,13 @@ ROADS = {
     D: (30.0, (150.0, 600.0)),
     VARIABLE_SPEED: (20.0, (100.0, 525.0)),
 }
-"""Of each case's scenario the speed (m/s) at the first curve, and where lane changes begin (m)."""
+"""Speed (m/s) at the first curve, and where lane changes begin (m), of each case's scenario."""
 
 FIELD_SEEDS = 2
 """Repetitions of the field experiment with noise."""
 
 FIELD_UNTIL = "duration_s=45.0"
-"""Repetitions end after the lane change and the first bend, the exact runs after a lap."""
+"""Repetitions end after the lane change and the first bend, the exact runs after one lap."""
 
 FIELD_SPEED = 25.0
 """Speed (m/s) of the field experiment."""
@@ -103,9 +103,9 @@ FIELD_SPEED = 25.0
 PREDECESSOR_ONLY = ('control.fusion="predecessor"',)
 SLIP_COMPENSATED = ('control.controller="slip_compensated"',)
 OWN_STATE_ESTIMATED = ('control.own_state="estimated"',)
-"""Each car knows its own state from its own measurements, which are exact."""
+"""Each car estimates its own state from its own measurements, which are exact."""
 OTHER_LAWS: tuple[Literal["stanley", "pure_pursuit"], ...] = ("stanley", "pure_pursuit")
-"""Laws beside the paper's, along the same trajectories."""
+"""Steering laws compared with the paper's along the same trajectories."""
 
 TRAJECTORY_KEY = "control.trajectory="
 """Beginning of the override by which a run names its trajectory."""
@@ -114,12 +114,12 @@ SHORTEST = 1.0
 """A straight shorter than this (m) is left out."""
 
 SWERVE = ("speed.lateral_acceleration_mps2_max=5.0",)
-"""The lead need not slow down in the tightest curves."""
+"""Keeps the lead from slowing down in the tightest curves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """One run: a scenario that ships, what is laid over it, its seed, and whether it is logged."""
+    """One run: a shipped scenario, its overrides and seed, and whether it is logged."""
 
     scenario: str = "paper_base"
     overrides: tuple[str, ...] = ()
@@ -128,11 +128,9 @@ class Experiment:
 
     @property
     def names_trajectory(self) -> bool:
-        """Whether it is of one trajectory only."""
         return any(one.startswith(TRAJECTORY_KEY) for one in self.overrides)
 
     def along(self, trajectory: Trajectory) -> "Experiment":
-        """Give the same run with this trajectory, unless it names one itself."""
         if self.names_trajectory:
             return self
         return replace(self, overrides=(f'{TRAJECTORY_KEY}"{trajectory}"', *self.overrides))
@@ -154,7 +152,7 @@ def lane_change_lengths(
 
 
 def road(radius: float, arc: float, straight: float, begins: tuple[float, float]) -> str:
-    """Override that lays two lane changes, to the right and back, which begin at two places (m)."""
+    """Override for a road with two lane changes, to the right and back, at two places (m)."""
 
     def change(first: str, second: str) -> list[str]:
         between = [f"{{length_m={straight:.3f}}}"] if straight > 0.0 else []
@@ -178,7 +176,7 @@ def road(radius: float, arc: float, straight: float, begins: tuple[float, float]
 def at_the_same_times(speed: float) -> tuple[str, ...]:
     """Overrides for a road on which `speed` (m/s) gives the same times as 30 m/s on the usual one.
 
-    Every piece lasts a second, so the radius is 2 v² / 3.6: the lateral acceleration stays.
+    Every piece lasts a second, so the radius is 2 v² / 3.6: lateral acceleration stays the same.
     """
     radius = 2.0 * speed**2 / LANE
     where = (5.0 * speed, 20.0 * speed)
@@ -186,7 +184,6 @@ def at_the_same_times(speed: float) -> tuple[str, ...]:
 
 
 def _first_change(case: RunKey) -> tuple[str, ...]:
-    """Override by which a run of a case ends once all cars are through the first lane change."""
     return (f"duration_s={FIRST_CHANGE_S[case]}",)
 
 
@@ -198,7 +195,7 @@ def _noisy(key: RunKey, scenario: str, seeds: int, *changes: str) -> dict[RunKey
 
 
 def _in_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunKey, Experiment]:
-    """An exact run, and the same with the road of its case moved by less than between samples."""
+    """An exact run, and its repetitions with the road moved by less than the sample distance."""
     speed, begins = ROADS[case]
     until = () if key in BOTH_CHANGES else _first_change(case)
     found = {key: exact}
@@ -211,7 +208,7 @@ def _in_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunK
 
 
 def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
-    """A case of the paper, exact and logged; on its road moved; and with noise."""
+    """One of the paper's cases: exact and logged, on a moved road, and with noise."""
     name = f"paper_{key}"
     return {
         **_in_phases(key, Experiment(scenario=name, logged=True), key),
@@ -293,9 +290,9 @@ def _radius() -> dict[RunKey, Experiment]:
 
 
 def _field() -> dict[RunKey, Experiment]:
-    """Repetitions, moved and noisy: live convoys, for a replayed car is received as a live one.
+    """Repetitions, moved and noisy, as live convoys: followers receive a replay as a live car.
 
-    The exact runs themselves are driven car by car (`field_runs`).
+    `field_runs` drives the exact runs, car by car.
     """
     found = {}
     for key, changes in ((FIELD_WITH, ()), (FIELD_WITHOUT, PREDECESSOR_ONLY)):

@@ -26,7 +26,7 @@ WITHOUT_LEAD_DATA: Fusion = "predecessor"
 
 @dataclass(frozen=True)
 class FieldRuns:
-    """The drives of all runs, the lead's first, and the folders' names of their logs."""
+    """The drives of all runs, the lead's first, and the folder names of their logs."""
 
     with_lead_data: Trial
     without_lead_data: Trial
@@ -36,7 +36,7 @@ class FieldRuns:
 def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
     """Drive all runs of `scenario`, each logged in a sub-folder of `folder`.
 
-    The first two are driven once: with only the lead ahead, there is nothing to leave out.
+    The first two are driven once: a car with only the lead ahead has no lead data to leave out.
     """
     shared: list[tuple[Drive, Path]] = []
     for place in range(min(2, len(scenario.vehicle_names))):
@@ -60,7 +60,7 @@ def _drive(
     folder: Path,
     before: Sequence[tuple[Drive, Path]],
 ) -> tuple[Drive, Path]:
-    """Drive run `place` (from 0) behind the logs of those before it; gives its drive and log."""
+    """Drive run `place` (from 0) behind the logs `before` it; returns its drive and log."""
     run = as_run(scenario, place, fusion)
     kind = "" if place < 2 else f"_{fusion}"
     name = run.vehicle_names[place]
@@ -70,7 +70,7 @@ def _drive(
 
 
 def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> Scenario:
-    """Give the run in which the vehicle at `place` (from 0) drives, later than those before it."""
+    """The run of the vehicle at `place` (from 0), later than those of the vehicles before it."""
     tables, names = scenario.tables, scenario.vehicle_names[: place + 1]
     return Scenario(
         tables.model_copy(
@@ -87,7 +87,7 @@ def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> S
 
 
 def _replays(run: Scenario, logs: Sequence[Path]) -> list[Replay]:
-    """Put lead and predecessor back on the road, each its gaps ahead of the car that drives."""
+    """Replays of lead and predecessor, each its gaps ahead of the car that drives."""
     names, route = run.vehicle_names, run.route
     ego = len(names) - 1
     found = []

@@ -1,4 +1,4 @@
-"""What the runs of `convoy reproduce` found, before it is judged and drawn."""
+"""Results of the runs of `convoy reproduce`, before they are judged and drawn."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarios.results.drives import Array, Trial
-from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import SineResponse
-from scenarios.studies.paper.keys import Need, Part, RunKey
+from scenarios.studies.paper.keys import FIELD_WITH, Need, Part, RunKey
 from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.string_stability import is_string_stable
 
@@ -19,7 +18,7 @@ SAME = 0.001
 
 
 class Tally(NamedTuple):
-    """In how many of several runs something holds, and what tells these runs apart."""
+    """Count of the runs in which a statement holds, and what distinguishes these runs."""
 
     holding: int
     runs: int
@@ -28,27 +27,27 @@ class Tally(NamedTuple):
 
 @dataclass
 class Findings:
-    """Results along one kind of trajectory by their keys; what was not run is not in it.
+    """Results along one kind of trajectory, by key.
 
-    `samples` are those of the logged runs.
+    `trials` and `samples` lack what was not run; `samples` are those of the logged runs, and
+    `field_logs` the folder names of the field experiment's logs.
     """
 
     trajectory: Trajectory = "fitted"
     trials: dict[RunKey, Trial] = field(default_factory=dict)
     samples: dict[RunKey, SampleFigures] = field(default_factory=dict)
     sine_responses: list[SineResponse] = field(default_factory=list)
-    field: FieldRuns | None = None
+    field_logs: tuple[str, ...] = ()
     gains_pictures: tuple[str, ...] | None = None
 
     def has(self, need: Need) -> bool:
-        """Whether the result was found."""
         match need:
             case RunKey():
                 return need in self.trials
             case Part.PROPAGATION:
                 return bool(self.sine_responses)
             case Part.FIELD:
-                return self.field is not None
+                return FIELD_WITH in self.trials
             case Part.GAINS:
                 return self.gains_pictures is not None
 
@@ -62,13 +61,13 @@ class Findings:
         )
 
     def noisy(self, key: RunKey) -> list[Trial]:
-        """Runs with a receiver's noise, a seed each."""
+        """Runs with a receiver's noise, one per seed."""
         return [
             trial for one, trial in self.trials.items() if one.seed is not None and one.exact == key
         ]
 
     def moved(self, key: RunKey) -> list[Trial]:
-        """The exact run, and its repetitions with the road moved by less than between samples."""
+        """The exact run, and its repetitions on a road moved by less than the sample distance."""
         repeated = [
             trial
             for one, trial in self.trials.items()
@@ -77,18 +76,17 @@ class Findings:
         return [self.trials[key], *repeated]
 
     def seeds(self, holds: Callable[..., bool], *keys: RunKey) -> Tally | None:
-        """In how many noisy runs something holds of those of `keys`; None without such runs."""
+        """Count of the noisy runs of `keys` in which `holds` is true; None without such runs."""
         tally = _tally(holds, *map(self.noisy, keys))
         return tally and tally._replace(kind="seeds")
 
     def phases(self, holds: Callable[..., bool], *keys: RunKey) -> Tally | None:
-        """In how many exact runs something holds of those of `keys`; None with but one each."""
+        """Count of the exact runs of `keys` in which `holds` is true; None for a single run."""
         tally = _tally(holds, *map(self.moved, keys))
         return tally if tally and tally.runs > 1 else None
 
 
 def _tally(holds: Callable[..., bool], *runs: Sequence[Trial]) -> Tally | None:
-    """In how many of the runs side by side something holds; None without any."""
     together = list(zip(*runs, strict=False))
     return Tally(sum(holds(*trials) for trials in together), len(together)) if together else None
 
@@ -99,10 +97,9 @@ def non_increasing(maxima: tuple[float, ...]) -> bool:
 
 
 def in_cm(maxima: tuple[float, ...]) -> str:
-    """Largest errors (m) of the followers, front to back, as text in centimetres."""
+    """Largest errors (m) of the followers, front to back, as text."""
     return ", ".join(f"{100.0 * value:.1f}" for value in maxima) + " cm"
 
 
 def cm(value: float) -> str:
-    """A length (m) as text in centimetres."""
     return f"{100.0 * value:z.1f} cm"

@@ -1,4 +1,4 @@
-"""The samples to which the followers of a logged run fit their trajectories, for claims on them."""
+"""The samples to which the followers of a logged run fit their trajectories."""
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
@@ -9,13 +9,15 @@ from vehicles.messages import CompositeTrajectory, Message, TruePose
 LEAD, PREDECESSOR = 0, 1
 
 INITIAL_LINE_LEFT = 100.0
-"""Distance (m) after which a follower has left the straight line that stands for the poses it
-did not receive before its start; from then on all samples were received."""
+"""Distance (m) after which a follower has left the initial straight line.
+
+The line replaces the poses from before its start; beyond it all samples were received.
+"""
 
 
 @dataclass(slots=True)
 class SampleFigures:
-    """Most samples ahead of the ego from one source, and the heading error of the two-sample rule.
+    """Largest number of samples ahead from each source, and heading error of the two-sample rule.
 
     `rule_error` (rad) is the largest difference, at any instant of the run, between the car's true
     heading and that of the line through the sample closest to it and the second closest, the
@@ -28,7 +30,7 @@ class SampleFigures:
 
 
 class SampleCounter:
-    """Counts the samples of every trajectory when it is recorded; an observer of a run."""
+    """Counts the samples of every recorded trajectory; an observer of a run."""
 
     kinds: frozenset[type[Message]] = frozenset((CompositeTrajectory, TruePose))
 
@@ -37,7 +39,6 @@ class SampleCounter:
         self._pose: dict[str, TruePose] = {}
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take a message; all but true poses and trajectories are ignored."""
         if isinstance(message, TruePose):
             self._pose[message.vehicle] = message
         elif isinstance(message, CompositeTrajectory):

@@ -1,7 +1,7 @@
-"""Frequency response of the real convoy: the lead drives a sine, amplitudes are fitted.
+"""Frequency response of the emulated convoy: the lead drives a sine, amplitudes are fitted.
 
-Beside it the closed forms of `vehicles.theory.propagation`: the paper's G(jω), in which a
-follower steers by the difference of both cars' states at one instant, and F(jω), in which it steers
+The closed forms are in `vehicles.theory.propagation`: the paper's G(jω), in which a follower
+steers by the difference of both cars' states at one instant, and F(jω), in which it steers
 along the path that its predecessor left behind.
 """
 
@@ -20,14 +20,14 @@ from vehicles.preview.curve_fit import Trajectory
 Array = NDArray[np.float64]
 
 FREQUENCIES = (0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0)
-"""Frequencies (rad/s) of the sine: from a slow lane change to above what a car can follow."""
+"""Frequencies (rad/s) of the sine, from a slow lane change to above what a car can follow."""
 
 SHORT_FREQUENCIES = FREQUENCIES[2:]
-"""Those driven with the short preview: lower ones take long, and it changes nothing there."""
+"""Those driven with the short preview; lower ones take long and do not depend on it."""
 
 PREVIEW_S = 0.8
 SHORT_PREVIEW_S = 0.25
-"""The paper's preview, and one with which the fit smooths little away."""
+"""The paper's preview, and one with which the fit smooths little."""
 
 LARGEST_AMPLITUDE = 0.5
 """Limit of the lead's amplitude (m)."""
@@ -39,7 +39,7 @@ PERIODS = 3
 """Periods that are evaluated."""
 
 TRANSIENT = 4.0
-"""Time (s), but at least one period, that is driven before the evaluation."""
+"""Least time (s), and at least one period, that is driven before the evaluation."""
 
 SPACING = 0.5
 """Distance of the points of the lead's path (m)."""
@@ -61,7 +61,6 @@ class SineResponse:
 
     @property
     def ratios(self) -> tuple[float, ...]:
-        """Amplitude of each follower over that of the vehicle ahead of it."""
         sizes = np.abs(self.amplitudes)
         return tuple((sizes[1:] / sizes[:-1]).tolist())
 
@@ -77,7 +76,7 @@ def drive_sine(
 def sine_scenario(
     frequency: float, preview_s: float = PREVIEW_S, trajectory: Trajectory = "fitted"
 ) -> Scenario:
-    """Make the paper's base case (empty cars, no lead data) whose lead drives a sine."""
+    """The paper's base case (empty cars, no lead data) with a lead that drives a sine."""
     alone = (
         'control.fusion="predecessor"',
         f'control.trajectory="{trajectory}"',
@@ -109,9 +108,9 @@ def sine_scenario(
 
 
 def amplitudes(trial: Trial, frequency: float) -> tuple[complex, ...]:
-    """Fit a sine over the same stretch of road to each vehicle's path, by least squares (m).
+    """Fit a sine to each vehicle's path over the same stretch of road, by least squares (m).
 
-    The stretch is the last PERIODS that all have driven; a straight line is fitted beside it.
+    The stretch is the last PERIODS that all vehicles drove; a straight line is fitted as well.
     """
     speed = float(trial.lead.speed.mean())
     end = min(float(drive.east[-1]) for drive in trial.drives)

@@ -13,7 +13,7 @@ TRAJECTORY_NAMES: dict[Trajectory, str] = {
     "fitted": "fitted trajectory",
     "paper": "the paper's trajectory",
 }
-"""How they are called in the report."""
+"""Names in the report."""
 
 Setup = Literal[
     "base", "a", "b", "c", "d", "variable_speed", "no_lead_data", "long", "radius", "field"
@@ -37,12 +37,12 @@ Variant = Literal[
     "with",
     "without",
 ]
-"""What is changed of the setup."""
+"""The setting that is changed."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunKey:
-    """One run: its setup, the radius (m) of its curves, what is changed, and which repetition.
+    """One run: its setup, the radius (m) of its curves, the changed setting, and the repetition.
 
     A run with neither `phase` nor `seed` is the exact one. `phase` is the share by which the road
     is moved, `seed` that of the receiver's noise.
@@ -69,25 +69,21 @@ class RunKey:
 
     @property
     def label(self) -> str:
-        """Text for tables and axes."""
         text = str(self)
         return text.upper() if len(text) == 1 else text.replace("_", " ")
 
     @property
     def exact(self) -> "RunKey":
-        """The run without noise and on the road as it is, of which this one is a repetition."""
+        """The exact run of which this one is a repetition."""
         return replace(self, phase=None, seed=None)
 
     def varied(self, variant: Variant) -> "RunKey":
-        """Give the same run with something changed."""
         return replace(self, variant=variant)
 
     def moved(self, phase: float) -> "RunKey":
-        """Give the repetition on a moved road."""
         return replace(self, phase=phase)
 
     def noisy(self, seed: int) -> "RunKey":
-        """Give the repetition with a receiver's noise."""
         return replace(self, seed=seed)
 
 
@@ -99,11 +95,9 @@ LONG_WITH, LONG_WITHOUT = RunKey("long", "with"), RunKey("long", "without")
 """Eight cars with and without the lead's data."""
 
 FIELD_WITH, FIELD_WITHOUT = RunKey("field", "with"), RunKey("field", "without")
-"""The field experiment with and without the lead's data."""
 
 
 def at_radius(radius: float) -> RunKey:
-    """Give the run on curves of this radius (m)."""
     return RunKey("radius", radius=radius)
 
 
@@ -132,7 +126,7 @@ Need = RunKey | Part
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """A part of the reproduction as it is done with one kind of trajectory."""
+    """A part of the reproduction along one kind of trajectory."""
 
     trajectory: Trajectory
     part: RunKey | SineKey | Literal[Part.FIELD]
@@ -142,4 +136,4 @@ class Along:
 
 
 JobKey = Along | RunKey | Literal[Part.GAINS]
-"""A part that is carried out by itself; a run that names its trajectory, by its key alone."""
+"""A part that runs as one job; a run that names its trajectory has no `Along`."""

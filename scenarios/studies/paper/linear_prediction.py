@@ -1,4 +1,4 @@
-"""Linear theory of the paper's cases: what errors it predicts, and why they grow."""
+"""Linear theory of the paper's cases: predicted errors, and why they grow."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from vehicles.theory.propagation import Transfer, chain_offsets, trace_propagati
 from vehicles.theory.string_stability import LANE_CHANGE_BAND, amplified_band
 
 SAMPLES = 4096
-"""Points into which the lead's path is divided; a power of two."""
+"""Points into which the lead's path is divided; a power of two for the FFT."""
 
 BASE_CAR = (30.0, Loading(front_passengers=1, rear_passengers=3))
 CARS = {
@@ -23,19 +23,19 @@ CARS = {
 
 
 def transfer(key: RunKey) -> Transfer:
-    """F(jω) of a case: from the path a car follows to its own. Its controller knows no load."""
+    """F(jω) of a case, from the path a car follows to its own; its controller knows no load."""
     speed, loading = CARS.get(key, BASE_CAR)
     return trace_propagation(loaded(LINCOLN_MKZ, loading), NOMINAL_GAINS, speed, known=LINCOLN_MKZ)
 
 
 def linear(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """What linear theory predicts of a case: tracking and true errors (m) of the followers."""
+    """Tracking and true errors (m) of a case's followers as linear theory predicts them."""
     alpha = 1.0 if key == NO_LEAD_DATA else 0.5
     return predicted(findings.trials[key].lead, transfer(key), alpha, 3)
 
 
 def why_growing(key: RunKey, findings: Findings) -> str:
-    """Say why the errors of a case grow against the own trajectories, as far as it is known."""
+    """Explain why the errors of a case against the own trajectories grow."""
     tracking, _ = linear(findings, key)
     low, high = amplified_band(transfer(key))[0]
     wide = "cars with the paper's law run wide, and " if low == 0.0 else ""

@@ -1,4 +1,4 @@
-"""`convoy reproduce`: runs the paper's experiments, judges its claims, writes one report."""
+"""`convoy reproduce`: run the paper's experiments, judge its claims, write one report."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -53,8 +53,8 @@ def reproduce(
     """Run `cases` (all, if none is named) and write report, pictures and logs into `out`.
 
     `progress` gets a line for each part that is done. Returns the exit code: a claim that does
-    not hold is a result like another. Raises ScenarioError for a case that there is not, or a
-    folder with a report in it.
+    not hold is a result like another. Raises ScenarioError for an unknown case, or if `out` already
+    holds a report.
     """
     from scenarios.studies.paper.report.report import (  # noqa: PLC0415 - brings matplotlib
         all_pictures,
@@ -90,13 +90,13 @@ def reproduce(
 
 
 def _from_scratch(folder: Path, work: Work) -> Any:
-    """Do the work without the files that a worker left in its folder before it was killed."""
+    """Delete what a killed worker left in the folder, then do the work."""
     rmtree(folder, ignore_errors=True)
     return work()
 
 
 def chosen_cases(cases: Sequence[str]) -> list[str]:
-    """Return the named cases in the order of the paper; raises ScenarioError for others."""
+    """The named cases in the order of the paper; raises ScenarioError for unknown ones."""
     unknown = [case for case in cases if case not in RUNS_OF_CASE]
     if unknown:
         allowed = ", ".join(RUNS_OF_CASE)
@@ -108,7 +108,7 @@ def chosen_cases(cases: Sequence[str]) -> list[str]:
 
 
 def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Work]:
-    """Return what there is to do, the longest parts first."""
+    """The jobs, longest first."""
     jobs: dict[JobKey, Work] = {}
     if Part.FIELD in cases:
         for trajectory in TRAJECTORIES:
@@ -130,7 +130,7 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Work]:
 
 
 def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Work]]:
-    """Give the runs of the cases with each trajectory, those with a log first."""
+    """The runs of the cases with each trajectory, logged ones first."""
     runs = {key: experiment for case in cases for key, experiment in RUNS_OF_CASE[case].items()}
     for run, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
         if experiment.names_trajectory:
@@ -143,14 +143,13 @@ def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Work]]:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """The drives of one run and, if it was logged, the samples to which its followers fitted."""
+    """The drives of one run and, if it was logged, the samples its followers fitted."""
 
     trial: Trial
     samples: SampleFigures | None = None
 
 
 def run_experiment(experiment: Experiment, folder: Path) -> Run:
-    """Do one run, with its log in `folder` if it is to have one."""
     scenario = load_scenario(experiment.scenario, experiment.overrides, experiment.seed)
     if not experiment.logged:
         return Run(drive_trial(scenario))
@@ -164,7 +163,6 @@ def _field(folder: Path, trajectory: Trajectory) -> FieldRuns:
 
 
 def _gains(folder: Path) -> tuple[str, ...]:
-    """Let the report on the gains draw its pictures."""
     from scenarios.studies.gains.report import gains_report  # noqa: PLC0415 - brings matplotlib
     from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS  # noqa: PLC0415
 
@@ -173,7 +171,7 @@ def _gains(folder: Path) -> tuple[str, ...]:
 
 
 def add(findings: Findings, key: RunKey | SineKey | Part, result: object) -> None:
-    """Put one result where it belongs."""
+    """Store one result in the findings."""
     match key, result:
         case RunKey(), Run():
             findings.trials[key] = result.trial
@@ -182,7 +180,7 @@ def add(findings: Findings, key: RunKey | SineKey | Part, result: object) -> Non
         case SineKey(), SineResponse():
             findings.sine_responses.append(result)
         case Part.FIELD, FieldRuns():
-            findings.field = result
+            findings.field_logs = result.logs
             findings.trials[FIELD_WITH] = result.with_lead_data
             findings.trials[FIELD_WITHOUT] = result.without_lead_data
         case Part.GAINS, tuple():

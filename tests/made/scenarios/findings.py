@@ -6,7 +6,6 @@ import numpy as np
 
 from scenarios.results.drives import Drive, Trial
 from scenarios.studies.paper.experiments import OTHER_LAWS, RADII
-from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import (
@@ -69,8 +68,7 @@ def a_paper_come_true() -> Findings:
         trials[at_radius(radius)] = trials[at_radius(radius).noisy(1)] = falling
     for law in OTHER_LAWS:
         trials[BASE.varied(law)] = falling
-    field = FieldRuns(a_trial((0.05, 0.04)), a_trial((0.05, 0.06)), ())
-    trials[FIELD_WITH], trials[FIELD_WITHOUT] = field.with_lead_data, field.without_lead_data
+    trials[FIELD_WITH], trials[FIELD_WITHOUT] = a_trial((0.05, 0.04)), a_trial((0.05, 0.06))
     responses = [
         SineResponse(frequency, preview, (1.0, 1.1, 1.2, 1.3))
         for preview, frequencies in (
@@ -80,6 +78,4 @@ def a_paper_come_true() -> Findings:
         for frequency in frequencies
     ]
     samples = {BASE: SampleFigures(16, 15, 1.5)}
-    return Findings(
-        trials=trials, samples=samples, sine_responses=responses, field=field, gains_pictures=()
-    )
+    return Findings(trials=trials, samples=samples, sine_responses=responses, gains_pictures=())

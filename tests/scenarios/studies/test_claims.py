@@ -23,10 +23,11 @@ from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, groups, 
 from scenarios.studies.paper.claims.field import settled_errors
 from scenarios.studies.paper.claims.string_stability import definition_1_norms, l2_norms
 from scenarios.studies.paper.experiments import RADII, RUNS_OF_CASE
-from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings, Tally, in_cm, non_increasing
 from scenarios.studies.paper.keys import (
     BASE,
+    FIELD_WITH,
+    FIELD_WITHOUT,
     NO_LEAD_DATA,
     VARIABLE_SPEED,
     A,
@@ -228,7 +229,8 @@ def test_a_bend_too_tight_for_the_recipe_leaves_it_undecided() -> None:
 
 def test_the_field_claims_fail_where_they_should() -> None:
     findings = a_paper_come_true()
-    findings.field = FieldRuns(a_trial((0.05, 0.9)), a_trial((0.05, 0.05)), ())
+    findings.trials[FIELD_WITH] = a_trial((0.05, 0.9))
+    findings.trials[FIELD_WITHOUT] = a_trial((0.05, 0.05))
     found = judgements(findings)
     assert found["field_amplified"] == "does not hold"
     assert found["field_not_amplified"] == "does not hold"

@@ -16,9 +16,12 @@ from scenarios.studies.engine.job import Job
 from scenarios.studies.paper import reproduce as reproduction
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
+from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.keys import (
     BASE,
+    FIELD_WITH,
+    FIELD_WITHOUT,
     TRAJECTORIES,
     VARIABLE_SPEED,
     A,
@@ -175,15 +178,17 @@ def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
 
 def test_results_are_put_where_they_belong() -> None:
     source, findings = a_paper_come_true(), Findings()
+    field = FieldRuns(source.trials[FIELD_WITH], source.trials[FIELD_WITHOUT], ("run_1_v1",))
     add(findings, BASE, Run(source.trials[BASE], source.samples[BASE]))
     add(findings, A, Run(source.trials[A]))
-    add(findings, Part.FIELD, source.field)
+    add(findings, Part.FIELD, field)
     add(findings, Part.GAINS, ("one.png",))
     add(findings, SineKey(0.8, 0.25), source.sine_responses[0])
     assert all(map(findings.has, (BASE, *Part)))
     assert findings.samples == {BASE: source.samples[BASE]}
+    assert findings.field_logs == ("run_1_v1",)
     with pytest.raises(TypeError, match="base: not a result of this part: FieldRuns"):
-        add(findings, BASE, source.field)
+        add(findings, BASE, field)
 
 
 def test_the_gains_pictures_are_those_of_the_gains_report(

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.claims.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.experiments import RADII
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
 from scenarios.studies.paper.keys import (
@@ -60,15 +60,12 @@ def base_where(findings: Findings) -> Answer:
     def at_a_change(run: Trial) -> bool:
         return max(map(abs, _lags(run))) < 0.2
 
-    trial = findings.trials[BASE]
-    after = _lags(trial)
+    after = _lags(findings.trials[BASE])
     return Answer(
+        **by_runs(findings, at_a_change, BASE),
         ours="the largest errors come "
         + ", ".join(f"{lag:+.2f}" for lag in after)
         + " s after a car passes the end or the begin of an arc",
-        holds=at_a_change(trial),
-        phases=findings.phases(at_a_change, BASE),
-        noise=findings.seeds(at_a_change, BASE),
         reason="within 0.2 s of one. Trajectories look 0.8 s ahead, and bend before the road does",
         numbers={"peak_after_change_of_curvature_s": after},
     )
@@ -104,13 +101,11 @@ def base_true(findings: Findings) -> Answer:
     trial, long = findings.trials[BASE], findings.trials[LONG_WITH]
     _, expected = linear(findings, BASE)
     return Answer(
+        **by_runs(findings, stays_on_track, BASE),
         ours=f"against the lead's driven path {in_cm(trial.cross_track)}; of eight cars "
         f"{in_cm(long.cross_track)}",
-        holds=stays_on_track(trial),
         reason="every car adds its own error to half of the one before; they grow, and level off "
         f"(linear theory: {in_cm(expected)}). An error against the own trajectory does not show it",
-        phases=findings.phases(stays_on_track, BASE),
-        noise=findings.seeds(stays_on_track, BASE),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
@@ -127,12 +122,10 @@ def amplified_without_lead_data(findings: Findings) -> Answer:
     trial, long = findings.trials[NO_LEAD_DATA], findings.trials[LONG_WITHOUT]
     _, expected = linear(findings, NO_LEAD_DATA)
     return Answer(
+        **by_runs(findings, grows, NO_LEAD_DATA),
         ours=f"true errors {in_cm(trial.cross_track)}, of eight cars {in_cm(long.cross_track)}; "
         f"against the own trajectory only {in_cm(trial.tracking)}",
-        holds=grows(trial),
         reason=f"as linear theory says: {in_cm(expected)}",
-        phases=findings.phases(grows, NO_LEAD_DATA),
-        noise=findings.seeds(grows, NO_LEAD_DATA),
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
@@ -150,18 +143,16 @@ def reduced_by_lead_data(findings: Findings) -> Answer:
     with_data, without = findings.trials[LONG_WITH], findings.trials[LONG_WITHOUT]
     growth = [trial.cross_track[-1] - trial.cross_track[-2] for trial in (with_data, without)]
     return Answer(
+        **by_runs(findings, is_less, LONG_WITH, LONG_WITHOUT),
         ours=f"the eighth car is {cm(with_data.cross_track[-1])} off the lead's path with the "
         f"lead's data and {cm(without.cross_track[-1])} without; it adds {cm(growth[0])} to the "
         f"one before, without them {cm(growth[1])}",
-        holds=is_less(with_data, without),
-        phases=findings.phases(is_less, LONG_WITH, LONG_WITHOUT),
         reason="errors stay bounded with the lead's data; along the first cars they still grow",
         numbers={"with_m_max": with_data.cross_track, "without_m_max": without.cross_track},
     )
 
 
 def numbers_of(trial: Trial) -> dict[str, tuple[float, ...]]:
-    """Largest errors of the followers, front to back, for machines."""
     return {"tracking_error_m_max": trial.tracking, "cross_track_error_m_max": trial.cross_track}
 
 
@@ -173,30 +164,27 @@ def below(limit: float, key: RunKey, findings: Findings) -> Answer:
         return max(run.tracking) < limit
 
     return Answer(
+        **by_runs(findings, stays_below, key),
         ours=f"at most {cm(max(trial.tracking))} ({in_cm(trial.tracking)})",
-        holds=stays_below(trial),
         reason=_radii(limit, findings) if key == BASE else "",
-        phases=findings.phases(stays_below, key),
-        noise=findings.seeds(stays_below, key),
         numbers=numbers_of(trial),
     )
 
 
 def _radii(limit: float, findings: Findings) -> str:
-    """From which radius on the errors stay under `limit` (m), if the radii were run."""
+    """Radii on which the errors stay under `limit` (m), if the radii were run."""
     tried = [radius for radius in RADII if findings.has(at_radius(radius))]
     if not tried:
         return ""
     exact = [r for r in tried if max(findings.trials[at_radius(r)].tracking) < limit]
     noisy = [r for r in tried if all(max(t.tracking) < limit for t in findings.noisy(at_radius(r)))]
     return (
-        f"depends on the road: of the radii tried it holds on {_in_words(exact)}, with noise on "
-        f"{_in_words(noisy)}"
+        f"depends on the road: of the radii tried it holds on {_listed(exact)}, with noise on "
+        f"{_listed(noisy)}"
     )
 
 
-def _in_words(radii: Sequence[float]) -> str:
-    """Radii (m) in one phrase."""
+def _listed(radii: Sequence[float]) -> str:
     if not radii:
         return "none"
     above = [radius for radius in RADII if radius >= radii[0]]
@@ -211,10 +199,9 @@ def decreasing(key: RunKey, findings: Findings) -> Answer:
     def decreases(run: Trial) -> bool:
         return non_increasing(run.tracking)
 
-    trial = findings.trials[key]
-    holds = decreases(trial)
-    phases, seeds = findings.phases(decreases, key), findings.seeds(decreases, key)
-    if not holds or (phases is not None and phases.holding < phases.runs):
+    trial, outcome = findings.trials[key], by_runs(findings, decreases, key)
+    phases, seeds = outcome["phases"], outcome["noise"]
+    if not outcome["holds"] or (phases is not None and phases.holding < phases.runs):
         reason = why_growing(key, findings)
     elif seeds is not None and seeds.holding < seeds.runs:
         reason = "with a receiver's noise the largest value is a matter of chance"
@@ -222,18 +209,16 @@ def decreasing(key: RunKey, findings: Findings) -> Answer:
         reason = ""
     heading = max(float(np.abs(drive.heading_error).max()) for drive in trial.followers)
     return Answer(
+        **outcome,
         ours=f"{in_cm(trial.tracking)}{_growth(findings.moved(key))}; heading errors up to "
         f"{heading:.3f} rad",
-        holds=holds,
         reason=reason,
-        phases=phases,
-        noise=seeds,
         numbers=numbers_of(trial),
     )
 
 
 def _growth(trials: Sequence[Trial]) -> str:
-    """By how much the largest error grows from one follower to the next, if it does in any run."""
+    """Growth of the largest error from one follower to the next, or nothing if no run has any."""
     steps = [1000.0 * max(b - a for a, b in pairwise(trial.tracking)) for trial in trials]
     if max(steps) < 1000.0 * SAME:
         return ""

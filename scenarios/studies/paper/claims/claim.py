@@ -1,11 +1,11 @@
-"""Claims of the paper: what it says, how it is answered from the findings, and the judgement."""
+"""Claims of the paper: statement, answer from the findings, and judgement."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 from scenarios.studies.paper.findings import Findings, Tally
-from scenarios.studies.paper.keys import Need
+from scenarios.studies.paper.keys import Need, Part, RunKey
 from vehicles.preview.curve_fit import Trajectory
 
 Judgement = Literal["holds", "undecided", "does not hold", "not checkable"]
@@ -16,10 +16,10 @@ JUDGEMENTS: tuple[Judgement, ...] = ("holds", "undecided", "does not hold", "not
 class Answer:
     """The result here, and whether the claim holds; None if this cannot be checked.
 
-    `holds` is of the exact run. `reason` is why it does not hold, or cannot be checked, or under
-    which conditions it holds. `phases` says in how many exact runs it holds, with the road moved a
-    little from one to the next, and `noise` in how many runs with a receiver's noise. `numbers` are
-    for machines, units in the keys.
+    `holds` is of the exact run. `reason` explains why it does not hold, cannot be checked, or holds
+    only under conditions. `phases` counts the exact runs in which it holds, with the road moved a
+    little from one to the next, `noise` the runs with a receiver's noise. `numbers` are for
+    machines, units in the keys.
     """
 
     ours: str
@@ -30,11 +30,31 @@ class Answer:
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
 
+Answering = Callable[[Findings], Answer]
+
+
+class ByRuns(TypedDict):
+    """The fields of an answer that are counted over runs."""
+
+    holds: bool
+    phases: Tally | None
+    noise: Tally | None
+
+
+def by_runs(findings: Findings, holds: Callable[..., bool], *keys: RunKey) -> ByRuns:
+    """Evaluate `holds` on the runs of `keys`: exact, moved and noisy."""
+    return {
+        "holds": holds(*(findings.trials[key] for key in keys)),
+        "phases": findings.phases(holds, *keys),
+        "noise": findings.seeds(holds, *keys),
+    }
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """A statement of the paper and how to answer it, once all results that it `needs` exist.
+    """A statement of the paper and the function that answers it, once all its `needs` exist.
 
-    What is `driven` is answered for each trajectory, anything else is calculated once.
+    A `driven` claim is answered for each trajectory, any other is calculated once.
     """
 
     name: str
@@ -42,7 +62,7 @@ class Claim:
     paper: str
     needs: tuple[Need, ...] = ()
     driven: bool = True
-    answer: Callable[[Findings], Answer]
+    answer: Answering
 
 
 class Claims(list[Claim]):
@@ -50,44 +70,47 @@ class Claims(list[Claim]):
 
     def claim(
         self, *, where: str, paper: str, needs: tuple[Need, ...] = (), driven: bool = True
-    ) -> Callable[[Callable[[Findings], Answer]], Callable[[Findings], Answer]]:
-        """Register the decorated function as the answer to a claim; it gives the claim its name."""
+    ) -> Callable[[Answering], Answering]:
+        """Register the decorated function as the answer to a claim of the same name."""
 
-        def register(answer: Callable[[Findings], Answer]) -> Callable[[Findings], Answer]:
+        def register(answer: Answering) -> Answering:
             name = answer.__name__
-            self.append(
-                Claim(
-                    name=name, where=where, paper=paper, needs=needs, driven=driven, answer=answer
-                )
+            claim = Claim(
+                name=name, where=where, paper=paper, needs=needs, driven=driven, answer=answer
             )
+            self.append(claim)
             return answer
 
         return register
 
+    def calculated(
+        self, *, where: str, paper: str, need: Need = Part.GAINS
+    ) -> Callable[[Answering], Answering]:
+        """Register a claim that is calculated, not driven."""
+        return self.claim(where=where, paper=paper, needs=(need,), driven=False)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """An answer and the judgement on it."""
-
     answer: Answer
     judgement: Judgement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgedClaim:
-    """A claim as it was judged along each trajectory: one row of the report."""
+    """A claim as judged along each trajectory: one row of the report."""
 
     claim: Claim
     judged: Mapping[Trajectory, Judged]
 
     @property
     def differs(self) -> bool:
-        """Whether the judgement hangs on the trajectory."""
+        """Whether the judgement depends on the trajectory."""
         return len({one.judgement for one in self.judged.values()}) > 1
 
 
 def judge(claims: Iterable[Claim], findings: Mapping[Trajectory, Findings]) -> list[JudgedClaim]:
-    """Judge the claims for which every result that they need exists, along each trajectory."""
+    """Judge the claims whose needs all exist, along each trajectory."""
     return [
         JudgedClaim(claim=claim, judged=_judged(claim, findings))
         for claim in claims
@@ -103,7 +126,7 @@ def _judged(claim: Claim, findings: Mapping[Trajectory, Findings]) -> dict[Traje
 
 
 def judged(answer: Answer) -> Judged:
-    """One rule for all: what holds in all exact runs holds, and in only some is undecided."""
+    """Judge by one rule: a claim that holds in all exact runs holds, in only some is undecided."""
     holding = answer.phases
     judgement: Judgement
     if answer.holds is None:

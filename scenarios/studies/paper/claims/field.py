@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.claims.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.experiments import BASE_SPEED, LANE
 from scenarios.studies.paper.findings import SAME, Findings, Tally, cm, in_cm
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
@@ -26,7 +26,7 @@ INITIAL_ERRORS_GONE = 10.0
 class SettledErrors:
     """Errors (m) of the followers from INITIAL_ERRORS_GONE on: largest, and root mean square.
 
-    With noise the largest values are partly chance; the means decide.
+    With noise the largest values are partly chance, so the means decide.
     """
 
     tracking: tuple[float, ...]
@@ -107,15 +107,12 @@ def field_course(_: Findings) -> Answer:
     needs=(Part.FIELD,),
 )
 def field_amplified(findings: Findings) -> Answer:
-    _, trial = _field(findings)
-    errors = settled_errors(trial)
+    errors = settled_errors(findings.trials[FIELD_WITHOUT])
     return Answer(
+        **by_runs(findings, _grows_off_the_lead, FIELD_WITHOUT),
         ours="once the initial errors are gone, off the lead's driven path: "
-        f"{_in_words(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
-        f"{_in_words(errors.tracking, errors.tracking_rms)}",
-        holds=_grow(errors.cross_track_rms),
-        phases=findings.phases(_grows_off_the_lead, FIELD_WITHOUT),
-        noise=findings.seeds(_grows_off_the_lead, FIELD_WITHOUT),
+        f"{_of_both(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
+        f"{_of_both(errors.tracking, errors.tracking_rms)}",
         numbers=numbers_of(errors),
     )
 
@@ -126,17 +123,14 @@ def field_amplified(findings: Findings) -> Answer:
     needs=(Part.FIELD,),
 )
 def field_not_amplified(findings: Findings) -> Answer:
-    trial, without = _field(findings)
-    errors, others = settled_errors(trial), settled_errors(without)
+    errors, others = (settled_errors(findings.trials[key]) for key in (FIELD_WITH, FIELD_WITHOUT))
     growth, other = (head_to_tail(e.cross_track_rms) for e in (errors, others))
     return Answer(
-        ours=f"against the own trajectory: {_in_words(errors.tracking, errors.tracking_rms)}",
-        holds=not _grow(errors.tracking_rms),
+        **by_runs(findings, _does_not_grow, FIELD_WITH),
+        ours=f"against the own trajectory: {_of_both(errors.tracking, errors.tracking_rms)}",
         reason="off the lead's driven path they grow all the same, "
-        f"{_in_words(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
+        f"{_of_both(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
         f"without the lead's data {other:.2f}-fold",
-        phases=findings.phases(_does_not_grow, FIELD_WITH),
-        noise=findings.seeds(_does_not_grow, FIELD_WITH),
         numbers=numbers_of(errors),
     )
 
@@ -147,14 +141,12 @@ def field_not_amplified(findings: Findings) -> Answer:
     needs=(Part.FIELD,),
 )
 def field_initial_error(findings: Findings) -> Answer:
-    trial, _ = _field(findings)
+    trial = findings.trials[FIELD_WITH]
     tracking = trial.tracking
     return Answer(
+        **by_runs(findings, _appears_to_grow, FIELD_WITH),
         ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
         f"{in_cm(settled_errors(trial).tracking)}",
-        holds=_appears_to_grow(trial),
-        phases=findings.phases(_appears_to_grow, FIELD_WITH),
-        noise=findings.seeds(_appears_to_grow, FIELD_WITH),
         reason=WHY_PL3[findings.trajectory],
         numbers={"tracking_error_m_max": tracking},
     )
@@ -166,20 +158,16 @@ def field_initial_error(findings: Findings) -> Answer:
     needs=(Part.FIELD,),
 )
 def field_on_the_road(findings: Findings) -> Answer:
-    trial, _ = _field(findings)
-    true = trial.cross_track
+    true = findings.trials[FIELD_WITH].cross_track
     return Answer(
+        **by_runs(findings, _is_on_the_road, FIELD_WITH),
         ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
         f"{cm(ROOM)} on each side of a car",
-        holds=_is_on_the_road(trial),
-        phases=findings.phases(_is_on_the_road, FIELD_WITH),
-        noise=findings.seeds(_is_on_the_road, FIELD_WITH),
         numbers={"cross_track_error_m_max": true},
     )
 
 
 def settled_errors(trial: Trial) -> SettledErrors:
-    """Measure the errors that are left once the initial ones have decayed."""
     own = [drive.lateral_error[drive.at >= INITIAL_ERRORS_GONE] for drive in trial.followers]
     true = [
         d.cross_track[d.at[: len(d.cross_track)] >= INITIAL_ERRORS_GONE] for d in trial.followers
@@ -190,12 +178,6 @@ def settled_errors(trial: Trial) -> SettledErrors:
         tuple(float(np.sqrt(np.mean(values * values))) for values in own),
         tuple(float(np.sqrt(np.mean(values * values))) for values in true),
     )
-
-
-def _field(findings: Findings) -> tuple[Trial, Trial]:
-    if findings.field is None:
-        raise ValueError("the field experiment was not run")
-    return findings.field.with_lead_data, findings.field.without_lead_data
 
 
 def _grow(rms: tuple[float, ...]) -> bool:
@@ -218,12 +200,11 @@ def _is_on_the_road(trial: Trial) -> bool:
     return max(trial.cross_track) < ROOM
 
 
-def _in_words(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:
+def _of_both(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:
     return f"rms {in_cm(rms)}, at most {in_cm(largest)}"
 
 
 def numbers_of(errors: SettledErrors) -> dict[str, tuple[float, ...]]:
-    """Settled errors, for machines."""
     return {
         "settled_tracking_error_m_max": errors.tracking,
         "settled_tracking_error_m_rms": errors.tracking_rms,

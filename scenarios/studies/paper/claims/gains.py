@@ -5,7 +5,6 @@ import numpy as np
 from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import BASE_SPEED
 from scenarios.studies.paper.findings import Findings
-from scenarios.studies.paper.keys import Part
 from vehicles.car.parameters import (
     LINCOLN_MKZ,
     NOMINAL_GAINS,
@@ -35,11 +34,9 @@ CARS = [loaded(LINCOLN_MKZ, loading) for loading in every_loading()]
 CLAIMS = Claims()
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="V-A, figure of the stabilising set",
     paper="The set at 30 m/s is bounded and not convex",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def stabilising_set(_: Findings) -> Answer:
     lateral, heading, yaw_rate = (
@@ -61,11 +58,9 @@ def stabilising_set(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="V-A",
     paper="(0.06, 0.96, 0.08) lies inside the sets of 10, 20, … 60, 67 mph",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def inside_the_intersection(_: Findings) -> Answer:
     slowest = {speed: float(abscissa(LINCOLN_MKZ, NOMINAL_GAINS, [speed])[0]) for speed in SPEEDS}
@@ -78,11 +73,9 @@ def inside_the_intersection(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="V-A",
     paper="A ball around the gains fits into the set",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def ball(_: Findings) -> Answer:
     plain = stability_ball(LINCOLN_MKZ, BASE_SPEED, NOMINAL_GAINS)
@@ -95,11 +88,9 @@ def ball(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="V-A",
     paper="The ball implies Proposition 1's first condition: A stays bounded, its eigenvalues left",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def first_condition(_: Findings) -> Answer:
     speeds = np.geomspace(PAPER_SPEEDS[0], BASE_SPEED, 50).tolist()
@@ -117,11 +108,9 @@ def first_condition(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="V-B",
     paper="I_update = I + m_p n_f a² + m_p n_r b² + m_l (n_f + n_r)(b + c)²",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def inertia(_: Findings) -> Answer:
     off, shift = [], []
@@ -138,11 +127,9 @@ def inertia(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="V-B",
     paper="The coefficients of the polynomial are not affine in the mass",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def not_affine(_: Findings) -> Answer:
     light, middle, heavy = (
@@ -160,11 +147,9 @@ def not_affine(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="V-B, figure of the roots",
     paper="With n_f ≤ 1, n_r ≤ 3 all roots stay in the left half-plane at 30 m/s",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def all_loadings(_: Findings) -> Answer:
     at_speed = [float(abscissa(car, NOMINAL_GAINS, [BASE_SPEED])[0]) for car in CARS]
@@ -189,11 +174,9 @@ def all_loadings(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="V-B, figure of the roots",
     paper="These are roots of Δ_o(s)",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def open_loop_roots(_: Findings) -> Answer:
     roots = np.roots(handling_polynomial(LINCOLN_MKZ, BASE_SPEED))

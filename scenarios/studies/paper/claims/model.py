@@ -7,7 +7,7 @@ import numpy as np
 from scenarios.studies.paper.claims.claim import Answer, Claims
 from scenarios.studies.paper.experiments import BASE_SPEED
 from scenarios.studies.paper.findings import Findings, cm
-from scenarios.studies.paper.keys import BASE, Part
+from scenarios.studies.paper.keys import BASE
 from vehicles.car.parameters import (
     LINCOLN_MKZ,
     NOMINAL_GAINS,
@@ -24,11 +24,9 @@ from vehicles.theory.string_stability import peak
 CLAIMS = Claims()
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="II, Table I; III-D",
     paper="The table's car is understeering (K_sg > 0); m_v = W/g",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def parameters(_: Findings) -> Answer:
     car = LINCOLN_MKZ
@@ -42,11 +40,9 @@ def parameters(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="II, eq. (4)",
     paper="ζ = 0.4056, ω_n = 21.4813 rad/s compare with ζ = 0.7, ω_n ≈ 19 rad/s of others",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def steering_parameters(_: Findings) -> Answer:
     other = replace(LINCOLN_MKZ, steering_damping=0.7, steering_frequency=19.0)
@@ -71,11 +67,9 @@ def steering_parameters(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="III-D, eq. (6)",
     paper="δ_ff = (a + b)/R + K_sg V²/R keeps a car on a circle of radius R, without feedback",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def feedforward(_: Findings) -> Answer:
     radius, car = 500.0, LINCOLN_MKZ
@@ -109,11 +103,10 @@ def _at_rest(car: VehicleParameters, speed: float, radius: float) -> tuple[float
     return float(steering), float(heading)
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="III-A",
     paper="L_preview = 0.8 v ≈ 30 m at highway speed",
-    needs=(BASE,),
-    driven=False,
+    need=BASE,
 )
 def preview(_: Findings) -> Answer:
     return Answer(
@@ -124,11 +117,10 @@ def preview(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="III-B",
     paper="e_lat = R − distance from the centre; on a line (Y − m X − c) / √(1 + m²)",
-    needs=(BASE,),
-    driven=False,
+    need=BASE,
 )
 def signs(_: Findings) -> Answer:
     return Answer(

@@ -7,7 +7,7 @@ import numpy as np
 
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.base import below, decreasing
-from scenarios.studies.paper.claims.claim import Answer, Claim, Claims
+from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, by_runs
 from scenarios.studies.paper.experiments import LANE
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
 from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, A, B, C, D
@@ -20,7 +20,6 @@ RADIUS = 500.0
 """Radius (m) of the curves."""
 
 SIMULATIONS = (BASE, A, B, C, D, VARIABLE_SPEED)
-"""The paper's simulations."""
 
 CLAIMS = Claims()
 
@@ -50,11 +49,9 @@ def uneven(findings: Findings) -> Answer:
     even, mixed = findings.trials[BASE], findings.trials[D]
     growth = [head_to_tail(trial.cross_track) for trial in (even, mixed)]
     return Answer(
+        **by_runs(findings, _grows_no_more, BASE, D),
         ours=f"from the first to the last follower true errors grow {growth[1]:.2f}-fold, in the "
         f"even convoy of the base case {growth[0]:.2f}-fold",
-        holds=_grows_no_more(even, mixed),
-        phases=findings.phases(_grows_no_more, BASE, D),
-        noise=findings.seeds(_grows_no_more, BASE, D),
         reason="it does no harm; whether errors decrease is the row before",
         numbers={"growth_even_ratio": growth[0], "growth_uneven_ratio": growth[1]},
     )
@@ -72,13 +69,11 @@ def faster(findings: Findings) -> Answer:
     )
     slow_times, fast_times = (findings.trials[key.varied("same_times")].tracking for key in (A, C))
     return Answer(
+        **by_runs(findings, _is_larger, A, C),
         ours=f"A {in_cm(slow)}; C {in_cm(fast)}. On roads that take the same time (bends of 56 and "
         f"222 m): {in_cm(slow_times)}; {in_cm(fast_times)}",
-        holds=_is_larger(findings.trials[A], findings.trials[C]),
         reason=_why_speed_matters(findings.trajectory)
         + f". With the slip compensated: {in_cm(slow_known)}; {in_cm(fast_known)}",
-        phases=findings.phases(_is_larger, A, C),
-        noise=findings.seeds(_is_larger, A, C),
         numbers={
             "a_tracking_error_m_max": slow,
             "c_tracking_error_m_max": fast,
@@ -97,10 +92,8 @@ def mass(findings: Findings) -> Answer:
     heavy, light = findings.trials[A], findings.trials[B]
     change = _apart(heavy, light)
     return Answer(
+        **by_runs(findings, _are_alike, A, B),
         ours=f"A {in_cm(heavy.tracking)}; B {in_cm(light.tracking)}: {1000 * change:.1f} mm",
-        holds=_are_alike(heavy, light),
-        phases=findings.phases(_are_alike, A, B),
-        noise=findings.seeds(_are_alike, A, B),
         reason="at 10 m/s. At 30 m/s load matters more, because the feedforward does not know it",
         numbers={"difference_m_max": change},
     )
@@ -115,13 +108,10 @@ def small(findings: Findings) -> Answer:
     def is_small(*runs: Trial) -> bool:
         return max(max(run.cross_track) for run in runs) < 0.1 * LANE
 
-    trials = [findings.trials[key] for key in SIMULATIONS]
-    worst = max(max(trial.cross_track) for trial in trials)
+    worst = max(max(findings.trials[key].cross_track) for key in SIMULATIONS)
     return Answer(
+        **by_runs(findings, is_small, *SIMULATIONS),
         ours=f"at most {cm(worst)} beside the lead's path, {100 * worst / LANE:.1f} % of a lane",
-        holds=is_small(*trials),
-        phases=findings.phases(is_small, *SIMULATIONS),
-        noise=findings.seeds(is_small, *SIMULATIONS),
         numbers={"cross_track_error_m_max": worst},
     )
 
@@ -172,7 +162,6 @@ def variable_speed_decreasing(findings: Findings) -> Answer:
 
 
 def _why_speed_matters(trajectory: Trajectory) -> str:
-    """Say what makes errors grow or fall with speed."""
     if trajectory == "paper":
         return (
             "a bend of 500 m passes for a line on the preview at 10 and at 20 m/s, and the longer "

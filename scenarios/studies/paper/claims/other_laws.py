@@ -1,10 +1,10 @@
-"""Beside the paper: other laws along the same composite trajectories, in the base case."""
+"""Beyond the paper: other laws along the same composite trajectories, in the base case."""
 
 from functools import partial
 
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.base import numbers_of
-from scenarios.studies.paper.claims.claim import Answer, Claim, Claims
+from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, by_runs
 from scenarios.studies.paper.experiments import OTHER_LAWS
 from scenarios.studies.paper.findings import SAME, Findings, in_cm, non_increasing
 from scenarios.studies.paper.keys import BASE, Variant
@@ -18,15 +18,14 @@ CLAIMS = Claims()
 
 
 def against(law: Variant, findings: Findings) -> Answer:
-    """Answer whether the paper's law strays no further from the trajectory than `law`."""
+    """Answer whether the paper's law stays at least as close to the trajectory as `law`."""
     own, other = findings.trials[BASE], findings.trials[BASE.varied(law)]
     word = "decrease" if non_increasing(other.tracking) else "do not decrease"
     return Answer(
+        **by_runs(findings, _strays_no_further, BASE, BASE.varied(law)),
         ours=f"{law.replace('_', ' ')}: off the own trajectory {in_cm(other.tracking)}, which "
         f"{word}; off the lead's path {in_cm(other.cross_track)}. The paper's law: "
         f"{in_cm(own.tracking)}; {in_cm(own.cross_track)}",
-        holds=_strays_no_further(own, other),
-        phases=findings.phases(_strays_no_further, BASE, BASE.varied(law)),
         numbers=numbers_of(other),
     )
 

@@ -3,14 +3,14 @@
 import numpy as np
 
 from scenarios.results.drives import Array, Trial
-from scenarios.studies.paper.claims.claim import Answer, Claims
+from scenarios.studies.paper.claims.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.claims.other_cases import SIMULATIONS
 from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
 from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, VARIABLE_SPEED, A, B, C, D
 from vehicles.theory.string_stability import head_to_tail, is_string_stable
 
 OTHERS = (A, B, C, D, VARIABLE_SPEED)
-"""The simulations beside the base case."""
+"""The simulations other than the base case."""
 
 SPACING = 0.5
 """Distance (m) of the places at which cars are compared along the lead's path."""
@@ -29,15 +29,13 @@ def definition_1(findings: Findings) -> Answer:
     others = [key.label for key in SIMULATIONS if not holds_definition_1(findings.trials[key])]
     heading = [float(np.abs(drive.heading_error).max()) for drive in trial.followers]
     return Answer(
+        **by_runs(findings, holds_definition_1, BASE),
         ours="base case "
         + ", ".join(f"{norm:.4f}" for norm in norms)
         + ", the larger of |e_lat| in m and |θ̃| in rad (|θ̃| alone "
         + ", ".join(f"{angle:.4f}" for angle in heading)
         + "); of the six simulations not in "
         + (", ".join(others) or "none"),
-        holds=holds_definition_1(trial),
-        phases=findings.phases(holds_definition_1, BASE),
-        noise=findings.seeds(holds_definition_1, BASE),
         reason="the norm adds metres to radians: in these units the heading never decides it",
         numbers={"norm_max": norms, "heading_error_rad_max": heading},
     )
@@ -54,11 +52,9 @@ def others_true(findings: Findings) -> Answer:
 
     trials = {key: findings.trials[key] for key in OTHERS}
     return Answer(
+        **by_runs(findings, stays_on_track, *OTHERS),
         ours="against the lead's driven path "
         + "; ".join(f"{key.label} {in_cm(trial.cross_track)}" for key, trial in trials.items()),
-        holds=stays_on_track(*trials.values()),
-        phases=findings.phases(stays_on_track, *OTHERS),
-        noise=findings.seeds(stays_on_track, *OTHERS),
         reason="as in the base case: every car adds its own error to half of the one before",
         numbers={str(key): trial.cross_track for key, trial in trials.items()},
     )
@@ -75,10 +71,8 @@ def amplified_in_l2(findings: Findings) -> Answer:
 
     trial = findings.trials[NO_LEAD_DATA]
     return Answer(
+        **by_runs(findings, grows, NO_LEAD_DATA),
         ours=_in_l2(trial),
-        holds=grows(trial),
-        phases=findings.phases(grows, NO_LEAD_DATA),
-        noise=findings.seeds(grows, NO_LEAD_DATA),
         reason="all cars over the same stretch of the lead's path",
         numbers=_numbers(trial),
     )
@@ -95,10 +89,8 @@ def not_amplified_in_l2(findings: Findings) -> Answer:
 
     trial = findings.trials[BASE]
     return Answer(
+        **by_runs(findings, keeps, BASE),
         ours=_in_l2(trial),
-        holds=keeps(trial),
-        phases=findings.phases(keeps, BASE),
-        noise=findings.seeds(keeps, BASE),
         reason="judged off the lead's driven path, over the same stretch of it for all cars. "
         f"Growth by less than {1000 * SAME:.0f} mm rms counts as none",
         numbers=_numbers(trial),

@@ -19,11 +19,9 @@ from vehicles.theory.varying_speed import certified_acceleration
 CLAIMS = Claims()
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="III-F",
     paper="The coefficients A_6 … A_0 of Δ(s, K)",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def polynomial(_: Findings) -> Answer:
     worst = 0.0
@@ -43,11 +41,9 @@ def polynomial(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="IV-A",
     paper="The matrix A(γ) of the closed loop",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def state_equation(_: Findings) -> Answer:
     car = LINCOLN_MKZ
@@ -65,11 +61,9 @@ def state_equation(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="IV-A, Proposition 1, first case",
     paper="If the acceleration is square integrable, the loop is exponentially stable",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def proposition_1_square_integrable(_: Findings) -> Answer:
     slowest = PAPER_SPEEDS[0]
@@ -92,11 +86,9 @@ def proposition_1_square_integrable(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="IV-A, Proposition 1, cases (i) and (ii)",
     paper="There is a μ* for the mean of |v̇|, and of v̇², too",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def proposition_1_in_the_mean(_: Findings) -> Answer:
     slowest = PAPER_SPEEDS[0]
@@ -116,11 +108,9 @@ def proposition_1_in_the_mean(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="IV-A, Proposition 1, case (iii)",
     paper="Eigenvalues stay left of −σ at all speeds, so some bound μ* on |v̇| keeps it stable",
-    needs=(Part.GAINS,),
-    driven=False,
 )
 def proposition_1(_: Findings) -> Answer:
     slowest, fastest = PAPER_SPEEDS[0], BASE_SPEED
@@ -140,11 +130,10 @@ def proposition_1(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="IV-B",
     paper="With the predecessor's data only, ‖G‖∞ > 1, at low frequencies",
-    needs=(Part.PROPAGATION,),
-    driven=False,
+    need=Part.PROPAGATION,
 )
 def norm_of_g(_: Findings) -> Answer:
     plain = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, "instantaneous")
@@ -170,11 +159,10 @@ def norm_of_g(_: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="IV-B",
     paper="sup σ_max(…) ≤ 1 is equivalent to ‖G‖∞ ≤ 1",
-    needs=(Part.PROPAGATION,),
-    driven=False,
+    need=Part.PROPAGATION,
 )
 def equivalence(_: Findings) -> Answer:
     frequencies = np.geomspace(0.01, 100.0, 4000)

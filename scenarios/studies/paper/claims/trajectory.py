@@ -20,7 +20,7 @@ ACCURACY = 0.02
 """The paper's 2 cm of RTK."""
 
 LIMIT = 0.09
-"""The 9 cm that the paper's errors keep to."""
+"""The paper's limit of 9 cm on errors."""
 
 DRAWS = 400
 """Noisy arcs from which the mean of a fitted curvature is taken."""
@@ -79,7 +79,7 @@ def _changes_of_curvature(scenario: str) -> Array:
 
 
 def _most_within(instants: Array, span: float) -> int:
-    """How many instants a window of `span` (s), open at its end, holds at most."""
+    """Largest number of instants in a window of `span` (s), open at its end."""
     return max(int(np.sum((instants >= at) & (instants < at + span - 0.01))) for at in instants)
 
 
@@ -99,12 +99,11 @@ def ten_centimetres(findings: Findings) -> Answer:
     )
 
 
-@CLAIMS.claim(
+@CLAIMS.calculated(
     where="III-A.1, eq. (5)",
     paper="X_c, Y_c and R that minimise J come from three linear equations in X_c, Y_c, "
     "R² − X_c² − Y_c²; at α = 0.5 both sources are as one",
-    needs=(BASE,),
-    driven=False,
+    need=BASE,
 )
 def circle(_: Findings) -> Answer:
     x, y = _arc(500.0)
@@ -135,7 +134,7 @@ def _arc(radius: float) -> tuple[Array, Array]:
 
 
 def _plain_equations(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
-    """X_c, Y_c and R by a general solver from eq. (5) as it stands: another way to them."""
+    """X_c, Y_c and R by a general solver from eq. (5) as it stands, for comparison."""
     root = np.sqrt(weight)
     design = np.column_stack([2.0 * x, 2.0 * y, np.ones_like(x)]) * root[:, None]
     centre_x, centre_y, rest = np.linalg.lstsq(design, (x * x + y * y) * root, rcond=None)[0]

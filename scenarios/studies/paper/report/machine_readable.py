@@ -1,4 +1,4 @@
-"""report.json: what `convoy reproduce` found, for machines."""
+"""report.json: the results of `convoy reproduce` for machines."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from scenarios.studies.paper.claims.claim import Judged, JudgedClaim
 from scenarios.studies.paper.claims.field import numbers_of, settled_errors
 from scenarios.studies.paper.experiments import RUNS_OF_CASE
 from scenarios.studies.paper.findings import Findings, non_increasing
-from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT
+from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
 from vehicles.preview.curve_fit import Trajectory
 
 SCHEMA = "convoy.reproduction/2"
@@ -19,14 +19,13 @@ AllFindings = Mapping[Trajectory, Findings]
 
 
 def logs(findings: AllFindings, cases: Sequence[str]) -> list[str]:
-    """Logs that were kept, relative to the report."""
+    """Paths of the kept logs, relative to the report."""
     runs = {key: run for case in cases for key, run in RUNS_OF_CASE[case].items()}
     found = []
     for kind, one in findings.items():
         logged = [key for key, run in runs.items() if run.logged and one.has(key)]
         found += [f"{kind}/{key}/run.mcap" for key in logged]
-        if one.field is not None:
-            found += [f"{kind}/field/{name}/run.mcap" for name in one.field.logs]
+        found += [f"{kind}/field/{name}/run.mcap" for name in one.field_logs]
     return found
 
 
@@ -36,7 +35,7 @@ def machine_readable(
     claims: Sequence[JudgedClaim],
     pictures: Mapping[str, Sequence[str]],
 ) -> dict[str, Any]:
-    """Give claims, figures of the runs, pictures and logs, as JSON has them."""
+    """Claims, figures of the runs, pictures and logs as JSON."""
     gains_pictures = next(iter(findings.values())).gains_pictures or ()
     drawn = [file for files in pictures.values() for file in files]
     return {
@@ -51,16 +50,14 @@ def machine_readable(
 
 
 def _runs_of(findings: Findings) -> dict[str, Any]:
-    """Figures of all runs along one trajectory, by their keys."""
     runs = {str(key): _figures(trial) for key, trial in findings.trials.items()}
-    if findings.field is not None:
+    if findings.has(Part.FIELD):
         for key in (FIELD_WITH, FIELD_WITHOUT):
             runs[str(key)] |= numbers_of(settled_errors(findings.trials[key]))
     return runs
 
 
 def _propagation(findings: Findings) -> list[dict[str, Any]]:
-    """What became of the lead's swings."""
     return [
         {
             "frequency_radps": one.frequency,
@@ -73,7 +70,6 @@ def _propagation(findings: Findings) -> list[dict[str, Any]]:
 
 
 def _row(one: JudgedClaim) -> dict[str, Any]:
-    """A judged claim as JSON."""
     claim = one.claim
     return {
         "name": claim.name,
@@ -97,7 +93,6 @@ def _judged_row(one: Judged) -> dict[str, Any]:
 
 
 def _figures(trial: Trial) -> dict[str, Any]:
-    """Largest errors of one run, an entry per follower."""
     return {
         "vehicles": [drive.name for drive in trial.followers],
         "lead_tracking_error_m_max": trial.lead.tracking_max,

@@ -9,11 +9,12 @@ from matplotlib.figure import Figure
 
 from scenarios.results.drives import Array, Drive, Trial
 from scenarios.studies.paper.experiments import BASE_SPEED, RADII
-from scenarios.studies.paper.field_runs import FieldRuns
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
 from scenarios.studies.paper.keys import (
     BASE,
+    FIELD_WITH,
+    FIELD_WITHOUT,
     LONG_WITH,
     LONG_WITHOUT,
     NO_LEAD_DATA,
@@ -37,7 +38,7 @@ from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_pro
 
 COLOURS = (GREY, BLUE, ORANGE, GREEN, PURPLE)
 DASHES = ("-", "-", "--", "-.", ":")
-"""The lead first; colour and dashes tell the cars apart."""
+"""The lead first; colour and dashes distinguish the cars."""
 
 MARKS = ("o", "s", "^")
 PLACES = range(3)
@@ -47,7 +48,7 @@ Draw = Callable[[Findings], Figure]
 
 
 def _draw(axes: Axes, drives: Sequence[tuple[Drive, Array]], first: int, width: float) -> None:
-    """Values (m) of each drive over time, from place `first` in the convoy on."""
+    """Plot values (m) of each drive over time, from place `first` in the convoy on."""
     for place, (drive, values) in enumerate(drives, start=first):
         axes.plot(
             drive.at[: len(values)],
@@ -62,19 +63,18 @@ def _draw(axes: Axes, drives: Sequence[tuple[Drive, Array]], first: int, width: 
 
 
 def _errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
-    """Lateral error against the own trajectory, all cars."""
+    """Plot the lateral error of all cars against the own trajectory."""
     _draw(axes, [(drive, drive.lateral_error) for drive in trial.drives], 0, width)
     axes.set_ylabel("lateral error (cm)")
 
 
 def _true_errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
-    """Draw the followers' places beside the lead's driven path over time."""
+    """Plot the followers' distances from the lead's driven path."""
     _draw(axes, [(drive, drive.cross_track) for drive in trial.followers], 1, width)
     axes.set_ylabel("beside the lead's path (cm)")
 
 
 def road(findings: Findings) -> Figure:
-    """Draw the lead's path, as in the paper's figure of the target trajectory."""
     lead = findings.trials[BASE].lead
     figure = Figure(figsize=(7.6, 2.4), layout="constrained")
     axes = figure.subplots()
@@ -99,7 +99,6 @@ def road(findings: Findings) -> Figure:
 
 
 def base(findings: Findings) -> Figure:
-    """Draw the lateral errors of the base case."""
     figure = Figure(figsize=(7.6, 3.4), layout="constrained")
     axes = figure.subplots()
     _errors(axes, findings.trials[BASE])
@@ -119,7 +118,6 @@ def base(findings: Findings) -> Figure:
 
 
 def a_to_d(findings: Findings) -> Figure:
-    """Draw the lateral errors of scenarios A to D, in the paper's layout."""
     titles = {
         A: "A: 10 m/s, n_f = 1, n_r = 2",
         B: "B: 10 m/s, n_f = 1, n_r = 0",
@@ -136,7 +134,6 @@ def a_to_d(findings: Findings) -> Figure:
 
 
 def variable_speed(findings: Findings) -> Figure:
-    """Draw speed, acceleration and lateral errors under the profile."""
     trial = findings.trials[VARIABLE_SPEED]
     figure = Figure(figsize=(7.6, 4.8), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.7))
@@ -156,17 +153,14 @@ def variable_speed(findings: Findings) -> Figure:
 
 
 def field(findings: Findings) -> Figure:
-    """Draw course and errors of the field experiment."""
-    runs = findings.field
-    if runs is None:
-        raise ValueError("the field experiment was not run")
+    with_data, without = findings.trials[FIELD_WITH], findings.trials[FIELD_WITHOUT]
     figure = Figure(figsize=(10.4, 5.4), layout="constrained")
     panels = figure.subplot_mosaic(
         [["course", "off without", "true without"], ["course", "off with", "true with"]],
         width_ratios=(0.9, 1.0, 1.0),
     )
-    _course(panels["course"], runs)
-    for word, trial in (("without", runs.without_lead_data), ("with", runs.with_lead_data)):
+    _course(panels["course"], with_data)
+    for word, trial in (("without", without), ("with", with_data)):
         _errors(panels[f"off {word}"], trial, 0.7)
         _true_errors(panels[f"true {word}"], trial, 0.9)
         for kind, height in (("off", 10.0), ("true", 15.0)):
@@ -175,10 +169,9 @@ def field(findings: Findings) -> Figure:
     return figure
 
 
-def _course(axes: Axes, runs: FieldRuns) -> None:
-    lead = runs.with_lead_data.lead
-    for place, drive in enumerate(runs.with_lead_data.drives):
-        label = f"{drive.name} (lead)" if drive is lead else drive.name
+def _course(axes: Axes, trial: Trial) -> None:
+    for place, drive in enumerate(trial.drives):
+        label = f"{drive.name} (lead)" if drive is trial.lead else drive.name
         axes.plot(
             drive.east, drive.north, color=COLOURS[place], linestyle=DASHES[place], label=label
         )
@@ -252,7 +245,6 @@ def maxima(findings: Findings) -> Figure:
 
 
 def radius(findings: Findings) -> Figure:
-    """Draw how the errors depend on the radius of the curves."""
     figure = Figure(figsize=(9.6, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     _followers_over_radius(left, findings)
@@ -300,7 +292,6 @@ def _followers_over_radius(axes: Axes, findings: Findings) -> None:
 
 
 def measured_propagation(findings: Findings) -> Figure:
-    """Draw |G| and |F|, the simulated chain, and the ratios measured in the convoy."""
     fine = np.geomspace(0.3, 30.0, 600)
     figure = Figure(figsize=(7.6, 4.2), layout="constrained")
     axes = figure.subplots()
@@ -339,7 +330,6 @@ def measured_propagation(findings: Findings) -> Figure:
 
 
 def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
-    """Draw what the paper's own recipe needs: wide bends, exact samples, no prefix rule."""
     figure = Figure(figsize=(10.4, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
     for (trajectory, one), colour, mark in zip(
@@ -391,7 +381,7 @@ PICTURES: dict[str, tuple[tuple[Need, ...], Draw]] = {
     "propagation.png": ((Part.PROPAGATION,), measured_propagation),
     "field.png": ((Part.FIELD,), field),
 }
-"""What each picture needs, and how it is drawn."""
+"""Needs of each picture, and the function that draws it."""
 
 BOTH: dict[str, tuple[tuple[Need, ...], Callable[[Mapping[Trajectory, Findings]], Figure]]] = {
     "paper_recipe.png": (
@@ -399,4 +389,4 @@ BOTH: dict[str, tuple[tuple[Need, ...], Callable[[Mapping[Trajectory, Findings]]
         recipe,
     ),
 }
-"""The same of pictures that show both trajectories."""
+"""The same for pictures that show both trajectories."""

@@ -1,4 +1,4 @@
-"""Writes what `convoy reproduce` found: report.md, report.json and the pictures beside them."""
+"""Writes report.md, report.json and the pictures of `convoy reproduce`."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -51,7 +51,7 @@ CLAIMS = (
     *field.CLAIMS,
     *other_laws.CLAIMS,
 )
-"""All claims, in the order of the paper; what is beside it comes last."""
+"""All claims in the order of the paper, those beyond it last."""
 
 CAPTIONS = {
     "road.png": "The road of the main cases, which the paper does not give.",
@@ -77,7 +77,7 @@ CAPTIONS = {
 
 
 def write_report(findings: AllFindings, cases: Sequence[str], out: Path) -> list[JudgedClaim]:
-    """Judge the findings on `cases`, write report and pictures into `out`; gives the claims."""
+    """Judge the findings on `cases`, write report and pictures into `out`; returns the claims."""
     claims = judge(CLAIMS, findings)
     pictures = _draw(findings, out)
     text = "\n".join(_markdown(findings, cases, claims, pictures)) + "\n"
@@ -88,17 +88,15 @@ def write_report(findings: AllFindings, cases: Sequence[str], out: Path) -> list
 
 
 def all_pictures() -> list[str]:
-    """File names of all pictures that a report may have."""
     return [*BOTH, *(_file(name, kind) for name in PICTURES for kind in TRAJECTORIES)]
 
 
 def _file(picture: str, kind: Trajectory) -> str:
-    """File name of a picture of the runs along one kind of trajectory."""
     return f"{Path(picture).stem}_{kind}.png"
 
 
 def _draw(findings: AllFindings, out: Path) -> dict[str, list[str]]:
-    """Draw every picture for which there are results; gives the file names of each."""
+    """Draw every picture for which there are results; returns the file names of each."""
     drawn: dict[str, list[str]] = {}
     with mpl.rc_context(STYLE):
         for name, (needs, draw_both) in BOTH.items():
@@ -156,7 +154,7 @@ def _counts(claims: Sequence[JudgedClaim], kind: Trajectory) -> str:
 
 
 def _differing(claims: Sequence[JudgedClaim]) -> Iterator[str]:
-    """List the claims whose verdict hangs on the trajectory."""
+    """List the claims whose verdict depends on the trajectory."""
     found = [one for one in claims if one.differs]
     yield "## Where the trajectory decides"
     yield ""
@@ -174,7 +172,6 @@ def _differing(claims: Sequence[JudgedClaim]) -> Iterator[str]:
 
 
 def _recipe(findings: AllFindings) -> Iterator[str]:
-    """Say what the paper's trajectory reproduces, and where it breaks."""
     paper = findings["paper"]
     base, prefix = BASE, BASE.varied("paper_prefix")
     if not all(map(paper.has, (base, prefix, A, C, at_radius(300.0)))):
@@ -204,7 +201,7 @@ GROUPS = {
 
 
 def _in_short(claims: Sequence[JudgedClaim], kind: Trajectory, title: str) -> Iterator[str]:
-    """List the claims that do not simply hold, by what becomes of them."""
+    """List the claims that do not simply hold, by group."""
     yield from (f"## In short: {title}", "")
     for group, found in groups(claims, kind).items():
         if found:
@@ -218,7 +215,6 @@ def _in_short(claims: Sequence[JudgedClaim], kind: Trajectory, title: str) -> It
 
 
 def _runs(answer: Answer) -> str:
-    """In how many runs a claim holds."""
     return ", ".join(
         f"{t.holding} of {t.runs} {t.kind}" for t in (answer.phases, answer.noise) if t
     )
@@ -259,7 +255,6 @@ def _method() -> Iterator[str]:
 
 
 def _line(*cells: str) -> str:
-    """One row of a table."""
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
@@ -287,7 +282,7 @@ def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
 
 
 def _verdict(one: Judged) -> str:
-    """The judgement, and in how many runs the claim holds."""
+    """The judgement, and the count of runs in which the claim holds."""
     bold = one.judgement in {"undecided", "does not hold"}
     verdict = f"**{one.judgement}**" if bold else str(one.judgement)
     runs = _runs(one.answer)
@@ -295,7 +290,6 @@ def _verdict(one: Judged) -> str:
 
 
 def _reasons(first: Judged, second: Judged) -> str:
-    """Why, once if it is the same for both trajectories."""
     one, other = first.answer.reason, second.answer.reason
     if one == other:
         return one

@@ -35,7 +35,7 @@ CHANGED = {
 
 
 def tables(findings: Findings) -> Iterator[str]:
-    """Give all tables for which there are results."""
+    """Lines of all tables for which there are results."""
     name = TRAJECTORY_NAMES[findings.trajectory]
     rows = [(text, findings.trials[key]) for key, text in CHANGED.items() if findings.has(key)]
     if rows:
