@@ -1,6 +1,6 @@
 """What a verdict costs: `python -m tests.bench.bench_links`.
 
-Prints microseconds for each message and verdict of a link, its passage included, for every law in
+Prints microseconds for each message and verdict of a link, its context included, for every law in
 the order of the stream; beside it the multiple of the plain chain (rate, loss, latency, jitter) and
 of an addition in a plain loop, both measured in the same run. Times are of the processor, so that
 busy neighbours matter less. Below are verdicts alone: each of a far number, nothing known before.
@@ -13,7 +13,7 @@ from time import process_time
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.schema.links import LinkTable
-from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.link import Link
 
 ROUNDS, MESSAGES, ADDITIONS, ALONE = 7, 20_000, 1_000_000, 300
@@ -103,11 +103,11 @@ def link(asked: dict[str, object]) -> Link:
 
 def stream_us(asked: dict[str, object]) -> float:
     """Time for each message of a stream (µs)."""
-    one, here, there = link(asked), Whereabouts(1.0, 2.0, 3.0), Whereabouts(4.0, 5.0, 6.0)
+    one, here, there = link(asked), Position(1.0, 2.0, 3.0), Position(4.0, 5.0, 6.0)
 
     def judge_all() -> None:
         for seq in range(MESSAGES):
-            one.judge(Passage(seq, seq * PERIOD_NS, 100, here, there))
+            one.judge(TransmissionContext(seq, seq * PERIOD_NS, 100, here, there))
 
     return best_us(judge_all, MESSAGES)
 
@@ -118,7 +118,7 @@ def alone_us(asked: dict[str, object]) -> float:
 
     def judge_some() -> None:
         for k in range(ALONE, 0, -1):
-            one.judge(Passage(100_000 * k, 0))
+            one.judge(TransmissionContext(100_000 * k, 0))
 
     return best_us(judge_some, ALONE)
 

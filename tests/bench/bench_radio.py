@@ -11,7 +11,7 @@ from time import process_time
 from scenarios.definition.channel.between import vehicles_between
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.scenario import Scenario, load_scenario
-from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.link import Link
 
 ROUNDS, MESSAGES, STEP_M = 5, 10_000, 1.5
@@ -22,16 +22,19 @@ PRESETS = (
 COUNTS = (0, 5, 11, 29)
 
 
-def passages(scenario: Scenario, last: int) -> list[Passage]:
+def contexts(scenario: Scenario, last: int) -> list[TransmissionContext]:
     """Messages of the first vehicle to the last, both on the path exactly."""
     route = scenario.route
 
-    def place(vehicle: int, driven: float) -> Whereabouts:
+    def place(vehicle: int, driven: float) -> Position:
         point = route.path.at(route.start_station(vehicle) + driven)
-        return Whereabouts(point.east, point.north, driven)
+        return Position(point.east, point.north, driven)
 
     ways = [STEP_M * seq for seq in range(MESSAGES)]
-    return [Passage(seq, seq, 130, place(0, way), place(last, way)) for seq, way in enumerate(ways)]
+    return [
+        TransmissionContext(seq, seq, 130, place(0, way), place(last, way))
+        for seq, way in enumerate(ways)
+    ]
 
 
 def microseconds(preset: str, between: int) -> float:
@@ -39,7 +42,7 @@ def microseconds(preset: str, between: int) -> float:
     last = between + 1
     changes = [f"links.preset={preset}", f"convoy.vehicles={last + 1}"]
     scenario = load_scenario("lane_change", changes)
-    names, messages = scenario.vehicle_names, passages(scenario, last)
+    names, messages = scenario.vehicle_names, contexts(scenario, last)
     asked = scenario.links[names[0], names[last]]
     times = []
     for _ in range(ROUNDS):

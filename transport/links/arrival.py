@@ -15,7 +15,7 @@ from typing import Final, NamedTuple, cast
 from transport.codec import RefusedMessageError, decode, encode
 from transport.links.gate import GPS, HORIZON_NS, PoseGate
 from transport.links.laws.content import BitErrors, Duplication, draw_of_copy, flip_places, flipped
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.false_content import FalseContent, put_off
 from transport.links.link import Link, Verdict, combine
 from vehicles.messages import GpsPose
@@ -39,7 +39,7 @@ class Transmission:
     """
 
     sent: ReceivedPose
-    passage: Passage
+    context: TransmissionContext
     verdict: Verdict
     late: bool
     pose: ReceivedPose
@@ -114,11 +114,11 @@ class ContentStage:
         A message refused by the frame check or the gate is dropped as "corrupted", with the gate's
         word as content, if it was that. Returns what comes of it besides.
         """
-        judged, sent, passage = one.verdict, one.sent.message, one.passage
+        judged, sent, context = one.verdict, one.sent.message, one.context
         if judged.outcome == "dropped":
             return []
         try:
-            read = self._read(one.sent, passage)
+            read = self._read(one.sent, context)
             if read is None:
                 one.verdict = _corrupted(judged)
                 return []
@@ -126,17 +126,17 @@ class ContentStage:
         except RefusedMessageError as refusal:
             one.verdict, one.content = _corrupted(judged), refusal.reason
             return []
-        copies = self._copies(judged, one.pose, passage)
+        copies = self._copies(judged, one.pose, context)
         one.content, one.copies = "+".join(kinds), len(copies)
         return [*copies, *self._ghosts(judged, sent)]
 
-    def _read(self, sent: ReceivedPose, passage: Passage) -> ReceivedPose | None:
+    def _read(self, sent: ReceivedPose, context: TransmissionContext) -> ReceivedPose | None:
         """The pose that the receiver reads, `sent` if no bit is wrong; None by its frame check.
 
         Raises RefusedMessageError if its gate refuses the bits.
         """
-        errors, draw, seq = self.bit_errors, self.link.draw, passage.seq
-        if errors is None or not (count := errors.flips(draw, seq, passage.size)):
+        errors, draw, seq = self.bit_errors, self.link.draw, context.seq
+        if errors is None or not (count := errors.flips(draw, seq, context.size)):
             return sent
         frame = encode(put_off(sent.message, FRAMES_SINCE - self.gate.start_at))
         came = flipped(frame, flip_places(draw, seq, count, 8 * len(frame)))
@@ -169,15 +169,17 @@ class ContentStage:
         # By an instant of the message, not of the tick, which the wire may put off.
         return self.gate.check(message, sent.sent_at_ns)
 
-    def _copies(self, judged: Verdict, pose: ReceivedPose, passage: Passage) -> list[Further]:
+    def _copies(
+        self, judged: Verdict, pose: ReceivedPose, context: TransmissionContext
+    ) -> list[Further]:
         law, draw = self.duplication, self.link.draw
-        if law is None or not law.copies(draw, passage.seq):
+        if law is None or not law.copies(draw, context.seq):
             return []
         copy = replace(pose)
         if law.delay is not None:
             return [Further(judged.visible_at + law.delay, COPY, copy)]
-        effects = self.link.effects_at(passage.sent_at)
-        own = combine(effects, draw_of_copy(draw), passage)
+        effects = self.link.effects_at(context.sent_at)
+        own = combine(effects, draw_of_copy(draw), context)
         return [Further(max(judged.visible_at, own.visible_at), COPY, copy)]
 
     def _ghosts(self, judged: Verdict, sent: GpsPose) -> list[Further]:

@@ -10,7 +10,7 @@ from typing import Final
 from transport.codec import RefusedMessageError, decode
 from transport.links.arrival import COPY, ContentStage, Transmission
 from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
-from transport.links.laws.effect import NOWHERE, Passage, Whereabouts
+from transport.links.laws.effect import NOWHERE, Position, TransmissionContext
 from transport.links.line import Line
 from transport.links.link import Link
 from transport.links.places import PlacesPassed
@@ -122,11 +122,11 @@ class Inbox:
         self._before = self.counts
         self._listen(links, now)
 
-    def pass_by(self, now: int, here: Whereabouts) -> None:
+    def pass_by(self, now: int, here: Position) -> None:
         """Be `here` at the tick at `now` (ns) without hearing anything; what came waits."""
         self._places.add(now, here)
 
-    def let_go(self, now: int, here: Whereabouts) -> None:
+    def let_go(self, now: int, here: Position) -> None:
         """Be `here` at the tick at `now` (ns), where nobody listens: what was sent by now is gone.
 
         What came of later is kept: this tick may be late.
@@ -190,7 +190,7 @@ class Inbox:
         with self._lock:
             self._overflow += 1
 
-    def take(self, now: int, here: Whereabouts = NOWHERE) -> list[ReceivedPose]:
+    def take(self, now: int, here: Position = NOWHERE) -> list[ReceivedPose]:
         """Return the poses that have become visible by the tick at `now` (ns).
 
         They come in the order (visible_at, sender, seq). Instants must not go back. A verdict is
@@ -244,28 +244,28 @@ class Inbox:
         if message.sent_at_ns < self._heard_from:  # while the vehicle did not receive
             return
         link.number(message.seq)
-        antenna = Whereabouts(message.true_east_m, message.true_north_m, message.true_driven_m)
+        antenna = Position(message.true_east_m, message.true_north_m, message.true_driven_m)
         here = self._places.at(message.sent_at_ns)
-        passage = Passage(message.seq, message.sent_at_ns, len(data), antenna, here)
-        judged = link.link.judge(passage)
+        context = TransmissionContext(message.seq, message.sent_at_ns, len(data), antenna, here)
+        judged = link.link.judge(context)
         if link.content is not None:
             link.content.memory.note(message)
         late = judged.visible_at <= self._taken_until
-        one = Transmission(pose, passage, judged, late, pose)
+        one = Transmission(pose, context, judged, late, pose)
         if link.line is not None:
-            one.late = late or link.line.is_missed(passage, self._taken_until)
-            if not link.line.has_passed(passage):
-                link.line.join(passage, judged)
+            one.late = late or link.line.is_missed(context, self._taken_until)
+            if not link.line.has_passed(context):
+                link.line.join(context, judged)
                 link.held[message.seq] = one
                 return
         heappush(self._waiting, (judged.visible_at, sender, message.seq, 0, one))
 
     def _settle(self, sender: str, link: IncomingLink, now: int) -> None:
         """Let those of a line wait for their instant whose verdict is known now."""
-        for passage, judged in link.line.settle(now) if link.line else ():
-            one = link.held.pop(passage.seq)
+        for context, judged in link.line.settle(now) if link.line else ():
+            one = link.held.pop(context.seq)
             one.verdict = judged
-            heappush(self._waiting, (judged.visible_at, sender, passage.seq, 0, one))
+            heappush(self._waiting, (judged.visible_at, sender, context.seq, 0, one))
 
     def _hand_over(self, now: int) -> list[ReceivedPose]:
         delivered: list[ReceivedPose] = []

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from heapq import heappop, heappush
 from typing import Final
 
-from transport.links.laws.effect import Passage
-from transport.links.laws.stage import Carried
+from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.stage import StagedMessage
 from transport.links.link import Link, Verdict
 
 
@@ -16,23 +16,23 @@ class Line:
         """Begin with the stages of `link` empty."""
         self._stages = [law.stage() for law in link.stages]
         self._link = link
-        self._coming: list[tuple[int, int, Carried]] = []
+        self._coming: list[tuple[int, int, StagedMessage]] = []
         self._newest = -1
 
-    def is_missed(self, passage: Passage, tick: int) -> bool:
+    def is_missed(self, context: TransmissionContext, tick: int) -> bool:
         """Whether what was sent with this message was let through by the tick at `tick` (ns)."""
-        return passage.sent_at <= self._link.visible_until(tick)
+        return context.sent_at <= self._link.visible_until(tick)
 
-    def has_passed(self, passage: Passage) -> bool:
+    def has_passed(self, context: TransmissionContext) -> bool:
         """Whether a later message than this one was let through: it can no longer come in line."""
-        return passage.seq <= self._newest
+        return context.seq <= self._newest
 
-    def join(self, passage: Passage, verdict: Verdict) -> None:
+    def join(self, context: TransmissionContext, verdict: Verdict) -> None:
         """Let a message come in line with the verdict of the effects."""
-        one = Carried(passage, verdict.visible_at, verdict.reason)
-        heappush(self._coming, (passage.sent_at, passage.seq, one))
+        one = StagedMessage(context, verdict.visible_at, verdict.reason)
+        heappush(self._coming, (context.sent_at, context.seq, one))
 
-    def settle(self, now: int) -> list[tuple[Passage, Verdict]]:
+    def settle(self, now: int) -> list[tuple[TransmissionContext, Verdict]]:
         """Give the messages whose fate is known by the tick at `now` (ns)."""
         until = self._link.visible_until(now)
         moved = []
@@ -43,20 +43,20 @@ class Line:
             moved = stage.carry(moved, until)
         return [
             (
-                one.passage,
+                one.context,
                 Verdict("dropped" if one.reason else "delivered", one.reason, one.visible_at),
             )
             for one in moved
         ]
 
 
-def judge_stream(link: Link, stream: Iterable[Passage]) -> list[Verdict]:
+def judge_stream(link: Link, stream: Iterable[TransmissionContext]) -> list[Verdict]:
     """Judge all that was sent over a link, in the order of the numbers."""
-    passages = sorted(stream, key=lambda one: one.seq)
+    contexts = sorted(stream, key=lambda one: one.seq)
     if not link.stages:
-        return [link.judge(one) for one in passages]
+        return [link.judge(one) for one in contexts]
     line = Line(link)
-    for one in passages:
+    for one in contexts:
         line.join(one, link.judge(one))
     settled = line.settle(_EVER)
     return [verdict for _, verdict in sorted(settled, key=lambda one: one[0].seq)]

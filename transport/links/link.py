@@ -13,7 +13,7 @@ from hashlib import blake2b
 from operator import attrgetter
 from typing import Literal, NamedTuple
 
-from transport.links.laws.effect import BY_CELL, Draw, Effect, Passage
+from transport.links.laws.effect import BY_CELL, Draw, Effect, TransmissionContext
 from transport.links.laws.plain import Latency
 from transport.links.laws.stage import StageLaw
 from transport.reasons import DropReason
@@ -61,17 +61,17 @@ def redrawn(before: Draw, after: Draw, from_seq: int) -> Draw:
     return draw
 
 
-def combine(chain: Iterable[Effect], draw: Draw, passage: Passage) -> Verdict:
+def combine(chain: Iterable[Effect], draw: Draw, context: TransmissionContext) -> Verdict:
     """Let each effect judge a message: delays add up, the first that drops names the reason."""
     delay = 0
     reason: DropReason | Literal[""] = ""
     for effect in chain:
-        judged = effect.judge(draw, passage)
+        judged = effect.judge(draw, context)
         if isinstance(judged, str):
             reason = reason or judged
         else:
             delay += judged
-    return Verdict("dropped" if reason else "delivered", reason, passage.sent_at + delay)
+    return Verdict("dropped" if reason else "delivered", reason, context.sent_at + delay)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +128,9 @@ class Link:
         place = bisect_right(self.course, sent_at, key=_from_at)
         return self.course[place - 1].effects if place else self.chain
 
-    def judge(self, passage: Passage) -> Verdict:
+    def judge(self, context: TransmissionContext) -> Verdict:
         """Judge one message by the effects."""
-        return combine(self.effects_at(passage.sent_at), self.draw, passage)
+        return combine(self.effects_at(context.sent_at), self.draw, context)
 
     def visible_until(self, now: int) -> int:
         """The last instant (ns) at which something can have been sent that is visible by `now`.

@@ -4,7 +4,7 @@ from array import array
 from bisect import bisect_right
 from typing import Final
 
-from transport.links.laws.effect import Whereabouts
+from transport.links.laws.effect import Position
 
 PLACES: Final = 4096
 """Ticks of which the receiver remembers where it was, for messages that came late: a minute."""
@@ -19,7 +19,7 @@ class PlacesPassed:
         self._instants = array("q")
         self._places = array("d")
 
-    def add(self, now: int, here: Whereabouts) -> None:
+    def add(self, now: int, here: Position) -> None:
         """Be `here` at the tick at `now` (ns), which lies after those before."""
         self._instants.append(now)
         self._places.extend(here)
@@ -27,7 +27,7 @@ class PlacesPassed:
             del self._instants[:FORGOTTEN]
             del self._places[: 3 * FORGOTTEN]
 
-    def at(self, instant: int) -> Whereabouts:
+    def at(self, instant: int) -> Position:
         """Where it was at its last tick until `instant` (ns), or at the first it remembers."""
         place = 3 * max(bisect_right(self._instants, instant) - 1, 0)
-        return Whereabouts(*self._places[place : place + 3])
+        return Position(*self._places[place : place + 3])

@@ -16,7 +16,7 @@ from scenarios.definition.channel.expected import USUAL_MESSAGE_BYTES
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.between import Road, VehiclesBetween
-from transport.links.laws.effect import Effect, Passage, Whereabouts
+from transport.links.laws.effect import Effect, Position, TransmissionContext
 from transport.links.line import judge_stream
 from transport.links.link import Link
 from transport.reasons import counts_as_loss
@@ -75,38 +75,38 @@ class StraightDrive:
         """Judge so many messages with the scenario's seed."""
         lost, delays = list[bool](), list[float]()
         dropped: Counter[str] = Counter()
-        for passage, visible_at, reason in self._judged(messages):
+        for context, visible_at, reason in self._judged(messages):
             if reason:
                 dropped[reason] += 1
             if not reason or counts_as_loss(reason):
                 lost.append(bool(reason))
             if not reason:
-                delays.append((visible_at - passage.sent_at) / MILLISECOND)
+                delays.append((visible_at - context.sent_at) / MILLISECOND)
         return SampledChannel(np.array(lost, dtype=np.bool_), np.array(delays), dropped)
 
     def arrivals(self, messages: int) -> list[tuple[int, int]]:
         """Numbers of those of so many messages that come, and when each is there (ns)."""
         judged = self._judged(messages)
-        return [(passage.seq, visible_at) for passage, visible_at, reason in judged if not reason]
+        return [(context.seq, visible_at) for context, visible_at, reason in judged if not reason]
 
-    def _judged(self, messages: int) -> Iterator[tuple[Passage, int, str]]:
+    def _judged(self, messages: int) -> Iterator[tuple[TransmissionContext, int, str]]:
         """Give each message, when it is there or would have been (ns), and why it is dropped."""
         stages = link_stages(self.table)
         link = Link(self.effects(), self.scenario.seed, *self.link, stages)
-        passages, content = list(self._passages(messages)), self.table.content
+        contexts, content = list(self._contexts(messages)), self.table.content
         errors = content.bit_errors if content and content.frame_check else None
-        for passage, verdict in zip(passages, judge_stream(link, passages), strict=True):
+        for context, verdict in zip(contexts, judge_stream(link, contexts), strict=True):
             reason: str = verdict.reason
-            if not reason and errors and errors.flips(link.draw, passage.seq, passage.size):
+            if not reason and errors and errors.flips(link.draw, context.seq, context.size):
                 reason = "corrupted"
-            yield passage, verdict.visible_at, reason
+            yield context, verdict.visible_at, reason
 
-    def _passages(self, messages: int) -> Iterator[Passage]:
+    def _contexts(self, messages: int) -> Iterator[TransmissionContext]:
         rate_hz, speed_mps = self.rate_hz, self.speed_mps
         for seq in range(messages):
             sent_at = round(seq * SECOND / rate_hz)
             driven = speed_mps * sent_at / SECOND
-            ahead = Whereabouts(self.distance_m + driven, 0.0, driven)
-            yield Passage(
-                seq, sent_at, USUAL_MESSAGE_BYTES, ahead, Whereabouts(driven, 0.0, driven)
+            ahead = Position(self.distance_m + driven, 0.0, driven)
+            yield TransmissionContext(
+                seq, sent_at, USUAL_MESSAGE_BYTES, ahead, Position(driven, 0.0, driven)
             )

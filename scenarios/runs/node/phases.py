@@ -11,7 +11,7 @@ from typing import Protocol
 from scenarios.definition.road.set_speed import SpeedPlan
 from scenarios.runs.node.outbox import Outbox
 from transport.links.inbox import Inbox, IncomingLink
-from transport.links.laws.effect import Whereabouts
+from transport.links.laws.effect import Position
 from vehicles.car.clock_error import VehicleClock
 from vehicles.car.dynamics import Actuation, Body, CarMotion
 from vehicles.car.gnss import Fix, GnssReceiver
@@ -52,10 +52,10 @@ class Car:
         self.body = self._motion.advance(self.body, command, span)
 
     @property
-    def whereabouts(self) -> Whereabouts:
+    def position(self) -> Position:
         """Where it truly is."""
         body = self.body
-        return Whereabouts(body.east, body.north, body.distance)
+        return Position(body.east, body.north, body.distance)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -175,7 +175,7 @@ class Driving(VehiclePhase):
         """Receive, measure, decide, send."""
         self.has_begun = True
         aboard, car = self.aboard, self.aboard.car
-        received = aboard.clock.judged(now, aboard.inbox.take(now, car.whereabouts))
+        received = aboard.clock.judged(now, aboard.inbox.take(now, car.position))
         fix, motion = car.measure(now)
         decision = self.software.driver.step(now, fix, motion, received)
         aboard.outbox.publish(now, car.body, self.software.sender.send(now, fix), decision)
@@ -200,7 +200,7 @@ class Stalled(VehiclePhase):
 
     def step(self, now: int) -> Actuation:
         """Nothing but what the car does by itself."""
-        self.aboard.inbox.pass_by(now, self.aboard.car.whereabouts)
+        self.aboard.inbox.pass_by(now, self.aboard.car.position)
         return self.aboard.idle(now, self.aboard.car.command)
 
     def at(self, now: int) -> VehiclePhase:
@@ -229,7 +229,7 @@ class Down(VehiclePhase):
     def step(self, now: int) -> Actuation:
         """Nothing but what the car does by itself; what was sent by now is not heard any more."""
         car = self.aboard.car
-        self.aboard.inbox.let_go(now, car.whereabouts)
+        self.aboard.inbox.let_go(now, car.position)
         return self.aboard.idle(now, Actuation(car.command.steering, -BRAKING))
 
     def at(self, now: int) -> VehiclePhase:
@@ -259,7 +259,7 @@ class ByHand(VehiclePhase):
     def step(self, now: int) -> Actuation:
         """Drive by the true state of the car."""
         aboard, car = self.aboard, self.aboard.car
-        aboard.inbox.let_go(now, car.whereabouts)
+        aboard.inbox.let_go(now, car.position)
         return aboard.idle(now, self._human.step(now, None, car.body, ()).actuation)
 
     def replan(self, now: int) -> None:

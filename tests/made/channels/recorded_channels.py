@@ -9,7 +9,7 @@ from scenarios.definition.channel.between import vehicles_between
 from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.studies.channel.fitting.recorded import RecordedLink
-from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.line import judge_stream
 from transport.links.link import Link
 from vehicles.schedule import MILLISECOND, SECOND
@@ -58,7 +58,9 @@ def _recorded(scenario: Scenario, pair: tuple[str, str], messages: int, seed: in
     there, here = (_driven(place, np.array(sent_at) / SECOND) for place in places)
     apart = (places[1] - places[0]) * NEAREST_M
     stream = [
-        Passage(k, at, SIZE, Whereabouts(sender + apart, 0.0, sender), Whereabouts(own, 0.0, own))
+        TransmissionContext(
+            k, at, SIZE, Position(sender + apart, 0.0, sender), Position(own, 0.0, own)
+        )
         for k, (at, sender, own) in enumerate(zip(sent_at, there, here, strict=True))
     ]
     judged = judge_stream(link, stream)

@@ -23,7 +23,7 @@ from tests.made.scenarios.broken_scenarios import ODD_TRACES, broken
 from tests.made.scenarios.drawn_scenarios import DrawnScenario, drawn_scenario
 from tests.made.transport.links import link as link_of
 from transport.codec import encode
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict, LogText, Message, RunEnd, TruePose
 from vehicles.schedule import MILLISECOND
@@ -181,7 +181,7 @@ def latest(scenario: Scenario, pair: tuple[str, str], sent: dict[int, GpsPose]) 
         further_ms += 1000.0 * waiting * longest / asked.queue.bytes_per_s
     found, before = {}, 0
     for seq, pose in sorted(sent.items()):
-        own = link.judge(Passage(seq, pose.sent_at_ns)).visible_at
+        own = link.judge(TransmissionContext(seq, pose.sent_at_ns)).visible_at
         before = max(before, own) if asked.delay and asked.delay.order == "in_order" else own
         found[seq] = before + round(further_ms * MILLISECOND)
     return found

@@ -12,7 +12,7 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from tests.made.transport.links import link as link_of
 from transport.codec import encode
-from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.line import judge_stream
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict
@@ -116,7 +116,7 @@ def test_verdicts_follow_from_the_stream_alone() -> None:
         table = only.scenario.links[sender, receiver]
         link = link_of(table, sender, receiver, seed=only.scenario.seed, setting=setting)
         stream = [
-            Passage(one.seq, one.sent_at_ns, len(encode(one)), Whereabouts())
+            TransmissionContext(one.seq, one.sent_at_ns, len(encode(one)), Position())
             for (vehicle, _), one in only.poses.items()
             if vehicle == sender
         ]

@@ -21,7 +21,7 @@ from transport.codec import encode
 from transport.links.arrival import ContentStage, Memory, Transmission
 from transport.links.inbox import Inbox
 from transport.links.laws.content import BitErrors
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.link import Link, Verdict
 from transport.topics import TOPICS, key
 from vehicles.geometry.geodesy import LocalPlane, Origin
@@ -276,7 +276,9 @@ def test_no_flipped_bits_do_harm(
     hit.memory.note(one)
     judged = Verdict("delivered", "", one.sent_at_ns + 20 * MS)
     pose = stage.gate.check(one, one.sent_at_ns)
-    arrival = Transmission(pose, Passage(one.seq, one.sent_at_ns, SIZE), judged, False, pose)
+    arrival = Transmission(
+        pose, TransmissionContext(one.seq, one.sent_at_ns, SIZE), judged, False, pose
+    )
     further = hit.arrive(arrival)
     if arrival.verdict.outcome == "delivered":
         stage.gate.check(arrival.pose.message, one.sent_at_ns)

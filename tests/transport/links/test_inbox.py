@@ -17,7 +17,7 @@ from transport.clock import ticks
 from transport.codec import RefusedMessageError, encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
 from transport.links.inbox import QUEUE, WINDOW, Inbox, IncomingLink
-from transport.links.laws.effect import NOWHERE, Passage
+from transport.links.laws.effect import NOWHERE, TransmissionContext
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 from vehicles.schedule import SECOND, instant
@@ -127,7 +127,7 @@ def test_verdicts_say_what_became_of_each_message() -> None:
     assert 0 < len(heard) < 20
     link = link_of(rule, "lead", "follower_2", rate_hz=RATE_HZ)
     for v in verdicts:
-        judged = link.judge(Passage(v.pose_seq, v.sent_at_ns))
+        judged = link.judge(TransmissionContext(v.pose_seq, v.sent_at_ns))
         assert (v.outcome, v.reason, v.visible_at_ns) == (
             judged.outcome,
             judged.reason,

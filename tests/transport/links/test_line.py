@@ -14,7 +14,7 @@ from tests.made.transport.links import taken
 from transport.clock import ticks
 from transport.codec import encode
 from transport.links.inbox import Inbox
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.line import judge_stream
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict
@@ -130,7 +130,7 @@ def test_verdicts_are_those_of_the_stream_of_what_was_sent(rule: str) -> None:
     poses = [pose(k) for k in range(80)]
     heard, verdicts, _ = run(rule, 5, [(one.sent_at_ns, one) for one in poses])
     link = link_of(LinkTable.model_validate(RULES[rule]), seed=5, rate_hz=RATE_HZ)
-    stream = [Passage(one.seq, one.sent_at_ns, len(encode(one))) for one in poses]
+    stream = [TransmissionContext(one.seq, one.sent_at_ns, len(encode(one))) for one in poses]
     judged = judge_stream(link, stream)
     for v in verdicts:
         wanted = judged[v.pose_seq]

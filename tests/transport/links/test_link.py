@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import link
-from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.effect import Draw, Effect, TransmissionContext
 from transport.links.laws.plain import Decimation, Latency
 from transport.links.link import ChangedEffects, Link, Verdict, combine, keyed_draw
 from transport.reasons import DropReason
@@ -34,7 +34,7 @@ def judge(
     source_rate_hz: float = RATE_HZ,
 ) -> Verdict:
     one = link(asked, sender, receiver, seed=seed, rate_hz=source_rate_hz)
-    return one.judge(Passage(seq, seq * PERIOD))
+    return one.judge(TransmissionContext(seq, seq * PERIOD))
 
 
 def keyed_uniform(seed: int, sender: str, receiver: str, seq: int, purpose: str) -> float:
@@ -204,7 +204,7 @@ def test_rate_lets_evenly_spread_messages_through(rate_hz: float, through: list[
 @given(top=st.integers(1, 100), bottom=st.integers(1, 100), n=st.integers(1, 3000))
 def test_rate_is_kept_to_within_one_message(top: int, bottom: int, n: int) -> None:
     decimation = Decimation(min(Fraction(top, bottom), Fraction(1)))
-    carried = sum(decimation.judge(no_chance, Passage(seq, 0)) == 0 for seq in range(n))
+    carried = sum(decimation.judge(no_chance, TransmissionContext(seq, 0)) == 0 for seq in range(n))
     assert 0 <= carried - (n - 1) * decimation.kept <= 1
 
 
@@ -217,7 +217,7 @@ def test_the_rate_names_a_drop_before_chance_does() -> None:
 class Fixed(Effect):
     answer: int | DropReason
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002
         return self.answer
 
 
@@ -238,7 +238,7 @@ def test_delays_add_up_and_any_drop_wins(
     answers: list[int | DropReason], expected: Verdict
 ) -> None:
     chain: list[Effect] = [Fixed(answer) for answer in answers]
-    assert combine(chain, no_chance, Passage(0, 100)) == expected
+    assert combine(chain, no_chance, TransmissionContext(0, 100)) == expected
 
 
 @given(
@@ -260,4 +260,4 @@ def test_what_may_be_visible_is_known_though_the_least_delay_changes(
     visible = [at for at in range(-100, 100) if at + least(at) <= now]
     assert one.visible_until(now) == max(visible)
     for sent_at in range(-5, 60):
-        assert one.judge(Passage(0, sent_at)).visible_at == sent_at + least(sent_at)
+        assert one.judge(TransmissionContext(0, sent_at)).visible_at == sent_at + least(sent_at)

@@ -5,7 +5,7 @@ import tracemalloc
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.links.laws.effect import NOWHERE, Whereabouts
+from transport.links.laws.effect import NOWHERE, Position
 from transport.links.places import PLACES, PlacesPassed
 
 
@@ -16,10 +16,10 @@ from transport.links.places import PLACES, PlacesPassed
 def test_a_place_is_that_of_the_last_tick_until_an_instant(
     ticks: list[tuple[int, float]], asked: int
 ) -> None:
-    passed, known, now = PlacesPassed(), list[tuple[int, Whereabouts]](), 0
+    passed, known, now = PlacesPassed(), list[tuple[int, Position]](), 0
     for span, where in ticks:
         now += span
-        known.append((now, Whereabouts(where, -where, 2.0 * where)))
+        known.append((now, Position(where, -where, 2.0 * where)))
         passed.add(*known[-1])
     before = [place for at, place in known if at <= asked]
     assert passed.at(asked) == (before[-1] if before else known[0][1])
@@ -28,7 +28,7 @@ def test_a_place_is_that_of_the_last_tick_until_an_instant(
 def test_the_places_of_a_minute_are_remembered_and_few_more() -> None:
     passed = PlacesPassed()
     for now in range(5 * PLACES):
-        passed.add(now, Whereabouts(float(now), 0.0, 0.0))
+        passed.add(now, Position(float(now), 0.0, 0.0))
         first = passed.at(-1).east
         assert now - 1.2 * PLACES < first <= max(now - PLACES + 1, 0)
         assert passed.at(now).east == now

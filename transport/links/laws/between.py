@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +55,9 @@ class VehiclesBetween:
     receiver_start: float
     radius: float = 1.5
 
-    def in_the_way(self, passage: Passage, most: int) -> int:
+    def in_the_way(self, context: TransmissionContext, most: int) -> int:
         """Count those in the way, up to `most`."""
-        sender, receiver = passage.sender, passage.receiver
+        sender, receiver = context.sender, context.receiver
         station = self.receiver_start + receiver.driven
         step = (self.sender_start + sender.driven - station) / (self.count + 1)
         here_east, here_north = receiver.east, receiver.north

@@ -11,7 +11,7 @@ from zlib import crc32
 
 from pydantic import Field
 
-from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.effect import Draw, Effect, TransmissionContext
 from transport.links.laws.false_content import (
     FalseDrift,
     FalseOffset,
@@ -136,9 +136,9 @@ class Reordering(Effect):
         """Give share and delay."""
         return f"{100.0 * self.ratio:g} % held back for {self.delay / MILLISECOND:g} ms"
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Delay when the message's draw falls below the ratio."""
-        return self.delay if draw("reorder", passage.seq) < self.ratio else 0
+        return self.delay if draw("reorder", context.seq) < self.ratio else 0
 
 
 @dataclass(frozen=True, slots=True)

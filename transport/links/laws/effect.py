@@ -20,7 +20,7 @@ BY_CELL = "outage"
 JudgedBy = Literal["chance", "number", "time", "place"]
 
 
-class Whereabouts(NamedTuple):
+class Position(NamedTuple):
     """Where a vehicle truly is, for the channel alone: east, north (m) and metres driven."""
 
     east: float = nan
@@ -28,10 +28,10 @@ class Whereabouts(NamedTuple):
     driven: float = nan
 
 
-NOWHERE = Whereabouts()
+NOWHERE = Position()
 
 
-class Passage(NamedTuple):
+class TransmissionContext(NamedTuple):
     """One message on its way over a link: its number, when it was sent (ns), its size (bytes).
 
     `sender` is where the antenna truly was when it sent, as the message says; `receiver` is where
@@ -42,8 +42,8 @@ class Passage(NamedTuple):
     seq: int
     sent_at: int
     size: int = 0
-    sender: Whereabouts = NOWHERE
-    receiver: Whereabouts = NOWHERE
+    sender: Position = NOWHERE
+    receiver: Position = NOWHERE
 
 
 class Effect:
@@ -65,7 +65,7 @@ class Effect:
     reason: ClassVar[DropReason | None] = None
     judged_by: ClassVar[JudgedBy] = "chance"
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Return the delay (ns) that this effect adds, or the reason of a drop."""
         raise NotImplementedError
 

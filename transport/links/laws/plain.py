@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
 
-from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.effect import Draw, Effect, TransmissionContext
 from transport.links.laws.moments import Delays
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
@@ -22,9 +22,9 @@ class Decimation(Effect):
     key = "rate_hz"
     reason = "rate"
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop the message unless the link's own count of messages steps on with it."""
-        seq, top, bottom = passage.seq, self.kept.numerator, self.kept.denominator
+        seq, top, bottom = context.seq, self.kept.numerator, self.kept.denominator
         # Message j of the link is the first of the source at or after the link's j-th period.
         return 0 if seq * top // bottom > (seq - 1) * top // bottom else "rate"
 
@@ -40,7 +40,7 @@ class Cut(Effect):
     key = "cut"
     reason = "cut"
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop the message."""
         return "cut"
 
@@ -68,9 +68,9 @@ class Loss(Effect):
     key = "loss_ratio"
     reason = "loss"
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Drop when the message's draw falls below the ratio."""
-        return "loss" if draw("loss", passage.seq) < self.ratio else 0
+        return "loss" if draw("loss", context.seq) < self.ratio else 0
 
     @property
     def mean_loss_ratio(self) -> float:
@@ -97,7 +97,7 @@ class Latency(Effect):
 
     key = "latency_ms"
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - constant
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - constant
         """Delay by the floor."""
         return self.floor
 
@@ -119,9 +119,9 @@ class Jitter(Effect):
 
     key = "jitter_ms"
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Delay by the message's draw."""
-        return round(draw("jitter", passage.seq) * self.spread)
+        return round(draw("jitter", context.seq) * self.spread)
 
     @property
     def delays(self) -> Delays:

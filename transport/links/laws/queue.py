@@ -9,7 +9,7 @@ from pydantic import Field
 
 from transport.links.laws.effect import Effect
 from transport.links.laws.law import LinkLaw, LinkSetting
-from transport.links.laws.stage import UNSENT, Carried, Stage, StageLaw
+from transport.links.laws.stage import UNSENT, Stage, StagedMessage, StageLaw
 from vehicles.schedule import SECOND
 
 
@@ -57,42 +57,44 @@ class _Sender:
 
     law: Queue
     free_at: int = 0
-    waiting: deque[Carried] = field(default_factory=deque)
+    waiting: deque[StagedMessage] = field(default_factory=deque)
 
-    def carry(self, arrived: Iterable[Carried], until: int) -> list[Carried]:
+    def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:
         """Send what can begin to be sent until each arrival, and until `until`.
 
         Of a message that arrives as another ends, the one that waits comes first.
         """
-        decided: list[Carried] = []
+        decided: list[StagedMessage] = []
         for one in arrived:
-            self._send(one.passage.sent_at, decided)
+            self._send(one.context.sent_at, decided)
             self._join(one, decided)
         self._send(until, decided)
         return decided
 
-    def _send(self, until: int, decided: list[Carried]) -> None:
+    def _send(self, until: int, decided: list[StagedMessage]) -> None:
         while self.waiting:
             first = self.waiting[0]
-            begins_at = max(self.free_at, first.passage.sent_at)
+            begins_at = max(self.free_at, first.context.sent_at)
             if begins_at > until:
                 return
             self.waiting.popleft()
-            self.free_at = begins_at + self.law.service(first.passage.size)
-            longer = self.free_at - first.passage.sent_at
-            decided.append(Carried(first.passage, first.visible_at + longer, first.reason))
+            self.free_at = begins_at + self.law.service(first.context.size)
+            longer = self.free_at - first.context.sent_at
+            decided.append(StagedMessage(first.context, first.visible_at + longer, first.reason))
 
-    def _join(self, one: Carried, decided: list[Carried]) -> None:
+    def _join(self, one: StagedMessage, decided: list[StagedMessage]) -> None:
         if one.reason in UNSENT:
             decided.append(one)
             return
         # If the sender is free nobody waits: whoever could begin by now has begun.
-        if self.free_at > one.passage.sent_at and len(self.waiting) >= self.law.depth_messages:
+        if self.free_at > one.context.sent_at and len(self.waiting) >= self.law.depth_messages:
             out = one
             if self.law.drop == "oldest":
                 out = self.waiting.popleft()
                 self.waiting.append(one)
-            waited = one.passage.sent_at - out.passage.sent_at
-            decided.append(Carried(out.passage, out.visible_at + waited, out.reason or "queue"))
+            waited = one.context.sent_at - out.context.sent_at
+            decided.append(
+                StagedMessage(out.context, out.visible_at + waited, out.reason or "queue")
+            )
         else:
             self.waiting.append(one)

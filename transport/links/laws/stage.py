@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol
 
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.reasons import DropReason
 
 UNSENT: frozenset[str] = frozenset({"rate", "transmitter_off"})
@@ -25,13 +25,13 @@ UNSENT: frozenset[str] = frozenset({"rate", "transmitter_off"})
 
 
 @dataclass(frozen=True, slots=True)
-class Carried:
+class StagedMessage:
     """A message between the stages: when it will be visible (ns), and why it is dropped if it is.
 
     One that is dropped has the instant at which the receiver would have had it.
     """
 
-    passage: Passage
+    context: TransmissionContext
     visible_at: int
     reason: DropReason | Literal[""] = ""
 
@@ -39,7 +39,7 @@ class Carried:
 class Stage(Protocol):
     """The state of one link behind its effects; for one run."""
 
-    def carry(self, arrived: Iterable[Carried], until: int) -> list[Carried]:
+    def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:
         """Take in the messages sent until instant `until` (ns); give those now decided."""
 
 
@@ -74,12 +74,12 @@ class InOrder:
 class _Order:
     latest: int = 0
 
-    def carry(self, arrived: Iterable[Carried], until: int) -> list[Carried]:  # noqa: ARG002
+    def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:  # noqa: ARG002
         """Hold each back for those before it, which are known."""
         decided = []
         for one in arrived:
             visible_at = max(one.visible_at, self.latest)
             if not one.reason:
                 self.latest = visible_at
-            decided.append(Carried(one.passage, visible_at, one.reason))
+            decided.append(StagedMessage(one.context, visible_at, one.reason))
         return decided

@@ -13,7 +13,7 @@ from scenarios.definition.links import directed_links
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable
 from scenarios.definition.schema.links import LinkTable
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.line import Line, judge_stream
 from transport.links.link import Link, Verdict
 from vehicles.schedule import SECOND
@@ -69,8 +69,8 @@ def link(done: Sequence[LinkChange], asked: LinkTable = BURSTY, seed: int = 1) -
     return Link(link_effects(asked, 20.0), seed, *PAIR, link_stages(asked), found)
 
 
-def passage(seq: int) -> Passage:
-    return Passage(seq, START + seq * PERIOD, 124)
+def context(seq: int) -> TransmissionContext:
+    return TransmissionContext(seq, START + seq * PERIOD, 124)
 
 
 def now(done: Sequence[LinkChange], seconds: float) -> tuple[LinkTable, bool]:
@@ -98,9 +98,9 @@ def test_at_each_instant_it_is_the_link_that_is_asked_for_by_then(done: list[Lin
     changed = link(done)
     for seq in range(0, 120, 3):
         asked, is_cut = now(done, seq * PERIOD / SECOND)
-        as_asked = Link(link_effects(asked, 20.0), 1, *PAIR).judge(passage(seq))
+        as_asked = Link(link_effects(asked, 20.0), 1, *PAIR).judge(context(seq))
         expected = Verdict("dropped", "cut", as_asked.visible_at) if is_cut else as_asked
-        assert changed.judge(passage(seq)) == expected
+        assert changed.judge(context(seq)) == expected
 
 
 @given(st.lists(changes(), max_size=6), st.permutations(range(60)))
@@ -109,10 +109,10 @@ def test_a_message_alone_is_judged_as_in_the_stream(
     done: list[LinkChange], order: list[int]
 ) -> None:
     stream, shuffled = link(done), link(done)
-    in_order = [stream.judge(passage(seq)) for seq in range(60)]
-    out_of_order = {seq: shuffled.judge(passage(seq)) for seq in order}
+    in_order = [stream.judge(context(seq)) for seq in range(60)]
+    out_of_order = {seq: shuffled.judge(context(seq)) for seq in order}
     assert [out_of_order[seq] for seq in range(60)] == in_order
-    assert [link(done).judge(passage(seq)) for seq in (0, 17, 59)] == [
+    assert [link(done).judge(context(seq)) for seq in (0, 17, 59)] == [
         in_order[seq] for seq in (0, 17, 59)
     ]
 
@@ -124,8 +124,8 @@ def test_changes_of_other_links_do_not_matter(
 ) -> None:
     elsewhere = [one for one in others if not links_of(one, NAMES, [PAIR])]
     for seq in range(0, 60, 7):
-        with_others = link([*elsewhere, *done]).judge(passage(seq))
-        assert with_others == link(done).judge(passage(seq))
+        with_others = link([*elsewhere, *done]).judge(context(seq))
+        assert with_others == link(done).judge(context(seq))
 
 
 @given(st.lists(changes(), max_size=6), st.integers(0, 5 * SECOND))
@@ -134,7 +134,7 @@ def test_what_comes_later_changes_nothing_before(done: list[LinkChange], at: int
     before = [one for one in done if round(one.at_s * SECOND) <= at]
     for seq in range(60):
         if seq * PERIOD <= at:
-            assert link(done).judge(passage(seq)) == link(before).judge(passage(seq))
+            assert link(done).judge(context(seq)) == link(before).judge(context(seq))
 
 
 def test_it_begins_and_ends_to_the_nanosecond() -> None:
@@ -142,7 +142,7 @@ def test_it_begins_and_ends_to_the_nanosecond() -> None:
     cut = link([CutTable(kind="cut", at_s=1.000_000_001, for_s=0.5)], sure)
     begin = START + 1_000_000_001
     outcomes = [
-        cut.judge(Passage(0, at)).reason
+        cut.judge(TransmissionContext(0, at)).reason
         for at in (begin - 1, begin, begin + SECOND // 2 - 1, begin + SECOND // 2)
     ]
     assert outcomes == ["", "cut", "cut", ""]
@@ -150,7 +150,7 @@ def test_it_begins_and_ends_to_the_nanosecond() -> None:
 
 def test_a_message_that_the_link_does_not_carry_by_its_rate_is_not_cut() -> None:
     cut = link([CutTable(kind="cut", at_s=0.0)], LinkTable(rate_hz=10.0))
-    assert [cut.judge(passage(seq)).reason for seq in range(4)] == ["cut", "rate", "cut", "rate"]
+    assert [cut.judge(context(seq)).reason for seq in range(4)] == ["cut", "rate", "cut", "rate"]
 
 
 @given(st.lists(changes(), max_size=6), st.data())
@@ -164,12 +164,12 @@ def test_a_queue_behind_a_changed_link_does_not_depend_on_when_bytes_came(
          "delay": {"kind": "uniform", "delay_ms_min": 0.0, "delay_ms_max": 90.0,
                    "order": "in_order"}}
     )  # fmt: skip
-    passages = [passage(seq) for seq in range(100)]
-    at_once = judge_stream(link(done, asked), passages)
+    contexts = [context(seq) for seq in range(100)]
+    at_once = judge_stream(link(done, asked), contexts)
     one = link(done, asked)
     line, settled = Line(one), dict[int, tuple[Verdict, int]]()
     tick_ns = data.draw(st.sampled_from([SECOND // 50, SECOND // 7, SECOND]))
-    coming = iter(passages)
+    coming = iter(contexts)
     following = next(coming, None)
     for tick in range(START, START + 60 * SECOND, tick_ns):
         while following is not None and following.sent_at <= one.visible_until(tick):

@@ -20,7 +20,7 @@ from transport.links.laws.delay.gamma import GammaDelay
 from transport.links.laws.delay.lognormal import LognormalDelay
 from transport.links.laws.delay.normal import NormalDelay
 from transport.links.laws.delay.uniform import UniformDelay
-from transport.links.laws.effect import Effect, Passage
+from transport.links.laws.effect import Effect, TransmissionContext
 from transport.links.laws.queue import Queue
 from transport.links.laws.stage import InOrder
 
@@ -56,7 +56,7 @@ def test_each_kind_is_its_law(
     assert effect.at(0.0) == pytest.approx(median_ms * MS, rel=1e-4)
     constant = last_effect({"kind": "constant", "delay_ms": 1.5})
     assert constant == ConstantDelay(delay_ms=1.5)
-    assert constant.judge(lambda *_: 0.5, Passage(0, 0)) == 1_500_000
+    assert constant.judge(lambda *_: 0.5, TransmissionContext(0, 0)) == 1_500_000
 
 
 def test_the_floor_stays_below_the_law_and_the_other_delays_add_up() -> None:
@@ -64,7 +64,8 @@ def test_the_floor_stays_below_the_law_and_the_other_delays_add_up() -> None:
     plain = link(LinkTable(latency_ms=20.0, jitter_ms=10.0))
     more = link(LinkTable.model_validate({"latency_ms": 20.0, "jitter_ms": 10.0, "delay": law}))
     extra = [
-        more.judge(Passage(k, 0)).visible_at - plain.judge(Passage(k, 0)).visible_at
+        more.judge(TransmissionContext(k, 0)).visible_at
+        - plain.judge(TransmissionContext(k, 0)).visible_at
         for k in range(400)
     ]
     assert min(extra) >= 0

@@ -19,7 +19,7 @@ from scenarios.results.channel.account import misses
 from scenarios.results.channel.estimates import bursts
 from scenarios.results.channel.tally import LinkTally
 from tests.made.scenarios.messages import verdict
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.link import Link
 from vehicles.schedule import MILLISECOND
 
@@ -39,7 +39,9 @@ def asked(**keys: object) -> LinkTable:
 def drawn_fates(table: LinkTable, count: int, seed: int = 3) -> NDArray[np.bool_]:
     """Which messages the effects of a link lose, one after the other."""
     link = Link(link_effects(table, 20.0), seed, "v1", "v2")
-    reasons = [link.judge(Passage(seq, seq * 50 * MILLISECOND)).reason for seq in range(count)]
+    reasons = [
+        link.judge(TransmissionContext(seq, seq * 50 * MILLISECOND)).reason for seq in range(count)
+    ]
     return np.array([bool(one) for one in reasons])
 
 
@@ -162,7 +164,9 @@ DELAYS = [
 def test_delays_add_up(keys: dict[str, object]) -> None:
     table = asked(**keys)
     found, link = expected_channel(table), Link(link_effects(table, 20.0), 5, "v1", "v2")
-    delays = np.array([link.judge(Passage(seq, 0)).visible_at / 1e6 for seq in range(8000)])
+    delays = np.array(
+        [link.judge(TransmissionContext(seq, 0)).visible_at / 1e6 for seq in range(8000)]
+    )
     assert found.latency_ms_mean is not None
     assert found.latency_ms_deviation is not None
     error = found.latency_ms_deviation * sqrt(found.latency_inflation / len(delays))
@@ -224,7 +228,7 @@ def told(table: LinkTable, seeds: int, count: int = 700) -> int:
     for seed in range(seeds):
         link, tally = Link(link_effects(table, 20.0), seed, "v1", "v2"), LinkTally()
         for seq in range(count):
-            judged = link.judge(Passage(seq, 0))
+            judged = link.judge(TransmissionContext(seq, 0))
             latency_ms = judged.visible_at / MILLISECOND
             tally.add(verdict("v1", "v2", seq, dropped=judged.reason, latency_ms=latency_ms))
         named += bool(list(misses(("v1", "v2"), table, tally)))

@@ -12,7 +12,7 @@ from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.template import template
 from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott
 from tests.made.scenarios.messages import STRAIGHT
-from transport.links.laws.effect import Effect, Passage
+from transport.links.laws.effect import Effect, TransmissionContext
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.every_nth import EveryNth
@@ -108,7 +108,7 @@ def test_no_law_moves_the_draws_of_another() -> None:
 
     def judged(asked: str) -> list[Verdict]:
         link = Link(effects(asked + "}"), 1, "v1", "v2")
-        return [link.judge(Passage(seq, 0)) for seq in range(500)]
+        return [link.judge(TransmissionContext(seq, 0)) for seq in range(500)]
 
     alone = [judged(plain + law) for law in ("", burst, collisions)]
     together = judged(plain + burst + collisions)

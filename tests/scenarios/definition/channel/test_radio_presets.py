@@ -8,7 +8,7 @@ import pytest
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import read_preset
 from scenarios.definition.scenario import load_scenario
-from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.laws.radio.table import TableRadio
 from transport.links.link import Link
 
@@ -51,9 +51,10 @@ def link(name: str, seed: int) -> Link:
 
 def heard(link: Link, way: float, messages: int) -> float:
     """Share of messages delivered over a distance that stays the same."""
-    sender, receiver = Whereabouts(3.0, 4.0 + way, way), Whereabouts(3.0, 4.0, 0.0)
+    sender, receiver = Position(3.0, 4.0 + way, way), Position(3.0, 4.0, 0.0)
     outcomes = [
-        link.judge(Passage(seq, 0, 90, sender, receiver)).outcome for seq in range(messages)
+        link.judge(TransmissionContext(seq, 0, 90, sender, receiver)).outcome
+        for seq in range(messages)
     ]
     return outcomes.count("delivered") / messages
 
@@ -89,10 +90,10 @@ def test_two_radios_lose_as_much_in_other_bursts() -> None:
     """The same share over 150 m; bursts as long as resources are held, and again if unlucky."""
     bursts = {}
     for name in ("lte_v2x_dense", "lte_v2x_oneshot"):
-        one, sender = link(name, 1), Whereabouts(150.0, 0.0, 150.0)
+        one, sender = link(name, 1), Position(150.0, 0.0, 150.0)
         fates = "".join(
             "x"
-            if one.judge(Passage(seq, 0, 90, sender, Whereabouts(0.0, 0.0, 0.0))).reason
+            if one.judge(TransmissionContext(seq, 0, 90, sender, Position(0.0, 0.0, 0.0))).reason
             else "."
             for seq in range(30_000)
         )

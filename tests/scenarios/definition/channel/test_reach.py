@@ -8,7 +8,7 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
 from transport.links.laws.between import Road, VehiclesBetween
-from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.laws.plain import Loss
 from transport.links.link import Link
 
@@ -37,9 +37,9 @@ def test_path_loss_delivers_its_mean_over_the_shadowing(
     lost = 0
     for seq in range(campaign):
         driven = seq * FAR_APART_M
-        sender = Whereabouts(driven + distance, 0.0, driven)
-        passage = Passage(seq, 0, 124, sender, Whereabouts(driven, 0.0, driven))
-        lost += link.judge(passage).outcome == "dropped"
+        sender = Position(driven + distance, 0.0, driven)
+        context = TransmissionContext(seq, 0, 124, sender, Position(driven, 0.0, driven))
+        lost += link.judge(context).outcome == "dropped"
     error = sqrt(max(loss * (1.0 - loss), 1e-4) / campaign)
     assert abs(lost / campaign - loss) < 4.0 * error + 0.002
 

@@ -10,7 +10,7 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.pattern import RecordedPattern
 from transport.links.link import Link
@@ -151,9 +151,9 @@ def test_a_record_is_put_into_the_scenario(earlier: Path) -> None:
         assert isinstance(law, EarlierRun)
         assert law.length == max(recorded[pair]) + 1
         for number, (_, reason, delay) in recorded[pair].items():
-            judged = link.judge(Passage(number, 1000))
+            judged = link.judge(TransmissionContext(number, 1000))
             assert (judged.reason, judged.visible_at) == (reason, 1000 + delay)
-            assert link.judge(Passage(number + law.length, 0)).reason == reason
+            assert link.judge(TransmissionContext(number + law.length, 0)).reason == reason
 
 
 def test_any_link_may_repeat_any_other(earlier: Path) -> None:
@@ -168,9 +168,9 @@ def test_any_link_may_repeat_any_other(earlier: Path) -> None:
     recorded = verdicts(earlier / "run" / "run.mcap")["v1", "v3"]
     assert isinstance(law, EarlierRun)
     for number, (_, reason, nanoseconds) in recorded.items():
-        assert law.judge(no_chance, Passage(number, 0)) == (reason or 0)
-        assert delay.judge(no_chance, Passage(number, 0)) == nanoseconds
-    beyond = Passage(10_000, 0)
+        assert law.judge(no_chance, TransmissionContext(number, 0)) == (reason or 0)
+        assert delay.judge(no_chance, TransmissionContext(number, 0)) == nanoseconds
+    beyond = TransmissionContext(10_000, 0)
     assert (law.judge(no_chance, beyond), delay.judge(no_chance, beyond)) == (0, 30_000_000)
     assert len(link_effects(again.links["v1", "v3"], 20.0)) == 2  # the others are as they were
 

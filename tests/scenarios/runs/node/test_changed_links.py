@@ -10,7 +10,7 @@ from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeT
 from scenarios.definition.schema.links import LinkTable
 from scenarios.runs.node.agenda import Due
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.link import Link
 from vehicles.schedule import SECOND
 
@@ -47,8 +47,8 @@ def dues(schedule: list[tuple[int, LinkChange]], *, by_hand: bool) -> list[Due]:
 
 
 def said(links: list[ChangingLink]) -> list[object]:
-    passages = [Passage(seq, START + seq * SECOND // 20) for seq in range(140)]
-    return [one.link.judge(passage) for one in links for passage in passages]
+    contexts = [TransmissionContext(seq, START + seq * SECOND // 20) for seq in range(140)]
+    return [one.link.judge(context) for one in links for context in contexts]
 
 
 @given(schedules, schedules)
@@ -100,7 +100,7 @@ def test_a_scheduled_change_is_known_beforehand_and_one_by_hand_when_it_is_due(
     link = made("v1")
     changed = ChangedLinks(NAMES, [] if by_hand else [due])
     changed.adopt([link])
-    early = Passage(0, START + SECOND)
+    early = TransmissionContext(0, START + SECOND)
     assert (link.link.judge(early).reason == "cut") is not by_hand
     changed.carry_out(due)
     assert link.link.judge(early).reason == "cut"

@@ -108,7 +108,7 @@ def test_a_sample_is_what_a_run_s_link_does() -> None:
     """The verdicts of the scenario's own link, one by one."""
     one = drive("links.preset=bursty", "links.jitter_ms=5")
     link = Link(one.effects(), one.scenario.seed, "v1", "v4")
-    verdicts = [link.judge(passage) for passage in one._passages(500)]
+    verdicts = [link.judge(context) for context in one._contexts(500)]
     sample = one.sample(500)
     assert sample.lost.tolist() == [bool(verdict.reason) for verdict in verdicts]
     assert sample.dropped == {"burst": int(sample.lost.sum())}

@@ -8,7 +8,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.virtual.convoy import Branch, VirtualConvoy
 from tests.made.channels.laws import random_outage
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.loss.chains import CoupledChain
 from transport.links.link import Link
 from vehicles.messages import GpsPose, LinkVerdict, Message
@@ -112,8 +112,8 @@ def test_outages_by_chance_go_on_as_they_were_drawn() -> None:
     """They are numbered by cells of time, which lie on both sides of a message."""
     outage = random_outage(3 * SECOND, 2 * SECOND, 0)
     link = Link((outage,), 5, "v0", "v1")
-    passages = [Passage(number, number * SECOND // 20) for number in range(2000)]
-    before = [link.judge(one) for one in passages]
+    contexts = [TransmissionContext(number, number * SECOND // 20) for number in range(2000)]
+    before = [link.judge(one) for one in contexts]
     assert len({one.reason for one in before}) == 2
     link.redraw(10, 6)
-    assert [link.judge(one) for one in passages] == before
+    assert [link.judge(one) for one in contexts] == before

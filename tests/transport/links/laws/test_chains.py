@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott
-from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.effect import Draw, Effect, TransmissionContext
 from transport.links.laws.loss.chains import LONGEST_LOOK_BACK
 from transport.links.laws.loss.four_state import FourState
 from transport.links.laws.loss.gilbert_elliott import GilbertElliott
@@ -46,7 +46,7 @@ def laws(random: st.DrawFn) -> Callable[[], Effect]:
 
 
 def judged(law: Effect, draw: Draw, seq: int) -> object:
-    return law.judge(draw, Passage(seq, 0))
+    return law.judge(draw, TransmissionContext(seq, 0))
 
 
 @given(

@@ -17,7 +17,7 @@ from transport.links.laws.content import (
     flip_places,
     flipped,
 )
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.plain import Jitter
 from transport.links.link import combine, keyed_draw
 
@@ -42,7 +42,7 @@ def test_copies_and_held_back_messages_are_as_many_as_asked(
     copies, held = Duplication(ratio), Reordering(ratio, 70 * MS)
     numbers = range(campaign)
     twice = [copies.copies(draw, k) for k in numbers]
-    later = [held.judge(draw, Passage(k, 0)) for k in numbers]
+    later = [held.judge(draw, TransmissionContext(k, 0)) for k in numbers]
     assert set(twice) == {0, 1}
     assert set(later) == {0, 70 * MS}
     assert off(sum(twice), campaign, ratio) < LIMIT
@@ -54,7 +54,10 @@ def test_copies_and_held_back_messages_are_as_many_as_asked(
 @pytest.mark.parametrize(("ratio", "count"), [(0.0, 0), (1.0, 500)])
 def test_none_and_all_are_exact(ratio: float, count: int) -> None:
     assert sum(Duplication(ratio).copies(DRAW, k) for k in range(500)) == count
-    assert sum(Reordering(ratio, 1).judge(DRAW, Passage(k, 0)) == 1 for k in range(500)) == count
+    assert (
+        sum(Reordering(ratio, 1).judge(DRAW, TransmissionContext(k, 0)) == 1 for k in range(500))
+        == count
+    )
 
 
 @pytest.mark.campaign(10_000, 100_000)
@@ -148,9 +151,9 @@ def test_any_of_it_alone_is_as_in_the_stream(order: Random, seed: int) -> None:
         count = BitErrors(3e-4).flips(draw, seq, 150)
         return (
             Duplication(0.4).copies(draw, seq),
-            Reordering(0.4, 5).judge(draw, Passage(seq, 0)),
+            Reordering(0.4, 5).judge(draw, TransmissionContext(seq, 0)),
             flip_places(draw, seq, count, 1200),
-            combine((Jitter(50 * MS),), draw_of_copy(draw), Passage(seq, 0)),
+            combine((Jitter(50 * MS),), draw_of_copy(draw), TransmissionContext(seq, 0)),
         )
 
     stream = [drawn(keyed_draw(seed, "v1", "v2"), seq) for seq in range(20)]
@@ -163,9 +166,13 @@ def test_any_of_it_alone_is_as_in_the_stream(order: Random, seed: int) -> None:
 
 def test_a_copy_s_delay_is_drawn_apart_from_the_message_s() -> None:
     n, spread = 4000, 100 * MS
-    own = [combine((Jitter(spread),), DRAW, Passage(k, 0)).visible_at / spread for k in range(n)]
+    own = [
+        combine((Jitter(spread),), DRAW, TransmissionContext(k, 0)).visible_at / spread
+        for k in range(n)
+    ]
     copy = [
-        combine((Jitter(spread),), draw_of_copy(DRAW), Passage(k, 0)).visible_at / spread
+        combine((Jitter(spread),), draw_of_copy(DRAW), TransmissionContext(k, 0)).visible_at
+        / spread
         for k in range(n)
     ]
     assert abs(sum(copy) / n - 0.5) < LIMIT / sqrt(12 * n)

@@ -20,7 +20,7 @@ from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantil
 from transport.links.laws.delay.lognormal import LognormalDelay
 from transport.links.laws.delay.normal import NormalDelay
 from transport.links.laws.delay.uniform import UniformDelay
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.normals import RECENT, STRONGEST, Normals
 from transport.links.link import keyed_draw
 
@@ -53,7 +53,9 @@ def correlated(law: DrawnDelay, correlation: float) -> DrawnDelay:
 
 def delays(law: DrawnDelay, correlation: float, seed: int, count: int) -> np.ndarray:
     effect, draw = correlated(law, correlation), keyed_draw(seed, "a", "b")
-    return np.array([effect.judge(draw, Passage(seq, 0)) for seq in range(count)], dtype=float)
+    return np.array(
+        [effect.judge(draw, TransmissionContext(seq, 0)) for seq in range(count)], dtype=float
+    )
 
 
 @cache
@@ -183,8 +185,8 @@ def test_a_delay_alone_is_the_one_in_the_stream(
     for seq in asked:
         alone = correlated(law, correlation)
         wanted = streamed[seq]
-        assert alone.judge(draw, Passage(seq, 0)) == wanted
-        assert again.judge(draw, Passage(seq, 0)) == wanted  # in whatever order
+        assert alone.judge(draw, TransmissionContext(seq, 0)) == wanted
+        assert again.judge(draw, TransmissionContext(seq, 0)) == wanted  # in whatever order
 
 
 def test_the_strongest_correlation_is_as_well_found_alone_and_on_another_link() -> None:

@@ -11,7 +11,7 @@ from tests.made.transport.hidden_chain import (
     netem_states,
     reservations,
 )
-from transport.links.laws.effect import Effect, Passage
+from transport.links.laws.effect import Effect, TransmissionContext
 from transport.links.laws.plain import Loss
 from transport.links.link import keyed_draw
 
@@ -54,7 +54,7 @@ LAWS: dict[str, tuple[Effect, HiddenChain]] = {
 
 def lost(law: Effect, seed: int, count: int) -> np.ndarray:
     draw = keyed_draw(seed, "lead", "follower_1")
-    return np.array([law.judge(draw, Passage(seq, 0)) != 0 for seq in range(count)])
+    return np.array([law.judge(draw, TransmissionContext(seq, 0)) != 0 for seq in range(count)])
 
 
 @pytest.mark.campaign(8_000, 100_000)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from tests.made.channels.laws import circle, random_outage, stretch, window
-from transport.links.laws.effect import Effect, Passage, Whereabouts
+from transport.links.laws.effect import Effect, Position, TransmissionContext
 from transport.links.laws.outages.random import REMEMBERED, RandomOutage
 from transport.links.laws.outages.span import ReceiverOff, TransmitterOff, Who
 from transport.links.link import keyed_draw
@@ -21,8 +21,8 @@ KS_LIMIT = 1.9495
 """The 0.1 % point of Kolmogorov's law, of D √n."""
 
 
-def answer(effect: Effect, passage: Passage) -> object:
-    return effect.judge(keyed_draw(1, "a", "b"), passage)
+def answer(effect: Effect, context: TransmissionContext) -> object:
+    return effect.judge(keyed_draw(1, "a", "b"), context)
 
 
 @pytest.mark.parametrize(
@@ -33,22 +33,22 @@ def test_a_window_holds_from_its_first_nanosecond_to_before_its_last(
     since: int, dropped: bool
 ) -> None:
     effect = window(100, 150, START)
-    assert answer(effect, Passage(0, START + since)) == ("outage" if dropped else 0)
+    assert answer(effect, TransmissionContext(0, START + since)) == ("outage" if dropped else 0)
 
 
 @given(lap=st.integers(0, 10**6), since=st.integers(0, 999))
 def test_a_window_comes_again(lap: int, since: int) -> None:
     effect = window(100, 150, START, every=1000, kind=TransmitterOff)
-    found = answer(effect, Passage(0, START + 100 + lap * 1000 + since))
+    found = answer(effect, TransmissionContext(0, START + 100 + lap * 1000 + since))
     assert found == ("transmitter_off" if since < 50 else 0)
     assert effect.mean_loss_ratio == 0.05
 
 
 def test_a_window_does_not_come_before_its_first_time() -> None:
     effect = window(1100, 1150, START, every=1000)
-    assert answer(effect, Passage(0, START + 120)) == 0
-    assert answer(effect, Passage(0, START + 1120)) == "outage"
-    assert answer(effect, Passage(0, START + 2120)) == "outage"
+    assert answer(effect, TransmissionContext(0, START + 120)) == 0
+    assert answer(effect, TransmissionContext(0, START + 1120)) == "outage"
+    assert answer(effect, TransmissionContext(0, START + 2120)) == "outage"
 
 
 INSIDE = {
@@ -64,35 +64,35 @@ INSIDE = {
 @pytest.mark.parametrize(("sender", "receiver"), INSIDE)
 def test_who_has_to_be_there(who: Who, sender: bool, receiver: bool) -> None:
     wanted = "outage" if who in INSIDE[sender, receiver] else 0
-    here, there = Whereabouts(10.0, 0.0, 60.0), Whereabouts(50.0, 0.0, 0.0)
-    passage = Passage(
+    here, there = Position(10.0, 0.0, 60.0), Position(50.0, 0.0, 0.0)
+    context = TransmissionContext(
         0, START, sender=here if sender else there, receiver=here if receiver else there
     )
-    assert answer(circle(10.0, 5.0, 6.0, who), passage) == wanted
+    assert answer(circle(10.0, 5.0, 6.0, who), context) == wanted
     # The sender starts 40 m ahead of the path's first point, the receiver there as well.
-    assert answer(stretch((100.0, 101.0), who, 40.0, 40.0), passage) == wanted
+    assert answer(stretch((100.0, 101.0), who, 40.0, 40.0), context) == wanted
 
 
 def test_a_stretch_counts_from_each_one_s_own_start() -> None:
     effect = stretch((100.0, 200.0), "sender", -15.0, 0.0)
 
     def at(driven: float) -> object:
-        return answer(effect, Passage(0, START, sender=Whereabouts(driven=driven)))
+        return answer(effect, TransmissionContext(0, START, sender=Position(driven=driven)))
 
     assert [at(driven) for driven in (114.9, 115.0, 214.9, 215.0)] == [0, "outage", "outage", 0]
     assert at(nan) == 0  # nobody knows where it is
     laps = stretch((100.0, 200.0), "sender", 0.0, 0.0, 1000.0)
     for driven, wanted in ((2099.9, 0), (2100.0, "outage"), (2199.9, "outage"), (2200.0, 0)):
-        passage = Passage(0, START, sender=Whereabouts(driven=driven))
-        assert answer(laps, passage) == wanted
+        context = TransmissionContext(0, START, sender=Position(driven=driven))
+        assert answer(laps, context) == wanted
 
 
 def test_a_circle_ends_at_its_radius() -> None:
     effect = circle(3.0, -4.0, 5.0, "sender")
     for east, wanted in ((7.999, "outage"), (8.0, 0), (-1.999, "outage"), (-2.0, 0)):
-        passage = Passage(0, START, sender=Whereabouts(east, -4.0, 0.0))
-        assert answer(effect, passage) == wanted
-    assert answer(effect, Passage(0, START)) == 0
+        context = TransmissionContext(0, START, sender=Position(east, -4.0, 0.0))
+        assert answer(effect, context) == wanted
+    assert answer(effect, TransmissionContext(0, START)) == 0
 
 
 # ---- By chance
@@ -161,9 +161,9 @@ def test_a_verdict_alone_is_the_one_in_the_stream(on: int, off: int, asked: list
     stream = {seq: effect.is_off(draw, seq * step) for seq in range(max(asked) + 1)}
     for seq in asked:
         alone = random_outage(on, off, START)
-        passage = Passage(seq, START + seq * step)
-        assert alone.judge(draw, passage) == ("outage" if stream[seq] else 0)
-        assert effect.judge(draw, passage) == alone.judge(draw, passage)
+        context = TransmissionContext(seq, START + seq * step)
+        assert alone.judge(draw, context) == ("outage" if stream[seq] else 0)
+        assert effect.judge(draw, context) == alone.judge(draw, context)
 
 
 def test_links_and_outages_of_one_link_have_their_own_times() -> None:

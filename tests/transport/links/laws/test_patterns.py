@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.links.laws.effect import Effect, Passage
+from transport.links.laws.effect import Effect, TransmissionContext
 from transport.links.laws.loss.earlier_run import EarlierRun, known_reason
 from transport.links.laws.loss.every_nth import EveryNth
 from transport.links.laws.loss.listed import Listed
@@ -22,7 +22,11 @@ def no_chance(purpose: str, seq: int) -> float:
 
 
 def lost(law: Effect, count: int) -> list[int]:
-    return [seq for seq in range(count) if law.judge(no_chance, Passage(seq, 0)) == "pattern"]
+    return [
+        seq
+        for seq in range(count)
+        if law.judge(no_chance, TransmissionContext(seq, 0)) == "pattern"
+    ]
 
 
 def numbers(some: set[int]) -> Numbers:
@@ -118,9 +122,9 @@ def test_an_earlier_run_is_repeated_to_the_nanosecond(
         expected = record[seq % len(record)]
         if seq >= len(record) and after_end == "pass":
             expected = (20, "")
-        passage = Passage(seq, 0)
-        assert delay.judge(no_chance, passage) == expected[0]
-        assert law.judge(no_chance, passage) == (expected[1] or 0)
+        context = TransmissionContext(seq, 0)
+        assert delay.judge(no_chance, context) == expected[0]
+        assert law.judge(no_chance, context) == (expected[1] or 0)
     counted = len(dropped["loss"]) + len(dropped["burst"])  # a link's rate loses nothing
     assert len(law.lost) == counted
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
 from tests.made.transport.links import link
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.queue import Queue
-from transport.links.laws.stage import Carried, InOrder, StageLaw
+from transport.links.laws.stage import InOrder, StagedMessage, StageLaw
 from transport.links.line import judge_stream
 from vehicles.schedule import SECOND
 
@@ -25,18 +25,21 @@ def queue_of(bytes_per_s: float, depth: int, drop: Literal["newest", "oldest"] =
     return Queue(bytes_per_s=bytes_per_s, depth_messages=depth, drop=drop)
 
 
-def through(law: StageLaw, sent: list[Carried], until: int = NEVER) -> dict[int, Carried]:
+def through(
+    law: StageLaw, sent: list[StagedMessage], until: int = NEVER
+) -> dict[int, StagedMessage]:
     found = law.stage().carry(sent, until)
-    return {one.passage.seq: one for one in found}
+    return {one.context.seq: one for one in found}
 
 
-def messages(instants: list[int], sizes: list[int] | int = 100) -> list[Carried]:
+def messages(instants: list[int], sizes: list[int] | int = 100) -> list[StagedMessage]:
     if isinstance(sizes, int):
         sizes = [sizes] * len(instants)
-    passages = [
-        Passage(seq, at, size) for seq, (at, size) in enumerate(zip(instants, sizes, strict=True))
+    contexts = [
+        TransmissionContext(seq, at, size)
+        for seq, (at, size) in enumerate(zip(instants, sizes, strict=True))
     ]
-    return [Carried(one, one.sent_at) for one in passages]
+    return [StagedMessage(one, one.sent_at) for one in contexts]
 
 
 # ---- Closed forms
@@ -60,7 +63,7 @@ def test_above_its_rate_it_fills_and_loses_what_it_cannot_send(depth: int, drop:
     lost = sum(one.reason == "queue" for one in found.values())
     assert abs(lost / count - 0.375) < (depth + 2) / count
     delays = [
-        one.visible_at - one.passage.sent_at
+        one.visible_at - one.context.sent_at
         for one in list(found.values())[500:-100]
         if not one.reason
     ]
@@ -84,7 +87,7 @@ def test_random_arrivals_wait_as_pollaczek_and_khinchine_have_it(
         gaps = [round(random.expovariate(load / service)) for _ in range(campaign)]
         found = through(queue_of(10_000.0, 10_000), messages(list(accumulate(gaps))))
         waits += [
-            (found[seq].visible_at - found[seq].passage.sent_at - service) / service
+            (found[seq].visible_at - found[seq].context.sent_at - service) / service
             for seq in range(len(found))
         ]
     parts = [waits[k : k + 1000] for k in range(0, len(waits), 1000)]
@@ -156,12 +159,12 @@ def test_when_it_is_asked_changes_nothing_and_nothing_is_decided_too_late(
     order = InOrder()
     at_once = order.stage().carry(law.stage().carry(sent, NEVER), NEVER)
     queue, ordered, until, before = law.stage(), order.stage(), 0, -1
-    found: list[Carried] = []
+    found: list[StagedMessage] = []
     k = 0
     while len(found) < len(sent):
         until += steps[k % len(steps)]
         k += 1
-        arrived = [one for one in sent if before < one.passage.sent_at <= until]
+        arrived = [one for one in sent if before < one.context.sent_at <= until]
         decided = ordered.carry(queue.carry(arrived, until), until)
         # What could be visible by the instant before was decided then.
         assert all(one.visible_at > before for one in decided)
@@ -174,17 +177,17 @@ def test_when_it_is_asked_changes_nothing_and_nothing_is_decided_too_late(
 
 
 def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never_sent() -> None:
-    passages = [Passage(seq, 0, 10) for seq in range(4)]
+    contexts = [TransmissionContext(seq, 0, 10) for seq in range(4)]
     reasons = ("", "loss", "transmitter_off", "")
-    sent = [Carried(one, 0, why) for one, why in zip(passages, reasons, strict=True)]  # type: ignore[arg-type]
+    sent = [StagedMessage(one, 0, why) for one, why in zip(contexts, reasons, strict=True)]  # type: ignore[arg-type]
     found = through(queue_of(1e9, 10), sent)
     assert [found[seq].visible_at for seq in range(4)] == [10, 20, 0, 30]
     assert [found[seq].reason for seq in range(4)] == list(reasons)
 
 
 def test_a_message_that_was_lost_anyway_keeps_its_reason_when_it_is_thrown_out() -> None:
-    passages = [Passage(seq, 0, 10) for seq in range(3)]
-    sent = [Carried(one, 7, "loss" if one.seq == 1 else "") for one in passages]
+    contexts = [TransmissionContext(seq, 0, 10) for seq in range(3)]
+    sent = [StagedMessage(one, 7, "loss" if one.seq == 1 else "") for one in contexts]
     found = through(queue_of(1e9, 1, "oldest"), sent)
     assert [found[seq].reason for seq in range(3)] == ["", "loss", ""]
 
@@ -194,7 +197,7 @@ def test_in_order_is_the_largest_so_far_of_those_that_are_delivered(
     rows: list[tuple[int, bool]],
 ) -> None:
     sent = [
-        Carried(Passage(seq, seq), seq + delay, "loss" if lost else "")
+        StagedMessage(TransmissionContext(seq, seq), seq + delay, "loss" if lost else "")
         for seq, (delay, lost) in enumerate(rows)
     ]
     found = through(InOrder(), sent)
@@ -205,7 +208,7 @@ def test_in_order_is_the_largest_so_far_of_those_that_are_delivered(
 
 
 def test_a_link_in_order_delays_and_one_that_is_free_lets_overtake() -> None:
-    stream = [Passage(seq, seq * 20 * MS, 130) for seq in range(500)]
+    stream = [TransmissionContext(seq, seq * 20 * MS, 130) for seq in range(500)]
     law = {"kind": "uniform", "delay_ms_max": 100.0}
     free = LinkTable.model_validate({"delay": law})
     tied = LinkTable.model_validate({"delay": law | {"order": "in_order"}})
@@ -217,7 +220,7 @@ def test_a_link_in_order_delays_and_one_that_is_free_lets_overtake() -> None:
 
 def test_delays_of_queue_and_floor_add_up() -> None:
     asked = LinkTable(latency_ms=20.0, queue=Queue(bytes_per_s=1300.0, depth_messages=2))
-    stream = [Passage(seq, seq * 50 * MS, 130) for seq in range(6)]  # 100 ms each
+    stream = [TransmissionContext(seq, seq * 50 * MS, 130) for seq in range(6)]  # 100 ms each
     judged = judge_stream(link(asked), stream)
     sent = {0: 100, 1: 200, 2: 300, 3: 400, 4: 500}  # when 5 comes 2 is sent, 3 and 4 wait
     for seq, one in enumerate(judged):

@@ -4,7 +4,7 @@ from functools import cached_property
 from typing import Literal
 
 from transport.links.laws.delay.drawn import Milliseconds, OrderedDelay, in_ms
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.moments import Delays
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
@@ -20,7 +20,7 @@ class ConstantDelay(OrderedDelay):
     def _delay(self) -> int:
         return round(self.delay_ms * MILLISECOND)
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Delay by it."""
         return self._delay
 

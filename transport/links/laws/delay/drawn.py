@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LinkLaw, Unfit
 from transport.links.laws.moments import Delays
 from transport.links.laws.normals import Normals, quantile
@@ -81,9 +81,9 @@ class DrawnDelay(OrderedDelay):
     def _normals(self) -> Normals:
         return Normals(PURPOSE, self.correlation_ratio)
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Delay by the law's delay for the message's own normal number."""
-        return round(self.at(self._normals.at(draw, passage.seq)))
+        return round(self.at(self._normals.at(draw, context.seq)))
 
     @property
     def usual_ns(self) -> float:

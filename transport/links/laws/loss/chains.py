@@ -15,7 +15,7 @@ from math import inf
 
 import numpy as np
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LinkLaw, Unfit
 from transport.links.laws.moments import Losses, LossStates
 from transport.reasons import DropReason
@@ -155,12 +155,12 @@ class ChainLoss(LinkLaw):
         """Find chances that are missing, contradict each other, or make no stationary chain."""
         _ = self.chain
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Drop by the state at the message's number, and by a draw where that leaves a choice."""
-        loss = self.loses[self.chain.state_at(draw, passage.seq)]
+        loss = self.loses[self.chain.state_at(draw, context.seq)]
         if loss in {0.0, 1.0}:
             return "burst" if loss else 0
-        return "burst" if draw(_FATE, passage.seq) < loss else 0
+        return "burst" if draw(_FATE, context.seq) < loss else 0
 
     @property
     def mean_loss_ratio(self) -> float:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LinkLaw, Ratio, Unfit
 from transport.links.laws.radio.reservations import Reservations
 from transport.reasons import DropReason
@@ -55,9 +55,9 @@ class Collisions(LinkLaw):
             allowed = f"at least reselection_messages_min, {least}"
             raise Unfit("reselection_messages_max", f"given {most}, allowed {allowed}")
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Drop if the resource that the message is sent in collides."""
-        selected = self._held.selected_at(draw, passage.seq)
+        selected = self._held.selected_at(draw, context.seq)
         return "collision" if draw("collision resource", selected) < self._loss else 0
 
     @property

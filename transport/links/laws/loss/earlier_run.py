@@ -10,7 +10,7 @@ from typing import Literal, cast, get_args
 
 from pydantic import Field
 
-from transport.links.laws.effect import Draw, Effect, Passage
+from transport.links.laws.effect import Draw, Effect, TransmissionContext
 from transport.links.laws.law import LinkLaw, LinkSetting, Unfit
 from transport.links.laws.loss.numbers import AfterEnd, FileName, Numbers, numbers_of
 from transport.reasons import DropReason, counts_as_loss
@@ -84,9 +84,9 @@ class EarlierRun(LinkLaw):
         """Messages on record."""
         return sum(count for _, count in self.delays_in_order)
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop by the number alone."""
-        number = passage.seq
+        number = context.seq
         if number >= self.length:
             if self.after_end == "pass":
                 return 0
@@ -132,9 +132,9 @@ class RecordedDelay(Effect):
 
     key = "loss"
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Delay by the number alone."""
-        number = passage.seq
+        number = context.seq
         if number >= self.ends[-1]:
             if self.after_end == "pass":
                 return self.latency

@@ -4,7 +4,7 @@ from functools import cached_property
 from math import inf
 from typing import Literal
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LinkLaw
 from transport.links.laws.loss.numbers import MessageCount, MessageNumber
 from transport.reasons import DropReason
@@ -30,9 +30,9 @@ class EveryNth(LinkLaw):
         """Find a missing period."""
         self.needed("every_messages")
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop by the number alone."""
-        after = passage.seq - self.first_number
+        after = context.seq - self.first_number
         return "pattern" if after >= 0 and after % self._period == 0 else 0
 
     @property

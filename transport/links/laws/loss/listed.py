@@ -3,7 +3,7 @@
 from functools import cached_property
 from typing import Literal
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LinkLaw
 from transport.links.laws.loss.numbers import Numbers, numbers_of
 from transport.reasons import DropReason
@@ -28,9 +28,9 @@ class Listed(LinkLaw):
         """Find numbers that are missing or unreadable."""
         _ = self.lost
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop by the number alone."""
-        return "pattern" if passage.seq in self.lost else 0
+        return "pattern" if context.seq in self.lost else 0
 
     @property
     def mean_loss_ratio(self) -> None:

@@ -4,7 +4,7 @@ from functools import cached_property
 from math import inf
 from typing import Literal
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LinkLaw, Unfit
 from transport.links.laws.loss.numbers import (
     AfterEnd,
@@ -57,9 +57,9 @@ class RecordedPattern(LinkLaw):
             allowed = f"numbers below length_messages, {length}"
             raise Unfit("lost_numbers", f"given {self.lost.ranges[-1][1]}, allowed {allowed}")
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop by the number alone."""
-        number = passage.seq % self.length if self.after_end == "repeat" else passage.seq
+        number = context.seq % self.length if self.after_end == "repeat" else context.seq
         return "pattern" if number in self.lost else 0
 
     @property

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from transport.links.laws.effect import Draw, Passage, Whereabouts
+from transport.links.laws.effect import Draw, Position, TransmissionContext
 from transport.links.laws.law import Problem
 from transport.links.laws.outages.span import PlacedOutage
 from transport.reasons import DropReason
@@ -62,12 +62,12 @@ class CircleOutage(PlacedOutage):
         altitude_m = plane.origin.altitude_m
         return plane.to_plane(self.latitude_deg, self.longitude_deg, altitude_m)
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop by the ends' places."""
-        sender, receiver = self._holds(passage.sender), self._holds(passage.receiver)
+        sender, receiver = self._holds(context.sender), self._holds(context.receiver)
         return "outage" if self.inside(sender, receiver) else 0
 
-    def _holds(self, place: Whereabouts) -> bool:
+    def _holds(self, place: Position) -> bool:
         east, north = self.centre
         return hypot(place.east - east, place.north - north) < self.radius_m
 

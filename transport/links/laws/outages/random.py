@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from transport.links.laws.effect import BY_CELL, Draw, Passage
+from transport.links.laws.effect import BY_CELL, Draw, TransmissionContext
 from transport.links.laws.outages.span import Outage
 from transport.reasons import DropReason
 from vehicles.schedule import SECOND
@@ -51,9 +51,9 @@ class RandomOutage(Outage):
         on, off = self._means
         return off / (on + off)
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Drop if the link is off at the instant of sending."""
-        return "outage" if self.is_off(draw, passage.sent_at - self.setting.start_at) else 0
+        return "outage" if self.is_off(draw, context.sent_at - self.setting.start_at) else 0
 
     def is_off(self, draw: Draw, since: int) -> bool:
         """Whether the link is off `since` ns after the start."""

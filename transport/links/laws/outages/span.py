@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from transport.links.laws.effect import Draw, JudgedBy, Passage
+from transport.links.laws.effect import Draw, JudgedBy, TransmissionContext
 from transport.links.laws.law import LinkLaw, Problem
 from transport.reasons import DropReason
 from vehicles.schedule import SECOND
@@ -88,10 +88,10 @@ class SpanOutage(Outage):
         every, reason = round((self.every_s or 0.0) * SECOND), self.reason or "outage"
         return self.setting.start_at + start, end - start, every, reason
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop by the instant of sending."""
         start_at, length, every, reason = self._bounds
-        since = passage.sent_at - start_at
+        since = context.sent_at - start_at
         if every and since >= 0:
             since %= every
         return reason if 0 <= since < length else 0

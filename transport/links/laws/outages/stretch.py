@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import Problem
 from transport.links.laws.outages.span import Extent, PlacedOutage
 from transport.reasons import DropReason
@@ -36,11 +36,11 @@ class StretchOutage(PlacedOutage):
         """Return keys of an empty stretch, or one that overlaps its repetition."""
         return self.extent.problems("m")
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:  # noqa: ARG002 - no chance
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
         """Drop by the ends' stations."""
         setting, holds = self.setting, self.extent.holds
-        sender = holds(setting.sender_station + passage.sender.driven)
-        receiver = holds(setting.receiver_station + passage.receiver.driven)
+        sender = holds(setting.sender_station + context.sender.driven)
+        receiver = holds(setting.receiver_station + context.receiver.driven)
         return "outage" if self.inside(sender, receiver) else 0
 
     def describe(self) -> str:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from transport.links.laws.between import VehiclesBetween
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LawTable
 from transport.links.laws.radio.shadowing import Deviation, ShadowField
 
@@ -32,7 +32,7 @@ class Obstruction(LawTable):
         between: VehiclesBetween,
         wavering: ShadowField,
         draw: Draw,
-        passage: Passage,
+        context: TransmissionContext,
         distance: float,
     ) -> tuple[float, bool]:
         """Return the loss (dB) over `distance` (m), and whether any vehicle is in the way."""
@@ -64,11 +64,11 @@ class PerVehicle(Obstruction):
         between: VehiclesBetween,
         wavering: ShadowField,  # noqa: ARG002 - no chance
         draw: Draw,  # noqa: ARG002
-        passage: Passage,
+        context: TransmissionContext,
         distance: float,  # noqa: ARG002
     ) -> tuple[float, bool]:
         """Return the sum over those in the way, and whether there are any."""
-        found = between.in_the_way(passage, ceil(HOPELESS / self.loss_db))
+        found = between.in_the_way(context, ceil(HOPELESS / self.loss_db))
         return self.loss_db * found, found > 0
 
     def losses(
@@ -107,13 +107,13 @@ class OnceForAll(Obstruction):
         between: VehiclesBetween,
         wavering: ShadowField,
         draw: Draw,
-        passage: Passage,
+        context: TransmissionContext,
         distance: float,
     ) -> tuple[float, bool]:
         """Return the loss if a vehicle is in the way, and whether one is."""
-        if not between.in_the_way(passage, 1):
+        if not between.in_the_way(context, 1):
             return 0.0, False
-        normal = wavering.at(draw, passage.receiver.driven)
+        normal = wavering.at(draw, context.receiver.driven)
         return max(0.0, self._mean(distance) + self.deviation_db * normal), True
 
     def losses(

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import hypot
 
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.law import LinkLaw, Problem
 
 PURPOSE = "radio"
@@ -27,9 +27,9 @@ class OverDistance(LinkLaw):
         return None
 
 
-def distance_of(passage: Passage) -> float:
+def distance_of(context: TransmissionContext) -> float:
     """Distance (m) between both ends when a message was sent."""
-    sender, receiver = passage.sender, passage.receiver
+    sender, receiver = context.sender, context.receiver
     return hypot(sender.east - receiver.east, sender.north - receiver.north)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from transport.links.laws.between import VehiclesBetween
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LawTable, Problem
 from transport.links.laws.moments import Losses
 from transport.links.laws.radio.obstruction import ObstructionLaw
@@ -162,22 +162,22 @@ class PathLossRadio(OverDistance):
         others = self.setting.between()
         return replace(others, radius=self.obstruction.radius_m) if others.count else None
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Drop when the message's draw is not below the share received at its ratio."""
-        distance = distance_of(passage)
-        if not isfinite(distance + passage.sender.driven):
+        distance = distance_of(context)
+        if not isfinite(distance + context.sender.driven):
             return "range"
         is_obstructed, lost = False, 0.0
         distance = max(distance, NEAREST)
         if self.obstruction is not None and self.between is not None:
             lost, is_obstructed = self.obstruction.loss(
-                self.between, self._wavering, draw, passage, distance
+                self.between, self._wavering, draw, context, distance
             )
         if self.shadowing is not None:
             deviation = self.shadowing.deviation(is_obstructed)
-            lost += deviation * self._field.at(draw, passage.receiver.driven)
+            lost += deviation * self._field.at(draw, context.receiver.driven)
         received = self._curves[is_obstructed].received(self.ratio(distance) - lost)
-        return 0 if draw(PURPOSE, passage.seq) < received else "range"
+        return 0 if draw(PURPOSE, context.seq) < received else "range"
 
     def ratio(self, distance: float) -> float:
         """Ratio of signal to noise (dB) at `distance` (m) in plain sight."""

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from transport.links.laws.effect import Draw, Passage
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import Problem, Ratio
 from transport.links.laws.moments import Losses
 from transport.links.laws.radio.over_distance import (
@@ -58,12 +58,12 @@ class TableRadio(OverDistance):
         least, most = self.reselection_messages_min, self.reselection_messages_max
         return Reservations(least, most, self.keep_ratio)
 
-    def judge(self, draw: Draw, passage: Passage) -> int | DropReason:
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Drop when the draw of the message, or of its reservation, is not below the ratio."""
-        drawn_for = passage.seq
+        drawn_for = context.seq
         if self.reservations is not None:
             drawn_for = self.reservations.selected_at(draw, drawn_for)
-        return 0 if draw(PURPOSE, drawn_for) < self.ratio(distance_of(passage)) else "range"
+        return 0 if draw(PURPOSE, drawn_for) < self.ratio(distance_of(context)) else "range"
 
     def ratio(self, distance: float) -> float:
         """Share of messages delivered over `distance` (m)."""

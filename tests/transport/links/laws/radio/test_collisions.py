@@ -3,13 +3,13 @@
 from itertools import groupby
 
 from tests.made.channels.laws import collisions
-from transport.links.laws.effect import Passage
+from transport.links.laws.effect import TransmissionContext
 from transport.links.link import keyed_draw
 
 
 def test_all_messages_of_a_reservation_share_its_fate() -> None:
     law, draw = collisions(0.3), keyed_draw(3, "a", "b")
-    fates = [law.judge(draw, Passage(seq, 0)) for seq in range(20_000)]
+    fates = [law.judge(draw, TransmissionContext(seq, 0)) for seq in range(20_000)]
     assert set(fates) == {0, "collision"}
     runs = [sum(1 for _ in some) for _, some in groupby(fates)][1:-1]
     assert min(runs) >= 5
@@ -19,6 +19,6 @@ def test_no_loss_and_total_loss_are_exact() -> None:
     draw = keyed_draw(1, "a", "b")
     for loss, fate in ((0.0, 0), (1.0, "collision")):
         law = collisions(loss, 0.5)
-        assert {law.judge(draw, Passage(seq, 0)) for seq in range(500)} == {fate}
+        assert {law.judge(draw, TransmissionContext(seq, 0)) for seq in range(500)} == {fate}
     assert collisions(0.0).mean_burst_messages is None
     assert collisions(1.0).mean_burst_messages == float("inf")

@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from tests.made.channels.laws import on_link
 from transport.links.laws.between import Road, VehiclesBetween
-from transport.links.laws.effect import Effect, Passage, Whereabouts
+from transport.links.laws.effect import Effect, Position, TransmissionContext
 from transport.links.laws.law import LinkSetting
 from transport.links.laws.radio.obstruction import OnceForAll, PerVehicle
 from transport.links.laws.radio.path_loss import (
@@ -44,10 +44,10 @@ def table(
     return on_link(law)
 
 
-def apart(seq: int, way: float, driven: float = 0.0) -> Passage:
+def apart(seq: int, way: float, driven: float = 0.0) -> TransmissionContext:
     """Message `seq` over `way` metres of straight road to a receiver that has driven `driven`."""
-    ahead = Whereabouts(driven + way, 0.0, driven + way)
-    return Passage(seq, 0, 0, ahead, Whereabouts(driven, 0.0, driven))
+    ahead = Position(driven + way, 0.0, driven + way)
+    return TransmissionContext(seq, 0, 0, ahead, Position(driven, 0.0, driven))
 
 
 # ---- Tables
@@ -62,14 +62,19 @@ def test_a_table_is_linear_between_its_points_constant_before_and_ends_with_the_
 
 
 def test_a_message_that_says_no_place_is_out_of_range() -> None:
-    receiver = Whereabouts(0.0, 0.0, 0.0)
+    receiver = Position(0.0, 0.0, 0.0)
     laws: list[Effect] = [table((1000.0,), (1.0,)), behind(3)]
     for place in (nan, inf, -inf, 1e308):
-        sender = Whereabouts(place, place, place)
-        assert {law.judge(DRAW, Passage(1, 0, 0, sender, receiver)) for law in laws} == {"range"}
-    strange = Whereabouts(20.0, 0.0, nan)
-    assert behind(3).judge(DRAW, Passage(1, 0, 0, strange, receiver)) == "range"
-    assert behind(3).judge(DRAW, Passage(1, 0, 0, Whereabouts(9.0, 0.0, 1e308), receiver)) == 0
+        sender = Position(place, place, place)
+        assert {
+            law.judge(DRAW, TransmissionContext(1, 0, 0, sender, receiver)) for law in laws
+        } == {"range"}
+    strange = Position(20.0, 0.0, nan)
+    assert behind(3).judge(DRAW, TransmissionContext(1, 0, 0, strange, receiver)) == "range"
+    assert (
+        behind(3).judge(DRAW, TransmissionContext(1, 0, 0, Position(9.0, 0.0, 1e308), receiver))
+        == 0
+    )
 
 
 def test_with_reservations_all_messages_of_one_share_their_fate() -> None:
@@ -196,11 +201,11 @@ def test_a_verdict_alone_is_that_of_the_stream(name: str, data: st.DataObject) -
     """On three links at once, by one law that remembers what it will; asked in any order."""
     links = [keyed_draw(data.draw(st.integers(0, 2**40)), "v1", receiver) for receiver in "abc"]
     ways = data.draw(st.lists(st.floats(1.0, 250.0), min_size=5, max_size=20))
-    passages = [apart(seq, way, 1.5 * seq) for seq, way in enumerate(ways)]
-    stream = [[LAWS[name].judge(draw, passage) for draw in links] for passage in passages]
-    for passage in data.draw(st.permutations(passages)):
+    contexts = [apart(seq, way, 1.5 * seq) for seq, way in enumerate(ways)]
+    stream = [[LAWS[name].judge(draw, context) for draw in links] for context in contexts]
+    for context in data.draw(st.permutations(contexts)):
         fresh = fresh_law(name)
-        assert [fresh.judge(draw, passage) for draw in links] == stream[passage.seq]
+        assert [fresh.judge(draw, context) for draw in links] == stream[context.seq]
 
 
 def fresh_law(name: str) -> Effect:

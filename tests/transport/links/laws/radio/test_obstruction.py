@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenarios.definition.channel.between import ROAD_STEP, vehicles_between
 from scenarios.definition.scenario import scenario_from_text
 from transport.links.laws.between import Road, VehiclesBetween
-from transport.links.laws.effect import Passage, Whereabouts
+from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.laws.radio.obstruction import HOPELESS, Obstruction, OnceForAll, PerVehicle
 from transport.links.laws.radio.shadowing import ShadowField
 from transport.links.link import keyed_draw
@@ -26,8 +26,8 @@ def circle(radius: float) -> Road:
     return Road(ROAD_STEP, (radius * np.cos(angles)).tolist(), (radius * np.sin(angles)).tolist())
 
 
-def on_circle(radius: float, driven: float) -> Whereabouts:
-    return Whereabouts(radius * cos(driven / radius), radius * sin(driven / radius), driven)
+def on_circle(radius: float, driven: float) -> Position:
+    return Position(radius * cos(driven / radius), radius * sin(driven / radius), driven)
 
 
 @given(
@@ -47,8 +47,8 @@ def test_around_a_bend_those_count_that_are_near_the_chord(
     sag = ROAD_STEP**2 / (8.0 * radius)  # by which the straight lines of the road cut the bend
     assume(all(abs(one - reach) > 1.1 * sag for one in off))
     between = VehiclesBetween(count, circle(radius), 0.0, 0.0, reach)
-    passage = Passage(0, 0, 0, on_circle(radius, 5.0 + way), on_circle(radius, 5.0))
-    assert between.in_the_way(passage, ALL) == sum(one < reach for one in off)
+    context = TransmissionContext(0, 0, 0, on_circle(radius, 5.0 + way), on_circle(radius, 5.0))
+    assert between.in_the_way(context, ALL) == sum(one < reach for one in off)
 
 
 BEND = """
@@ -70,24 +70,24 @@ def test_on_the_road_of_a_scenario_all_are_in_the_way_until_the_lead_turns() -> 
     between = vehicles_between(route, lead, last)
     assert between.count == 7
 
-    def passage(driven: float) -> Passage:
+    def context(driven: float) -> TransmissionContext:
         ends = [route.path.at(route.start_station(place) + driven) for place in (lead, last)]
-        ahead, behind = (Whereabouts(end.east, end.north, driven) for end in ends)
-        return Passage(0, 0, 0, ahead, behind)
+        ahead, behind = (Position(end.east, end.north, driven) for end in ends)
+        return TransmissionContext(0, 0, 0, ahead, behind)
 
-    found = [between.in_the_way(passage(driven), ALL) for driven in range(0, 700, 5)]
+    found = [between.in_the_way(context(driven), ALL) for driven in range(0, 700, 5)]
     assert found[0] == 7
     assert found[-1] == 7
     assert min(found) == 0  # each side of the bend has its own line
     first = next(place for place, count in enumerate(found) if count < 7)
     assert 400 <= 5 * first <= 440
     for driven, count in zip(range(0, 700, 5), found, strict=True):
-        assert count == brute_force(route.path, passage(driven), between), driven
+        assert count == brute_force(route.path, context(driven), between), driven
 
 
-def brute_force(path: Path, passage: Passage, between: VehiclesBetween) -> int:
+def brute_force(path: Path, context: TransmissionContext, between: VehiclesBetween) -> int:
     """Distance from each vehicle's place on the path itself to points along the line of sight."""
-    here, there = passage.receiver, passage.sender
+    here, there = context.receiver, context.sender
     shares = np.linspace(0.0, 1.0, 4001)
     easts = here.east + shares * (there.east - here.east)
     norths = here.north + shares * (there.north - here.north)
@@ -104,8 +104,8 @@ def straight(count: int) -> VehiclesBetween:
     return VehiclesBetween(count, Road(10.0, (0.0, 10.0), (0.0, 0.0)), 0.0, 0.0)
 
 
-def apart(way: float) -> Passage:
-    return Passage(0, 0, 0, Whereabouts(way, 0.0, way), Whereabouts(0.0, 0.0, 0.0))
+def apart(way: float) -> TransmissionContext:
+    return TransmissionContext(0, 0, 0, Position(way, 0.0, way), Position(0.0, 0.0, 0.0))
 
 
 def test_each_costs_by_the_law_of_etsi_and_all_together_by_that_of_3gpp() -> None:
