@@ -19,9 +19,9 @@ EDGES = (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50)
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """One figure: what the law says, None if it does not, and what the sample has.
+    """One figure: by the law, None if unknown, and of the sample.
 
-    `low` and `high` are the interval of 95 % of the sample's.
+    `low` and `high` are the 95 % interval of the sample.
     """
 
     figure: str
@@ -53,7 +53,7 @@ class Comparison:
 
 
 def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledChannel]:
-    """Draw so many messages of a link, and a tenth at each distance; hold them against the law."""
+    """Draw `messages` of a link, and a tenth at each distance; compare them with the law."""
     sample, effects = drive.sample(messages), drive.effects()
     between = drive.between()
     expected = expected_channel(drive.table, drive.rate_hz, drive.distance_m, drive.between)
@@ -106,7 +106,7 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
 
 
 def _share(figure: str, law: float | None, of: NDArray[np.bool_], spread_by: float) -> Compared:
-    """A share of events, as dependent as their law makes them, or as bursts of their own show."""
+    """A share of events; its interval allows for bursts of the law and of the sample."""
     lengths = bursts(of)
     mean = float(np.mean(of)) if len(of) else 0.0
     own = inflation(mean, float(lengths.mean())) if len(lengths) else 1.0

@@ -29,9 +29,9 @@ BURST_LOSS_RATIO = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What is driven: values of each axis, and how many seeds for each pair of them, from 1 on.
+    """Values of each axis, and the number of seeds for each pair of them.
 
-    Mean bursts begin with 1 / (1 - loss), where every message is lost on its own.
+    Mean bursts begin with 1 / (1 - loss), where messages are lost independently.
     """
 
     gaps_m: tuple[float, ...] = (8.0, 15.0)
@@ -43,7 +43,6 @@ class Plan:
 
     @property
     def channels(self) -> Iterator["Channel"]:
-        """Every channel at every gap."""
         for gap in self.gaps_m:
             for burst in self.bursts_messages:
                 yield Channel(gap, BURST_LOSS_RATIO, FLOOR_MS, burst)
@@ -52,7 +51,6 @@ class Plan:
                     yield Channel(gap, loss, latency)
 
     def seeds(self, channel: "Channel") -> range:
-        """Seeds of a channel."""
         count = self.map_seeds if channel.burst_messages is None else self.burst_seeds
         return range(1, count + 1)
 
@@ -69,7 +67,7 @@ QUICK = Plan(
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One channel at one gap; without a mean burst every message is lost on its own."""
+    """One channel at one gap; without a mean burst messages are lost independently."""
 
     gap_m: float
     loss_ratio: float
@@ -77,7 +75,6 @@ class Channel:
     burst_messages: float | None = None
 
     def scenario(self, seed: int) -> Scenario:
-        """The convoy over it."""
         loss = f"links.loss_ratio={self.loss_ratio}"
         if self.burst_messages is not None:
             law = f"loss_ratio={self.loss_ratio}, burst_messages_mean={self.burst_messages}"
@@ -95,28 +92,25 @@ class Cost:
 
     @property
     def median_m(self) -> float:
-        """Of the middle seed."""
         return median(self.errors_m)
 
     @property
     def largest_m(self) -> float:
-        """Of the worst seed."""
         return max(self.errors_m)
 
     def beyond(self, limit_m: float) -> int:
-        """How many seeds are beyond a limit."""
         return sum(error > limit_m for error in self.errors_m)
 
 
 def lane_margin_m() -> float:
-    """How far from the lead's path a car of the convoy may be within its lane."""
+    """Distance from the lead's path (m) at which a car of the convoy leaves its lane."""
     scenario = load_scenario(SCENARIO)
     width = scenario.vehicle(scenario.lead).parameters.width
     return 0.5 * (scenario.tables.events.lane_width_m - width)
 
 
 def driven(plan: Plan, engine: Engine) -> list[Cost]:
-    """Drive every channel of `plan` with every seed; the costs are in the order of the plan."""
+    """Simulate every channel of `plan` with every seed; returns costs in that order."""
     drives = [(channel, seed) for channel in plan.channels for seed in plan.seeds(channel)]
     jobs = [
         Job(key=f"{channel}, seed {seed}", work=partial(error_m, channel, seed))
@@ -131,5 +125,5 @@ def driven(plan: Plan, engine: Engine) -> list[Cost]:
 
 
 def error_m(channel: Channel, seed: int) -> float:
-    """Drive once; largest true distance (m) of the last vehicle from the lead's path."""
+    """Simulate one run; returns the largest true error (m) of the last vehicle."""
     return drive_trial(channel.scenario(seed)).cross_track[-1]

@@ -39,9 +39,9 @@ PICTURE, TWIN = "channel.png", "channel.json"
 def channel_figure(
     plan: Plan, out: Path, progress: Callable[[str], None], *, workers: int | None = None
 ) -> list[Cost]:
-    """Drive `plan`, and write the picture and its figures as JSON into `out`.
+    """Simulate `plan`; write the picture and its figures as JSON into `out`.
 
-    By default on all cores. Raises ScenarioError if one of both files is there already.
+    Uses all cores by default. Raises ScenarioError if one of both files exists.
     """
     with study_engine(
         partial(fleet_of, workers),
@@ -56,7 +56,6 @@ def channel_figure(
 
 
 def machine_readable(costs: Sequence[Cost], lane_margin_m: float) -> dict[str, Any]:
-    """Give what the picture shows, and every single drive, as JSON has it."""
     return {
         "schema": SCHEMA,
         "scenario": SCENARIO,
@@ -84,12 +83,12 @@ DARK_M = 0.3
 """Below, cells are dark, and their numbers light."""
 SIZE = (8.0, 6.6)
 FAR_M = 5.0
-"""Whoever is farther off is drawn here: there is nothing to drive on."""
+"""Larger errors are drawn here: there is no road to drive on."""
 
 
 @mpl.rc_context(STYLE)
 def drawn(costs: Sequence[Cost], lane_margin_m: float) -> Figure:
-    """Draw the maps of loss and latency above, and the bursts below, a column for each gap."""
+    """Draw maps of loss and latency above and bursts below, a column for each gap."""
     gaps = list(dict.fromkeys(one.channel.gap_m for one in costs))
     figure = Figure(figsize=SIZE, layout="constrained")
     axes = figure.subplots(2, len(gaps), squeeze=False)
@@ -135,7 +134,7 @@ def _map(axes: Axes, costs: Sequence[Cost]) -> AxesImage:
 
 
 def _bursts(axes: Axes, costs: Sequence[Cost], lane_margin_m: float) -> None:
-    """Draw each drive, and median and largest of the seeds, over the mean burst."""
+    """Draw each run, and median and largest of the seeds, over the mean burst."""
     lengths = [one.channel.burst_messages or 1.0 for one in costs]
     for length, one in zip(lengths, costs, strict=True):
         errors = np.minimum(one.errors_m, FAR_M)
@@ -159,7 +158,7 @@ def _bursts(axes: Axes, costs: Sequence[Cost], lane_margin_m: float) -> None:
 
 
 def _explain(axes: Axes, costs: Sequence[Cost], lane_margin_m: float) -> None:
-    """Say in one of the panels what lines and numbers are."""
+    """Label lines and numbers in one of the panels."""
     seeds = max(len(one.errors_m) for one in costs)
     axes.text(1.16, 14.0, f"of {seeds} drives so many left the lane:", color=RED, fontsize=8.0)
     axes.text(1.16, 1.1 * lane_margin_m, "edge of the lane", color=GREY, fontsize=7.5)

@@ -54,9 +54,11 @@ def _delays(axes: Axes, found: Comparison, sample: SampledChannel) -> None:
     if len(delays):
         shares = np.arange(1, len(delays) + 1) / len(delays)
         axes.step(delays, shares, where="post", color=BLUE, label="sample")
-    told = found.figures[-len(QUANTILES) :]
+    expected = found.figures[-len(QUANTILES) :]
     laws = [
-        (one.law, part) for one, part in zip(told, QUANTILES, strict=True) if one.law is not None
+        (one.law, part)
+        for one, part in zip(expected, QUANTILES, strict=True)
+        if one.law is not None
     ]
     if laws:
         axes.plot(*zip(*laws, strict=True), color=ORANGE, marker="o", linestyle="none", label="law")

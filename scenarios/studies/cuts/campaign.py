@@ -1,4 +1,4 @@
-"""Many cuts, the same ones with each reaction, and their figures."""
+"""Many cuts, the same with each reaction, and their figures."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -30,9 +30,9 @@ SHORT_S, LONG_S = (0.3, 4.0), 14.0
 
 
 def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
-    """Draw cuts at random instants of double lane changes at random speeds; equal for equal seeds.
+    """Draw cuts at random instants of double lane changes at random speeds.
 
-    The same for each reaction.
+    Equal seeds give equal cuts, the same for each reaction.
     """
     chance = np.random.Generator(np.random.PCG64(seed))
     for number in range(count):
@@ -46,7 +46,7 @@ def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
 
 
 def carry_out_all(cuts: Sequence[LinkCut], engine: Engine) -> list[CutFigures]:
-    """Drive all of them; a row for each follower, in the order of `cuts`."""
+    """Simulate all cuts; returns a row for each follower, in the order of `cuts`."""
     jobs = [
         Job(key=f"{one.reaction} {one.seed}", work=partial(_fields, one), command=str(one))
         for one in cuts
@@ -62,7 +62,7 @@ def _fields(cut: LinkCut) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReactionFigures:
-    """What followers with one reaction did over all cuts (m, s; shares from 0 to 1)."""
+    """Figures of followers with one reaction over all cuts (m, s; shares from 0 to 1)."""
 
     reaction: Reaction
     cuts: int
@@ -76,7 +76,6 @@ class ReactionFigures:
 
 
 def of_reaction(rows: Sequence[CutFigures]) -> ReactionFigures:
-    """Sum up the rows of one reaction."""
     return ReactionFigures(
         reaction=rows[0].cut.reaction,
         cuts=len({row.cut for row in rows}),
@@ -93,9 +92,9 @@ def of_reaction(rows: Sequence[CutFigures]) -> ReactionFigures:
 def cuts_figure(
     count: int, out: Path, progress: Callable[[str], None], *, workers: int | None = None
 ) -> list[ReactionFigures]:
-    """Carry out `count` cuts with each reaction; write the picture and all rows as JSON into `out`.
+    """Simulate `count` cuts with each reaction; write picture and JSON into `out`.
 
-    By default on all cores. Raises ScenarioError if one of both files is there already.
+    Uses all cores by default. Raises ScenarioError if one of both files exists.
     """
     from scenarios.studies.cuts.picture import drawn_figure  # noqa: PLC0415 - matplotlib
 
@@ -120,16 +119,14 @@ def cuts_figure(
 def machine_readable(
     found: Sequence[ReactionFigures], rows: Sequence[CutFigures]
 ) -> dict[str, Any]:
-    """Give the table, and every follower of every cut, as JSON has it."""
     return {
         "schema": SCHEMA,
         "reactions": [asdict(one) for one in found],
         "rows": [
-            {key: value if _is_known(value) else None for key, value in asdict(row).items()}
+            {
+                key: None if isinstance(value, float) and not isfinite(value) else value
+                for key, value in asdict(row).items()
+            }
             for row in rows
         ],
     }
-
-
-def _is_known(value: object) -> bool:
-    return not isinstance(value, float) or isfinite(value)

@@ -30,9 +30,9 @@ UNDER_WAY = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkCut:
-    """All messages stop `at_s` after the start, for `for_s`, of a convoy that drives `speed_mps`.
+    """All messages of a convoy at `speed_mps` stop `at_s` after the start, for `for_s`.
 
-    `vehicles` drive, with `reaction` of the followers; `seed` is that of all noise.
+    `reaction` is that of the followers among the `vehicles`; `seed` is that of all noise.
     """
 
     reaction: Reaction
@@ -73,7 +73,7 @@ class LinkCut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeChange:
-    """When a follower changed its mode (s after the start), to which, and why."""
+    """A change of a follower's mode (s after the start), and its reason."""
 
     at_s: float
     mode: Mode
@@ -82,17 +82,17 @@ class ModeChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutFigures:
-    """What a follower did in a cut (m, s).
+    """Figures of a follower in a cut (m, s).
 
-    `error` is the largest true distance from the lead's driven path while the messages were away,
-    `error_inside` that of it within the path that it knew. `error_back` is that of a follower that
-    has come to where it was heard again (where the lead was by then, and `SETTLED_S` more), before
-    which nobody told it the road; 0 if it did not come so far. `predicted_blind` is how far it
-    would drive beyond that path as it said when it gave up its last source, `blind` how far it did;
-    both are 0 where it can stop within. `ticks_late` is how many control periods after the instant
-    at which its last source became lost by the thresholds it said so. `friction` is the largest
-    share used, `command_step` (rad) the largest of the steering command. `resumed_after` counts
-    from when the messages were back; inf if it never did.
+    `error` is the largest true distance from the lead's driven path during the cut, `error_inside`
+    that within the known path. `error_back` is that after the follower has passed the lead's
+    position at the end of the cut and `SETTLED_S` more, before which its path was unknown; 0 if it
+    did not get there. `predicted_blind` is the distance beyond the known path that it predicted
+    when it lost its last source, `blind` the distance that it drove; both are 0 if it can stop
+    within. `ticks_late` is the number of control periods from the loss of its last source by the
+    thresholds to its change of mode. `friction` is the largest share used, `command_step` (rad) the
+    largest of the steering command. `resumed_after` counts from the end of the cut; inf if it never
+    did.
     """
 
     cut: LinkCut
@@ -111,35 +111,34 @@ class CutFigures:
 
 
 @dataclass(slots=True)
-class _Heard:
-    """What was overheard of one follower."""
+class _FollowerRecord:
+    """Messages about one follower, and its errors and stations by instant."""
 
     truth: list[TruePose] = field(default_factory=list)
     tracking: list[Tracking] = field(default_factory=list)
     steering: list[float] = field(default_factory=list)
-    heard_at: dict[str, int] = field(default_factory=dict)
+    received_at: dict[str, int] = field(default_factory=dict)
     errors: dict[int, float] = field(default_factory=dict)
     stations: dict[int, float] = field(default_factory=dict)
 
 
-class Witness:
-    """An observer of a run with a cut that gives the figures of its followers."""
+class CutObserver:
+    """An observer of a run with a cut that derives the figures of its followers."""
 
     kinds: frozenset[type[Message]] = frozenset((Command, LinkVerdict, Tracking, TruePose))
 
     def __init__(self, cut: LinkCut, scenario: Scenario, stream: FigureStream) -> None:
-        """`stream` derives the figures of the run, which is one of `scenario`."""
         self._cut = cut
         self._names = scenario.vehicle_names
         self._period = nanoseconds(1.0 / scenario.control_rate_hz)
         self._start = scenario.start_at_ns
         self._from = self._start + nanoseconds(cut.at_s)
         self._to = self._from + nanoseconds(cut.for_s)
-        self._heard_at = inf
+        self._reached_from = inf
         degradation = scenario.tables.control.degradation.value
         period = 1.0 / scenario.tables.gnss.value.rate
         self._lost_after = nanoseconds(degradation.lost_after_silence(period))
-        self._of: defaultdict[str, _Heard] = defaultdict(_Heard)
+        self._of: defaultdict[str, _FollowerRecord] = defaultdict(_FollowerRecord)
         stream.on_error(self._take_error)
 
     def _take_error(self, foot: CrossTrack) -> None:
@@ -147,13 +146,12 @@ class Witness:
         self._of[foot.vehicle].stations[foot.at_ns] = foot.station
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take one message."""
         of = self._of[message.vehicle]
         match message:
             case TruePose():
                 of.truth.append(message)
                 if message.vehicle == self._names[0] and message.true_at_ns <= self._to:
-                    self._heard_at = message.distance_m + SETTLED_S * self._cut.speed_mps
+                    self._reached_from = message.distance_m + SETTLED_S * self._cut.speed_mps
             case Tracking():
                 of.tracking.append(message)
             case Command():
@@ -161,10 +159,9 @@ class Witness:
             case LinkVerdict() if (
                 message.outcome == "delivered" and message.sent_at_ns < self._from
             ):
-                of.heard_at[message.sender] = message.heard_at_ns
+                of.received_at[message.sender] = message.heard_at_ns
 
     def figures(self) -> tuple[CutFigures, ...]:
-        """The figures of each follower."""
         return tuple(self._figures(name) for name in self._names[1:])
 
     def _figures(self, name: str) -> CutFigures:
@@ -180,7 +177,7 @@ class Witness:
                 for one in takewhile(lambda one: not one.known_m < 0.0, away)
             ),
             error_back=_largest(
-                error for at, error in of.errors.items() if of.stations[at] > self._heard_at
+                error for at, error in of.errors.items() if of.stations[at] > self._reached_from
             ),
             predicted_blind=lost.blind_m if lost else 0.0,
             blind=max([0.0, *(-one.known_m for one in away if not isnan(one.known_m))]),
@@ -196,14 +193,14 @@ class Witness:
             changes=tuple(self._changes(of.tracking)),
         )
 
-    def _ticks_late(self, of: _Heard, lost: Tracking | None) -> int:
+    def _ticks_late(self, of: _FollowerRecord, lost: Tracking | None) -> int:
         """Count control periods between the threshold and the change of mode."""
-        if lost is None or not of.heard_at:
+        if lost is None or not of.received_at:
             return 0
-        threshold = max(of.heard_at.values()) + self._lost_after
+        threshold = max(of.received_at.values()) + self._lost_after
         return (lost.decided_at_ns - threshold) // self._period
 
-    def _resumed_after(self, of: _Heard) -> float:
+    def _resumed_after(self, of: _FollowerRecord) -> float:
         speeds = {one.true_at_ns: one.speed_mps for one in of.truth}
         under_way = UNDER_WAY * self._cut.speed_mps
         instants = (
@@ -228,9 +225,8 @@ def _largest(values: Iterable[float]) -> float:
 
 
 def carry_out(cut: LinkCut) -> tuple[CutFigures, ...]:
-    """Drive one cut in virtual time; the figures of each follower."""
     scenario = cut.scenario()
     stream = FigureStream.of(scenario)
-    witness = Witness(cut, scenario, stream)
-    drive(scenario, [stream, witness]).raise_fault()
-    return witness.figures()
+    observer = CutObserver(cut, scenario, stream)
+    drive(scenario, [stream, observer]).raise_fault()
+    return observer.figures()

@@ -21,9 +21,9 @@ UNMEASURED = "was not measured: nobody had such a figure, or the run ended befor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillRun:
-    """The result of a drill with one seed; `other_reason` is why it failed besides its limits.
+    """The result of a drill with one seed; `other_reason` is a failure other than its limits.
 
-    `drill` is how the user called it, `command` repeats the run; it took `took_s`.
+    `drill` is the name given by the user, `command` repeats the run; it took `took_s`.
     """
 
     drill: str
@@ -36,10 +36,10 @@ class DrillRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillRow:
-    """How a limit of a drill was kept over all seeds: the worst figure, and whose it was.
+    """How a limit of a drill was kept over all seeds: the worst figure, and its vehicle.
 
-    `margin_ratio` is the share of the bound that was left, negative where it was broken; None where
-    there is no such share, as of a count that has to be 0. `line` says how it was broken.
+    `margin_ratio` is the share of the bound that was left, negative if it was broken, None for a
+    bound of 0. `line` describes a breach.
     """
 
     drill: str
@@ -56,7 +56,7 @@ class DrillRow:
 
     @property
     def said(self) -> str:
-        """The limit in words: its key and bound, or what had to be done, and how soon."""
+        """The limit for a table: its key and bound, or the required reaction and its time."""
         if self.bound is None:
             return self.limit
         if self.what:
@@ -67,7 +67,7 @@ class DrillRow:
 def drill_variants(
     name: str, overrides: Sequence[str] = (), seeds: Sequence[int] = ()
 ) -> list[Variant]:
-    """The runs of a drill, by default one with its own seed; raises ScenarioError.
+    """Return the runs of a drill, by default one with its own seed; raises ScenarioError.
 
     `name` is that of a shipped drill or scenario, or a file.
     """
@@ -85,7 +85,7 @@ def drill_variants(
 
 
 def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
-    """All that the results of drills depend on, by the words of the command line."""
+    """All that the results depend on, by the words of the command line."""
     first = identity_of(variants[0])
     return first | {
         "SCENARIO": list(dict.fromkeys(one.name for one in variants)),
@@ -95,14 +95,12 @@ def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
 
 
 def carry_out_drill(variant: Variant) -> DrillRun:
-    """Drive one run of a drill in virtual time, without a log."""
     began = time.perf_counter()
     summary = variant.run()
     return drill_run(variant, summary, time.perf_counter() - began)
 
 
 def carry_out_drills(variants: Sequence[Variant], engine: Engine) -> list[DrillRun]:
-    """Drive all of them; a result for each, in the order of `variants`."""
     jobs = [
         Job(key=f"{one.name} {one.seed}", work=partial(_fields, one), command=one.command)
         for one in variants
@@ -119,18 +117,17 @@ def _fields(variant: Variant) -> dict[str, Any]:
 
 
 def drill_run(variant: Variant, summary: RunSummary, took_s: float) -> DrillRun:
-    """The result of a run from its summary."""
     return DrillRun(
         drill=variant.name,
         seed=variant.seed,
         limits=summary.limits,
-        other_reason=_besides(summary),
+        other_reason=_other_reason(summary),
         command=variant.command,
         took_s=took_s,
     )
 
 
-def _besides(summary: RunSummary) -> str:
+def _other_reason(summary: RunSummary) -> str:
     """Why a run failed, without the limits that it broke."""
     reason = summary.reason
     for one in summary.limits:
@@ -140,18 +137,15 @@ def _besides(summary: RunSummary) -> str:
 
 
 def drill_rows(runs: Sequence[DrillRun]) -> list[DrillRow]:
-    """Give a row for each limit of each drill, in the order of the drills; the worst of all seeds.
-
-    A drill whose run gave no figure at all has failed, too.
-    """
+    """Return a row for each limit of each drill, the worst of all seeds."""
     names = dict.fromkeys(run.drill for run in runs)
     return [row for name in names for row in rows_of([run for run in runs if run.drill == name])]
 
 
 def rows_of(runs: Sequence[DrillRun]) -> Iterator[DrillRow]:
-    """Give a row for each limit of a drill, from its runs with all seeds.
+    """Yield a row for each limit of a drill, from its runs with all seeds.
 
-    Where a run failed for another reason there is a row for that, the first.
+    If a run failed for another reason, that is the first row.
     """
     for run in (run for run in runs if run.other_reason):
         yield DrillRow(
@@ -191,7 +185,7 @@ def _row(run: DrillRun, one: LimitFigure) -> DrillRow:
 
 
 def beyond(one: LimitFigure) -> float:
-    """How far a figure is beyond its bound, in the limit's unit; negative while it is kept."""
+    """Excess of a figure over its bound, in the limit's unit; negative while it is kept."""
     if one.figure is None:
         return inf
     return one.bound - one.figure if one.limit.endswith("_min") else one.figure - one.bound

@@ -14,7 +14,6 @@ TWIN = "drills.json"
 
 
 def machine_readable(rows: Sequence[DrillRow], runs: Sequence[DrillRun]) -> dict[str, Any]:
-    """Give the rows, and each limit of each run, as JSON has them."""
     return {
         "schema": SCHEMA,
         "passed": all(row.passed for row in rows),
@@ -34,7 +33,7 @@ def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillRun], file: Path) 
 
 
 def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillRun]) -> Xml.Element:
-    """Put all rows as a tree; the time of a suite is that of the drill's runs together."""
+    """Return all rows as a tree; the time of a suite is the sum of the drill's runs."""
     failed = sum(not row.passed for row in rows)
     took = sum(run.took_s for run in runs)
     root = Xml.Element("testsuites", _counts("convoy drill", len(rows), failed, took))

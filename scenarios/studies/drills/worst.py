@@ -28,7 +28,7 @@ FINEST_S = 0.001
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoughtBurst:
-    """Everything that is sent on `links` is lost for `for_s`; each is a sender and a receiver.
+    """Loss of all messages on `links`, pairs of sender and receiver, for `for_s`.
 
     Ends are names, roles or "*", as in `[[change]]`.
     """
@@ -37,7 +37,7 @@ class SoughtBurst:
     links: tuple[tuple[str, str], ...] = ((ANY, ANY),)
 
     def overrides(self, at_s: float, first: int) -> tuple[str, ...]:
-        """Overrides that put it at an instant of a scenario with `first` changes of its own."""
+        """Overrides that add the burst to a scenario with `first` changes of its own."""
         return tuple(
             f'change.{first + place}={{kind="cut", at_s={at_s!r}, for_s={self.for_s!r}, '
             f'sender="{sender}", receiver="{receiver}"}}'
@@ -46,7 +46,7 @@ class SoughtBurst:
 
 
 def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> SoughtBurst:
-    """Read links as they are given on the command line, SENDER:RECEIVER; raises ScenarioError."""
+    """Parse links given as SENDER:RECEIVER; raises ScenarioError."""
     known = (*scenario.vehicle_names, *ROLES, ANY)
     links = []
     for text in texts or (f"{ANY}:{ANY}",):
@@ -62,7 +62,7 @@ def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> SoughtBu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchSpan:
-    """Where to look: from one instant to another (s), first every `step_s`, at last `finest_s`."""
+    """Instants to search (s), first every `step_s`, at last every `finest_s`."""
 
     from_s: float
     to_s: float
@@ -70,13 +70,13 @@ class SearchSpan:
     finest_s: float
 
     def grid(self) -> list[float]:
-        """The first instants, both ends among them."""
+        """The first instants, with both ends."""
         count = int((self.to_s - self.from_s) / self.step_s + 1e-9)
         inner = [round(self.from_s + place * self.step_s, 3) for place in range(count + 1)]
         return sorted({*inner, self.to_s})
 
     def beside(self, at_s: float, step_s: float) -> list[float]:
-        """Instants a step to both sides of one, inside of the span."""
+        """Instants a step away on both sides of one, inside of the span."""
         sides = (round(at_s - step_s, 3), round(at_s + step_s, 3))
         return [one for one in sides if self.from_s <= one <= self.to_s]
 
@@ -90,9 +90,9 @@ def span_of(
     step_s: float,
     finest_s: float,
 ) -> SearchSpan:
-    """Where to look for the worst instant of a burst; by default all of the run that it fits in.
+    """Return the span to search; by default all instants at which the burst ends within the run.
 
-    Raises ScenarioError where there is nothing to look at.
+    Raises ScenarioError if there are none.
     """
     last = round(scenario.duration_s - burst.for_s, 3)
     first = min(EARLIEST_S, max(last, 0.0)) if from_s is None else from_s
@@ -121,10 +121,10 @@ def span_of(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstInstant:
-    """What a search has found: the instant, the worst run there, and all that was tried.
+    """The result of a search: the instant, the worst run there, and all tried instants.
 
-    `figure` is that of `variant`, the seed that comes off worst at this instant; `figures` are the
-    means over all seeds by instant (s), in order of time.
+    `figure` is that of `variant`, whose seed has the worst figure at this instant; `figures` are
+    the means over all seeds by instant (s), in order of time.
     """
 
     word: str
@@ -144,9 +144,9 @@ class WorstSearch:
     """A search for the instant at which `burst` makes a figure of `base` worst.
 
     `word` names the figure, "error_m" (the largest true error) or "gap_m" (the smallest true gap).
-    An instant is as bad as its mean over `seeds` runs, from the seed of `base` on: with one seed
-    alone an instant may be the worst for what the noise is there. All instants share the seeds.
-    `changes` is the number of changes that `base` has itself.
+    An instant is rated by its mean over `seeds` runs, from the seed of `base` on: with a single
+    seed the noise may decide. All instants share the seeds. `changes` is the number of changes of
+    `base` itself.
     """
 
     base: Variant
@@ -158,7 +158,7 @@ class WorstSearch:
     _runs: dict[float, dict[int, float]] = field(default_factory=dict)
 
     def look(self, span: SearchSpan) -> WorstInstant:
-        """Look at a grid, and then closer and closer at its worst instants."""
+        """Search a grid, and then closer and closer around its worst instants."""
         self._try(span.grid())
         step = span.step_s
         while step > span.finest_s:
@@ -186,7 +186,7 @@ class WorstSearch:
         )
 
     def _peaks(self, apart_s: float) -> list[float]:
-        """The worst instants that are further apart, for those beside a peak are as bad."""
+        """The worst instants more than `apart_s` apart, as neighbours of a peak are as bad."""
         peaks: list[float] = []
         for at, _ in self._worst():
             if len(peaks) < PEAKS and all(abs(at - one) > apart_s + 1e-6 for one in peaks):
@@ -194,7 +194,7 @@ class WorstSearch:
         return peaks
 
     def _worst(self) -> list[tuple[float, float]]:
-        """Instants driven with all seeds, and mean severities: worst first, of equals earliest."""
+        """Instants with runs of all seeds and their mean severities: worst first, then earliest."""
         means = [
             (at, sum(runs[seed] for seed in sorted(runs)) / self.seeds)
             for at, runs in self._runs.items()
@@ -221,12 +221,12 @@ class WorstSearch:
 
 
 def _severity(variant: Variant, word: str) -> float:
-    """How bad a run was: its largest true error, or its smallest gap with the sign changed (m)."""
+    """Severity of a run (m): its largest true error, or its smallest gap with the sign changed."""
     return severity(Limit(WORDS[word].key, 0.0), variant.run())
 
 
 def base_of(name: str, overrides: Sequence[str], seed: int | None) -> Variant:
-    """The run in which a burst is put at many instants; raises ScenarioError."""
+    """Return the run to search; raises ScenarioError."""
     whole = load_scenario(name, overrides, seed)
     return Variant(
         text=load_scenario(name).text,

@@ -22,8 +22,8 @@ MARGIN = 1.5
 def write_drill(found: WorstInstant, file: Path) -> None:
     """Write the worst run as a drill into a new file; raises ScenarioError.
 
-    It extends the scenario that was searched, and holds what was laid over that, the burst, and a
-    limit 1.5 times as wide as the figure found.
+    It extends the scenario of the search, and holds the overrides, the burst, and a limit `MARGIN`
+    times as wide as the figure found.
     """
     text = drill_text(found, file)
     refuse_existing(file)
@@ -31,7 +31,7 @@ def write_drill(found: WorstInstant, file: Path) -> None:
 
 
 def drill_text(found: WorstInstant, file: Path) -> str:
-    """Text of the drill, as it would stand in `file`; raises ScenarioError if it is none."""
+    """Return the text of the drill for `file`; raises ScenarioError if it is invalid."""
     one = found.variant
     base = one.name
     if base not in (*library(), *drills()):
@@ -60,7 +60,6 @@ def drill_text(found: WorstInstant, file: Path) -> str:
 
 
 def machine_readable(found: WorstInstant, burst: SoughtBurst) -> dict[str, Any]:
-    """Everything that was tried, as JSON has it."""
     tried = [{"at_s": at, found.word: figure} for at, figure in found.figures.items()]
     return {
         "schema": SCHEMA,
@@ -78,7 +77,7 @@ def machine_readable(found: WorstInstant, burst: SoughtBurst) -> dict[str, Any]:
 
 
 def _take(whole: Raw, tables: Raw, parts: tuple[str, ...]) -> None:
-    """Copy what an override changed from the whole scenario; of an array all of it."""
+    """Copy the key of an override from the whole scenario; a whole array if it is in one."""
     source: Any = whole
     target: Any = tables
     for depth, part in enumerate(parts):

@@ -16,7 +16,7 @@ from scenarios.studies.engine.job import EngineError, Job, JobAnswer, carry_out_
 from scenarios.studies.engine.stamp import stamp_of_this_process
 
 BATCH_S = 1.5
-"""What a batch should take, so that handing it out costs little in comparison."""
+"""Wanted duration of a batch, so that handing it out costs little in comparison."""
 MOST_DEATHS = 3
 """A job under which this many workers died is given up."""
 DEADLY = "its worker died, each time that it was tried"
@@ -24,9 +24,9 @@ DEADLY = "its worker died, each time that it was tried"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """The result of the job `key`, or its error; one that `is_given_up` killed its workers.
+    """The result of the job `key`, or its error; `is_given_up` if it killed its workers.
 
-    `raised` is the error itself where it has words of its own.
+    `raised` is the error itself if a command can print it as it is.
     """
 
     key: str
@@ -37,19 +37,18 @@ class Outcome:
 
 
 class Pace:
-    """How many jobs make a batch, learned from the time that they took."""
+    """Number of jobs in a batch, from the mean time that they took."""
 
     def __init__(self) -> None:
         self._jobs = 0
         self._took_s = 0.0
 
     def learn(self, answers: list[JobAnswer]) -> None:
-        """Take the times of the jobs of a batch."""
         self._jobs += len(answers)
         self._took_s += sum(one.took_s for one in answers)
 
     def size(self, waiting: int, slots: int) -> int:
-        """Jobs for the next batch of those that wait; the last ones are shared out evenly."""
+        """Jobs for the next batch; the last ones are shared out evenly."""
         if not self._jobs:
             return 1
         mean_s = max(self._took_s / self._jobs, BATCH_S / 1000)
@@ -57,7 +56,7 @@ class Pace:
 
 
 class JobDriver:
-    """Does `jobs` on a fleet; neither batches nor workers change their outcomes."""
+    """Runs `jobs` on a fleet; neither batches nor workers change the outcomes."""
 
     def __init__(self, jobs: Sequence[Job], fleet: Fleet, pace: Pace | None = None) -> None:
         self._jobs = {job.key: job.work for job in jobs}
@@ -69,10 +68,6 @@ class JobDriver:
         self._pace = pace or Pace()
 
     def outcomes(self) -> Iterator[Outcome]:
-        """Give the outcome of each job, as it comes.
-
-        Raises EngineError if the workers cannot do the work at all.
-        """
         while self._waiting or self._alone or self._under_way:
             self._hand_out()
             done, _ = wait(self._under_way, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED)
@@ -82,7 +77,11 @@ class JobDriver:
     def _hand_out(self) -> None:
         slots, stamp = self._fleet.slots(), stamp_of_this_process()
         while len(self._under_way) < slots and (self._alone or self._waiting):
-            keys = self._next(slots)
+            if self._alone:
+                keys = [self._alone.popleft()]
+            else:
+                size = min(self._pace.size(len(self._waiting), slots), len(self._waiting))
+                keys = [self._waiting.popleft() for _ in range(size)]
             jobs = [self._jobs[key] for key in keys]
             try:
                 future = self._fleet.executor.submit(carry_out_batch, stamp, jobs)
@@ -90,12 +89,6 @@ class JobDriver:
                 why = f"the workers are gone, and no others take their place: {in_one_line(error)}"
                 raise EngineError([why]) from error
             self._under_way[future] = keys
-
-    def _next(self, slots: int) -> list[str]:
-        if self._alone:
-            return [self._alone.popleft()]
-        count = self._pace.size(len(self._waiting), slots)
-        return [self._waiting.popleft() for _ in range(min(count, len(self._waiting)))]
 
     def _taken(self, keys: list[str], future: Future[list[JobAnswer]]) -> Iterator[Outcome]:
         try:
@@ -114,7 +107,7 @@ class JobDriver:
             yield Outcome(key=key, result=one.result, error=one.error, raised=one.raised)
 
     def _tried_again(self, keys: list[str], gave_up: bool) -> Iterator[Outcome]:
-        """Let each job of a batch whose worker died be done alone, but not for ever."""
+        """Retry each job of a batch whose worker died alone, up to `MOST_DEATHS` deaths."""
         for key in keys:
             self._deaths[key] += 1
             if self._deaths[key] >= MOST_DEATHS or (gave_up and len(keys) == 1):

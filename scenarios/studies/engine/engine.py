@@ -23,9 +23,9 @@ REPORT_EVERY_S = 2.0
 
 
 class JobProgress:
-    """Counts the jobs of a study, and reports them every few seconds.
+    """Counts the jobs of a study and reports them every few seconds.
 
-    `total` is their number where it is known beforehand; `doing` is what they are for.
+    `total` is their number if known; `doing` is their purpose.
     """
 
     def __init__(self, report: Callable[[str], None]) -> None:
@@ -38,11 +38,10 @@ class JobProgress:
 
     @property
     def seconds(self) -> float:
-        """How long the study has taken so far."""
         return time.monotonic() - self._began
 
     def one_more(self) -> None:
-        """Count a job that is done; report it if some seconds have passed, or if it is the last.
+        """Count a finished job; report it after some seconds, or if it is the last.
 
         The time left follows from the jobs after the first, before which the workers had to start.
         """
@@ -59,14 +58,13 @@ class JobProgress:
         self.note(text + (f": {self.doing}" if self.doing else ""))
 
     def note(self, line: str) -> None:
-        """Report a line with the time."""
         self._report(f"{self.seconds:6.1f} s  {line}")
 
 
 class Engine:
-    """Does the jobs of one study on a fleet, which starts when there is something to do.
+    """Runs the jobs of one study on a fleet, which starts with the first job and ends with `ends`.
 
-    A job whose result is in the `journal` is not done again.
+    A job whose result is in the `journal` does not run again.
     """
 
     def __init__(
@@ -76,7 +74,6 @@ class Engine:
         report: Callable[[str], None],
         journal: RunJournal | None = None,
     ) -> None:
-        """`ends` is what the fleet ends with."""
         self.progress = JobProgress(report)
         self.report = report
         self._open_fleet, self._ends = open_fleet, ends
@@ -85,14 +82,14 @@ class Engine:
         self._journal = journal
 
     def results(self, jobs: Sequence[Job]) -> list[Any]:
-        """Do all jobs; their results, in the order of the jobs.
+        """Run all jobs; returns their results, in the order of the jobs.
 
-        Raises the error of a job: as it is where it has words of its own, else as an EngineError
-        with the command that repeats the job.
+        Raises the error of a job if it can be printed as it is, else an EngineError with the
+        command that repeats the job.
         """
         commands = {job.key: job.command or job.key for job in jobs}
         found: dict[str, Any] = {}
-        for outcome in self._outcomes(jobs, keeps_errors=False):
+        for outcome in self.outcomes(jobs, keeps_errors=False):
             if outcome.error:
                 why = f"{commands[outcome.key]}: {outcome.error}"
                 raise outcome.raised or EngineError([why])
@@ -100,18 +97,17 @@ class Engine:
         return [found[job.key] for job in jobs]
 
     def known(self, jobs: Sequence[Job]) -> int:
-        """How many of the jobs are in the journal."""
         return sum(self._entry(job) is not None for job in jobs)
 
     def _entry(self, job: Job) -> Entry | None:
         entry = None if self._journal is None else self._journal.entries.get(job.key)
         return None if entry is None or entry.get(GIVEN_UP) else entry
 
-    def outcomes(self, jobs: Sequence[Job]) -> Iterator[Outcome]:
-        """Give the outcome of each job as it comes, errors among them; first those known before."""
-        return self._outcomes(jobs, keeps_errors=True)
+    def outcomes(self, jobs: Sequence[Job], *, keeps_errors: bool = True) -> Iterator[Outcome]:
+        """Yield the outcome of each job as it comes, first those of the journal.
 
-    def _outcomes(self, jobs: Sequence[Job], *, keeps_errors: bool) -> Iterator[Outcome]:
+        Unless it `keeps_errors` the journal holds results only.
+        """
         left = []
         for job in jobs:
             entry = self._entry(job)
@@ -157,12 +153,11 @@ def study_engine(
     identity: Mapping[str, Any] | None = None,
     keep_journal: bool = False,
 ) -> Iterator[Engine]:
-    """Give the engine of a study that writes `files` into the folder `out`, with a journal there.
+    """Open the engine of a study that writes `files` into the folder `out`, with a journal there.
 
-    Killed at any instant and called again with the same `identity`, which holds all that the
-    results depend on, a study goes on where it was. At its end the journal is removed, unless it is
-    to be kept. Without a folder everything stays in memory. Raises ScenarioError if the folder
-    holds something else.
+    A killed study resumes when it is started with the same `identity`, which holds all that the
+    results depend on. At its end the journal is removed, unless `keep_journal`. Without a folder
+    everything stays in memory. Raises ScenarioError if the folder holds something else.
     """
     with ExitStack() as ends:
         if out is None or identity is None:
@@ -186,7 +181,7 @@ def study_engine(
 
 @contextmanager
 def _over(journal: RunJournal, *, keep: bool) -> Iterator[None]:
-    """Remove a journal that nobody goes on with: after the answer, or a refusal, or empty."""
+    """Remove a journal that is of no use: after the answer, after an error, or if empty."""
     try:
         yield
     except EngineError:

@@ -40,8 +40,8 @@ IMPORTED = tuple(f"scenarios.runs.virtual.{name}" for name in ("logged", "unlogg
 class Fleet:
     """An executor, and how many batches it should have at a time.
 
-    `died` are exceptions of a batch that mean that its worker died; after `gave_up` it was tried
-    on other workers as well, which died too.
+    `died` are exceptions of a batch whose worker died; `gave_up` those of a batch that other
+    workers have tried as well.
     """
 
     executor: Executor
@@ -55,12 +55,11 @@ OpenFleet = Callable[[], AbstractContextManager[Fleet]]
 
 
 class ThisProcess(Executor):
-    """Does everything at once, in `submit`."""
+    """Runs each call at once, in `submit`."""
 
     def submit(
         self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
     ) -> Future[Result]:
-        """Call the function; the future is done."""
         future: Future[Result] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -73,13 +72,12 @@ class WorkerPool(Executor):
     """Worker processes, each of which imports the project once.
 
     The batch of a worker that dies ends with `BrokenProcessPool`; the others go on, and the next
-    call of `submit` puts a new worker in its place. They are forked from a process that has
-    imported everything and has no threads, as this one has; where there is no fork they are
-    spawned. They end with this process, even if it is killed outright.
+    call of `submit` replaces the worker. Workers are forked from a process that has imported
+    everything and has no threads; without fork they are spawned. They end with this process, even
+    if it is killed.
     """
 
     def __init__(self, workers: int) -> None:
-        """Start nothing yet: each worker starts with its first batch."""
         # Inherited by the workers; see the same line of the command line.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         # After a Ctrl-C Python itself cleans up, and would warn that it had to.
@@ -90,7 +88,7 @@ class WorkerPool(Executor):
     def submit(
         self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
     ) -> Future[Result]:
-        """Hand the call to the worker that has least to do."""
+        """Hand the call to the worker with the fewest open calls."""
         self._futures = [[one for one in of if not one.done()] for of in self._futures]
         place = min(range(len(self._futures)), key=lambda number: len(self._futures[number]))
         future = self._submit_to(place, partial(fn, *args, **kwargs))
@@ -98,7 +96,7 @@ class WorkerPool(Executor):
         return future
 
     def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
-        """Hand work to a worker, or to a new one in its place if it has died."""
+        """Hand work to a worker, which is replaced if it has died."""
         with _blocked_ctrl_c():  # inherited by the workers, which end with their parent
             for pause_s in PAUSES_S:
                 try:
@@ -109,7 +107,6 @@ class WorkerPool(Executor):
             return self._processes[place].submit(work)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Let the workers end, once they have done what is not cancelled."""
         for process in self._processes:
             process.shutdown(wait=False, cancel_futures=cancel_futures)
         for process in self._processes if wait else ():
@@ -135,7 +132,7 @@ def _blocked_ctrl_c() -> Iterator[None]:
 
 
 def _end_with_parent() -> None:
-    """Let a worker end when its parent is gone, even if that was killed outright."""
+    """End this worker when its parent is gone, even if that was killed."""
     parent = parent_process()
 
     def watch() -> None:
@@ -147,7 +144,6 @@ def _end_with_parent() -> None:
 
 
 def cores() -> int:
-    """How many cores this process may use."""
     return len(os.sched_getaffinity(0))
 
 
@@ -155,9 +151,9 @@ def cores() -> int:
 def fleet_of(workers: int | None = None, scheduler: str = "") -> Iterator[Fleet]:
     """Start a fleet of worker processes (None: one for each core, 0: this process alone).
 
-    With `scheduler`, an address such as tcp://127.0.0.1:8786, it is that of an existing dask
-    scheduler, which needs the package distributed. Raises EngineError if none answers there. In the
-    end what has not begun is cancelled.
+    With `scheduler`, an address such as tcp://127.0.0.1:8786, use the workers of that dask
+    scheduler, which needs the package distributed. Raises EngineError if none answers there. At the
+    end, batches that have not begun are cancelled.
     """
     if scheduler:
         with _dask_fleet(scheduler) as fleet:
@@ -186,25 +182,24 @@ def _dask_fleet(address: str) -> Iterator[Fleet]:
         # Equal batches may be sent twice, when a worker died, so none stands for another.
         executor = client.get_executor(pure=False)
         died = (BrokenExecutor, KilledWorker)
-        yield Fleet(executor=executor, slots=_Slots(client), died=died, gave_up=(KilledWorker,))
+        yield Fleet(executor=executor, slots=_slots_of(client), died=died, gave_up=(KilledWorker,))
         executor.shutdown(wait=False)
     finally:
         client.close()
 
 
-class _Slots:
-    """How many batches the workers of a scheduler can use, looked up now and then."""
+def _slots_of(client: "Client") -> Callable[[], int]:
+    """Count the batches that the workers of a scheduler can use, looked up now and then."""
+    looked_at, slots = -LOOK_EVERY_S, 1
 
-    def __init__(self, client: "Client") -> None:
-        self._client = client
-        self._looked_at = -LOOK_EVERY_S
-        self._slots = 1
-
-    def __call__(self) -> int:
+    def count() -> int:
+        nonlocal looked_at, slots
         now = time.monotonic()
-        if now - self._looked_at >= LOOK_EVERY_S:
-            threads: dict[str, Any] = self._client.nthreads()
+        if now - looked_at >= LOOK_EVERY_S:
+            threads: dict[str, Any] = client.nthreads()
             # With no worker there one batch waits for the first to come.
-            self._slots = max(QUEUED * sum(threads.values()), 1)
-            self._looked_at = now
-        return self._slots
+            slots = max(QUEUED * sum(threads.values()), 1)
+            looked_at = now
+        return slots
+
+    return count

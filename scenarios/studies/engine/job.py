@@ -23,14 +23,14 @@ ONE_AT_A_TIME = Lock()
 
 
 class EngineError(ScenarioError):
-    """Work cannot go on here at all, in one line."""
+    """The work cannot go on, for a reason in one line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A piece of work with a `key` of its own in its study, and the `command` that repeats it.
+    """A piece of work, its unique `key` in the study, and the `command` that repeats it.
 
-    Where a study keeps a journal, `work` returns only what JSON has.
+    If the study keeps a journal, `work` returns only JSON types.
     """
 
     key: str
@@ -40,9 +40,9 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobAnswer:
-    """The result of a job, or the error that it raised in one line; and how long it took.
+    """The result of a job, or the error that it raised in one line; and its duration.
 
-    `raised` is the error itself where it has words of its own.
+    `raised` is the error itself if a command can print it as it is.
     """
 
     result: Any = None
@@ -52,9 +52,9 @@ class JobAnswer:
 
 
 def carry_out_batch(stamp: ProgramStamp, jobs: Sequence[Work]) -> list[JobAnswer]:
-    """Do the jobs in this process, whose programs must be those of `stamp`.
+    """Do the jobs in this process, whose programs must match `stamp`.
 
-    A job that raises is an answer with its error. Raises EngineError if the programs differ.
+    The answer of a job that raises holds the error. Raises EngineError if the programs differ.
     """
     here = stamp_of_this_process()
     if here != stamp:
@@ -77,7 +77,7 @@ def _answer(job: Work) -> JobAnswer:
 
 
 def in_one_line(error: BaseException) -> str:
-    """Describe an error; with its place where the wording is Python's and not the project's."""
+    """Describe an error; with its place if the wording is Python's and not the project's."""
     if isinstance(error, ScenarioError):
         return printable("; ".join(error.lines))
     frames = traceback.extract_tb(error.__traceback__)

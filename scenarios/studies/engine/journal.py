@@ -28,7 +28,7 @@ Entry = dict[str, Any]
 
 
 class RunJournal:
-    """The journal of one folder, open for writing; `entries` are those that it held, by job."""
+    """The open journal of one folder; `entries` are those in it, by job."""
 
     def __init__(self, path: Path, file: IO[bytes], identity: Mapping[str, Any]) -> None:
         self._path = path
@@ -37,7 +37,7 @@ class RunJournal:
         self.entries: dict[str, Entry] = {}
 
     def add(self, key: str, entry: Entry) -> Entry:
-        """Keep the outcome of a job, at once; returns it as it will be read back."""
+        """Write the outcome of a job at once; returns it as it will be read back."""
         line = _sealed({"run": key, "entry": entry}, self._question)
         self._file.write(line)
         self._file.flush()
@@ -45,7 +45,7 @@ class RunJournal:
         return self.entries[key]
 
     def take(self, line: bytes) -> bool:
-        """Take a line of the file; false if it is damaged or answers another question."""
+        """Read a line of the file; false if it is damaged or belongs to another question."""
         content = _opened(line, self._question)
         if content is None or "run" not in content:
             return False
@@ -53,12 +53,10 @@ class RunJournal:
         return True
 
     def begin(self, identity: Mapping[str, Any]) -> None:
-        """Write the question."""
         self._file.write(_sealed({"schema": SCHEMA, "identity": identity}))
         self._file.flush()
 
     def remove(self) -> None:
-        """Remove the file: the study is over."""
         self._path.unlink(missing_ok=True)
 
 
@@ -66,10 +64,10 @@ class RunJournal:
 def open_journal(
     folder: Path, identity: Mapping[str, Any], report: Callable[[str], None]
 ) -> Iterator[RunJournal]:
-    """Open the journal of `folder`, a new one or that of the very same question.
+    """Open the journal of `folder`, a new one or that of the same question.
 
-    A damaged line is reported to `report`, and its job is done again. Raises ScenarioError if the
-    journal holds the answers to another question, or if another process writes it.
+    A damaged line is reported to `report`, and its job runs again. Raises ScenarioError if the
+    journal belongs to another question, or if another process writes it.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / JOURNAL
@@ -92,7 +90,7 @@ def _read(
     wanted: Mapping[str, Any],
     report: Callable[[str], None],
 ) -> None:
-    """Read all lines; leaves the file without damage, and at its end."""
+    """Read all lines; blanks damaged ones and leaves the file at its end."""
     content = file.read()
     *lines, torn = content.split(b"\n")
     if len(lines) == 1:  # a question without answers: this one takes its place
@@ -119,18 +117,14 @@ def _read(
         journal.begin(wanted)
 
 
-def _text(content: Mapping[str, Any]) -> bytes:
-    return json.dumps(content, separators=(",", ":")).encode()
-
-
 def _sealed(content: Mapping[str, Any], question: int = 0) -> bytes:
-    """One line with its checksum, which covers a question too."""
-    text = _text(content)[:-1]
+    """Encode one line with its checksum, which covers the question too."""
+    text = json.dumps(content, separators=(",", ":")).encode()[:-1]
     return text + b',"crc32":"%08x"}\n' % crc32(text, question)
 
 
 def _opened(line: bytes, question: int = 0) -> dict[str, Any] | None:
-    """Content of a line; None if its checksum is not that of the content and the question."""
+    """Decode a line; None if its checksum does not match content and question."""
     text, checksum = line[:-CHECKSUM_BYTES], CHECKSUM.fullmatch(line[-CHECKSUM_BYTES:])
     if checksum is None or int(checksum[1], 16) != crc32(text, question):
         return None
@@ -152,7 +146,7 @@ def _refuse_other_version(path: Path, line: bytes) -> None:
 
 
 def _refuse_other(path: Path, header: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Raise ScenarioError, with what differs, unless the journal answers the same question."""
+    """Raise ScenarioError, with the differences, unless the journal has the same question."""
     if header["schema"] != SCHEMA:
         why = f"given {header['schema']}, allowed {SCHEMA}; {ELSEWHERE}"
         raise ScenarioError([f"{path}: schema: {why}"])

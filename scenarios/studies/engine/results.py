@@ -17,14 +17,14 @@ Row = dict[str, Any]
 
 
 def refuse_existing(*files: Path | None, place: str = "place") -> None:
-    """Raise ScenarioError if one of the files to be written is there already."""
+    """Raise ScenarioError if one of the files to be written exists."""
     for file in files:
         if file is not None and (file.exists() or file.is_symlink()):
             raise ScenarioError([f"{file}: exists; give another {place}"])
 
 
 def write_files(out: Path, contents: Mapping[str, Any]) -> list[Path]:
-    """Write files into the folder `out`, each as `write_file` does; their paths."""
+    """Write files into the folder `out` by `write_file`; returns their paths."""
     out.mkdir(parents=True, exist_ok=True)
     for name, content in contents.items():
         write_file(out / name, content)

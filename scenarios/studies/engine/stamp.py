@@ -21,7 +21,7 @@ DIGITS = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramStamp:
-    """Versions that a run's figures may depend on; `sources` is a digest of the three packages."""
+    """Versions that figures may depend on; `sources` is a digest of the three packages."""
 
     convoy: str
     sources: str
@@ -29,7 +29,7 @@ class ProgramStamp:
     numpy: str
 
     def differences(self, there: "ProgramStamp") -> list[str]:
-        """What another process has otherwise, each in words."""
+        """Describe each difference from the programs of another process."""
         ours = asdict(self)
         return [
             f"{name} is {value} there and {ours[name]} here"
@@ -40,7 +40,6 @@ class ProgramStamp:
 
 @cache
 def stamp_of_this_process() -> ProgramStamp:
-    """The stamp of the programs that this process has; read once."""
     return ProgramStamp(
         convoy=version("convoy-emulator"),
         sources=digest_of(*(Path(package.__path__[0]) for package in PACKAGES)),
@@ -53,7 +52,7 @@ PACKAGES = (vehicles, transport, scenarios)
 
 
 def digest_of(*packages: Path) -> str:
-    """A digest of what the packages' folders hold, wherever they are installed."""
+    """Digest of the files in the packages' folders, wherever they are installed."""
     digest = hashlib.sha256()
     for package in packages:
         files = (path for path in package.rglob("*") if path.suffix in COUNTED and path.is_file())

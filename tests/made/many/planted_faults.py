@@ -8,7 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from vehicles.driver.degradation.innovation_gate import InnovationGate
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.follower import Follower
 from vehicles.driver.steering import SteeringCommand
+from vehicles.driver.tracking import TrackingErrors
 from vehicles.received_pose import ReceivedPose
 
 
@@ -20,12 +23,16 @@ class Fault:
     by: Callable[..., Any]
 
 
+_steer = Follower._steer
+
+
 def _wheels_straight(
-    _reaction: str, mode: str, asked: SteeringCommand, _last: SteeringCommand
-) -> SteeringCommand:
-    if mode not in {"coast", "stop"}:
-        return asked
-    return replace(asked, steering=0.0, feedforward=0.0, feedback=0.0)
+    follower: Follower, now: int, pose: Pose
+) -> tuple[TrackingErrors, SteeringCommand]:
+    errors, wanted = _steer(follower, now, pose)
+    if follower._mode not in {"coast", "stop"}:
+        return errors, wanted
+    return errors, replace(wanted, steering=0.0, feedforward=0.0, feedback=0.0)
 
 
 def _trust(_gate: InnovationGate, _pose: ReceivedPose) -> str:
@@ -33,17 +40,18 @@ def _trust(_gate: InnovationGate, _pose: ReceivedPose) -> str:
 
 
 def _wheels_askew(
-    _reaction: str, mode: str, asked: SteeringCommand, _last: SteeringCommand
-) -> SteeringCommand:
-    if mode not in {"coast", "stop"}:
-        return asked
-    return replace(asked, steering=asked.steering + 0.035)
+    follower: Follower, now: int, pose: Pose
+) -> tuple[TrackingErrors, SteeringCommand]:
+    errors, wanted = _steer(follower, now, pose)
+    if follower._mode not in {"coast", "stop"}:
+        return errors, wanted
+    return errors, replace(wanted, steering=wanted.steering + 0.035)
 
 
-WHEELS_STRAIGHT = Fault("vehicles.driver.follower.without_sources", _wheels_straight)
-"""Who hears nobody lets go of the wheel."""
-WHEELS_ASKEW = Fault("vehicles.driver.follower.without_sources", _wheels_askew)
-"""Who hears nobody steers two degrees to the left of what it wants."""
+WHEELS_STRAIGHT = Fault("vehicles.driver.follower.Follower._steer", _wheels_straight)
+"""A follower without data turns its wheels straight."""
+WHEELS_ASKEW = Fault("vehicles.driver.follower.Follower._steer", _wheels_askew)
+"""A follower without data steers two degrees to the left of its command."""
 BELIEVES_ALL = Fault("vehicles.driver.degradation.innovation_gate.InnovationGate.judge", _trust)
 """Every pose is trusted."""
 ALL_EXACT = Fault("vehicles.driver.ego.pose_estimator._Model.position", lambda *_: 0.01)

@@ -7,7 +7,7 @@ from scenarios.results.channel.estimates import CONFIDENCE, quantile_of_normal
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The value of the key of a link, its standard error, and the interval of 95 %."""
+    """Estimated value of a link's key, its standard error, and its 95 % interval."""
 
     key: str
     value: float
@@ -19,7 +19,7 @@ class Estimate:
     def normal(
         cls, key: str, value: float, error: float, least: float = 0.0, most: float = float("inf")
     ) -> "Estimate":
-        """With the interval of a normal law, within what the key may be."""
+        """Build an estimate with a normal interval, clipped to the key's range."""
         half = quantile_of_normal(CONFIDENCE) * error
         return cls(key, value, error, max(least, value - half), min(most, value + half))
 

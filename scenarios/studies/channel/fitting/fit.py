@@ -14,9 +14,9 @@ from scenarios.studies.channel.fitting.recorded import RecordedLink, recorded_li
 
 @dataclass(frozen=True, slots=True)
 class FittedLink:
-    """What was found of one link: keys of a `[[link]]` entry, and their estimates.
+    """Fitted keys of a `[[link]]` entry, and their estimates.
 
-    `notes` say in a line each what the log cannot tell.
+    Each of the `notes` names in a line what the log leaves open.
     """
 
     sender: str
@@ -29,12 +29,10 @@ class FittedLink:
 
     @property
     def entry(self) -> dict[str, Any]:
-        """The entry of a scenario."""
         return {"sender": self.sender, "receiver": self.receiver, **self.keys}
 
 
 def fit_link(link: RecordedLink) -> FittedLink:
-    """Find the laws of one link."""
     loss_keys, estimates, notes = fit_losses(link)
     there = link.delivered
     chosen = there if there.any() else ~there
@@ -51,12 +49,12 @@ def fit_link(link: RecordedLink) -> FittedLink:
 
 
 def fit_log(log: Path) -> tuple[FittedLink, ...]:
-    """Find the laws of each link of a log; raises LogError."""
+    """Fit the laws of each link of a log; raises LogError."""
     return tuple(map(fit_link, recorded_links(log)))
 
 
 def as_toml(links: tuple[FittedLink, ...]) -> str:
-    """The block for a scenario, each entry under its estimates as comments."""
+    """Return the block for a scenario, each entry under its estimates as comments."""
     blocks = []
     for link in links:
         head = f"# {link.sender} → {link.receiver}, {link.messages} messages; 95 % intervals:"

@@ -33,7 +33,7 @@ MOST_QUANTILES = 500
 
 @dataclass(frozen=True, slots=True)
 class FittedDelay:
-    """Keys of a link that give its delays again, and their estimates."""
+    """Keys of a link that reproduce its delays, and their estimates."""
 
     keys: dict[str, Any]
     estimates: tuple[Estimate, ...]
@@ -51,7 +51,7 @@ class _Law:
 
 
 def fit_delay(number: NDArray[np.int64], sent_at_s: Floats, delay_ms: Floats) -> FittedDelay:
-    """Find the law of delays (ms) of messages by their numbers and instants of sending (s)."""
+    """Fit the law of delays (ms) of messages, given their numbers and sending times (s)."""
     low, high = float(delay_ms.min()), float(delay_ms.max())
     if high - low < SAME_MS:
         value = round(float(np.mean(delay_ms)), 6)
@@ -75,7 +75,7 @@ def fit_delay(number: NDArray[np.int64], sent_at_s: Floats, delay_ms: Floats) ->
 
 
 def _uniform(delay_ms: Floats) -> FittedDelay | None:
-    """A floor and jitter, if delays are spread evenly."""
+    """Return a floor and jitter, if delays are spread evenly."""
     low, high, count = float(delay_ms.min()), float(delay_ms.max()), len(delay_ms)
     if stats.kstest((delay_ms - low) / (high - low), "uniform").pvalue < CERTAIN:
         return None
@@ -113,7 +113,7 @@ DISTRIBUTIONS: Mapping[str, Callable[[float, float, float], Any]] = {
 
 
 def _distribution(kind: str, parameters: Floats) -> Any:
-    """The law with a floor (ms), a mean and a deviation beyond it, the last two as logarithms."""
+    """The law of a floor (ms), and logarithms of mean and deviation beyond it."""
     return DISTRIBUTIONS[kind](float(parameters[0]), exp(parameters[1]), exp(parameters[2]))
 
 
@@ -149,10 +149,10 @@ def _fitted(kind: str, seen: "_Delays") -> _Law | None:
 class _Delays:
     """Delays (ms) in the order of their numbers, and which of them waited for one before.
 
-    The normal numbers behind them are a chain: given the last message delivered, which did not wait
-    itself, one has the correlation ρ^steps with it. What followed one that waited, whose own
-    delay is not known, tells nothing for certain and is left out; so each term is the chance of
-    what came given all before it, and what made messages wait does not bias them.
+    The normal scores behind the delays are a chain: given the last delivered message, which did not
+    wait itself, the next has the correlation ρ^steps with it. The successor of a message that
+    waited, whose own delay is unknown, is left out; so each term is the chance of a delay given all
+    before it, and the cause of waiting does not bias them.
     """
 
     number: NDArray[np.int64]
@@ -161,14 +161,14 @@ class _Delays:
 
     @cached_property
     def may_be_tied(self) -> bool:
-        """Whether delays of messages one after the other may be correlated."""
+        """Whether delays of successive messages may be correlated."""
         if self.waited.any():
             return True
         found = float(stats.spearmanr(self.delay_ms[:-1], self.delay_ms[1:]).statistic)
         return bool(abs(found) > 3.0 / sqrt(len(self.delay_ms)))
 
     def likelihood(self, law: Any, correlation: float) -> float:
-        """Logarithm of the chance of these delays."""
+        """Log-likelihood of these delays."""
         if not correlation:
             exact, at_most = self.delay_ms[~self.waited], self.delay_ms[self.waited]
             return float(law.logpdf(exact).sum() + law.logcdf(at_most).sum())
@@ -186,7 +186,7 @@ class _Delays:
 
 
 def _scores(law: Any, delay_ms: Floats) -> Floats:
-    """Normal numbers that belong to delays, from the nearer tail."""
+    """Normal scores of delays, from the nearer tail."""
     below = law.cdf(delay_ms)
     found: Floats = np.where(
         below < 0.5, stats.norm.ppf(np.clip(below, 1e-15, 0.5)),
@@ -217,9 +217,9 @@ def _errors(minus_likelihood: Callable[[Floats], float], best: Floats) -> tuple[
 
 
 def _explains(law: _Law, seen: _Delays) -> bool:
-    """Whether delays are as the law has them, of messages so far apart that they are on their own.
+    """Test whether delays fit the law, from messages far enough apart to be independent.
 
-    Where some waited that is not asked: their share differs from message to message.
+    With waiting messages the test is skipped: their share differs from message to message.
     """
     if seen.waited.any():
         return True
@@ -251,7 +251,7 @@ def _described(law: _Law, *, in_order: bool) -> FittedDelay:
 
 
 def _as_recorded(delay_ms: Floats, *, in_order: bool) -> FittedDelay:
-    """Their own quantiles, where no law explains them."""
+    """Return the quantiles of the delays, if no law fits them."""
     shares = (np.arange(min(len(delay_ms), MOST_QUANTILES)) + 0.5) / min(
         len(delay_ms), MOST_QUANTILES
     )

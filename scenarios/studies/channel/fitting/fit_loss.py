@@ -30,7 +30,7 @@ USUAL_RESERVATION = 10.0
 
 
 def fit_losses(link: RecordedLink) -> Found:
-    """Find all that a link lost messages by: keys of it, their estimates, and what is not told."""
+    """Fit all laws of loss of a link: keys, estimates, and what the log leaves open."""
     keys: dict[str, Any] = {}
     estimates: list[Estimate] = []
     notes: list[str] = []
@@ -43,7 +43,7 @@ def fit_losses(link: RecordedLink) -> Found:
 
 
 def judged_by(link: RecordedLink, *words: str) -> tuple[Flags, Flags]:
-    """Which messages a law judged that drops by any of `words`, and which of all it dropped."""
+    """Which messages a law with the reasons `words` judged, and which of all it dropped."""
     earlier = ORDER[: min(ORDER.index(word) for word in words)]
     dropped: Flags = np.isin(link.reason, words)
     judged: Flags = ~np.isin(link.reason, [word for word in earlier if word not in words])
@@ -92,7 +92,7 @@ def _independent(link: RecordedLink) -> Found:
 
 
 def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, int, int, int]:
-    """Pairs of messages one after the other: from delivered, to lost; from lost, to delivered."""
+    """Count pairs of messages: first delivered, of these then lost; first lost, then delivered."""
     pairs = (np.diff(link.number) == 1) & judged[1:] & judged[:-1]
     before, after = lost[:-1][pairs], lost[1:][pairs]
     return (
@@ -102,7 +102,7 @@ def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, i
 
 
 def _bursts(link: RecordedLink) -> Found:
-    """Gilbert's chain by its transitions: they are binomial, so are their errors."""
+    """Gilbert's chain from its transitions, which are binomial, and so are their errors."""
     judged, lost = judged_by(link, "burst", "pattern")
     if not lost.any():
         return {}, [], []
@@ -132,7 +132,7 @@ def _bursts(link: RecordedLink) -> Found:
 
 
 def _share_alone(judged: Flags, lost: Flags) -> Found:
-    """A chain of which no burst both begins and ends: its length so far is all that is known."""
+    """A chain without a complete burst: only its length so far is known."""
     count, of = int(lost.sum()), int(judged.sum())
     burst = float(bursts(lost[judged]).max())
     interval = share(count, of, CONFIDENCE, inflation(count / of, burst))
@@ -182,11 +182,6 @@ def _share_and_burst(judged: Flags, lost: Flags) -> tuple[float, float, float, f
     return loss, burst, sqrt(loss * (1 - loss) / count * spread_by), deviation / sqrt(len(lengths))
 
 
-def _radio(link: RecordedLink) -> Found:
-    """What was lost on the way, with the distance."""
-    return fit_radio(link, *judged_by(link, "range"))
-
-
 def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
@@ -197,6 +192,6 @@ FITTERS: Mapping[str, Callable[[RecordedLink], Found]] = {
     "loss_ratio": _independent,
     "loss": _bursts,
     "collisions": _collisions,
-    "radio": _radio,
+    "radio": lambda link: fit_radio(link, *judged_by(link, "range")),
 }
-"""Finds the laws of a link, by the key that requests them."""
+"""Functions that fit the laws of a link, by its keys."""

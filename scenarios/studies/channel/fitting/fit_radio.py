@@ -23,7 +23,7 @@ Flags = NDArray[np.bool_]
 Found = tuple[dict[str, Any], list[Estimate], list[str]]
 
 LEAST_IN_BIN = 200
-"""Messages from which a share of deliveries at a distance is told."""
+"""Least number of messages to estimate a share of deliveries at a distance from."""
 NARROWEST_M = 2.0
 """Distances that differ by less are the same."""
 MOST_BINS = 40
@@ -32,7 +32,7 @@ CERTAIN = 4.0
 SHARED = 0.88
 """A correlation of messages next to one another above which they share one fate."""
 LEAST_LOSSES = 100
-"""From which shadowing is told."""
+"""Least number of losses to fit shadowing from."""
 LEAST_RESERVATIONS = 15
 """In each stretch of distances."""
 MOST_LAGS = 200
@@ -44,7 +44,7 @@ UNTOLD_KEEP = "the mean reservation is told, its limits and what is kept of it h
 
 @dataclass(frozen=True)
 class JudgedOverDistance:
-    """The messages that a link's radio judged, in their order: numbers, distances (m), fates."""
+    """The messages that a link's radio judged, in order: numbers, distances (m), fates."""
 
     number: NDArray[np.int64]
     distance_m: Floats
@@ -61,22 +61,20 @@ class JudgedOverDistance:
 
     @cached_property
     def at_m(self) -> Floats:
-        """Mean distance of each stretch."""
         return np.array([float(self.distance_m[one].mean()) for one in self.stretches])
 
     @cached_property
     def ratios(self) -> Floats:
-        """Share delivered in each stretch."""
         return np.array([1.0 - float(self.lost[one].mean()) for one in self.stretches])
 
     @cached_property
     def loss_of_each(self) -> Floats:
-        """Chance of each message to be lost, by the table."""
+        """Loss probability of each message, by the table."""
         found: Floats = 1.0 - np.interp(self.distance_m, self.at_m, self.ratios)
         return found
 
     def pairs(self, lag: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Places of messages `lag` numbers apart."""
+        """Indices of messages `lag` numbers apart."""
         later = np.searchsorted(self.number, self.number + lag)
         there = later < len(self.number)
         there[there] = self.number[later[there]] == self.number[there] + lag
@@ -85,7 +83,7 @@ class JudgedOverDistance:
 
     @cached_property
     def correlations(self) -> Floats:
-        """Correlation of the fates of messages at each lag from 1 on, beyond that of distance."""
+        """Correlation of the fates of messages at lags from 1 on, beyond that by distance."""
         chance = self.loss_of_each
         beyond, spread = self.lost - chance, np.sqrt(chance * (1.0 - chance))
         found = []
@@ -164,7 +162,7 @@ def _lengths(mean: float, correlations: Floats) -> tuple[int, int, float, Floats
 
 
 def _held(least: int, most: int, kept: float, lags: int) -> Floats:
-    """Chance that two messages have the same resources, by the lag between them from 1 on."""
+    """Probability that two messages have the same resources, by the lag between them from 1 on."""
     length = np.zeros(most)
     length[least - 1 :] = 1.0 / (most - least + 1)  # of 1 to `most` messages
     left = np.cumsum(length[::-1])[::-1] / (length @ np.arange(1, most + 1))
@@ -200,7 +198,7 @@ def _table(seen: JudgedOverDistance, keys: dict[str, Any], held: Floats) -> Foun
 
 
 def _spread_by(number: NDArray[np.int64], held: Floats) -> float:
-    """By how much the variance of a share is larger than that of messages on their own."""
+    """Ratio of the variance of a share to that of independent messages."""
     there = np.zeros(int(number[-1] - number[0]) + 1, dtype=np.bool_)
     there[number - number[0]] = True
     lags = range(1, min(len(held), len(there) - 1) + 1)
