@@ -2,11 +2,11 @@
 
 linear_model       the car in its errors against a path: matrices, characteristic polynomial
 polynomials        Routh-Hurwitz, stationary points, exact arithmetic
-gain_sets          which gains stabilise the car
-gain_margins       how far chosen gains are inside that set
+gain_sets          the gains that stabilise the car
+gain_margins       distance of chosen gains from the boundary of that set
 constant_speed     stability proven at every speed between two
 varying_speed      certified accelerations
-mean_acceleration  what accelerations may add up to
+mean_acceleration  bounds on the integral of the acceleration
 propagation        transfer functions from car to car
 simulated_chain    the same in time
 sampled_loop       the loop as it is run: rates, hold, filter; lowest stable rates

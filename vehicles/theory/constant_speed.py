@@ -67,9 +67,7 @@ def is_stable_over(
 ) -> bool:
     """Whether at every constant speed in [slowest, fastest] all roots lie left of -decay (1/s).
 
-    Speeds in m/s. The hypothesis of Proposition 1, proven for the whole interval: Hurwitz's minors
-    are polynomials in 1/v, and their positivity is settled in exact rational arithmetic, not on a
-    grid.
+    Speeds in m/s. Proves the hypothesis of Proposition 1 for the whole interval, not on a grid.
     """
     if not 0.0 < slowest <= fastest:
         raise ValueError(f"speeds must satisfy 0 < slowest <= fastest: {slowest}, {fastest}")
@@ -82,7 +80,7 @@ def is_stable_over(
 def guaranteed_decay(
     parameters: VehicleParameters, gains: Gains, slowest: float, fastest: float
 ) -> float:
-    """Find the sigma (1/s) of Proposition 1: proven decay at every constant speed in the interval.
+    """Proven decay sigma (1/s) of Proposition 1 at every constant speed in the interval.
 
     Speeds in m/s. Within 1 % below the true one; 0 if the loop is not stable over the interval.
     """

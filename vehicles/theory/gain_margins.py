@@ -1,6 +1,6 @@
-"""How far chosen gains are from losing stability: the largest ball around them, and intervals.
+"""Distance of chosen gains from instability: the largest ball around them, and intervals.
 
-Both rest on the boundary of `vehicles.theory.gain_sets` in closed form, not on grids of gains or
+Both use the boundary of `vehicles.theory.gain_sets` in closed form, not grids of gains or
 frequencies.
 """
 
@@ -42,8 +42,8 @@ def stability_ball(
     The metric is Euclid's on (k_e, k_theta, k_omega) / scale; with scale = gains the radius is the
     relative change that all gains together may suffer. For each frequency the boundary is a line,
     so its distance squared is a ratio of polynomials in w², and all its stationary points are roots
-    of one polynomial: the minimum is global and no grid is involved. Relative accuracy 1e-6.
-    Radius 0 if the gains do not stabilise. Paper, Section V-A (which names a ball and no radius).
+    of one polynomial: the minimum is global. Relative accuracy 1e-6.
+    Radius 0 if the gains do not stabilise. Paper, Section V-A (which gives no radius).
     """
     centre = np.array(gains)
     if not is_stabilising(parameters, speed, centre):
@@ -105,7 +105,7 @@ def gain_interval(
     gains: Gains,
     direction: tuple[float, float, float],
 ) -> tuple[float, float]:
-    """How far the gains may move along `direction`, backward (negative) and forward.
+    """Largest moves of the gains along `direction`, backward (negative) and forward.
 
     With (1, 0, 0) the changes that k_e alone may suffer, and so on. On a line the two equations of
     the boundary share one unknown; eliminating it leaves a polynomial in w², whose roots are the

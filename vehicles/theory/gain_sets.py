@@ -1,12 +1,12 @@
-"""Which feedback gains stabilise the car: the set, its boundary, its extent.
+"""The feedback gains that stabilise the car: the set, its boundary, its extent.
 
 D-decomposition (paper, Section III-F): a root leaves the left half-plane only where Delta(0, K) = 0
 or Delta(j w, K) = 0. The first is the plane k_e = 0. The second is linear in the gains: for each
 frequency a straight line in the space of (k_e, k_theta, k_omega), and these lines sweep the other
 surface. A6 does not depend on the gains, so there is no third boundary (a root at infinity).
 
-Gains are arrays (..., 3) of (k_e in rad/m, k_theta, k_omega in s), or `Gains`. Whole sets belong
-to a list of cars (loadings) and speeds (m/s): gains are members if they stabilise all of them.
+Gains are arrays (..., 3) of (k_e in rad/m, k_theta, k_omega in s), or `Gains`. A set belongs to a
+list of cars (loadings) and speeds (m/s): gains are members if they stabilise all of them.
 """
 
 from collections.abc import Sequence
@@ -159,7 +159,7 @@ def gain_box(
 
 
 SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))
-"""Directions in which `gain_extremes` searches, in units of its reach."""
+"""Directions of the search in `gain_extremes`, in units of its reach."""
 
 
 def gain_extremes(
@@ -168,10 +168,10 @@ def gain_extremes(
     """Members of the intersection with the least and the greatest k_e, k_theta and k_omega.
 
     Extent of the stabilising set of Section V-A, of which Fig. 6 is a picture at one speed. The set
-    runs out into tips thinner than a cell of any grid, so from the outermost members of `gain_box`
-    on better ones are searched around the best so far, near and far at once, until none is found
-    within 1e-5 of the box. All six are members: the set reaches so far at least, and about no
-    further (to 1 or 2 % of its extent). Raises ValueError as `gain_box` does.
+    runs out into tips thinner than a cell of any grid, so the search starts from the outermost
+    members of `gain_box` and moves to better ones, near and far at once, until there is none within
+    1e-5 of the box. All six are members, and the set extends at most 1 or 2 % further.
+    Raises ValueError as `gain_box` does.
     """
     low, high = np.array(gain_box(cars, speeds)).T
     axes = [np.linspace(low[k], high[k], 24) for k in range(3)]
@@ -215,8 +215,8 @@ def non_convex_pair(
 ) -> tuple[Gains, Gains] | None:
     """Two stabilising gains whose midpoint does not stabilise: proof that the set is not convex.
 
-    Section V-A says so of the paper's car. Searched among all pairs of members of a grid; None if
-    there is no such pair. Of several the one whose midpoint is furthest into instability.
+    Section V-A states this of the paper's car. Searches all pairs of members of a grid and returns
+    the pair whose midpoint is furthest into instability; None if there is no pair.
     """
     axes = [np.linspace(low, high, points + 2)[1:-1] for low, high in gain_box(cars, speeds)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)

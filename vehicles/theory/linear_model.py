@@ -1,8 +1,8 @@
 """The car's motion relative to its trajectory as a linear system (paper, Sections II and III-F).
 
 State z = (e_lat, theta~, their rates, steering angle, steering rate) in m, rad, s; left positive.
-With gamma = 1/v the matrix is A(gamma) = A0 + gamma A1. Derived anew from eqs. (1), (2) with
-v_y = e' - v theta~ and yaw rate = theta~' + v kappa; against the paper's text:
+With gamma = 1/v the matrix is A(gamma) = A0 + gamma A1. Derived from eqs. (1), (2) with
+v_y = e' - v theta~ and yaw rate = theta~' + v kappa. Differences from the paper's text:
 
 - Its state equation lacks M^-1 before L, C_0, B and F (Section IV-A). The second-order form (3) has
   the mass matrix and is right, units included: m v² and a C_f - b C_r are both N m per radian.
@@ -12,7 +12,7 @@ v_y = e' - v theta~ and yaw rate = theta~' + v kappa; against the paper's text:
 - The coefficients A6...A0 are right, but are those of Delta(s, K) / w_n²: the polynomial of the
   equation before them is w_n² times as large. The roots are the same.
 - Delta_o(s) has a double root at the origin, so it can never have all roots in the open left
-  half-plane; what the figure of roots over masses must show is Delta(s, K).
+  half-plane; the figure of roots over masses must show Delta(s, K).
 """
 
 import numpy as np
@@ -88,13 +88,13 @@ def steady_cornering(
 ) -> tuple[float, float]:
     """Lateral error (m) and heading error (rad) on an endless arc, eqs. (3), (6), (7) at rest.
 
-    The car must keep theta~ = -(b - m a v² / (L C_r)) kappa on an arc, which k_theta answers with
+    The car keeps theta~ = -(b - m a v² / (L C_r)) kappa on an arc, to which k_theta responds with
     steering, so e_lat settles where k_e cancels that: not at zero unless the slip is. With a
     feedforward for `known` instead of the true car, its error is left over as well.
     """
-    believed = known or parameters
-    surplus = (believed.wheelbase - parameters.wheelbase) + speed * speed * (
-        believed.steer_gradient - parameters.steer_gradient
+    assumed = known or parameters
+    surplus = (assumed.wheelbase - parameters.wheelbase) + speed * speed * (
+        assumed.steer_gradient - parameters.steer_gradient
     )
     heading = -parameters.steady_slip_per_curvature(speed) * curvature
     return (surplus * curvature - gains.heading * heading) / gains.lateral, heading

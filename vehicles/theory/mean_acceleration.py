@@ -1,4 +1,4 @@
-"""Stability while the speed changes, by what its acceleration adds up to (Proposition 1).
+"""Stability while the speed changes, from the integral of the acceleration (Proposition 1).
 
 With V = w(v) z'P(v)z, A'P + PA = -Q and z' = (A(1/v) + v'E) z (see `varying_speed`),
 
@@ -10,9 +10,9 @@ terms of P are moved by h, so the best h centres them. So
 
     V(t) <= V(0) exp(-c t + k * integral of |v'|),
 
-and V falls in the long run if the mean of |v'| stays below mu* = c / k, whatever it does meanwhile:
-condition (i). By the Cauchy-Schwarz inequality a mean of v'² below mu*² is enough, condition (ii),
-and so is a finite integral of v'², whose mean goes to nothing.
+and V falls in the long run if the mean of |v'| stays below mu* = c / k: condition (i). By the
+Cauchy-Schwarz inequality a mean of v'² below mu*² is enough, condition (ii), and so is a finite
+integral of v'², whose mean goes to zero.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class IntegralBound:
 
     @property
     def mean_acceleration(self) -> float:
-        """The mu* (m/s²) of Proposition 1, (i) and (ii): what |v'| may be in the mean."""
+        """The mu* (m/s²) of Proposition 1, (i) and (ii): bound on the mean of |v'|."""
         return self.decay / self.sensitivity
 
     def energy_ratio(self, span: float, change: float) -> float:
@@ -111,10 +111,10 @@ def energy_root(
 def error_growth(
     parameters: VehicleParameters, gains: Gains, before: float, after: float, acceleration: float
 ) -> float:
-    """How large the worst initial error is, relative to it, once the speed has changed evenly.
+    """Largest norm of an error after an even change of speed, over its norm before.
 
-    Both measured by the P of the first speed; see `transition`. To hold the bound of Lyapunov's
-    method, for Proposition 1, against.
+    Both norms are those of P at the first speed; see `transition`. For comparison with the bound of
+    Lyapunov's method, for Proposition 1.
     """
     certificate = certify(parameters, gains, min(before, after), max(before, after))
     root = energy_root(parameters, gains, before, certificate.weights)

@@ -1,7 +1,7 @@
-"""Polynomials of a closed loop: are all roots in the left half-plane, and where does a ratio peak.
+"""Polynomials of a closed loop: Hurwitz stability, and stationary points of a ratio.
 
-Floating-point polynomials are arrays of coefficients in descending powers, as numpy.roots takes
-them. Exact ones are tuples of fractions in ascending powers. Nothing here knows of cars.
+Floating-point polynomials are arrays of coefficients in descending powers, as for numpy.roots.
+Exact ones are tuples of fractions in ascending powers.
 """
 
 from collections.abc import Sequence
@@ -17,13 +17,13 @@ Exact = tuple[Fraction, ...]
 """A polynomial with rational coefficients, constant term first."""
 
 DEEPEST_SUBDIVISION = 40
-"""Halvings after which an exact positivity check gives up and answers no."""
+"""Halvings after which an exact positivity check gives up and returns False."""
 
 
 def is_hurwitz(coefficients: Array) -> NDArray[np.bool_]:
     """Whether all roots have negative real parts, by Routh's array (Routh-Hurwitz criterion).
 
-    Shape (..., n + 1) gives shape (...); the rows are worked on elementwise, so grids are quick.
+    Shape (..., n + 1) gives shape (...), computed elementwise.
     A polynomial on the boundary (a root on the axis: a zero in the first column) is not Hurwitz.
     """
     count = coefficients.shape[-1]
@@ -55,7 +55,7 @@ def spectral_abscissa(coefficients: Array) -> Array:
 def squared_magnitude(polynomial: Array) -> Array:
     """|p(j w)|² as a polynomial in x = w²: p(s) p(-s) has even powers only, and s² = -x.
 
-    The product that spectral factorisation takes apart.
+    The product that spectral factorisation decomposes.
     """
     powers = np.arange(len(polynomial))[::-1]
     product = np.convolve(polynomial, polynomial * (-1.0) ** powers)[::2]
@@ -63,11 +63,11 @@ def squared_magnitude(polynomial: Array) -> Array:
 
 
 def stationary_points(numerator: Array, denominator: Array) -> Array:
-    """Where numerator / denominator may be stationary on x > 0: every candidate, none missed.
+    """Candidates on x > 0 for stationary points of numerator / denominator, none missed.
 
     The real parts of all roots of N' D - N D' (quotient rule) in the right half-plane. A spurious
-    candidate does no harm to a caller that evaluates the ratio and takes the extreme, so no
-    tolerance is needed to tell a real root from a nearly real pair. Gives an array, perhaps empty.
+    candidate is harmless to a caller that evaluates the ratio and takes the extreme, so no
+    tolerance is needed to tell a real root from a nearly real pair. The array may be empty.
     """
     slope: Array = np.polysub(
         np.polymul(np.polyder(numerator), denominator),
@@ -98,7 +98,7 @@ def is_positive_between(polynomial: Exact, low: Fraction, high: Fraction) -> boo
     """Whether polynomial(x) > 0 for every x in [low, high], proven in exact arithmetic.
 
     Bernstein coefficients on an interval bound the polynomial from below, and the first and last
-    are its end values. Where they do not decide, the interval is halved (de Casteljau). Answers no
+    are its end values. Where they do not decide, the interval is halved (de Casteljau). False
     where the polynomial touches zero within 2^-40 of the interval.
     """
     degree = len(polynomial) - 1

@@ -1,24 +1,24 @@
-"""How lateral errors travel down the convoy: transfer functions in closed form (Section IV-B).
+"""Transfer functions of lateral errors down the convoy, in closed form (Section IV-B).
 
 Two chains of linear loops, each follower steering relative to the one ahead:
 
 `propagation`, the paper's: feedback on x_i - x_(i-1), the difference of both vehicles' lateral
 offset and heading at one instant. The fed-back signal u_i = K x_i obeys u_i = G u_(i-1) with
 G = H / (1 + H), and since x_i = (M_0 + B K)^-1 B u_(i-1), every component of x does so from the
-first follower on: e_lat,(i+1) = G e_lat,i. Against the paper's text:
+first follower on: e_lat,(i+1) = G e_lat,i. Differences from the paper's text:
 
 - N(0) lacks the factor C_f that K(s) carries: N(0) = C_f C_r (a + b) k_e. The sign is the same.
 - N(0)/R(0) > 0, and with it |G| > 1 at low frequency, needs R(0) > 0: true at any speed for an
   understeering car and below the critical speed for an oversteering one. "det M_0(s) = 0" is meant
   at s = 0.
-  Amplification somewhere is certain for any car: with two integrators in the loop Bode's integral
-  of ln|G| / w² over all frequencies is not negative.
+  Amplification at some frequency is certain for any car: with two integrators in the loop Bode's
+  integral of ln|G| / w² over all frequencies is not negative.
 - (M_0 + B K)^-1 B K has rank one; |G| is its only non-zero eigenvalue in magnitude and a lower
   bound of sigma_max, which also mixes metres with radians. |G| <= 1 is necessary, not equivalent.
 
-`trace_propagation`, nearer the emulator: a follower knows where its predecessor drove, not how it
-was turned. Its reference is that path: lateral offset y, course y' / v, curvature y'' / v², with
-feedforward. Lateral offset to lateral offset at the same place of the road.
+`trace_propagation`, nearer the emulator: a follower knows the path of its predecessor, not its
+heading at the same instant. Its reference is that path: lateral offset y, course y' / v, curvature
+y'' / v², with feedforward. Lateral offset to lateral offset at the same place of the road.
 
 With the lead's data and weight alpha on the predecessor, either chain becomes
 y_i = F (alpha y_(i-1) + (1 - alpha) y_0), which contracts if alpha |F| < 1 at every frequency.
@@ -82,18 +82,18 @@ def trace_propagation(
     steering: SteeringModel = "second order",
     known: VehicleParameters | None = None,
 ) -> Transfer:
-    """Lateral offset of a follower over that of the path its predecessor left.
+    """Lateral offset of a follower over that of its predecessor's path.
 
     F = n_e (k_e + (k_theta / v) s + (k_omega / v + (L + K_sg v²) / v²) s²) / Delta: the numerator
     n_e of e_lat / delta_f (Section III-F) times the law of eqs. (6), (7) with the reference's
-    course y' / v and curvature y'' / v². Not smoothed by any fit, so it overstates what happens
+    course y' / v and curvature y'' / v². Not smoothed by any fit, so it overstates the response
     above some 5 rad/s; without actuation it does not even fall off towards high frequency. At low
     frequency F = 1 - (e/kappa) w² / v² with the steady cornering error e of
     `linear_model.steady_cornering`: a car that settles outside the path on curves amplifies.
-    `known` is the car as the controller believes it to be.
+    `known` are the parameters that the controller assumes.
     """
-    believed = known or parameters
-    feedforward = believed.wheelbase + believed.steer_gradient * speed * speed
+    assumed = known or parameters
+    feedforward = assumed.wheelbase + assumed.steer_gradient * speed * speed
     law = np.array(
         [gains.yaw_rate / speed + feedforward / speed**2, gains.heading / speed, gains.lateral]
     )
@@ -112,7 +112,7 @@ def _instantaneous_denominator(parameters: VehicleParameters, gains: Gains, spee
 
 
 def low_frequency_growth(parameters: VehicleParameters, gains: Gains, speed: float) -> float:
-    """Find the c (s²) of |G(j w)| = 1 + c w² + O(w^3) for small w: R(0) / N(0), Section IV-B.
+    """The c (s²) of |G(j w)| = 1 + c w² + O(w^3) for small w: R(0) / N(0), Section IV-B.
 
     G = 1 / (1 + s² R / N). Positive, so that errors grow, whenever R(0) is: see the module.
     Steering actuation does not change it.

@@ -1,4 +1,4 @@
-"""Stability of the steered car as it is run: sampled, held, and seen through its filter.
+"""Stability of the steered car as it is run: sampled, held, and estimated by a filter.
 
 The theory of the paper is continuous: the law knows the state at every instant. A vehicle decides
 at the rate of control and holds the command; its yaw rate comes at the rate of its inertial sensor,
@@ -6,14 +6,14 @@ its place and heading at that of its receiver, and a filter joins them. On a str
 speed all of this is linear and repeats after a common period of the three rates, so the loop is
 stable exactly if the eigenvalues of its map over that period lie inside the unit circle.
 
-What a follower hears enters nowhere: it says where the path is, not where the car is. A late or
-rare message may bend the path, but cannot make the loop around it unstable.
+Received messages do not enter: they locate the path, not the car. A late or rare message may bend
+the path, but cannot make the loop around it unstable.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import ceil, exp, gcd, inf, lcm, log, log2
 
 import numpy as np
@@ -25,24 +25,26 @@ from vehicles.car.positioning.noise import GnssNoise
 from vehicles.theory.linear_model import Array, open_loop, steering_input
 
 FINENESS, MOST_INSTANTS = (100, 10, 2, 1), 4000
-"""Rates are taken to a hundredth of a hertz, so that a common period exists; to a coarser part, at
-last to whole ones, where that period would hold more instants than these."""
+"""Rates are rounded to 1/100 Hz, so that a common period exists, or to a coarser part, at last to
+whole hertz, if that period would hold too many instants.
+"""
 
 LARGE, LARGEST_LOG = 1e100, 700.0
-"""A matrix beyond the first is scaled; e to the second is near the largest floating number."""
+"""A larger matrix is scaled; e to `LARGEST_LOG` is near the largest floating number."""
 
-LOOKED_EVERY = 16
-"""Steps between two looks at its size, which together do not multiply it by 1e200."""
+CHECKED_EVERY = 16
+"""Steps between two size checks, which together do not multiply the matrix by 1e200."""
 
 LEAST_NOISE = 1e-6
-"""Noise (m, rad) of a receiver that has none; its fixes are taken over nearly as they are."""
+"""Noise (m, rad) of a receiver that has none; its fixes are then followed almost exactly."""
 
 DOUBLINGS, TERMS = 24, 14
 """Enough for both series: 2^24 fixes, and 0.5^14 / 14! is no more than rounding."""
 
 CAR, COMMAND, PLACE, HEADING, SLIP, READING = slice(0, 6), 6, 7, 8, 9, 10
-"""The state: z of `linear_model`, command, and what the filter holds: e_lat, theta~, v_y, and the
-last reading of the yaw rate. Its biases are known by then, and no part of the loop."""
+"""The state: z of `linear_model`, the command, and the filter's e_lat, theta~, v_y and last reading
+of the yaw rate. Its biases are assumed known, and no part of the loop.
+"""
 SIZE = 11
 
 
@@ -50,8 +52,8 @@ SIZE = 11
 class SampledLoop:
     """A loop as it is run (Section V-D): rates (Hz) and noises; `imu_hz` None for exact own state.
 
-    `parameters` are the car's, `assumed` those of its estimator. `filter_gains` in place of the
-    stationary ones of Kalman's filter are the shares of place and heading that a fix corrects.
+    `parameters` are the car's, `assumed` those of its estimator. `filter_gains` replace the
+    stationary ones of Kalman's filter by shares of place and heading that a fix corrects.
     """
 
     parameters: VehicleParameters
@@ -79,7 +81,6 @@ class SampledStability:
 
     @property
     def stable(self) -> bool:
-        """Whether errors die out."""
         return self.log_radius < 0.0
 
     @property
@@ -94,7 +95,7 @@ def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
     total, scale = np.eye(SIZE), 0.0
     for number, step in enumerate(steps.over_a_period()):
         total = step @ total
-        if number % LOOKED_EVERY == 0 and (size := float(np.max(np.abs(total)))) > LARGE:
+        if number % CHECKED_EVERY == 0 and (size := float(np.max(np.abs(total)))) > LARGE:
             # Of a loop that is far from stable over a long period.
             total, scale = total / size, scale + log(size)
     if loop.imu_hz is None:
@@ -108,8 +109,8 @@ def lowest_stable_rate(
 ) -> int | None:
     """Lowest whole rate (Hz) such that `loop_at(rate)` is stable from there up to `most`.
 
-    Stability of eqs. (3), (4), (7) as run. It is sought downwards, since below an unstable rate
-    there are others that are stable because all readings happen to come just before a decision.
+    Stability of eqs. (3), (4), (7) as run. The search goes downwards, since below an unstable rate
+    others may be stable because all readings happen to come just before a decision.
     None if the loop is not stable at `most`.
     """
     unstable = (
@@ -195,44 +196,36 @@ class _Steps:
         self._motion = np.zeros((7, 7))
         self._motion[CAR, CAR] = constant + inverse_speed / speed
         self._motion[CAR, COMMAND] = steering_input(loop.parameters)
-        # The same few spans come again and again in a period.
-        self._flows: dict[int, Array] = {}
-        self._moves: dict[tuple[int, bool], Array] = {}
-        self._decisions: dict[int, Array] = {}
 
     def over_a_period(self) -> Iterator[Array]:
-        """Give the maps of the events and of the time between them, in their order."""
+        """Yield the maps of the events and of the time between them, in their order."""
         end = round(self.period * self._per_s)
         instants = sorted({at for every in self._every for at in range(0, end, every)})
         # A period ends as it begins, with a reading, so the filter has to come to its first instant
         # from the last one at which it was moved.
         estimated_at = -min(self._every[1:], default=end)
+        # A period repeats the same few spans.
+        flow, moved, decided = cache(self._flow), cache(self._moved), cache(self._decided)
         for now, after in zip(instants, [*instants[1:], end], strict=True):
             kinds = [now % every == 0 for every in self._every]
             if len(kinds) > 1:
                 if kinds[1] or kinds[2]:
-                    yield self._moved(now - estimated_at, read=kinds[1])
+                    yield moved(now - estimated_at, read=kinds[1])
                     estimated_at = now
                 if kinds[2]:
                     yield self._fixed()
             if kinds[0]:
-                yield self._decided(now - estimated_at)
-            yield self._flow(after - now)
+                yield decided(now - estimated_at)
+            yield flow(after - now)
 
     def _flow(self, span: int) -> Array:
-        if span not in self._flows:
-            flow = np.eye(SIZE)
-            flow[:7, :7] = _exponential(self._motion * (span / self._per_s))
-            self._flows[span] = flow
-        return self._flows[span]
+        flow = np.eye(SIZE)
+        flow[:7, :7] = _exponential(self._motion * (span / self._per_s))
+        return flow
 
-    def _moved(self, span: int, *, read: bool) -> Array:
-        """Dead reckoning over `span`, up to a reading or by the last one."""
-        if (span, read) not in self._moves:
-            self._moves[span, read] = self._reckoned(span / self._per_s, read=read)
-        return self._moves[span, read]
-
-    def _reckoned(self, span: float, *, read: bool) -> Array:
+    def _moved(self, ticks: int, *, read: bool) -> Array:
+        """Dead reckoning over a span, up to a reading or by the last one."""
+        span = ticks / self._per_s
         step = np.eye(SIZE)
         if read:
             step[READING] = 0.0
@@ -256,7 +249,6 @@ class _Steps:
         return step
 
     def _fixed(self) -> Array:
-        """Correction by a fix."""
         step, gains = np.eye(SIZE), stationary_gains(self._loop, self._speed)
         for row, gain in zip((PLACE, HEADING), gains, strict=True):
             step[row, [PLACE, HEADING]] -= gain
@@ -265,11 +257,6 @@ class _Steps:
 
     def _decided(self, span: int) -> Array:
         """The command from the estimate, or from the state itself."""
-        if span not in self._decisions:
-            self._decisions[span] = self._commanded(span)
-        return self._decisions[span]
-
-    def _commanded(self, span: int) -> Array:
         step, gains = np.eye(SIZE), self._loop.gains
         row = np.zeros(SIZE)
         if self._loop.imu_hz is None:
@@ -294,7 +281,7 @@ def _rounded(rates: Sequence[float]) -> list[Fraction]:
 
 
 def _common(rates: Sequence[Fraction]) -> Fraction:
-    """Greatest rate that divides all of them."""
+    """Greatest rate of which all are multiples."""
     common = rates[0]
     for rate in rates[1:]:
         common = Fraction(

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 SIMULATED_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
-"""Where the propagation is simulated (rad/s) to confirm the closed form."""
+"""Frequencies (rad/s) of the simulation that confirms the closed form."""
 
 TRANSIENT = 14.0
 """Time before the evaluation, in time constants of the slowest root."""
@@ -69,7 +69,7 @@ def simulated_propagation(
 def _loop(
     parameters: VehicleParameters, gains: Gains, speed: float, steering: SteeringModel
 ) -> tuple[Array, Array, Array]:
-    """Give the closed loop, its steering input and feedback row: six states, four if instant."""
+    """The closed loop, its steering input and feedback row: six states, four if instantaneous."""
     row = feedback_row(gains)
     if steering == "second order":
         return closed_loop_at(parameters, gains, speed), steering_input(parameters), row

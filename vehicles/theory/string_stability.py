@@ -20,7 +20,7 @@ from vehicles.theory.propagation import Transfer, propagation
 Array = NDArray[np.float64]
 
 LANE_CHANGE_BAND = 2.0 * pi
-"""Frequencies (rad/s) up to 1 Hz: what a lane change contains, well below the steering's mode."""
+"""Frequencies (rad/s) up to 1 Hz: the content of a lane change, well below the steering's mode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def amplified_band(transfer: Transfer) -> list[tuple[float, float]]:
 
 
 def maximum_gain(transfer: Transfer) -> float:
-    """Gain in L-infinity: how much the largest value of a signal may grow from car to car.
+    """Gain in L-infinity: bound on the growth of a signal's largest value from car to car.
 
     The norm of the paper's Definition 1 (Section IV-B), of which the H-infinity norm is a lower
     bound. The integral of the impulse response's magnitude, by its partial fractions (simple poles)
@@ -100,7 +100,7 @@ def largest_weight(transfer: Transfer) -> float:
     """Largest alpha below which alpha |T| < 1 at every frequency, at most 1.
 
     Alpha is the predecessor's weight of eq. (5). Below this value the chain with the lead's data
-    contracts: what a vehicle adds is not amplified behind.
+    contracts: an error that a vehicle adds is not amplified behind it.
     """
     return min(1.0, 1.0 / peak(transfer).magnitude)
 

@@ -1,18 +1,19 @@
-"""Stability while the speed changes: which accelerations are certain to be harmless.
+"""Stability while the speed changes: accelerations that are certain to be harmless.
 
-Beyond Proposition 1 of the paper (Section IV-A), which says that some bound exists, this gives the
-number. While the speed v changes, z' = (A(1/v) + v' E) z (see `linear_model`; the paper leaves E
-out). Take V = w(v) z'P(v)z with A'P + PA = -Q for one fixed diagonal Q. Then
+Beyond Proposition 1 of the paper (Section IV-A), which states that some bound exists, this gives
+the number. While the speed v changes, z' = (A(1/v) + v' E) z (see `linear_model`; the paper leaves
+E out). Take V = w(v) z'P(v)z with A'P + PA = -Q for one fixed diagonal Q. Then
 
     dV/dt = w(v) z' (-Q + v' (S + h P)) z,   S = dP/dv + PE + E'P,   h = (dw/dv) / w,
 
 and dP/dv = -P_gamma / v² from A'P_gamma + P_gamma A = -(A1'P + PA1). So V falls as long as
-v' (S + h P) < Q, whatever v(t) does meanwhile within [slowest, fastest]: pointwise bounds on v',
-one for braking and one for accelerating, from the extreme eigenvalues. The weight w(v) > 0 is free;
-h is chosen at each speed so that both bounds are equal, which gains up to an order of magnitude
-over w = 1. Q is tuned so that the smallest bound over all speeds is large.
+v' (S + h P) < Q, for any v(t) within [slowest, fastest]: pointwise bounds on v', one for braking
+and one for accelerating, from the extreme eigenvalues. The weight w(v) > 0 is free; h is chosen at
+each speed so that both bounds are equal, which gains up to an order of magnitude over w = 1. Q is
+tuned so that the smallest bound over all speeds is large.
 
-What is certified is the linear loop with continuous, undelayed measurement and unlimited steering.
+The certificate covers the linear loop with continuous, undelayed measurement and unlimited
+steering.
 """
 
 from dataclasses import dataclass
@@ -46,7 +47,7 @@ _TUNING_SPEEDS = 7
 class AccelerationBounds:
     """Magnitudes (m/s²) below which braking and accelerating are certified; may be infinite.
 
-    Like mu* of Proposition 1, condition (iii), for which the paper has no number.
+    Counterpart of mu* of Proposition 1, condition (iii), for which the paper has no number.
     """
 
     braking: float
@@ -57,10 +58,9 @@ class AccelerationBounds:
 class SpeedCertificate:
     """Certified accelerations of one car and one choice of gains over an interval of speeds (m/s).
 
-    A sufficient bound for Proposition 1, condition (iii), by Lyapunov's method.
-
-    `weights` is the diagonal of Q in the units of the state. `holds` is whether the loop is stable
-    at every constant speed of the interval; if not, nothing is certified and all bounds are zero.
+    A sufficient bound for Proposition 1, condition (iii), by Lyapunov's method. `weights` is the
+    diagonal of Q in the units of the state. `holds` is whether the loop is stable at every constant
+    speed of the interval; if not, all bounds are zero.
     """
 
     parameters: VehicleParameters
@@ -90,7 +90,7 @@ def certify(
 ) -> SpeedCertificate:
     """Certificate over [slowest, fastest] (m/s) with a tuned Q, for Proposition 1 (iii).
 
-    A narrower interval gives larger bounds. Takes some 50 ms, and the result is remembered.
+    A narrower interval gives larger bounds. Takes some 50 ms; cached.
     """
     if not is_stable_over(parameters, gains, slowest, fastest):
         return SpeedCertificate(parameters, gains, slowest, fastest, UNIT_WEIGHTS, holds=False)
@@ -142,7 +142,6 @@ def lyapunov_change(
 
 
 def _symmetric(matrix: Array) -> Array:
-    """Add the transpose."""
     return np.asarray(matrix + matrix.T)
 
 
