@@ -11,20 +11,20 @@ from vehicles.geometry.path_point import Foot, PathPoint
 Place = tuple[float, float, float]
 """A point (m, m) and a direction (rad)."""
 STRAIGHT: Final = 1e-12
-"""Curvature (1/m) below which a piece is as long as a line: no rounding of turn over curvature."""
+"""Curvature (1/m) below which a piece counts as a line: turn over curvature loses its digits."""
 EARLY: Final = 0.046910077030668018
 EARLIER: Final = 0.23076534494715845
 LATER: Final = 0.76923465505284155
 LATE: Final = 0.95308992296933198
-"""Places, besides the middle, of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
+"""Nodes, besides the middle, of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
 OUTER: Final = 0.11846344252809454
 INNER: Final = 0.23931433524968324
 MIDDLE: Final = 0.28444444444444444
-"""Weights of the first and last of these, of those next to them and of the middle."""
+"""Weights of the outer nodes, the inner nodes and the middle."""
 SETTLED: Final = 5e-3
-"""A foot on a clothoid that moves less than this (m) has settled: the error left is its cube."""
+"""A foot on a clothoid that moves less than this (m) has converged: the error left is its cube."""
 MOST_STEPS: Final = 8
-"""So many steps are made to it at most, one or two being usual."""
+"""Limit of the steps of Newton's method; one or two are usual."""
 
 
 def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float, float]:
@@ -64,7 +64,7 @@ def on_arc(start: Place, curvature: float, station: float) -> PathPoint:
 
 
 def along_arc(start: Place, kappa: float, east: float, north: float) -> float:
-    """Station (m) of `near_arc` (Section III-B), where nothing else of it is wanted."""
+    """Station (m) of `near_arc` (Section III-B), without the rest of the foot."""
     start_east, start_north, yaw = start
     forward, left = cos(yaw), sin(yaw)
     off_east, off_north = east - start_east, north - start_north
@@ -98,8 +98,8 @@ def near_arc(start: Place, kappa: float, east: float, north: float) -> Foot:
 class Piece:
     """One line, arc or clothoid: start (m), yaw and signed curvature (1/m) there, length (m).
 
-    A piece of the circular arc spline of Section III-A; beyond the paper, its curvature may grow
-    by `rate` (1/m²) all along. Beyond its ends it goes on with the curvature that it has there.
+    A piece of the circular arc spline of Section III-A; beyond the paper, its curvature may grow by
+    `rate` (1/m²) all along. Beyond its ends it continues with the curvature at that end.
     """
 
     east: float
@@ -145,9 +145,9 @@ class Piece:
         return self.settled(near, east, north)
 
     def settled(self, near: float, east: float, north: float) -> Foot:
-        """Nearest point of a clothoid (Section III-B), the station `near` on its mean arc known.
+        """Nearest point of a clothoid (Section III-B), given the station `near` on its mean arc.
 
-        By Newton's method, each step to the nearest point of the circle that hugs it.
+        By Newton's method, each step to the nearest point of its osculating circle.
         """
         # The arc from the start that turns by as much as the clothoid does up to about there.
         bend = self.curvature + 0.5 * self.rate * min(max(near, 0.0), self.length)
@@ -175,14 +175,13 @@ class ArcSpline:
     __slots__ = ("pieces",)
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
-        """Raise ValueError without at least one piece."""
         if not pieces:
             raise ValueError("an arc spline has at least one piece")
         self.pieces = tuple(pieces)
 
     @property
     def length(self) -> float:
-        """Arc length of the spline of Section III-A (m): the sum of its pieces'."""
+        """Arc length of the spline of Section III-A (m)."""
         return sum([piece.length for piece in self.pieces])
 
     def at(self, station: float) -> PathPoint:
@@ -210,7 +209,7 @@ class ArcSpline:
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
         """Signed curvature (1/m) at `count` places `step` (m) apart from station `start` (m) on.
 
-        As `curvature_at`, 1/R of Section III-A, which it is many times as fast as.
+        As `curvature_at`, 1/R of Section III-A, and many times as fast.
         """
         if len(self.pieces) == 1 and self.pieces[0].rate == 0.0:
             return [self.pieces[0].curvature] * count
@@ -235,8 +234,8 @@ class ArcSpline:
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the path, extended beyond both ends by the end pieces (Section III-B).
 
-        Of several pieces that with the least sum of offset and distance beyond the piece counts,
-        which is told by the arcs that have their mean curvatures.
+        Selects the piece with the least sum of offset and distance beyond the piece, measured on
+        the arcs of the pieces' mean curvatures.
         """
         if len(self.pieces) == 1:
             return self.pieces[0].project(east, north)

@@ -1,8 +1,8 @@
-"""Holes in recorded points, bridged by a curve from both sides.
+"""Bridges over holes in recorded points by a curve from both sides.
 
 Where points are missing a local polynomial extrapolates the noise of one side. So both sides are
-fitted on their own, by an arc or, where the points do not tell it from one, a line; a cubic with
-the positions and headings found joins them, and points along it fill the hole.
+fitted separately, by an arc or, where the points do not distinguish it from one, a line; a cubic
+with the positions and headings found joins them, and points along it fill the hole.
 """
 
 import math
@@ -20,16 +20,16 @@ HOLE = 5.0
 """A step between two points is a hole if it is longer than this (m)..."""
 
 UNUSUAL = 4.0
-"""...and than so many times the steps nearby, their median."""
+"""...and than this many times the median of the steps nearby."""
 
 NEARBY = 10
-"""So many steps to either side are nearby."""
+"""Number of steps to either side that are nearby."""
 
 SIDE = 7
-"""A side of a hole is fitted to at least so many points, where there are as many."""
+"""Least number of points that a side of a hole is fitted to, where there are as many."""
 
 CERTAIN = 3.0
-"""A side is an arc if its curvature is so many standard deviations from zero."""
+"""A side is an arc if its curvature is at least this many standard deviations from zero."""
 
 MOST_TURNED = math.radians(100.0)
 """A side that points further than this (rad) away from the other one is not joined to it."""
@@ -52,8 +52,8 @@ class UnbridgedError(ValueError):
 class Filled:
     """Points (2, n) with their holes filled (Hermite).
 
-    `given` has for each point of before its number among them; `holes` the numbers of the points
-    of before in front of each hole.
+    `given` has the new number of each original point, `holes` the original number of the point in
+    front of each hole.
     """
 
     points: FloatArray
@@ -63,7 +63,7 @@ class Filled:
 
 @dataclass(frozen=True, slots=True)
 class _End:
-    """Where one side of a hole ends (m), and in which direction it points there (rad)."""
+    """End of one side of a hole (m), and the direction towards the hole (rad)."""
 
     x: float
     y: float
@@ -73,8 +73,8 @@ class _End:
 def scatter(points: FloatArray) -> float:
     """Standard deviation (m, per axis) of the white noise in `points` (2, n); 0 for a few points.
 
-    From the median of their third difference across their course, which neither uneven spacing nor
-    a steady curve enters, nor a few points that are far off.
+    From the median of their third difference across their course, which is insensitive to uneven
+    spacing, a steady curve, and a few points that are far off.
     """
     if points.shape[1] < SIDE:
         return 0.0
@@ -83,19 +83,19 @@ def scatter(points: FloatArray) -> float:
     if distinct.shape[1] < SIDE:
         return 0.0
     third, course = np.diff(distinct, n=3), distinct[:, 3:] - distinct[:, :-3]
-    way = np.maximum(np.hypot(course[0], course[1]), 1e-9)
-    across = (third[1] * course[0] - third[0] * course[1]) / way
+    along = np.maximum(np.hypot(course[0], course[1]), 1e-9)
+    across = (third[1] * course[0] - third[0] * course[1]) / along
     return float(np.median(np.abs(across))) / _NORMAL
 
 
 def lengths(points: FloatArray) -> FloatArray:
-    """Distance (m) from each of `points` (2, n) to the next: elementary algebra."""
+    """Distance (m) from each of `points` (2, n) to the next."""
     steps = np.diff(points)
     return np.asarray(np.hypot(steps[0], steps[1]))
 
 
 def holes_in(steps: FloatArray) -> NDArray[np.int64]:
-    """Which of `steps` (m) from point to point are holes."""
+    """Indices of those `steps` (m) from point to point that are holes."""
     long = np.flatnonzero(steps > HOLE)
     usual = [float(np.median(steps[max(0, k - NEARBY) : k + NEARBY + 1])) for k in long.tolist()]
     return np.asarray(long[steps[long] > UNUSUAL * np.array(usual)], dtype=np.int64)
@@ -132,7 +132,7 @@ def filled(points: FloatArray, reach: float) -> Filled:
 
 
 def curve_between(before: Place, after: Place, spacing: float) -> FloatArray:
-    """Points (2, n) on a cubic (Hermite) from one place to the next, both left out.
+    """Points (2, n) on a cubic (Hermite) from one place to the next, without both ends.
 
     About `spacing` (m) apart, at least seven. Raises UnbridgedError where the places point away
     from each other.
@@ -145,9 +145,9 @@ def curve_between(before: Place, after: Place, spacing: float) -> FloatArray:
 
 
 def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
-    """Give points about `spacing` (m) apart from one side to the other, both ends left out.
+    """Points about `spacing` (m) apart from one side to the other, without both ends.
 
-    A cubic whose handles are those by which it is closest to an arc, if the sides belong to one.
+    A cubic whose handles make it closest to an arc, if the sides belong to one.
     """
     dx, dy = after.x - before.x, after.y - before.y
     chord, course = math.hypot(dx, dy), math.atan2(dy, dx)
@@ -175,10 +175,10 @@ def _course(points: FloatArray, start: int, end: int) -> float:
 
 
 def _end(points: FloatArray, reach: float, alone: float) -> _End:
-    """Where the last of `points` (2, n) lies on the arc or line through those within `reach`.
+    """Foot of the last of `points` (2, n) on the arc or line through those within `reach`.
 
-    A single point between two holes tells no direction: it is passed in that of `alone` (rad),
-    which leads from the points beyond one hole to those beyond the other.
+    A single point between two holes has no direction: it takes that of `alone` (rad), from the
+    points beyond one hole to those beyond the other.
     """
     away = np.hypot(points[0] - points[0, -1], points[1] - points[1, -1])
     outside = np.flatnonzero(away > reach)
@@ -193,7 +193,7 @@ def _end(points: FloatArray, reach: float, alone: float) -> _End:
 
 
 def _arc(side: FloatArray) -> Piece:
-    """The arc through points (2, n) by Gauss–Newton; a line where they do not tell it from one."""
+    """The arc through points (2, n) by Gauss–Newton; a line where they do not require an arc."""
     (x0, y0), (x1, y1) = side[:, 0].tolist(), side[:, -1].tolist()
     line = Piece(x0, y0, math.atan2(y1 - y0, x1 - x0), 0.0, 1.0)
     line, _, _ = _refined(line, side, bends=False)
@@ -210,7 +210,7 @@ def _arc(side: FloatArray) -> Piece:
 
 
 def _refined(piece: Piece, side: FloatArray, *, bends: bool) -> tuple[Piece, float, float]:
-    """Fit `piece` to points (2, n): with the rms left (m), and what its curvature weighs (m²)."""
+    """Fit `piece` to points (2, n), with the rms left (m) and the curvature's weight (m²)."""
     columns: list[FloatArray] = []
     rms, weight = 0.0, 1.0
     for _ in range(6):
@@ -234,7 +234,7 @@ def _refined(piece: Piece, side: FloatArray, *, bends: bool) -> tuple[Piece, flo
 def _least_squares(
     columns: list[FloatArray], values: FloatArray
 ) -> tuple[tuple[float, ...], FloatArray]:
-    """Give the factors of `columns` closest to `values`, the last column's weight, and the rest.
+    """The factors of `columns` closest to `values`, the last column's weight, and the residuals.
 
     By orthogonal columns (Gram and Schmidt), which need no linear solver.
     """

@@ -10,23 +10,28 @@ from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
 MAX_STEP_BACK: Final = 3
-"""Chords the foot point may move backwards from one pose to the next; it otherwise only moves
-forwards, so where a path crosses itself or runs beside itself the foot stays on its branch."""
+"""Chords the foot point may move backwards from one pose to the next.
+
+It otherwise only moves forwards, so where a path crosses itself or runs next to itself the foot
+stays on its branch.
+"""
 
 LEAST_STEP: Final = 0.01
-"""Poses of the lead closer together than this (m) add nothing to its path: standstills."""
+"""Poses of the lead closer together than this (m) are standstills and not part of its path."""
 
 HOLE_NS: Final = SECOND // 10
-"""Poses of the lead further apart in time than this, and not one after the other by their numbers,
-are a hole in the record: nobody knows where the lead drove in between."""
+"""Limit (ns) between poses of the lead with missing numbers in between.
+
+A longer interval is a hole in the record: the lead's path there is unknown.
+"""
 
 FORGET_EVERY: Final = 500
-"""Chords of the lead between two looks at what all followers have passed."""
+"""Chords of the lead between two attempts to drop those that all followers have passed."""
 MOST_CHORDS: Final = 100_000
-"""Chords that are kept for a follower that stands still or is silent, half an hour at 50 Hz."""
+"""Chords kept for a follower that stands still or is silent, half an hour at 50 Hz."""
 
 MOST_WAITING: Final = 3000
-"""Poses of one follower that wait for the lead to get there, 60 s at 50 Hz; then the oldest go."""
+"""Poses of one follower that wait for the lead, 60 s at 50 Hz; then the oldest are dropped."""
 
 
 class CrossTrack(NamedTuple):
@@ -44,7 +49,7 @@ class CrossTrack(NamedTuple):
 class _Chord(NamedTuple):
     """Straight line between two poses of the lead: start, components, length, station (m).
 
-    `guessed` says that poses in between were not recorded.
+    `guessed` if poses in between were not recorded.
     """
 
     east: float
@@ -57,15 +62,15 @@ class _Chord(NamedTuple):
 
 
 _Place = tuple[str, int, float, float]
-"""A vehicle, when it was at a point whose foot point is sought (ns), and that point (m, m)."""
+"""A vehicle, an instant (ns), and the point (m, m) whose foot point is sought."""
 
 
 @dataclass(slots=True)
 class _Follower:
     """The places of a follower whose foot points are not known yet.
 
-    The next foot point is searched forwards from chord `index`, and backwards as far as `floor`.
-    One that is `left_behind` stands further back than the path is known.
+    The next foot point is searched forwards from chord `index`, and backwards as far as `floor`. A
+    follower that is `left_behind` is further back than the stored path.
     """
 
     index: int = 0
@@ -78,18 +83,18 @@ class CrossTrackError:
     """Distances of all followers from the path of `lead`, computed as the true poses come in.
 
     The path is the polyline through the lead's poses, without standstills. Followers start behind
-    the lead, so a straight without end leads to its first pose. Its direction is `road_yaw` (rad),
-    from which the yaw of a lead that starts askew differs; without it, or if the lead was not at
-    its start when it was first seen, it is the yaw of the first pose.
+    the lead, so an endless straight leads to its first pose. Its direction is `road_yaw` (rad),
+    which differs from the yaw of a lead that starts askew; without it, or if the lead's first pose
+    is not its start, it is the yaw of the first pose. Chords that all `followers` have passed are
+    dropped, if they are given.
 
-    The poses of each vehicle come in order of time. How those of different vehicles are mixed does
-    not matter: a pose that lies beyond what the lead has driven so far waits, and those behind it.
+    The poses of each vehicle come in order of time. The order of different vehicles does not
+    matter: a pose beyond the end of the lead's path waits.
     """
 
     def __init__(
         self, lead: str, road_yaw: float | None = None, followers: Iterable[str] = ()
     ) -> None:
-        """Take the names; what all of `followers` have passed is forgotten, if they are given."""
         self._lead = lead
         self._road_yaw = road_yaw
         self._chords: list[_Chord] = []
@@ -100,15 +105,14 @@ class CrossTrackError:
         self.follow(followers)
 
     def follow(self, points: Iterable[str]) -> None:
-        """Keep the path until these have passed it, too; to be called before the first pose."""
+        """Keep the path until these points have passed it, too; call it before the first pose."""
         self._followers |= {name: _Follower() for name in points}
         self._forgets = bool(self._followers)
 
     def add(self, pose: TruePose) -> list[CrossTrack]:
-        """Take a pose; returns the foot points that are known now and were not before.
+        """Add a pose; returns the foot points that have become known.
 
-        Poses that the lead's path never reaches are left out, and those beside a hole in its
-        record: there is nothing to compare with.
+        Without poses that the lead's path never reaches and those next to a hole in its record.
         """
         if pose.vehicle != self._lead:
             return self.add_point(pose.vehicle, pose.true_at_ns, pose.east_m, pose.north_m)
@@ -119,7 +123,7 @@ class CrossTrackError:
         return []
 
     def add_point(self, vehicle: str, at: int, east: float, north: float) -> list[CrossTrack]:
-        """Take a place (m) of a follower, or of a part of it that has a name of its own."""
+        """Add a place (m) of a follower, or of a part of it that has a name of its own."""
         follower = self._followers.get(vehicle)
         if follower is None:
             follower = self._followers[vehicle] = _Follower()
@@ -165,7 +169,7 @@ class CrossTrackError:
         return True
 
     def _forget(self) -> None:
-        """Forget the chords that all have passed, and those that somebody did not for too long."""
+        """Drop the chords that all have passed, and the oldest beyond MOST_CHORDS."""
         on_path = [other for other in self._followers.values() if not other.left_behind]
         passed = min((other.floor for other in on_path), default=len(self._chords) - 1)
         count = max(passed, len(self._chords) - MOST_CHORDS)
@@ -192,8 +196,7 @@ class CrossTrackError:
     def _foot(self, follower: _Follower, place: _Place) -> CrossTrack | None:
         """Foot point of `place`; None if it lies beyond the end of the path.
 
-        It is searched in the order of travel, then back. This runs for every pose of a run, so a
-        chord is looked at once only.
+        Searches in the order of travel, then back, and visits each chord once.
         """
         chords, index, floor = self._chords, follower.index, follower.floor
         vehicle, at, place_east, place_north = place

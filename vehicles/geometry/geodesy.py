@@ -1,7 +1,7 @@
-"""Where a point is: WGS84 against the local east-north plane, compass course against yaw.
+"""Places: WGS84 against the local east-north plane, compass course against yaw.
 
-World frame: the plane that touches the ellipsoid at the scenario's origin; yaw is counted
-counter-clockwise from east. Degrees and compass courses exist only here and on the wire.
+World frame: the plane that touches the ellipsoid at the scenario's origin; yaw is counted counter-
+clockwise from east. Degrees and compass courses exist only here and on the wire.
 """
 
 import math
@@ -13,20 +13,19 @@ from pymap3d.ellipsoid import Ellipsoid
 from pymap3d.rcurve import meridian, transverse
 
 REACH: Final = 100_000.0
-"""Points further from the origin than this (m) are refused: a flat plane is a poor map there."""
+"""Points further from the origin than this (m) are rejected: a flat plane is a poor map there."""
 
 EXACT: Final = 1e-8
-"""Geodetic coordinates are corrected until less than this (m) is left..."""
-
-_CERTAIN: Final = 50_000.0
-"""Steps in latitude, longitude and altitude that together measure less than this (m), on any
-parallel, certainly stay within REACH."""
-
-_METRES_PER_DEGREE: Final = 112_000.0
-"""No degree of latitude or longitude is longer on the ellipsoid."""
+"""Geodetic coordinates are corrected until less than this (m) is left."""
 
 MOST_CORRECTIONS: Final = 20
-"""...which takes three corrections within some kilometres of the origin."""
+"""Limit of the corrections; three are usual within some kilometres of the origin."""
+
+_CERTAIN: Final = 50_000.0
+"""Steps in latitude, longitude and altitude whose sum is below this (m) stay within REACH."""
+
+_METRES_PER_DEGREE: Final = 112_000.0
+"""Upper bound of a degree of latitude or longitude on the ellipsoid."""
 
 WGS84 = Ellipsoid.from_name("wgs84")
 _MAJOR, _MINOR = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
@@ -56,8 +55,8 @@ class Origin:
 class LocalPlane:
     """The east-north plane at `origin`, with up counted along the ellipsoid's normal there.
 
-    The transformation is the exact topocentric one (EPSG method 9837), not an approximation by
-    arc lengths; there and back again differs by less than a micrometre.
+    The transformation is the exact topocentric one (EPSG method 9837), not an approximation by arc
+    lengths; a round trip differs by less than a micrometre.
     """
 
     def __init__(self, origin: Origin) -> None:
@@ -89,7 +88,7 @@ class LocalPlane:
         return east, north
 
     def reaches(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bool:
-        """Whether a WGS84 point lies within REACH of the origin, so that `to_plane` takes it."""
+        """Whether a WGS84 point lies within REACH of the origin, so that `to_plane` accepts it."""
         origin = self.origin
         degrees = abs(latitude_deg - origin.latitude_deg) + abs(
             longitude_deg - origin.longitude_deg
@@ -105,9 +104,9 @@ class LocalPlane:
     def to_geodetic(self, east: float, north: float) -> tuple[float, float, float]:
         """Latitude (deg), longitude (deg), altitude (m) of a point in the plane (up = 0).
 
-        The inverse of `to_plane` (EPSG method 9837) by correction: what is left shrinks by distance
-        over the earth's radius each time. Unlike a closed inverse it needs no function whose last
-        bit depends on the processor, so that logs are equal to the byte on every machine.
+        The inverse of `to_plane` (EPSG method 9837) by correction: the remainder shrinks by
+        distance over the earth's radius each time. Unlike a closed inverse it needs no function
+        whose last bit depends on the processor, so logs are equal to the byte on every machine.
         """
         origin = self.origin
         latitude, longitude, altitude = 0.0, 0.0, origin.altitude_m
@@ -137,8 +136,8 @@ class LocalPlane:
     ) -> tuple[float, float, float]:
         """East, north and up (m) by EPSG method 9837: the formulas of pymap3d, in its order.
 
-        So digits are the same wherever NumPy's sine is that of the C library. Its own functions
-        take arrays and work out the origin's angles each time; every message comes by here.
+        So digits are the same wherever NumPy's sine is that of the C library. pymap3d's own
+        functions take arrays and recompute the origin's angles for every message.
         """
         latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
         cos, sin = math.cos(latitude), math.sin(latitude)

@@ -18,12 +18,12 @@ def thinned(east: ArrayLike, north: ArrayLike, turn: float = 0.05, most: float =
     steps = np.diff(points, axis=0)
     yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])).tolist()
     length = np.hypot(steps[:, 0], steps[:, 1]).tolist()
-    kept, way = [0], 0.0
+    kept, distance = [0], 0.0
     for k in range(1, len(points) - 1):
-        way += length[k - 1]
-        if way + length[k] > most or abs(yaw[k] - yaw[kept[-1]]) > turn:
+        distance += length[k - 1]
+        if distance + length[k] > most or abs(yaw[k] - yaw[kept[-1]]) > turn:
             kept.append(k)
-            way = 0.0
+            distance = 0.0
     return points[[*kept, len(points) - 1]]
 
 

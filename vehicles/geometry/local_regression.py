@@ -3,9 +3,8 @@
 At every place a cubic is fitted to the points within reach, each weighted by (1 - u²)³ of its
 distance u from there (in units of the reach), and its value there is the smoothed one. Cubics keep
 curves of slowly changing curvature where they are: a circle of radius R moves by 0.0009 reach⁴ / R³
-towards its centre. This kernel rather than another, since the curvature of the smoothed curve is
-wanted: at equal bias it passes on 12 % less noise to the second derivative than the usual
-(1 - |u|³)³, and 44 % less to the third.
+towards its centre. At equal bias this kernel passes on 12 % less noise to the second derivative
+than the usual (1 - |u|³)³, and 44 % less to the third.
 """
 
 import math
@@ -16,13 +15,13 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 NEIGHBOURS = 7
-"""A local cubic (4 unknowns) rests on at least so many points."""
+"""Least number of points under a local cubic (4 unknowns)."""
 
 ON_EACH_SIDE = 3
-"""It rests on so many of them to either side, where there are as many."""
+"""Least number of them on either side, where there are as many."""
 
 SLOPE = 0.5
-"""So fast (m/m) its reach widens towards places where points are sparse."""
+"""Rate (m/m) at which the reach widens towards places where points are sparse."""
 
 _CHUNK = 256  # places smoothed at once: bounds the memory
 
@@ -30,10 +29,10 @@ _CHUNK = 256  # places smoothed at once: bounds the memory
 def local_cubic(t: FloatArray, values: FloatArray, at: FloatArray, reach: float) -> FloatArray:
     """Smooth `values` (k, n) given at `t` (n,): shape (k, m), at places `at` (m,).
 
-    Local regression (Cleveland, 1979). `t` increases strictly, n >= NEIGHBOURS; `at` is evenly
-    spaced, as good as. Near an end of `t`, where points lie on one side only, the kernel keeps its
-    width by reaching further to the other side; where points are sparse it reaches for NEIGHBOURS
-    of them. It widens gradually, or else the smoothed curve would have a corner where it begins to.
+    Local regression (Cleveland, 1979). `t` increases strictly, n >= NEIGHBOURS; `at` is about
+    evenly spaced. Near an end of `t` the kernel keeps its width by extending further to the other
+    side; where points are sparse it extends to NEIGHBOURS of them. It widens gradually, or else the
+    smoothed curve would have a corner.
     """
     reaches = _reaches(t, at, reach)
     chunks = [slice(k, k + _CHUNK) for k in range(0, at.size, _CHUNK)]
@@ -104,3 +103,16 @@ def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray)
         norm, norm_before = np.sum(weight * polynomial * polynomial, axis=1), norm
         ratio = norm / norm_before
     return smoothed
+
+
+def cubic_weights(t: FloatArray, at: FloatArray | float) -> FloatArray:
+    """Weights of the values at four places `t` (4, ...) in their cubic's value at `at` (...).
+
+    Lagrange's form (elementary algebra); the weights have the shape of `t`.
+    """
+    weights = np.ones_like(t)
+    for i in range(4):
+        for j in range(4):
+            if j != i:
+                weights[i] *= (at - t[j]) / (t[i] - t[j])
+    return weights

@@ -7,7 +7,7 @@ to the left. SI units.
 import math
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -24,10 +24,10 @@ SAMPLING: Final = 0.25
 """Longest distance (m) between two samples of a path."""
 
 WINDOW: Final = 5.0
-"""Projection looks this far (m) along the path to either side of where the vehicle was."""
+"""Projection searches this far (m) along the path to either side of the vehicle's last station."""
 
 _CORNER: Final = 1e-3
-"""Before its curvature changes at a corner between segments, a path has a sample this close (m)."""
+"""Distance (m) of the last sample before a change of curvature between segments."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +69,8 @@ class Path:
             raise ValueError("the stations of a path must increase")
         for one in arrays:
             one.setflags(write=False)
-        # Single values are read faster from these than from NumPy's arrays. Tuples would be faster
-        # still, but take five times the memory; and who reads a number of a tuple writes to it, so
-        # that forked vehicles would not share what they drive along.
+        # Single values are read faster from these than from NumPy's arrays. Tuples take five times
+        # the memory, and reading them counts references, so forked vehicles would not share pages.
         object.__setattr__(self, "_rows", array("d", np.column_stack(arrays).tobytes()))
         object.__setattr__(self, "_stations", array("d", self.station.tobytes()))
 
@@ -106,11 +105,11 @@ class Path:
     def project(
         self, east: float, north: float, near: float | None, window: float = WINDOW
     ) -> Foot:
-        """Foot of (east, north) in metres on the path, sought within `window` (m) of `near` (m).
+        """Foot of (east, north) in metres on the path, within `window` (m) of station `near` (m).
 
-        The projection of Section III-B for any curve, by Newton's method.
-        So a path that crosses itself, or runs over the same ground again, is followed in order. A
-        `near` of None seeks along the whole path and takes the first of equally close places.
+        The projection of Section III-B for any curve, by Newton's method. The window keeps the
+        order on a path that crosses itself or repeats. A `near` of None searches the whole path and
+        takes the first of equally close places.
         """
         low, high = (-math.inf, math.inf) if near is None else (near - window, near + window)
         station = min(max(self._nearest_sample(east, north, low, high), low), high)
@@ -140,7 +139,6 @@ _Row = tuple[float, float, float, float, float]
 
 
 def _straight_on(row: "array[float]", station: float) -> PathPoint:
-    """Point on the straight that leaves an end of the path."""
     start, east, north, yaw, curvature = row
     distance = station - start
     return PathPoint(
@@ -178,10 +176,8 @@ def path_from_segments(
 ) -> Path:
     """Straights and arcs one after another from (east, north), metres, in direction `yaw` (rad).
 
-    An arc spline as in the footnote of Section III-A.
-
-    Samples lie exactly on them. Where the curvature changes, it changes within the last
-    millimetre before the corner.
+    An arc spline as in the footnote of Section III-A. Samples lie exactly on it. Where the
+    curvature changes, it changes within the last millimetre before the corner.
     """
     if not segments:
         raise ValueError("a path needs at least one segment")
@@ -190,19 +186,13 @@ def path_from_segments(
     for segment in segments:
         if not (math.isfinite(segment.curvature) and 2 * _CORNER < segment.length < math.inf):
             raise ValueError(f"not a segment of a path: {segment}")
-        rows += (
-            _along(start, segment.curvature, distance) for distance in _distances(segment.length)
-        )
+        count = math.ceil(segment.length / SAMPLING)
+        distances = [segment.length * index / count for index in range(count)]
+        distances.append(segment.length - _CORNER)  # the end belongs to the next segment
+        rows += (_along(start, segment.curvature, distance) for distance in distances)
         start = _along(start, segment.curvature, segment.length)
     rows.append(start)
     return Path(*(np.array(column) for column in zip(*rows, strict=True)))
-
-
-def _distances(length: float) -> Iterator[float]:
-    """Distances from a segment's start at which it is sampled; its end belongs to the next one."""
-    count = math.ceil(length / SAMPLING)
-    yield from (length * index / count for index in range(count))
-    yield length - _CORNER
 
 
 def _along(start: _Row, curvature: float, distance: float) -> _Row:

@@ -1,4 +1,4 @@
-"""A point of a path, and the foot of a point on a path: of an arc spline as of a sampled path."""
+"""A point of a path, and the foot of a point on a path, for arc splines and sampled paths."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class PathPoint:
 
 @dataclass(slots=True)
 class Foot:
-    """Where a point projects to on a path (Section III-B, Figs. 4 and 5).
+    """Projection of a point on a path (Section III-B, Figs. 4 and 5).
 
     Station (m) along the path, lateral offset of the point (m, left of the path positive: e_lat),
     yaw of the tangent (rad) and signed curvature (1/m) there. The yaw is wrapped on an arc spline

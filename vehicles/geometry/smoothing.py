@@ -1,11 +1,11 @@
-"""From recorded points to a path that can be driven.
+"""Paths that can be driven from recorded points.
 
 Recorded points are noisy, unevenly spaced, and repeat where the car stood. They are merged to at
 most one per MERGE_DISTANCE, or per three standard deviations of their noise, their holes are filled
-(see `bridges`), and they are laid out along their chord length t; x(t) and y(t) are smoothed by
-local cubics every 0.25 m. Station, yaw and curvature are those of the circular arcs through the
-smoothed points, not the cubics' own derivatives: so the three agree with the positions, and a
-vehicle that steers by yaw and curvature is led along the points.
+(see `bridges`), and they are placed along their chord length t; x(t) and y(t) are smoothed by local
+cubics every 0.25 m. Station, yaw and curvature are those of the circular arcs through the smoothed
+points, not the cubics' own derivatives: so the three agree with the positions, and a vehicle that
+steers by yaw and curvature stays on the points.
 """
 
 import math
@@ -16,32 +16,31 @@ from numpy.typing import ArrayLike, NDArray
 
 from vehicles.geometry.bridges import UnbridgedError, filled, lengths, scatter
 from vehicles.geometry.geodesy import wrap_angle
-from vehicles.geometry.interpolation import cubic_weights
-from vehicles.geometry.local_regression import local_cubic
+from vehicles.geometry.local_regression import cubic_weights, local_cubic
 from vehicles.geometry.path import SAMPLING, FloatArray, Path
 
 MERGE_DISTANCE = 0.25
 """Consecutive points within this distance (m) of the first of them count as one, their mean."""
 
 MERGED_NOISE = 3.0
-"""Points within so many standard deviations of their noise count as one, too: points closer than
-that seem to run to and fro."""
+"""Points within this many standard deviations of their noise also count as one: closer
+points seem to run to and fro."""
 
 FEWEST_POINTS = 8
-"""A path is made of at least so many distinct points."""
+"""Least number of distinct points of a path."""
 
 CLOSING_DISTANCE = 10.0
 """A closed drive comes back to within this distance (m) of its first point."""
 
 SEAM_BLEND = 20.0
-"""Over this distance (m) to either side of the seam the ends of a closed drive are joined."""
+"""Distance (m) to either side of the seam over which the ends of a closed drive are joined."""
 
 SLOWEST_PROGRESS = 0.5
 """Where the smoothed curve advances by less than this per metre of points, they double back."""
 
 
 class NoPathError(ValueError):
-    """Points that make no path; `point` is the culprit's number, from 0."""
+    """Points that make no path; `point` is the number of the one at fault, from 0."""
 
     def __init__(self, text: str, point: int) -> None:
         super().__init__(text)
@@ -58,11 +57,11 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class SmoothedPath:
-    """A path and how far (m) it lies from the points it was made of, such as a run of Section V-D.
+    """A path and its distances (m) from the points it was made of, such as a run of Section V-D.
 
-    `deviation_rms` is at the points. `deviation_max` is that between them, too: from the cubic
-    through four points in a row, and in a hole, of which `holes` has the bridged ones, from what
-    fills it. `noise` is the standard deviation of the points' white noise (m, per axis).
+    `deviation_rms` is at the points. `deviation_max` also covers the stretches between them: from
+    the cubic through four points in a row, and in a hole, of which `holes` has the bridged ones,
+    from its filling. `noise` is the standard deviation of the points' white noise (m, per axis).
 
     `stations` are those of the given points, in their order and up to `points_used`: of a closed
     drive, points past its start belong to the next lap and are left out. `start` is the station of
@@ -95,7 +94,7 @@ class _Record:
 
 @dataclass(frozen=True, slots=True)
 class _MergedPoints:
-    """The record that given points make, and for each of them the number of its point there."""
+    """The record of the merged points, and the number in it of each given point."""
 
     record: _Record
     numbers: NDArray[np.int64]
@@ -117,12 +116,11 @@ def smooth_path(
 
     `half_width` (m) is the reach of the regression. As wide as the tightest radius it moves the
     path inwards by 0.1 % of that; wider removes more noise: of white noise of s (m) in points d (m)
-    apart, s * 20 d^0.5 / half_width^2.5 is left in the curvature (1/m). A `closed` drive is driven
-    `laps` times, its ends joined evenly over
-    SEAM_BLEND. Their noise is at least `noise` (m, standard deviation per axis). `lead_in` (m) is a
-    straight before the first point, along the path's direction there, and smoothed with it so that
-    the curvature has no step; only lap one has it. Raises ValueError with one line if the points
-    make no path, NoPathError where one of them is to blame.
+    apart, s * 20 d^0.5 / half_width^2.5 is left in the curvature (1/m). A `closed` drive has `laps`
+    laps, its ends joined evenly over SEAM_BLEND. The assumed noise is at least `noise` (m, standard
+    deviation per axis). `lead_in` (m) is a straight before the first point, along the path's
+    direction there, and smoothed with it so that the curvature has no step; only lap one has it.
+    Raises ValueError if the points make no path, NoPathError where one point is at fault.
     """
     given_x, given_y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
     _check(given_x, given_y, half_width, laps, lead_in)
@@ -165,10 +163,9 @@ def _offsets(path: Path, points: FloatArray, stations: FloatArray) -> FloatArray
 
 
 def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (2, m) halfway between those of the record, on the cubics through four in a row.
+    """Points (2, m) halfway between those of the record, on cubics, and their stations (m).
 
-    And about their stations, from those of the record's points (m). Only where that is new: more
-    than a sample from both neighbours.
+    `stations` are those of the record's points. Only where points are more than a sample apart.
     """
     t, points = record.t, record.points
     if t.size < 4:
@@ -196,15 +193,15 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
 
 
 def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _MergedPoints:
-    """Merge given points to distinct ones and fill the holes between those."""
+    """Merge the given points to distinct ones and fill the holes between those."""
     group: list[int] = []
     at_x, at_y = math.inf, math.inf
     noise = max(noise, scatter(np.stack((x, y))))
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
-    # How far noisy points have come is told by their means: one far off begins nothing new.
-    told = (x, y) if distance == MERGE_DISTANCE else (_of_five(x), _of_five(y))
+    # Means of five measure the progress of noisy points, so a single outlier begins no new point.
+    means = (x, y) if distance == MERGE_DISTANCE else (_of_five(x), _of_five(y))
     moved = np.append(math.inf, lengths(np.stack((x, y)))) > 0.0
-    for px, py, left in zip(told[0].tolist(), told[1].tolist(), moved.tolist(), strict=False):
+    for px, py, left in zip(means[0].tolist(), means[1].tolist(), moved.tolist(), strict=False):
         fresh = left and not math.hypot(px - at_x, py - at_y) <= distance
         if fresh:
             at_x, at_y = px, py
@@ -238,7 +235,7 @@ def _closed(record: _Record, half_width: float) -> _Record:
     """Cut one lap out of a drive that comes back to its start.
 
     The lap ends where the drive crosses the line through its first point, square to its direction
-    there; what is missed sideways is shared out over both ends.
+    there; the sideways gap is divided between both ends.
     """
     t, points = record.t, record.points
     _, (tx, ty) = _start(record, half_width)
@@ -274,7 +271,7 @@ def _ramp(u: FloatArray) -> FloatArray:
 
 
 def _unrolled(record: _Record, laps: int) -> _Record:
-    """Lay all laps of a closed record in a row, with one more before and after them."""
+    """Repeat a closed record for all laps, with one more before and after them."""
     turns = range(-1, laps + 1)
     t = np.concatenate([record.t + record.end * turn for turn in turns])
     return _Record(t, np.tile(record.points, laps + 2), record.end * laps)

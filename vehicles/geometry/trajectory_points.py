@@ -7,7 +7,7 @@ from vehicles.geometry.arc_spline import clothoid_chord
 from vehicles.messages import CompositeTrajectory
 
 LONGEST_M: Final = 1000.0
-"""No trajectory is drawn farther than this, whatever a message contains."""
+"""Longest trajectory (m) that is drawn, whatever a message contains."""
 
 
 def points_along(
@@ -15,8 +15,8 @@ def points_along(
 ) -> list[tuple[float, float, float]]:
     """List points (east_m, north_m, yaw_rad) along the arcs and clothoids, ends included.
 
-    Neighbours are at most `spacing_m` apart and pieces share the point where they meet. Pieces with
-    values that are not finite are left out: the message may come from any sender.
+    Neighbours are at most `spacing_m` apart and pieces share the point where they meet. Skips
+    pieces with values that are not finite: the message may come from any sender.
     """
     points: list[tuple[float, float, float]] = []
     left = LONGEST_M
@@ -50,7 +50,7 @@ def points_along(
 
 
 def _chord(curvature: float, rate: float, along: float) -> tuple[float, float]:
-    """Where a piece is after `along` (m), seen from its start; exact on arcs of any length.
+    """Place after `along` (m) of a piece, seen from its start; exact on arcs of any length.
 
     The chord to length s along an arc of curvature κ has the direction κs/2 and the length
     s·sin(κs/2)/(κs/2).

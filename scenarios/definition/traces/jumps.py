@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.geometry.bridges import NEARBY, lengths, scatter
-from vehicles.geometry.interpolation import cubic_weights
+from vehicles.geometry.local_regression import cubic_weights
 
 LONGEST_JUMP = 10
 """A jump goes away and comes back within so many points."""
